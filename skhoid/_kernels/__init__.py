@@ -1,0 +1,19 @@
+"""Compiled loops over plain arrays; loaded, with numba, on first use."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+
+def __getattr__(name: str) -> Any:
+    if name in {"arx"}:
+        return import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def gate(array: Any, dtype: type = np.float64) -> np.ndarray:
+    """Make an array writable, C-contiguous and of one type, so that one signature is compiled."""
+    return np.require(array, dtype=dtype, requirements=("C", "W", "A"))

@@ -1,0 +1,77 @@
+"""Simulation and prediction of ARX models, sample by sample.
+
+Common arguments: ``begin``, ``end`` and ``past`` give, for each stretch of rows, where the output
+starts from its initial values, where it ends, and the first row whose inputs are known; ``b`` is
+padded to the longest input polynomial, whose true lengths are ``nb``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def free_run(X, begin, end, past, a, b, nb, nk, intercept, y0, bound):
+    """Simulate Eq. 6 without noise from the inputs alone.
+
+    ``y0[s, i]`` is the output ``i + 1`` samples before stretch ``s``. The output is held within
+    ``+-bound``, so that an unstable model stays finite.
+    """
+    out = np.zeros(X.shape[0])
+    for s in range(begin.size):
+        first = begin[s]
+        for t in range(first, end[s]):
+            value = intercept
+            for j in range(nb.size):
+                for k in range(nb[j]):
+                    row = t - nk[j] - k
+                    if row >= past[s]:
+                        value += b[j, k] * X[row, j]
+            for i in range(a.size):
+                row = t - 1 - i
+                if row >= first:
+                    value -= a[i] * out[row]
+                else:
+                    value -= a[i] * y0[s, first - 1 - row]
+            out[t] = min(max(value, -bound), bound)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def predict_ahead(y, X, begin, end, a, b, nb, nk, intercept, horizon, bound):
+    """Predict each row from outputs measured ``horizon`` samples before it, and from all inputs.
+
+    Outputs and inputs before a stretch are zero. A missing output is replaced by its one-step
+    prediction.
+    """
+    known = y.copy()
+    out = np.zeros(y.size)
+    free = np.zeros(horizon)
+    for s in range(begin.size):
+        first = begin[s]
+        for t in range(first, end[s]):
+            start = max(first, t - horizon + 1)
+            one_step = 0.0
+            # The one-step prediction comes first where a later row may need it.
+            for origin in (t, start):
+                for r in range(origin, t + 1):
+                    value = intercept
+                    for j in range(nb.size):
+                        for k in range(nb[j]):
+                            row = r - nk[j] - k
+                            if row >= first:
+                                value += b[j, k] * X[row, j]
+                    for i in range(a.size):
+                        row = r - 1 - i
+                        if row >= origin:
+                            value -= a[i] * free[row - origin]
+                        elif row >= first:
+                            value -= a[i] * known[row]
+                    free[r - origin] = min(max(value, -bound), bound)
+                if origin == t:
+                    one_step = free[0]
+            out[t] = free[t - start]
+            if np.isnan(known[t]):
+                known[t] = one_step
+    return out

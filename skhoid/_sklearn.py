@@ -1,0 +1,12 @@
+"""The only importer of scikit-learn's private names."""
+
+from sklearn.base import _fit_context as fit_context
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
+from sklearn.utils._set_output import _get_output_config
+
+__all__ = ["HasMethods", "Interval", "StrOptions", "fit_context", "output_container"]
+
+
+def output_container(transformer: object) -> str:
+    """Container that ``transformer.transform`` will be wrapped in: default, pandas or polars."""
+    return _get_output_config("transform", transformer)["dense"]

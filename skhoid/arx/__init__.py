@@ -1,0 +1,1 @@
+"""ARX models and the searches for their delay and orders."""

@@ -1,0 +1,341 @@
+"""What ARX estimators share: the gate for data, simulation, prediction and score."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import check_consistent_length, check_is_fitted, column_or_1d
+
+from .. import _kernels
+from ..exceptions import (
+    MissingDataWarning,
+    RunIndexError,
+    SamplingJitterWarning,
+    ShortRunError,
+)
+from ..metrics import _vaf
+from ..preprocessing.base import read_table
+from ..preprocessing.grid import ModelGrid
+from ..runs import check_alignment, input_columns, read_layout
+from .orders import Orders
+
+BOUND = 1e100  # of simulated outputs; its square still sums without overflow
+NOTED_JITTER = 0.01  # of a sampling time
+
+
+class BaseARX(RegressorMixin, BaseEstimator):
+    """An ARX model with parameters ``coef_`` on the grid that marks of X leave."""
+
+    na: Any
+    nb: Any
+    nk: Any
+    inputs: Any
+    fit_intercept: bool
+    roles: dict | None
+    dt: float | None
+    run: Any
+
+    def _read_X(self, X: Any, *, reset: bool) -> tuple[ModelGrid, np.ndarray]:
+        """Read the layout and all columns of X, checked."""
+        layout, values = read_table(self, X, reset=reset)
+        if reset:
+            self._mark = layout.mark
+        elif layout.mark != self._mark:
+            raise RunIndexError(
+                f"{type(self).__name__} was fitted on X marked by {self._mark} and now gets X "
+                f"marked by {layout.mark}. Pass X through the same Decimator, best by putting both "
+                "in one Pipeline."
+            )
+        return ModelGrid.of(layout), values
+
+    def _read_y(self, X: Any, y: Any) -> np.ndarray:
+        """Read y, in which NaN means no measurement."""
+        if y is None:
+            raise ValueError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None."
+            )
+        check_alignment(X, y)
+        output = column_or_1d(y, warn=True)
+        if output.dtype.kind == "c":
+            raise ValueError("Complex data not supported\nof output y")
+        output = np.asarray(output, dtype=np.float64)
+        check_consistent_length(X, output)
+        if np.isinf(output).any():
+            row = int(np.flatnonzero(np.isinf(output))[0])
+            raise ValueError(
+                "Input y contains infinity or a value too large for dtype('float64'), first in "
+                f"row {row}. Mark missing measurements by NaN."
+            )
+        self._output_name = str(getattr(y, "name", None) or "y")
+        return output
+
+    def _inputs_of(self, n_columns: int) -> list[int]:
+        names = getattr(self, "feature_names_in_", None)
+        return input_columns(names, n_columns, self.inputs, self.run, self.roles)
+
+    def _channel_names(self, positions: list[int]) -> list[str]:
+        names = getattr(self, "feature_names_in_", None)
+        return [f"x{p}" if names is None else str(names[p]) for p in positions]
+
+    def _read_data(
+        self, X: Any, y: Any
+    ) -> tuple[ModelGrid, np.ndarray, np.ndarray, np.ndarray]:
+        """Read data to fit; return the grid, and inputs, output and all columns of X on it."""
+        grid, values = self._read_X(X, reset=True)
+        output = self._read_y(X, y)
+        self._columns = self._inputs_of(values.shape[1])
+        self.inputs_ = self._channel_names(self._columns)
+        self.dt_ = grid.dt
+        self._shortest_run = int((grid.end - grid.begin)[grid.measured].min(initial=grid.end[-1]))
+        self.jitter_ = grid.layout.jitter
+        if self.jitter_ > NOTED_JITTER:
+            warnings.warn(
+                f"The sampling instants jitter by up to {100 * self.jitter_:.1f} % of "
+                f"{grid.layout.dt:.6g} s. The model takes them as regular; "
+                "skhoid.resample_runs(X, y) brings them onto a regular grid.",
+                SamplingJitterWarning,
+                stacklevel=4,
+            )
+        thinned = grid.thin_inputs(values)
+        whole = self._columns == list(range(values.shape[1]))
+        inputs = thinned if whole else thinned[:, self._columns]
+        return grid, inputs, grid.thin_output(output), thinned
+
+    def _set_orders(self, grid: ModelGrid) -> None:
+        self.orders_ = Orders.of(
+            self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept)
+        )
+        check_lengths(grid, self.orders_)
+
+    def _split_theta(self) -> tuple[np.ndarray, np.ndarray, float]:
+        return self.orders_.split(self.coef_)
+
+    def _held_inputs(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        return self._hold(grid, grid.thin_inputs(values)[:, self._columns])
+
+    def _hold(self, grid: ModelGrid, inputs: np.ndarray) -> np.ndarray:
+        """Inputs whose NaN hold the last value, and are zero before the first."""
+        missing = np.isnan(inputs)
+        if not missing.any():
+            return inputs
+        inputs = inputs.copy()
+        n_held, first_held = 0, -1
+        for a in np.unique(grid.past):
+            b = int(grid.end[grid.past == a].max())
+            part, gaps = inputs[a:b], missing[a:b]
+            last = np.maximum.accumulate(np.where(gaps, -1, np.arange(b - a)[:, None]), axis=0)
+            part[:] = np.where(last >= 0, np.take_along_axis(part, np.maximum(last, 0), 0), 0.0)
+            held = (gaps & (last >= 0)).any(axis=1)
+            n_held += int(held.sum())
+            if first_held < 0 and held.any():
+                first_held = int(a) + int(np.flatnonzero(held)[0])
+        if n_held:
+            warnings.warn(
+                f"{n_held} rows of the inputs {self.inputs_} are NaN, first "
+                f"{grid.layout.where(grid.full_row(first_held))}; the simulation holds the last "
+                "value there.",
+                MissingDataWarning,
+                stacklevel=4,
+            )
+        return inputs
+
+    def _padded_orders(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.array(self.orders_.nb), np.array(self.orders_.nk)
+
+    def _simulate(
+        self, grid: ModelGrid, inputs: np.ndarray, y0: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Free run on the grid."""
+        a, b, intercept = self._split_theta()
+        if y0 is None:
+            y0 = np.zeros((grid.begin.size, max(a.size, 1)))
+        return _kernels.arx.free_run(
+            _kernels.gate(inputs),
+            _kernels.gate(grid.begin, np.int64),
+            _kernels.gate(grid.end, np.int64),
+            _kernels.gate(grid.past, np.int64),
+            _kernels.gate(a),
+            _kernels.gate(b),
+            *self._padded_orders(),
+            intercept,
+            _kernels.gate(y0),
+            BOUND,
+        )
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Simulate the output from the inputs alone (free run).
+
+        The output is zero before each run, and before the first row after a gap or a marked
+        run-in; inputs are zero before the recording begins. A NaN input holds the last value, and
+        a warning says how many. Unstable models stay finite (within 1e100).
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+            Simulated output, in the unit of ``y``.
+
+        See Also
+        --------
+        predict_ahead : Predictions that use the measured output.
+        simulate : Free run from an estimated initial state.
+        """
+        check_is_fitted(self)
+        grid, values = self._read_X(X, reset=False)
+        return grid.to_full_rate(self._simulate(grid, self._held_inputs(grid, values)))
+
+    def simulate(self, X: Any, y: Any = None, *, initial_state: str = "zero") -> np.ndarray:
+        """Simulate the output, from a zero or an estimated initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,), default=None
+            Measured output, needed to estimate the initial state.
+        initial_state : {"zero", "estimate"}, default="zero"
+            ``"estimate"`` chooses the ``na`` outputs before each run (and gap, and end of the
+            run-in) by least squares on ``y``, as MATLAB's ``compare`` does.
+
+        Returns
+        -------
+        y_sim : ndarray of shape (n_rows,)
+        """
+        if initial_state not in ("zero", "estimate"):
+            raise ValueError(f"initial_state must be 'zero' or 'estimate'; got {initial_state!r}.")
+        if initial_state == "zero":
+            return self.predict(X)
+        check_is_fitted(self)
+        if y is None:
+            raise ValueError("initial_state='estimate' needs the measured output y.")
+        grid, values = self._read_X(X, reset=False)
+        output = grid.thin_output(self._read_y(X, y))
+        inputs = self._held_inputs(grid, values)
+        free = self._simulate(grid, inputs)
+        na = self.orders_.na
+        if na == 0:
+            return grid.to_full_rate(free)
+        responses = np.empty((free.size, na))
+        rest = np.zeros_like(inputs)
+        for lag in range(na):
+            y0 = np.zeros((grid.begin.size, na))
+            y0[:, lag] = 1.0
+            responses[:, lag] = self._simulate(grid, rest, y0) - self._simulate(grid, rest)
+        for begin, end in zip(grid.begin, grid.end, strict=True):
+            known = np.flatnonzero(~np.isnan(output[begin:end])) + begin
+            fitted = np.linalg.lstsq(responses[known], output[known] - free[known], rcond=None)[0]
+            free[begin:end] += responses[begin:end] @ fitted
+        return grid.to_full_rate(free)
+
+    def predict_ahead(self, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
+        """Predict each row from the output measured ``horizon`` samples before it.
+
+        One-step predictions are good even for wrong models: validate with :meth:`predict`.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+        horizon : int, default=1
+            Steps ahead, in samples of the fitted grid (``dt_``).
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+            Outputs and inputs before a run or a gap are taken as zero; a missing output is
+            replaced by its own one-step prediction.
+        """
+        check_is_fitted(self)
+        if isinstance(horizon, bool) or not isinstance(horizon, (int, np.integer)) or horizon < 1:
+            raise ValueError(f"horizon is a number of samples, at least 1; got {horizon!r}.")
+        grid, values = self._read_X(X, reset=False)
+        output = grid.thin_output(self._read_y(X, y))
+        return grid.to_full_rate(
+            self._ahead(grid, self._held_inputs(grid, values), output, int(horizon))
+        )
+
+    def _ahead(
+        self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, horizon: int
+    ) -> np.ndarray:
+        a, b, intercept = self._split_theta()
+        begin = np.unique(grid.past)
+        end = np.append(begin[1:], grid.end[-1])
+        return _kernels.arx.predict_ahead(
+            _kernels.gate(output),
+            _kernels.gate(inputs),
+            _kernels.gate(begin, np.int64),
+            _kernels.gate(end, np.int64),
+            _kernels.gate(a),
+            _kernels.gate(b),
+            *self._padded_orders(),
+            intercept,
+            horizon,
+            BOUND,
+        )
+
+    def score(self, X: Any, y: Any) -> float:
+        """Score the free run by its VAF in percent, pooled over runs.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+
+        Returns
+        -------
+        vaf : float
+            Unclipped, at least -1000; rows of a marked run-in are left out.
+        """
+        prediction = self.predict(X)
+        layout = read_layout(X, dt=self.dt, run=self.run, fallback_dt=self._full_dt)
+        keep = np.ones(layout.n_rows, dtype=bool) if layout.trimmed is None else ~layout.trimmed
+        return _vaf(self._read_y(X, y), prediction, keep, layout, "pooled", False)
+
+    def score_at_model_rate(
+        self, X: Any, y: Any, keep: np.ndarray, average: str, centered: bool
+    ) -> float:
+        """VAF on the filtered and thinned signals; see ``VAFScorer(rate="model")``."""
+        check_is_fitted(self)
+        grid, values = self._read_X(X, reset=False)
+        output = self._read_y(X, y)
+        free = self._simulate(grid, self._held_inputs(grid, values))
+        full = np.zeros(output.size)
+        rows = np.arange(output.size) if grid.rows is None else grid.rows
+        thinned = np.full(output.size, np.nan)
+        full[rows], thinned[rows] = free, grid.thin_output(output)
+        return _vaf(thinned, full, keep, grid.layout, average, centered)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+def check_lengths(grid: ModelGrid, orders: Orders) -> None:
+    """Refuse runs in which no row has known lags."""
+    lengths = np.where(grid.measured, grid.end - grid.begin, 0)
+    longest = np.zeros(len(grid.layout.labels), dtype=np.int64)
+    first = np.array([grid.full_row(int(b)) for b in grid.begin], dtype=np.int64)
+    np.maximum.at(longest, grid.layout.run_of(first), lengths)
+    needed = orders.first_row + 1
+    short = np.flatnonzero(longest < needed)
+    if short.size == 0:
+        return
+    many = f" (and {short.size - 1} more)" if short.size > 1 else ""
+    raise ShortRunError(
+        f"Run {grid.layout.labels[short[0]]!r}{many} has at most {longest[short[0]]} successive "
+        f"rows at {grid.dt:g} s, and lags that reach {needed - 1} samples back need {needed} "
+        f"(X has n_samples = {grid.layout.n_rows}). Leave the run out "
+        "(skhoid.select_runs), or use smaller na, nb and nk."
+    )

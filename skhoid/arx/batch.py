@@ -1,0 +1,247 @@
+"""Batch ARX models: ordinary least squares, and instrumental variables for closed loops."""
+
+from __future__ import annotations
+
+import warnings
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+
+from .._sklearn import Interval, StrOptions, fit_context
+from ..exceptions import MissingDataWarning, ShortRunError
+from ..preprocessing.grid import ModelGrid
+from .base import BaseARX
+from .excitation import rank_error
+from .least_squares import Triangle, newey_west
+from .orders import regressors
+
+
+class ARXRegressor(BaseARX):
+    """ARX model with constant parameters, estimated in one batch.
+
+    A(q) y(t) = B(q) x(t - nk) + c + eps(t) with A = 1 + a_1 q^-1 + ... + a_na q^-na and
+    B = b_0 + b_1 q^-1 + ... + b_{nb-1} q^-(nb-1) for each input (Eqs. 6-9 of the thesis).
+
+    Parameters
+    ----------
+    na : int, default=2
+        Number of output lags.
+    nb : int or one per input, default=2
+        Number of input coefficients.
+    nk : int or one per input, default=0
+        Input delay in samples of the grid the model is fitted on; 0 means x(t) itself. It includes
+        the sample that zero-order hold adds: 29 at 100 Hz for an operator with tau_e = 0.28 s.
+    inputs : list of column names or positions, or None, default=None
+        Linear inputs. None means the column named ``e`` if there is one, else all columns.
+    fit_intercept : bool, default=False
+        Add a constant c to the regressors. The thesis keeps means and has none.
+    method : {"ols", "iv"}, default="ols"
+        Ordinary least squares by QR factorisation, or instrumental variables. Remnant that is
+        not of the form eps/A biases OLS in a closed loop; ``"iv"`` removes the bias, for more
+        variance, with signals from outside the loop.
+    instruments : list of column names or positions, or None, default=None
+        External signals for ``method="iv"``: forcing functions on target or disturbance. None
+        means the columns of role ``f_t`` and ``dist...``.
+    covariance : {"ols", "hac"}, default="ols"
+        ``"ols"`` takes the equation error as white; ``"hac"`` (Newey and West) allows for the
+        coloured error that remnant leaves.
+    roles : dict or None, default=None
+        Roles of columns, ``{column: role}``, where names do not tell them.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: 1).
+    run : column name or position, or None, default=None
+        Run column of data without a run index.
+
+    Attributes
+    ----------
+    coef_ : ndarray of shape (n_params,)
+        theta = [a_1 ... a_na, b_0 ... b_{nb-1} of each input, c].
+    a_ : ndarray of shape (na,)
+        Output coefficients a_1 ... a_na.
+    b_ : ndarray of shape (nb,), or list of them for several inputs
+        Input coefficients b_0 ... b_{nb-1}.
+    intercept_ : float
+        The constant c, 0 without ``fit_intercept``.
+    covariance_ : ndarray of shape (n_params, n_params)
+        Covariance of ``coef_``.
+    standard_errors_ : ndarray of shape (n_params,)
+        Square roots of its diagonal.
+    noise_variance_ : float
+        Variance of the equation error, in the squared unit of ``y``.
+    parameter_names_ : list of str
+        Names of the entries of ``coef_``.
+    dt_ : float
+        Sampling time of the fitted grid in seconds.
+    inputs_ : list of str
+        Names of the linear inputs.
+    n_rows_used_ : int
+        Rows in the regression.
+    n_rows_missing_ : int
+        Rows left out because y or an input in their lags is NaN.
+    jitter_ : float
+        Largest deviation of a step of the clock, as a fraction of the sampling time.
+    n_features_in_ : int
+        Number of columns seen in ``fit``.
+    feature_names_in_ : ndarray of str
+        Column names seen in ``fit``, if all are strings.
+
+    See Also
+    --------
+    DelaySearchCV : Finds ``nk``.
+    OrderSearchCV : Finds ``na``, ``nb``, ``nk`` and the decimation factor.
+
+    Notes
+    -----
+    Several runs are fitted together. Lags never cross runs or gaps, and only known data are used:
+    regression starts at k_c = max(na + 1, nb + nk) of each run. Confidence intervals concern the
+    parameters of the ARX model itself, not those of the operator: a model that is biased by
+    remnant is precisely wrong.
+
+    References
+    ----------
+    Van Grootheest, thesis, Sections III-A and III-B. Ljung, System Identification (1999), ch. 7.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, load_human_tracking
+    >>> X, y = load_human_tracking(1)
+    >>> model = ARXRegressor(na=2, nb=2, nk=7).fit(X, y)
+    >>> model.parameter_names_
+    ['a1', 'a2', 'b0', 'b1']
+    >>> bool(model.score(X, y) > 90)
+    True
+    """
+
+    _parameter_constraints: dict = {
+        "na": [Interval(Integral, 0, None, closed="left")],
+        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
+        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
+        "inputs": "no_validation",
+        "fit_intercept": ["boolean"],
+        "method": [StrOptions({"ols", "iv"})],
+        "instruments": "no_validation",
+        "covariance": [StrOptions({"ols", "hac"})],
+        "roles": [dict, None],
+        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "run": "no_validation",
+    }
+
+    def __init__(
+        self,
+        na: int = 2,
+        nb: Any = 2,
+        nk: Any = 0,
+        *,
+        inputs: Any = None,
+        fit_intercept: bool = False,
+        method: str = "ols",
+        instruments: Any = None,
+        covariance: str = "ols",
+        roles: dict | None = None,
+        dt: float | None = None,
+        run: Any = None,
+    ) -> None:
+        self.na = na
+        self.nb = nb
+        self.nk = nk
+        self.inputs = inputs
+        self.fit_intercept = fit_intercept
+        self.method = method
+        self.instruments = instruments
+        self.covariance = covariance
+        self.roles = roles
+        self.dt = dt
+        self.run = run
+
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> ARXRegressor:
+        """Estimate the parameters.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample; runs and time are read from its index.
+        y : Series or array of shape (n_rows,)
+            Output. NaN means no measurement.
+
+        Returns
+        -------
+        self : ARXRegressor
+
+        Raises
+        ------
+        RankDeficiencyError
+            If the parameters cannot all be estimated; the message names the cause.
+        ShortRunError
+            If a run has fewer rows than the lags need.
+        RunIndexError, IrregularSamplingError
+            If rows, runs or time break the data convention.
+        """
+        grid, inputs, output, columns = self._read_data(X, y)
+        self._set_orders(grid)
+        begin, end = grid.begin[grid.measured], grid.end[grid.measured]
+        table, rows, self.n_rows_missing_ = regressors(output, inputs, begin, end, self.orders_)
+        self.n_rows_used_ = rows.size
+        p = self.orders_.n_params
+        if rows.size < p:
+            if np.isnan(output).all():
+                raise ValueError("Input y contains NaN in all rows: nothing was measured.")
+            raise ShortRunError(
+                f"{rows.size} rows are left for {p} parameters (n_samples = "
+                f"{grid.layout.n_rows} rows of X, of which lags, missing values and the run-in "
+                "take the rest). Use more data or fewer lags."
+            )
+        self._report_missing(grid, inputs, output, rows)
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        if self.method == "iv":
+            raise NotImplementedError
+        keep = np.array(table, order="F") if self.covariance == "hac" else None
+        triangle = Triangle.of(table)
+        self._check_rank(triangle, inputs, output)
+        self.coef_ = triangle.solve()
+        self.noise_variance_ = triangle.rss / max(rows.size - p, 1)
+        bread = triangle.inverse_information()
+        if keep is None:
+            self.covariance_ = self.noise_variance_ * bread
+        else:
+            errors = keep[:, -1] - keep[:, :-1] @ self.coef_
+            self.covariance_ = bread @ newey_west(keep[:, :-1] * errors[:, None], rows) @ bread
+        self._publish()
+        return self
+
+    def _publish(self) -> None:
+        self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
+        self.a_, b, self.intercept_ = self._split_theta()
+        rows = [row[:nb] for row, nb in zip(b, self.orders_.nb, strict=True)]
+        self.b_ = rows[0] if len(rows) == 1 else rows
+
+    def _report_missing(
+        self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, rows: np.ndarray
+    ) -> None:
+        """Warn of rows left out, unless they only lack a past before the run (DelayShift)."""
+        if self.n_rows_missing_ == 0:
+            return
+        missing = np.isnan(output) | np.isnan(inputs).any(axis=1)
+        for begin in np.unique(grid.past):
+            known = np.flatnonzero(~np.isnan(inputs[begin:]).any(axis=1))
+            missing[begin : begin + (known[0] if known.size else 0)] = False
+        n_missing = int(missing.sum())
+        if n_missing:
+            warnings.warn(
+                f"{n_missing} rows of {self._output_name!r} and {self.inputs_} are NaN, first "
+                f"{grid.layout.where(grid.full_row(int(np.flatnonzero(missing)[0])))}; "
+                f"{self.n_rows_missing_} rows whose lags need them are left out, "
+                f"{rows.size} are used.",
+                MissingDataWarning,
+                stacklevel=4,
+            )
+
+    def _check_rank(self, triangle: Triangle, inputs: np.ndarray, output: np.ndarray) -> None:
+        null_space = triangle.null_space()
+        if len(null_space):
+            finite = ~np.isnan(inputs).any(axis=1) & ~np.isnan(output)
+            raise rank_error(
+                null_space, self.parameter_names_, self.inputs_, inputs[finite], output[finite],
+                self._output_name, self.orders_,
+            )

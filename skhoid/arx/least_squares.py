@@ -1,0 +1,79 @@
+"""Least squares by QR factorisation, with rank and covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dgeqrf
+
+
+@dataclass(frozen=True)
+class Triangle:
+    """R of a QR factorisation of regressors with the output as last column."""
+
+    R: np.ndarray
+    n_rows: int
+
+    @classmethod
+    def of(cls, table: np.ndarray) -> Triangle:
+        """Factorise a table of regressors and output, which is overwritten; Q is not formed."""
+        factored, _, _, _ = dgeqrf(table, overwrite_a=True)
+        n = table.shape[1]
+        return cls(np.triu(factored[:n]), table.shape[0])
+
+    def subset(self, columns: list[int]) -> Triangle:
+        """Factorise some of the regressors, and the output, from R alone."""
+        chosen = self.R[:, [*columns, self.R.shape[1] - 1]]
+        factored, _, _, _ = dgeqrf(chosen)
+        return Triangle(np.triu(factored[: chosen.shape[1]]), self.n_rows)
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Euclidean norm of each regressor."""
+        return np.sqrt(np.sum(self.R[:, :-1] ** 2, axis=0))
+
+    def null_space(self) -> np.ndarray:
+        """Scaled combinations of regressors that vanish; no rows for full rank."""
+        p = self.R.shape[1] - 1
+        scale = self.scale
+        safe = np.where(scale > 0, scale, 1.0)
+        if p == 0:
+            return np.empty((0, 0))
+        _, sizes, Vt = np.linalg.svd(self.R[:p, :p] / safe)
+        tolerance = sizes[0] * max(self.n_rows, p) * np.finfo(float).eps
+        return Vt[sizes <= tolerance]
+
+    def solve(self) -> np.ndarray:
+        p = self.R.shape[1] - 1
+        return solve_triangular(self.R[:p, :p], self.R[:p, p], check_finite=False)
+
+    @property
+    def rss(self) -> float:
+        """Residual sum of squares."""
+        p = self.R.shape[1] - 1
+        return float(self.R[p, p] ** 2) if self.R.shape[0] > p else 0.0
+
+    def inverse_information(self) -> np.ndarray:
+        """(Phi' Phi)^-1."""
+        p = self.R.shape[1] - 1
+        inverse = solve_triangular(self.R[:p, :p], np.eye(p), check_finite=False)
+        return inverse @ inverse.T
+
+
+def newey_west(scores: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Long-run covariance of regression scores with Bartlett weights.
+
+    ``scores`` are phi(t) eps(t); pairs count only where their rows are that far apart, so that
+    runs and left-out rows do not mix. The number of lags is floor(4 (n / 100)^(2/9)) (Newey and
+    West 1994).
+    """
+    n_rows = len(scores)
+    n_lags = int(4 * (n_rows / 100) ** (2 / 9))
+    total = scores.T @ scores
+    for lag in range(1, min(n_lags, n_rows - 1) + 1):
+        adjacent = rows[lag:] - rows[:-lag] == lag
+        cross = (scores[lag:] * adjacent[:, None]).T @ scores[:-lag]
+        total += (1 - lag / (n_lags + 1)) * (cross + cross.T)
+    return total

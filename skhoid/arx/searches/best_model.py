@@ -1,0 +1,92 @@
+"""What searches share: they predict with their best estimator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin
+from sklearn.callback import CallbackSupportMixin
+from sklearn.pipeline import Pipeline
+from sklearn.utils.metaestimators import available_if
+from sklearn.utils.validation import check_is_fitted
+
+from .candidates import final_step
+
+
+class BestModel(CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+    """A search whose predictions are those of its best estimator."""
+
+    estimator: Any
+    best_estimator_: Any
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Simulate the output with the best model (free run).
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+        """
+        check_is_fitted(self, "best_estimator_")
+        return self.best_estimator_.predict(X)
+
+    @available_if(lambda self: self.estimator is None or hasattr(
+        final_step(self.estimator)[1], "predict_ahead"
+    ))
+    def predict_ahead(self, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
+        """Predict ``horizon`` steps ahead with the best model.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+        horizon : int, default=1
+            Steps ahead, in samples of the fitted grid.
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+        """
+        check_is_fitted(self, "best_estimator_")
+        return predict_ahead(self.best_estimator_, X, y, horizon)
+
+    def score(self, X: Any, y: Any) -> float:
+        """Score the free run of the best model by its VAF in percent.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+
+        Returns
+        -------
+        vaf : float
+        """
+        check_is_fitted(self, "best_estimator_")
+        return self.best_estimator_.score(X, y)
+
+    def _keep_names(self) -> None:
+        for name in ("n_features_in_", "feature_names_in_"):
+            if hasattr(self.best_estimator_, name):
+                setattr(self, name, getattr(self.best_estimator_, name))
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+def predict_ahead(model: Any, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
+    """Predict ahead with an estimator or a pipeline, which has no such method itself."""
+    if isinstance(model, Pipeline):
+        return model.steps[-1][1].predict_ahead(model[:-1].transform(X), y, horizon)
+    return model.predict_ahead(X, y, horizon)

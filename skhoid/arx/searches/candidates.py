@@ -1,0 +1,185 @@
+"""Many ARX candidates on the same rows: one factorisation, then a small problem each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+from sklearn.pipeline import Pipeline
+from sklearn.utils import _safe_indexing
+from sklearn.utils.validation import column_or_1d
+
+from ... import _kernels
+from ...exceptions import ShortRunError
+from ...metrics import VAF_FLOOR, VAFScorer, _trimmed_rows, _vaf, scored_rows
+from ...preprocessing.base import RowPreservingTransformer
+from ...runs import RunLayout, read_layout
+from ..base import BOUND, check_lengths
+from ..batch import ARXRegressor
+from ..least_squares import Triangle
+from ..orders import Orders, regressors
+from .folds import Fold
+
+
+def final_step(estimator: Any) -> tuple[str, Any]:
+    """Parameter prefix and last step of a pipeline, or the estimator itself."""
+    if isinstance(estimator, Pipeline):
+        name, step = estimator.steps[-1]
+        return f"{name}__", step
+    return "", estimator
+
+
+def has_fast_path(estimator: Any) -> bool:
+    """Whether candidates can share one factorisation: OLS behind skhoid's own transformers."""
+    model = final_step(estimator)[1]
+    steps = estimator.steps[:-1] if isinstance(estimator, Pipeline) else []
+    return (
+        type(model) is ARXRegressor
+        and model.method == "ols"
+        and all(isinstance(s, RowPreservingTransformer) or s in (None, "passthrough")
+                for _, s in steps)
+    )
+
+
+def with_orders(estimator: Any, **orders: Any) -> Any:
+    """Clone with other ``na``, ``nb``, ``nk`` in the last step."""
+    prefix, _ = final_step(estimator)
+    return clone(estimator).set_params(**{prefix + name: v for name, v in orders.items()})
+
+
+def raw_layout(estimator: Any, X: Any) -> RunLayout:
+    """Runs and time of X as the first step of a pipeline sees them."""
+    first = estimator.steps[0][1] if isinstance(estimator, Pipeline) else estimator
+    return read_layout(X, dt=getattr(first, "dt", None), run=getattr(first, "run", None))
+
+
+class CandidateTable:
+    """Regressors of the largest candidate, of which every other one takes some columns.
+
+    All candidates are compared on the same rows: those on which the largest lags are known.
+    """
+
+    def __init__(self, estimator: Any, X: Any, y: Any, candidates: list[dict[str, Any]]) -> None:
+        if isinstance(estimator, Pipeline) and len(estimator.steps) > 1:
+            X = clone(estimator[:-1]).fit_transform(X, y)
+        model = clone(final_step(estimator)[1])
+        self.grid, inputs, self.output, _ = model._read_data(X, y)
+        n_inputs = inputs.shape[1]
+        self.orders = [
+            Orders.of(c["na"], c["nb"], c["nk"], n_inputs, model.fit_intercept)
+            for c in candidates
+        ]
+        low = [min(o.nk[j] for o in self.orders) for j in range(n_inputs)]
+        high = [max(o.nk[j] + o.nb[j] for o in self.orders) for j in range(n_inputs)]
+        lengths = [h - lo for lo, h in zip(low, high, strict=True)]
+        self.largest = Orders.of(
+            max(o.na for o in self.orders), lengths, low, n_inputs, model.fit_intercept
+        )
+        check_lengths(self.grid, self.largest)
+        begin, end = self.grid.begin[self.grid.measured], self.grid.end[self.grid.measured]
+        self.table, self.rows, self.n_missing = regressors(
+            self.output, inputs, begin, end, self.largest
+        )
+        self.inputs = _kernels.gate(model._hold(self.grid, inputs))
+        self.dt = self.grid.dt
+
+    def columns(self, orders: Orders) -> list[int]:
+        """Columns of the table that are the regressors of ``orders``."""
+        chosen = list(range(orders.na))
+        at = self.largest.na
+        for low, length, nb, nk in zip(
+            self.largest.nk, self.largest.nb, orders.nb, orders.nk, strict=True
+        ):
+            chosen += range(at + nk - low, at + nk - low + nb)
+            at += length
+        return chosen + ([at] if orders.intercept else [])
+
+    def triangle(self, train: np.ndarray | None = None) -> Triangle:
+        """Factorise the rows whose lags all lie in ``train`` (a mask of full-rate rows)."""
+        if train is None:
+            return Triangle.of(self.table.copy(order="F"))
+        on_grid = train if self.grid.rows is None else train[self.grid.rows]
+        outside = np.concatenate(([0], np.cumsum(~on_grid)))
+        inside = outside[self.rows + 1] == outside[self.rows - self.largest.first_row]
+        if inside.sum() < self.table.shape[1]:
+            raise ShortRunError(
+                f"A fold leaves {int(inside.sum())} rows to fit up to {self.table.shape[1] - 1} "
+                "lags on. Use fewer folds, or smaller na, nb and nk."
+            )
+        return Triangle.of(np.asfortranarray(self.table[inside]))
+
+    def simulate(self, orders: Orders, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Free run at full rate, of the stretches with any of ``rows`` (a mask)."""
+        grid = self.grid
+        touched = rows if grid.rows is None else rows[grid.rows]
+        some = np.add.reduceat(touched, grid.begin) > 0
+        a, b, intercept = orders.split(theta)
+        free = _kernels.arx.free_run(
+            self.inputs,
+            _kernels.gate(grid.begin[some], np.int64),
+            _kernels.gate(grid.end[some], np.int64),
+            _kernels.gate(grid.past[some], np.int64),
+            _kernels.gate(a),
+            _kernels.gate(b),
+            np.array(orders.nb),
+            np.array(orders.nk),
+            intercept,
+            np.zeros((int(some.sum()), max(orders.na, 1))),
+            BOUND,
+        )
+        return grid.to_full_rate(free)
+
+
+class Validation:
+    """Scores candidates on the folds, in the rows that the scorer and the run-in leave."""
+
+    def __init__(
+        self, estimator: Any, X: Any, y: Any, folds: list[Fold], scorer: VAFScorer
+    ) -> None:
+        self.layout = raw_layout(estimator, X)
+        self.y = column_or_1d(np.asarray(y, dtype=float), warn=False)
+        self.folds = folds
+        self.scorer = scorer
+        self.keep = scored_rows(self.layout, scorer.run_in, scorer.window)
+        self.keep &= ~_trimmed_rows(estimator, X)
+
+    def vaf(self, prediction: np.ndarray, fold: Fold) -> float:
+        return _vaf(
+            self.y, prediction, self.keep & fold.test, self.layout,
+            self.scorer.average, self.scorer.centered,
+        )
+
+    def score_candidate(
+        self, table: CandidateTable, triangle: Triangle, index: int, fold: Fold
+    ) -> tuple[float, np.ndarray]:
+        """VAF and free run of a candidate fitted on a fold; NaN if it cannot be fitted."""
+        orders = table.orders[index]
+        small = triangle.subset(table.columns(orders))
+        if len(small.null_space()):
+            return np.nan, np.empty(0)
+        prediction = table.simulate(orders, small.solve(), fold.test)
+        return self.vaf(prediction, fold), prediction
+
+    def standard_error_within(self, prediction: np.ndarray, fold: Fold, n_blocks: int = 8) -> float:
+        """Standard error of a VAF from the spread over blocks of its rows (a ratio estimator)."""
+        rows = np.flatnonzero(self.keep & fold.test & ~np.isnan(self.y))
+        power = [np.sum(self.y[part] ** 2) for part in np.array_split(rows, n_blocks)]
+        lost = [
+            np.sum((self.y[part] - prediction[part]) ** 2)
+            for part in np.array_split(rows, n_blocks)
+        ]
+        if sum(lost) > -VAF_FLOOR * sum(power):
+            return np.nan
+        deviation = np.asarray(lost) - sum(lost) / sum(power) * np.asarray(power)
+        return float(
+            100 * np.sqrt(np.sum(deviation**2) * n_blocks / (n_blocks - 1)) / sum(power)
+        )
+
+    def refit_and_predict(self, estimator: Any, X: Any, y: Any, fold: Fold) -> np.ndarray:
+        """Fit a clone on the training rows and simulate the runs of the fold."""
+        train, simulated = np.flatnonzero(fold.train), np.flatnonzero(fold.simulated)
+        model = clone(estimator).fit(_safe_indexing(X, train), _safe_indexing(y, train))
+        prediction = np.zeros(self.layout.n_rows)
+        prediction[simulated] = model.predict(_safe_indexing(X, simulated))
+        return prediction

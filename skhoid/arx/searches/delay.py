@@ -1,0 +1,301 @@
+"""The search for the input delay (thesis step 3)."""
+
+from __future__ import annotations
+
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from sklearn.callback import with_callbacks
+
+from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
+from ...metrics import VAFScorer
+from ..batch import ARXRegressor
+from ..least_squares import Triangle
+from .best_model import BestModel, predict_ahead
+from .candidates import (
+    CandidateTable,
+    Validation,
+    final_step,
+    has_fast_path,
+    raw_layout,
+    with_orders,
+)
+from .folds import folds_of
+
+N_CANDIDATES = 50
+
+
+class DelaySearchCV(BestModel):
+    """Find the input delay of an ARX model.
+
+    Every candidate ``nk`` is fitted on the same rows, and the one with the lowest loss is refitted.
+
+    Parameters
+    ----------
+    estimator : ARXRegressor or Pipeline that ends in one, or None, default=None
+        Model whose ``nk`` is searched; its other parameters stay. None means ``ARXRegressor()``.
+    nk : sequence of int, or of one tuple per input, or None, default=None
+        Candidates, in samples of the grid the model is fitted on. An int is the delay of every
+        input. None means 1 to 50, and no more than a quarter of the shortest run.
+    criterion : {"one_step", "vaf"}, default="one_step"
+        ``"one_step"`` is the mean squared one-step prediction error on all rows (Eq. 24, with the
+        square that its print lost). ``"vaf"`` is 100 minus the cross-validated VAF of the free run.
+    cv : int, splitter, iterable or None, default=None
+        Folds for ``"vaf"``; an int counts folds of whole runs. None leaves out one run at a time;
+        a single run is fitted on its first half and scored on its second.
+    window : float or None, default=None
+        Length in seconds of a sliding window; gives the delay over time besides the overall one.
+        Needs ``criterion="one_step"``.
+    step : float or None, default=None
+        Step of the window in seconds; None means a quarter of it.
+
+    Attributes
+    ----------
+    best_nk_ : int or tuple
+        Candidate with the lowest loss.
+    best_delay_ : float or tuple
+        The same in seconds, n_k / f_s. It includes the sample of zero-order hold.
+    loss_ : ndarray of shape (n_candidates,)
+        Loss of each candidate; NaN where its regressors are linearly dependent.
+    cv_results_ : dict
+        Columns ``nk``, ``delay`` (s), ``loss``, and for ``"vaf"`` ``mean_test_score``,
+        ``std_test_score`` and ``split<i>_test_score``.
+    best_estimator_ : estimator
+        The model refitted on all data with ``best_nk_``.
+    dt_ : float
+        Sampling time of the model's grid in seconds.
+    window_time_ : ndarray of shape (n_windows,)
+        Centres of the windows, in seconds of the time index.
+    nk_path_, delay_path_ : ndarray of shape (n_windows,)
+        Best candidate in each window, in samples and seconds; NaN where the window holds too
+        little data. Windows pool the runs by their time index.
+    loss_path_ : ndarray of shape (n_windows, n_candidates)
+        Loss of every candidate in each window.
+    n_features_in_ : int
+        Number of columns seen in ``fit``.
+    feature_names_in_ : ndarray of str
+        Column names seen in ``fit``, if all are strings.
+
+    Notes
+    -----
+    For :class:`ARXRegressor` with ``method="ols"`` all candidates come from one QR factorisation.
+    The two criteria can differ: with coloured remnant the one-step loss is biased towards other
+    delays (Fig. 9 of the thesis). Progress: ``search.set_callbacks(sklearn.callback.ProgressBar())``.
+
+    References
+    ----------
+    Van Grootheest, thesis, Section III-D step 3.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, DelaySearchCV, load_human_tracking
+    >>> X, y = load_human_tracking(1)
+    >>> search = DelaySearchCV(ARXRegressor()).fit(X, y)
+    >>> bool(0.10 <= search.best_delay_ <= 0.134)
+    True
+    """
+
+    _parameter_constraints: dict = {
+        "estimator": [HasMethods(["fit", "predict"]), None],
+        "nk": ["array-like", None],
+        "criterion": [StrOptions({"one_step", "vaf"})],
+        "cv": ["cv_object"],
+        "window": [Interval(Real, 0, None, closed="neither"), None],
+        "step": [Interval(Real, 0, None, closed="neither"), None],
+    }
+
+    def __init__(
+        self,
+        estimator: Any = None,
+        nk: Any = None,
+        *,
+        criterion: str = "one_step",
+        cv: Any = None,
+        window: float | None = None,
+        step: float | None = None,
+    ) -> None:
+        self.estimator = estimator
+        self.nk = nk
+        self.criterion = criterion
+        self.cv = cv
+        self.window = window
+        self.step = step
+
+    @with_callbacks
+    @fit_context(prefer_skip_nested_validation=False)
+    def fit(self, X: Any, y: Any) -> DelaySearchCV:
+        """Search the delay and refit the best model.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Output.
+
+        Returns
+        -------
+        self : DelaySearchCV
+        """
+        if self.window is not None and self.criterion != "one_step":
+            raise ValueError("window= needs criterion='one_step'.")
+        estimator = self.estimator if self.estimator is not None else ARXRegressor()
+        # The first fit checks X and y, so that bad data are reported as by the estimator itself.
+        probe = with_orders(estimator, nk=self._smallest()).fit(X, y)
+        model = final_step(probe)[1]
+        candidates = self._candidates(model)
+        context = self._init_callback_context(max_subtasks=len(candidates) + 1)
+        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
+        fast = has_fast_path(estimator)
+        table = None
+        if fast:
+            orders = [{"na": model.na, "nb": model.nb, "nk": nk} for nk in candidates]
+            table = CandidateTable(estimator, X, y, orders)
+        self.dt_ = model.dt_
+        results: dict[str, Any] = {"nk": candidates, "delay": self._seconds(candidates)}
+        if self.criterion == "one_step":
+            if table is not None:
+                self.loss_ = _one_step_losses(table)
+            else:
+                self.loss_ = self._generic_one_step(estimator, X, y, candidates, context)
+        else:
+            scores = self._cross_validate(estimator, X, y, candidates, table, context)
+            for i, column in enumerate(scores.T):
+                results[f"split{i}_test_score"] = column
+            results["mean_test_score"] = scores.mean(axis=1)
+            results["std_test_score"] = scores.std(axis=1)
+            self.loss_ = 100.0 - results["mean_test_score"]
+        if np.all(np.isnan(self.loss_)):
+            with_orders(estimator, nk=candidates[0]).fit(X, y)  # raises the error with its cause
+            raise ValueError("Every candidate delay leaves linearly dependent regressors.")
+        self.best_index_ = int(np.nanargmin(self.loss_))
+        self.best_nk_ = candidates[self.best_index_]
+        self.best_delay_ = results["delay"][self.best_index_]
+        self.cv_results_ = results | {"loss": self.loss_}
+        if self.window is not None:
+            if table is None:
+                raise ValueError("window= needs an ARXRegressor with method='ols'.")
+            self._slide(table, candidates)
+        with_best = with_orders(estimator, nk=self.best_nk_)
+        refit = context.subcontext(task_name="refit")
+        refit.call_on_fit_task_begin(estimator=self, X=X, y=y)
+        self.best_estimator_ = with_best.fit(X, y)
+        refit.call_on_fit_task_end(estimator=self, X=X, y=y)
+        self._keep_names()
+        context.call_on_fit_task_end(estimator=self, X=X, y=y)
+        return self
+
+    def _smallest(self) -> Any:
+        if self.nk is None:
+            return 1
+        candidates = _as_candidates(self.nk)
+        return min(candidates, key=np.max)
+
+    def _candidates(self, model: Any) -> list[Any]:
+        if self.nk is not None:
+            return _as_candidates(self.nk)
+        limit = max(1, min(N_CANDIDATES, model._shortest_run // 4))
+        return list(range(1, limit + 1))
+
+    def _seconds(self, candidates: list[Any]) -> list[Any]:
+        return [
+            tuple(k * self.dt_ for k in nk) if isinstance(nk, tuple) else nk * self.dt_
+            for nk in candidates
+        ]
+
+    def _generic_one_step(
+        self, estimator: Any, X: Any, y: Any, candidates: list[Any], context: Any
+    ) -> np.ndarray:
+        layout = raw_layout(estimator, X)
+        measured = np.asarray(y, dtype=float).ravel()
+        losses: dict[Any, float] = {}
+        skip = None
+        for nk in sorted(candidates, key=np.max, reverse=True):
+            task = context.subcontext(task_name="candidate").call_on_fit_task_begin(estimator=self)
+            model = with_orders(estimator, nk=nk).fit(X, y)
+            if skip is None:  # the rows that the largest candidate knows
+                last = final_step(model)[1]
+                skip = last.orders_.first_row * round(last.dt_ / layout.dt)
+                number = np.arange(layout.n_rows) - np.repeat(
+                    layout.starts[:-1], np.diff(layout.starts)
+                )
+                rows = (number >= skip) & ~np.isnan(measured)
+            error = measured - predict_ahead(model, X, y)
+            losses[nk] = float(np.mean(error[rows] ** 2))
+            task.call_on_fit_task_end(estimator=self)
+        return np.array([losses[nk] for nk in candidates])
+
+    def _cross_validate(
+        self,
+        estimator: Any,
+        X: Any,
+        y: Any,
+        candidates: list[Any],
+        table: CandidateTable | None,
+        context: Any,
+    ) -> np.ndarray:
+        folds = folds_of(X, y, raw_layout(estimator, X), self.cv)
+        validation = Validation(estimator, X, y, folds, VAFScorer())
+        triangles = [table.triangle(fold.train) for fold in folds] if table is not None else []
+        scores = np.full((len(candidates), len(folds)), np.nan)
+        for i, nk in enumerate(candidates):
+            task = context.subcontext(task_name="candidate").call_on_fit_task_begin(estimator=self)
+            for j, fold in enumerate(folds):
+                if table is not None:
+                    scores[i, j] = validation.score_candidate(table, triangles[j], i, fold)[0]
+                else:
+                    model = with_orders(estimator, nk=nk)
+                    scores[i, j] = validation.vaf(
+                        validation.refit_and_predict(model, X, y, fold), fold
+                    )
+            task.call_on_fit_task_end(estimator=self)
+        return scores
+
+    def _slide(self, table: CandidateTable, candidates: list[Any]) -> None:
+        assert self.window is not None
+        step = self.step if self.step is not None else self.window / 4
+        rows = table.rows if table.grid.rows is None else table.grid.rows[table.rows]
+        time = table.grid.layout.time[rows]
+        first, last = float(time.min()), float(time.max()) + self.dt_
+        n_windows = int(np.floor((last - first - self.window) / step + 1e-6)) + 1
+        if n_windows < 1:
+            raise ValueError(
+                f"window={self.window:g} s is longer than the {last - first:g} s of data that "
+                "have known lags."
+            )
+        begin = first + step * np.arange(n_windows)
+        self.window_time_ = begin + self.window / 2
+        losses = np.full((n_windows, len(candidates)), np.nan)
+        slack = 1e-6 * self.dt_
+        for i, t in enumerate(begin):
+            inside = (time >= t - slack) & (time < t + self.window - slack)
+            if inside.sum() > table.table.shape[1]:
+                losses[i] = _one_step_losses(table, inside)
+        self.loss_path_ = losses
+        some = ~np.isnan(losses).all(axis=1)
+        values = np.array([np.max(nk) for nk in candidates], dtype=float)
+        self.nk_path_ = np.full(n_windows, np.nan)
+        self.nk_path_[some] = values[np.nanargmin(losses[some], axis=1)]
+        self.delay_path_ = self.nk_path_ * self.dt_
+
+
+def _as_candidates(nk: Any) -> list[Any]:
+    candidates = [
+        tuple(int(v) for v in value) if np.ndim(value) else value for value in nk
+    ]
+    if not candidates:
+        raise ValueError("nk is empty; name at least one candidate, or None for 1 to 50.")
+    return [int(v) if isinstance(v, Integral) else v for v in candidates]
+
+
+def _one_step_losses(table: CandidateTable, inside: np.ndarray | None = None) -> np.ndarray:
+    """Mean squared one-step errors of all candidates on the same rows (Eq. 24)."""
+    part = table.table if inside is None else table.table[inside]
+    triangle = Triangle.of(np.array(part, order="F"))
+    losses = np.full(len(table.orders), np.nan)
+    for i, orders in enumerate(table.orders):
+        small = triangle.subset(table.columns(orders))
+        if not len(small.null_space()):
+            losses[i] = small.rss / triangle.n_rows
+    return losses

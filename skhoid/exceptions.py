@@ -1,0 +1,41 @@
+"""The errors and warnings a caller may want to catch, one class each."""
+
+from __future__ import annotations
+
+__all__ = [
+    "IrregularSamplingError",
+    "MissingDataWarning",
+    "RankDeficiencyError",
+    "RunCutWarning",
+    "RunIndexError",
+    "SamplingJitterWarning",
+    "ShortRunError",
+]
+
+
+class RunIndexError(ValueError):
+    """Rows, runs or indexes of ``X`` and ``y`` break the data convention."""
+
+
+class IrregularSamplingError(ValueError):
+    """The clock of a run is too irregular, or not the one the model was fitted at."""
+
+
+class ShortRunError(ValueError):
+    """A run has fewer rows than the model's lags need."""
+
+
+class RankDeficiencyError(ValueError):
+    """The regressors are linearly dependent; the message names the cause."""
+
+
+class SamplingJitterWarning(UserWarning):
+    """The sampling instants jitter, within the tolerance."""
+
+
+class MissingDataWarning(UserWarning):
+    """Rows with missing values were left out, or held, and counted."""
+
+
+class RunCutWarning(UserWarning):
+    """A cross-validation split has rows of one run on both sides."""

@@ -1,0 +1,6 @@
+"""Recorded runs from files, and real recordings that come with the package."""
+
+from .datasets import load_bicycle_rider, load_human_tracking
+from .readers import read_runs
+
+__all__ = ["load_bicycle_rider", "load_human_tracking", "read_runs"]

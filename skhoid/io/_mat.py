@@ -1,0 +1,158 @@
+"""MATLAB files as tables: version 5 through SciPy, version 7.3 (HDF5) through h5py."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import io as scipy_io
+from scipy import sparse
+from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
+
+from ._table import Table, require
+
+__all__ = ["read_mat"]
+
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+# "" is a file that h5py wrote, not MATLAB.
+_NUMERIC_CLASSES = {"", "double", "single", "logical"} | {
+    f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
+}
+_OBJECT = (
+    "is a MATLAB object, which only MATLAB can open. Save its parts as plain arrays; for an "
+    "iddata d: u = d.InputData; y = d.OutputData; t = d.SamplingInstants; save(file, 'u', 'y', 't')"
+    ", one vector per channel."
+)
+_STRUCT = "is a struct: ask for one of its fields by a dotted path, such as {}."
+_STRUCT_ARRAY = "is a struct array: save one plain variable per channel, one column per run."
+_CELL = "is a cell array: save one plain variable per channel, one column per run."
+_FUNCTION = "is a function handle, not data."
+_NOT_NUMBERS = {"cell": _CELL, "char": "is text, not numbers.", "function_handle": _FUNCTION}
+
+
+def read_mat(path: Path) -> Table:
+    """List the variables and struct fields of a MAT file under dotted names."""
+    with path.open("rb") as file:
+        head = file.read(1024)
+    if not head:
+        raise ValueError(f"{path} is empty.")
+    # MATLAB puts 512 bytes of its own before the HDF5 signature.
+    if head.startswith(_HDF5_SIGNATURE) or head[512:].startswith(_HDF5_SIGNATURE):
+        return _read_hdf5(path)
+    return _read_v5(path)
+
+
+def _read_v5(path: Path) -> Table:
+    with warnings.catch_warnings():
+        # Objects all carry the name "None" for SciPy < 1.18; they are reported below.
+        warnings.simplefilter("ignore", scipy_io.matlab.MatReadWarning)
+        try:
+            content = scipy_io.loadmat(path)
+        # A damaged file makes SciPy fail in as many ways as there are fields in it.
+        except Exception as error:
+            raise ValueError(f"{path} cannot be read as a MATLAB file: {error}") from error
+    arrays: dict[str, np.ndarray] = {}
+    unreadable: dict[str, str] = {}
+    note = ""
+    for name, value in content.items():
+        if isinstance(value, MatlabOpaque):
+            fields = value.dtype.names or ()
+            stored = value["s0"].item() if "s0" in fields else name
+            shown = stored.decode() if isinstance(stored, bytes) else str(stored)
+            unreadable[shown] = _OBJECT
+            note = f"The file also has {shown!r}, which {_OBJECT}"
+        elif not name.startswith("__"):
+            _flatten(name, value, arrays, unreadable)
+    names = list(arrays)
+    return Table(
+        path,
+        names,
+        lambda position: arrays[names[position]],
+        unreadable=unreadable,
+        note=note,
+        kind="variable",
+    )
+
+
+def _flatten(
+    name: str, value: Any, arrays: dict[str, np.ndarray], unreadable: dict[str, str]
+) -> None:
+    if isinstance(value, MatlabOpaque | MatlabObject):
+        unreadable[name] = _OBJECT
+    elif isinstance(value, MatlabFunction):
+        unreadable[name] = _FUNCTION
+    elif sparse.issparse(value):
+        arrays[name] = value.toarray()
+    elif value.dtype.names:
+        if value.size != 1:
+            unreadable[name] = _STRUCT_ARRAY
+            return
+        unreadable[name] = _STRUCT.format(f"{name}.{value.dtype.names[0]}")
+        for key in value.dtype.names:
+            _flatten(f"{name}.{key}", value.flat[0][key], arrays, unreadable)
+    elif value.dtype == object:
+        texts = [cell.item() if getattr(cell, "size", 0) == 1 else cell for cell in value.flat]
+        if texts and all(isinstance(text, str) for text in texts):
+            arrays[name] = np.array(texts)
+        else:
+            unreadable[name] = _CELL
+    else:
+        arrays[name] = value
+
+
+def _read_hdf5(path: Path) -> Table:
+    h5py = require("h5py", f"Reading the MATLAB 7.3 file {path}")
+    places: dict[str, str] = {}
+    unreadable: dict[str, str] = {}
+    try:
+        with h5py.File(path, "r") as file:
+            _list_group(h5py, file, "", places, unreadable)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read as a MATLAB 7.3 file: {error}") from error
+    names = list(places)
+
+    def load(position: int) -> np.ndarray:
+        with h5py.File(path, "r") as file:
+            dataset = file[places[names[position]]]
+            if dataset.attrs.get("MATLAB_empty", 0):
+                # An empty array is stored as its shape.
+                return np.empty(0)
+            values = dataset[()]
+        if values.dtype.names == ("real", "imag"):
+            values = values["real"] + 1j * values["imag"]
+        # MATLAB stores by columns and HDF5 by rows, so the axes come reversed.
+        return np.asarray(values).T
+
+    return Table(path, names, load, unreadable=unreadable, kind="variable")
+
+
+def _list_group(
+    h5py: Any, group: Any, prefix: str, places: dict[str, str], unreadable: dict[str, str]
+) -> None:
+    for key, item in group.items():
+        # MATLAB keeps the content of cells and objects in #refs# and #subsystem#.
+        if key.startswith("#"):
+            continue
+        name = f"{prefix}{key}"
+        is_group = isinstance(item, h5py.Group)
+        matlab_class = item.attrs.get("MATLAB_class", b"")
+        if isinstance(matlab_class, bytes):
+            matlab_class = matlab_class.decode()
+        if "MATLAB_sparse" in item.attrs:
+            unreadable[name] = f"is sparse: save full({name})."
+        elif "MATLAB_object_decode" in item.attrs:
+            unreadable[name] = _OBJECT
+        elif is_group and matlab_class in ("", "struct"):
+            unreadable[name] = _STRUCT.format(f"{name}.{next(iter(item), 'field')}")
+            _list_group(h5py, item, f"{name}.", places, unreadable)
+        elif matlab_class in _NOT_NUMBERS:
+            unreadable[name] = _NOT_NUMBERS[matlab_class]
+        elif is_group or matlab_class not in _NUMERIC_CLASSES:
+            unreadable[name] = _OBJECT
+        elif item.dtype.kind == "O":
+            # The fields of a struct array are references, without a class of their own.
+            unreadable[name] = _STRUCT_ARRAY
+        else:
+            places[name] = item.name

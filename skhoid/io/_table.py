@@ -1,0 +1,135 @@
+"""One file as named columns, whatever its format."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+__all__ = ["Table", "as_numbers", "require", "split_header"]
+
+# A bracket is a unit; a parenthesis only if it holds a letter or a unit sign, not in "e (2)".
+_HEADER = re.compile(
+    r"^(?P<name>.*\S)(?:\s*\[(?P<square>[^\[\]]*)\]|\s+\((?P<round>[^()]*[^\W\d_][^()]*|[%°])\))$"
+)
+_MOST_NAMES = 30
+
+
+def split_header(header: str) -> tuple[str, str | None]:
+    """Split ``"e [deg]"`` or ``"e (deg)"`` into name and unit; the unit is None without one."""
+    match = _HEADER.match(header)
+    if match is None:
+        return header, None
+    square = match["square"]
+    return match["name"], (match["round"] if square is None else square).strip() or None
+
+
+def require(module: str, what: str) -> Any:
+    """Import an optional package, or say which extra brings it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise ImportError(f'{what} needs the package {module}: pip install "skhoid[io]"') from error
+
+
+@dataclass
+class Table:
+    """The columns (or MATLAB variables) of one file, read when asked for.
+
+    ``names`` may repeat; ``load`` takes a position in it. ``unreadable`` says of a name what it
+    is instead of numbers, and ``note`` is added to the error about a name that is not there.
+    """
+
+    path: Path
+    names: list[str]
+    load: Callable[[int], Any]
+    units: dict[str, str] = field(default_factory=dict)
+    unreadable: dict[str, str] = field(default_factory=dict)
+    note: str = ""
+    kind: str = "column"
+
+    def where(self, name: str) -> str:
+        """Name a column for an error message."""
+        return f"{self.kind} {name!r} of {self.path}"
+
+    def find(self, asked: str) -> int:
+        """Position of the column with this header, or else with this name before its unit."""
+        hits = [i for i, name in enumerate(self.names) if name == asked]
+        if not hits:
+            hits = [i for i, name in enumerate(self.names) if split_header(name)[0] == asked]
+        if len(hits) == 1:
+            return hits[0]
+        if hits:
+            headers = [self.names[i] for i in hits]
+            advice = (
+                "rename all but one in the file"
+                if len(set(headers)) < len(headers)
+                else "ask for one of them by its whole header"
+            )
+            raise ValueError(
+                f"{self.path} has {len(hits)} {self.kind}s {asked!r}, with the headers "
+                f"{headers}: {advice}."
+            )
+        for name, reason in self.unreadable.items():
+            if asked == name or asked.startswith(f"{name}."):
+                # A struct that was read lists its fields among the names: there the field is
+                # what is missing.
+                if asked != name and any(n.startswith(f"{name}.") for n in self.names):
+                    continue
+                raise ValueError(f"In {self.path}, {name!r} {reason}")
+        raise ValueError(self._missing(asked))
+
+    def unit_of(self, position: int) -> str | None:
+        """Unit from the header, or stored with the file."""
+        header = self.names[position]
+        name, unit = split_header(header)
+        return unit or self.units.get(header) or self.units.get(name)
+
+    def _missing(self, asked: str) -> str:
+        named = [name for name in self.names if name]
+        short = [split_header(name)[0] for name in named]
+        folded = {name.casefold(): name for name in [*short, *named]}
+        close = difflib.get_close_matches(asked.casefold(), folded, n=3, cutoff=0.6)
+        listed = ", ".join(repr(name) for name in named[:_MOST_NAMES])
+        if len(named) > _MOST_NAMES:
+            listed += f" and {len(named) - _MOST_NAMES} more"
+        text = f"{self.path} has no {self.kind} {asked!r}. It has: {listed or 'none'}."
+        if close:
+            text += f" Did you mean {' or '.join(repr(folded[name]) for name in close)}?"
+        return f"{text} {self.note}".rstrip()
+
+
+def as_numbers(values: Any, where: str) -> np.ndarray:
+    """Float64 array of a column, or an error that names the first value that is no number."""
+    series = values if isinstance(values, pd.Series) else None
+    dtype = np.asarray(values).dtype if series is None else series.dtype
+    if pd.api.types.is_complex_dtype(dtype):
+        raise ValueError(
+            f"{where} is complex: give real signals, for instance its real part or its magnitude."
+        )
+    if pd.api.types.is_datetime64_any_dtype(dtype) or pd.api.types.is_timedelta64_dtype(dtype):
+        raise ValueError(
+            f"{where} holds dates or time differences ({dtype}): store seconds as numbers, for "
+            "instance (t - t[0]).dt.total_seconds()."
+        )
+    if pd.api.types.is_numeric_dtype(dtype):
+        if series is None:
+            return np.asarray(values, dtype=np.float64)
+        return series.to_numpy(dtype=np.float64, na_value=np.nan)
+    text = pd.Series(np.asarray(values).ravel(), dtype=object) if series is None else series
+    numbers = pd.to_numeric(text, errors="coerce")
+    bad = np.flatnonzero(numbers.isna().to_numpy() & text.notna().to_numpy())
+    if bad.size:
+        raise ValueError(
+            f"{where} is not numeric: row {bad[0] + 1} (the first sample is row 1) is "
+            f"{text.iloc[bad[0]]!r} ({bad.size} of {text.size} rows are no numbers). Leave a cell "
+            "empty, or write NaN, where nothing was measured."
+        )
+    return numbers.to_numpy(dtype=np.float64, na_value=np.nan)

@@ -1,0 +1,135 @@
+"""CSV and Parquet files as tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ._table import Table, require
+
+__all__ = ["read_csv", "read_parquet"]
+
+# The default parser of pandas < 3.1 is off by an ulp for some numbers; later it is exact, and the
+# option deprecated.
+_EXACT: dict[str, Any] = (
+    {"float_precision": "round_trip"}
+    if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1)
+    else {}
+)
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?\s*")
+
+
+def read_csv(path: Path) -> Table:
+    """Read a text file with one header row; separator comma, semicolon or tab."""
+    text = _decode(path.read_bytes()).lstrip("\r\n")
+    if not text.strip():
+        raise ValueError(f"{path} is empty.")
+    first_line = text.split("\n", 1)[0]
+    separator = next((sign for sign in "\t;" if sign in first_line), ",")
+    header_reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
+    names = [name.strip() for name in next(header_reader)]
+    frame = _parse(path, text, separator, names, header_reader.line_num)
+    note = ""
+    if all(_is_number(name) for name in names):
+        note = "Its first row holds numbers: write a header row with the names of the columns."
+    return Table(
+        path, names, lambda position: _decimal(frame, position, separator, names, path), note=note
+    )
+
+
+def read_parquet(path: Path) -> Table:
+    """Read a Parquet file; the named levels of a stored row index count as columns."""
+    require("pyarrow", f"Reading the Parquet file {path}")
+    try:
+        frame = pd.read_parquet(path, engine="pyarrow")
+    except (ValueError, OSError) as error:
+        raise ValueError(f"{path} cannot be read as Parquet: {error}") from error
+    stored = frame.attrs.get("units")
+    levels = [level for level in frame.index.names if level is not None]
+    # One column per header: duplicates must survive to be reported by name.
+    columns = [frame.index.get_level_values(level).to_series() for level in levels]
+    columns += [frame.iloc[:, position] for position in range(frame.shape[1])]
+    names = [str(name) for name in [*levels, *frame.columns]]
+    units = {str(key): str(unit) for key, unit in stored.items()} if stored else {}
+    return Table(path, names, columns.__getitem__, units=units)
+
+
+def _decode(raw: bytes) -> str:
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return raw.decode("utf-16")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # Western European Windows: what spreadsheets write for the degree sign in "e [°]".
+        return raw.decode("cp1252", errors="replace")
+
+
+def _parse(path: Path, text: str, separator: str, names: list[str], skip: int) -> pd.DataFrame:
+    with warnings.catch_warnings():
+        # pandas only warns when a row has more cells than the header, and drops the rest.
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        try:
+            return pd.read_csv(
+                io.StringIO(text),
+                sep=separator,
+                header=None,
+                names=range(len(names)),
+                skiprows=skip,
+                index_col=False,
+                skipinitialspace=True,
+                low_memory=False,
+                **_EXACT,
+            )
+        except pd.errors.EmptyDataError as error:
+            raise ValueError(f"{path} has a header but no rows.") from error
+        except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+            raise ValueError(
+                f"{path} cannot be read as a table of {len(names)} columns separated by "
+                f"{separator!r}: {str(error).strip()} Every row needs as many cells as the header."
+            ) from error
+
+
+def _decimal(
+    frame: pd.DataFrame, position: int, separator: str, names: list[str], path: Path
+) -> pd.Series:
+    """Return a column, its decimal commas read as such where they cannot mean anything else."""
+    column = frame[position]
+    if separator == "," or pd.api.types.is_numeric_dtype(column.dtype):
+        return column
+    cells = column.dropna()
+    if not cells.map(lambda cell: _DECIMAL_COMMA.fullmatch(str(cell)) is not None).all():
+        return column
+    for other in frame.columns:
+        if _has_decimal_point(frame[other]):
+            raise ValueError(
+                f"{path} is ambiguous: column {names[position]!r} has commas in its numbers "
+                f"({cells.iloc[0]!r}) and column {names[other]!r} has points. Write all numbers "
+                "with a decimal point and without separators of thousands."
+            )
+    # float() and not pd.to_numeric, whose last digit is not always right.
+    return column.map(lambda cell: float(str(cell).replace(",", ".")), na_action="ignore").astype(
+        np.float64
+    )
+
+
+def _has_decimal_point(column: pd.Series) -> bool:
+    if not pd.api.types.is_float_dtype(column.dtype):
+        return False
+    values = column.to_numpy()
+    values = values[np.isfinite(values)]
+    return bool(np.any(values != np.round(values)))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,272 @@
+"""Read recorded runs into the data convention of skhoid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ._mat import read_mat
+from ._paths import Paths, expand_paths
+from ._runs import Run, runs_of
+from ._table import Table, split_header
+from ._tabular import read_csv, read_parquet
+
+__all__ = ["read_runs"]
+
+_READERS: dict[str, Callable[[Path], Table]] = {
+    ".csv": read_csv,
+    ".tsv": read_csv,
+    ".txt": read_csv,
+    ".parquet": read_parquet,
+    ".pq": read_parquet,
+    ".mat": read_mat,
+}
+
+
+def read_runs(
+    paths: Paths,
+    *,
+    inputs: str | Sequence[str] | Mapping[str, str],
+    output: str | Mapping[str, str],
+    time: str | None = None,
+    run: str | None = None,
+    units: Mapping[str, str] | None = None,
+    dt: float | None = None,
+) -> tuple[pd.DataFrame, pd.Series]:
+    """Read recorded runs from CSV, Parquet or MATLAB files.
+
+    Nothing is resampled, sorted or left out: rows come as they are in the files, a missing value
+    is NaN (no measurement). What skhoid asks of the clock is checked when a model is fitted;
+    :func:`skhoid.resample_runs` brings an irregular clock onto a grid.
+
+    Parameters
+    ----------
+    paths : path, glob pattern, or list of these
+        ``"data/run*.csv"``, say. The matches of a pattern are in natural order (run2 before
+        run10), a list keeps its own. The extension tells the format: ``.csv``, ``.tsv``, ``.txt``
+        (separator comma, semicolon or tab, one header row; a decimal comma is recognised where
+        the separator is none), ``.parquet``, ``.pq``, ``.mat`` (version 5 and 7.3). Parquet and
+        MAT 7.3 need ``pip install "skhoid[io]"``.
+    inputs : str, list of str, or dict
+        Input channels, the columns of `X`. A dict renames: ``{name in the file: channel}``.
+        A column headed ``e [deg]`` or ``e (deg)`` is named ``"e"``, or by its whole header. In a
+        MAT file a name is a variable, a dotted one (``"data.e"``) the field of a struct.
+    output : str or dict
+        The operator's output, as in `inputs`.
+    time : str or None, default=None
+        Column of the time in seconds, or in the unit that `units` or its header states (s, ms,
+        us). None needs `dt`.
+    run : str or None, default=None
+        Column of the run labels; the rows of a run must be contiguous. None means that each file
+        is one run, labelled by its name without extension.
+    units : dict or None, default=None
+        Units by channel (and of the time), for instance ``{"e": "deg", "time": "ms"}``. They
+        override those of the headers. Only the time is ever converted.
+    dt : float or None, default=None
+        Sampling time in seconds of files without a time column; every run then starts at 0.
+
+    Returns
+    -------
+    X : DataFrame of shape (n_rows, n_inputs)
+        Float64, with the row index levels ``run`` and ``time`` (s). ``X.attrs["units"]`` is a
+        dict with the known units of its channels.
+    y : Series of shape (n_rows,)
+        The output with the same index and ``y.attrs["units"]``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a file does not exist or a pattern matches none.
+    ImportError
+        If a format needs a package that is not installed.
+    ValueError
+        If a file cannot be read as runs; the message names file, column and row.
+
+    Notes
+    -----
+    An (N, 1) or (1, N) variable of a MAT file is one run. If every channel is an (N, M) matrix,
+    its columns are M runs, labelled ``"<file>-1"`` to ``"<file>-M"``, and the time may be one
+    vector for all. MATLAB objects such as ``iddata`` cannot be read: save their ``InputData``,
+    ``OutputData`` and ``SamplingInstants`` as plain arrays.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from skhoid.io import read_runs
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for name in ("run1", "run2"):
+    ...         rows = "t [ms];error [deg];u\\n0;1,5;0\\n10;1,25;-0,5\\n"
+    ...         _ = (Path(folder) / f"{name}.csv").write_text(rows)
+    ...     X, y = read_runs(f"{folder}/run*.csv", inputs={"error": "e"}, output="u", time="t")
+    >>> X
+                  e
+    run  time
+    run1 0.00  1.50
+         0.01  1.25
+    run2 0.00  1.50
+         0.01  1.25
+    >>> y.to_list(), X.attrs["units"]
+    ([0.0, -0.5, 0.0, -0.5], {'e': 'deg'})
+    """
+    channels = [*_wanted(inputs, "inputs"), *_wanted(output, "output")]
+    _check_names(channels)
+    clock = _clock(time, dt)
+    given = _check_units(units or {}, channels, time)
+    pieces: list[Run] = []
+    known: dict[str, tuple[str, Path]] = {}
+    for path in expand_paths(paths):
+        table = _open(path)
+        pieces += runs_of(
+            table,
+            [channel.asked for channel in channels],
+            clock=clock,
+            time_unit=given.get("time"),
+            run=run,
+        )
+        _gather_units(table, channels, given, known)
+    _check_labels(pieces, run)
+    return _assemble(pieces, [channel.name for channel in channels], known)
+
+
+@dataclass(frozen=True)
+class _Channel:
+    asked: str
+    name: str
+
+
+def _wanted(spec: Any, argument: str) -> list[_Channel]:
+    items: list[tuple[Any, Any]]
+    if isinstance(spec, str):
+        items = [(spec, split_header(spec)[0])]
+    elif isinstance(spec, Mapping):
+        items = list(spec.items())
+    elif isinstance(spec, Iterable) and argument == "inputs":
+        items = [(name, split_header(name)[0] if isinstance(name, str) else name) for name in spec]
+    else:
+        items = [(spec, spec)]
+    for item in items:
+        if not all(isinstance(name, str) for name in item):
+            raise TypeError(f"{argument} must name channels by strings; got {spec!r}.")
+    if not items:
+        raise ValueError(f"{argument} is empty: name at least one channel.")
+    if argument == "output" and len(items) > 1:
+        raise ValueError(f"output must name one channel; got {spec!r}.")
+    return [_Channel(*item) for item in items]
+
+
+def _check_names(channels: list[_Channel]) -> None:
+    names = [channel.name for channel in channels]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ValueError(
+            f"The channel {twice!r} is wanted more than once among inputs and output "
+            f"({names}). Name it once, or rename with a dict {{name in the file: channel}}."
+        )
+
+
+def _clock(time: str | None, dt: float | None) -> str | float:
+    if time is not None and dt is not None:
+        raise ValueError(f"Give the time column ({time!r}) or dt ({dt!r}), not both.")
+    if time is not None:
+        return time
+    if dt is None:
+        raise ValueError(
+            "There is no clock: name the time column (time='t'), or give the sampling time in "
+            "seconds if the files have none (dt=0.01)."
+        )
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt must be a positive number of seconds; got {dt!r}.")
+    return float(dt)
+
+
+def _check_units(
+    units: Mapping[str, str], channels: list[_Channel], time: str | None
+) -> dict[str, str]:
+    """Return the given units by channel name, those of the time under ``"time"``."""
+    keys = {"time": "time"}
+    if time is not None:
+        keys |= {time: "time", split_header(time)[0]: "time"}
+    for channel in channels:
+        keys |= {channel.asked: channel.name, split_header(channel.asked)[0]: channel.name}
+    keys |= {channel.name: channel.name for channel in channels}
+    unknown = [key for key in units if key not in keys]
+    if unknown:
+        raise ValueError(
+            f"units has {unknown[0]!r}, which is no wanted channel; the channels are {list(keys)}."
+        )
+    return {keys[key]: unit for key, unit in units.items()}
+
+
+def _open(path: Path) -> Table:
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise ValueError(
+            f"{path} has the extension {path.suffix!r}; skhoid reads {', '.join(_READERS)}."
+        )
+    return reader(path)
+
+
+def _gather_units(
+    table: Table,
+    channels: list[_Channel],
+    given: dict[str, str],
+    known: dict[str, tuple[str, Path]],
+) -> None:
+    for channel in channels:
+        unit = given.get(channel.name) or table.unit_of(table.find(channel.asked))
+        if not unit:
+            continue
+        other, path = known.setdefault(channel.name, (unit, table.path))
+        if other != unit:
+            raise ValueError(
+                f"The unit of channel {channel.name!r} is {other!r} in {path} and {unit!r} in "
+                f"{table.path}: convert one file, or state the unit in units=."
+            )
+
+
+def _check_labels(pieces: list[Run], run: str | None) -> None:
+    first: dict[Any, Path] = {}
+    for piece in pieces:
+        other = first.setdefault(piece.label, piece.path)
+        if other is piece.path:
+            continue
+        if other == piece.path:
+            raise ValueError(f"{piece.path} is named twice in paths.")
+        advice = (
+            "rename a file, or name a column with run labels by run="
+            if run is None
+            else "give every run its own label"
+        )
+        raise ValueError(
+            f"Two files have a run labelled {piece.label!r}, {other} and {piece.path}: {advice}."
+        )
+
+
+def _assemble(
+    pieces: list[Run], names: list[str], known: dict[str, tuple[str, Path]]
+) -> tuple[pd.DataFrame, pd.Series]:
+    codes = np.repeat(np.arange(len(pieces)), [len(piece.time) for piece in pieces])
+    labels = pd.Index([piece.label for piece in pieces])
+    time = np.concatenate([piece.time for piece in pieces])
+    missing = np.flatnonzero(np.isnan(time))
+    if missing.size:
+        piece = pieces[codes[missing[0]]]
+        row = int(np.flatnonzero(np.isnan(piece.time))[0])
+        raise ValueError(
+            f"The time of run {piece.label!r} in {piece.path} is missing in its row {row + 1}: "
+            "every sample needs its instant."
+        )
+    index = pd.MultiIndex.from_arrays([labels.take(codes), time], names=("run", "time"))
+    values = np.concatenate([piece.samples for piece in pieces])
+    X = pd.DataFrame(values[:, :-1].copy(), index=index, columns=names[:-1])
+    y = pd.Series(values[:, -1].copy(), index=index, name=names[-1])
+    units = {name: unit for name, (unit, _) in known.items()}
+    X.attrs["units"] = {name: units[name] for name in names[:-1] if name in units}
+    y.attrs["units"] = {name: units[name] for name in names[-1:] if name in units}
+    return X, y

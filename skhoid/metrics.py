@@ -1,0 +1,266 @@
+"""Variance accounted for, as a function and as a scorer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils.validation import check_consistent_length, column_or_1d
+
+from .preprocessing.run_in import RunInTrimmer, run_in_rows
+from .runs import RunLayout, read_layout
+
+__all__ = ["VAF_FLOOR", "VAFScorer", "vaf_score"]
+
+VAF_FLOOR = -1000.0  # percent; what an unstable simulation scores, so that means stay finite
+
+
+def vaf_score(
+    y_true: Any,
+    y_pred: Any,
+    *,
+    run_in: float | None = None,
+    window: tuple[float, float] | None = None,
+    average: str | None = "pooled",
+    centered: bool = False,
+    dt: float | None = None,
+    run: Any = None,
+) -> Any:
+    """Variance accounted for by a simulated output, in percent.
+
+    VAF = max(0, 1 - sum |y - y_hat|^2 / sum |y|^2) 100 %, Eq. 25 of the thesis. Means are kept,
+    as there; rows in which ``y_true`` is NaN are not measured and are left out.
+
+    Parameters
+    ----------
+    y_true : Series, DataFrame of one column or array of shape (n_rows,)
+        Measured output; runs and time are read from its index.
+    y_pred : array-like of shape (n_rows,)
+        Simulated output, row by row.
+    run_in : float or None, default=None
+        Leave out this many seconds at the start of each run.
+    window : (float, float) or None, default=None
+        Score only rows with ``window[0] <= time < window[1]``, in seconds of the time index.
+    average : {"pooled", "mean"} or None, default="pooled"
+        Sum the squares over all runs, or average the values of the runs; None returns one value
+        per run.
+    centered : bool, default=False
+        Remove the mean of each run from both signals first.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: 1).
+    run : array of shape (n_rows,) or None, default=None
+        Run label of each row, for data without a run index.
+
+    Returns
+    -------
+    vaf : float or ndarray of shape (n_runs,)
+        In percent, 100 for a perfect simulation, clipped at 0.
+
+    Raises
+    ------
+    ValueError
+        If no row is left to score, if the measured output is zero throughout, or if a prediction
+        is NaN.
+
+    See Also
+    --------
+    VAFScorer : The same, unclipped, as ``scoring=`` of scikit-learn's searches.
+
+    Examples
+    --------
+    >>> from skhoid import vaf_score
+    >>> round(vaf_score([1.0, 2.0, 3.0], [1.0, 2.0, 2.0]), 2)
+    92.86
+    """
+    layout, y, prediction, keep = _rows_to_score(y_true, y_pred, run_in, window, dt, run)
+    value = _vaf(y, prediction, keep, layout, average, centered)
+    return np.maximum(value, 0.0) if average is None else max(value, 0.0)
+
+
+def _rows_to_score(
+    y_true: Any, y_pred: Any, run_in: Any, window: Any, dt: Any, run: Any
+) -> tuple[RunLayout, np.ndarray, np.ndarray, np.ndarray]:
+    check_consistent_length(y_true, y_pred)
+    y = column_or_1d(np.asarray(y_true, dtype=float), warn=False)
+    prediction = column_or_1d(np.asarray(y_pred, dtype=float), warn=False)
+    if run is not None:
+        labels = np.asarray(run)
+        check_consistent_length(y_true, labels)
+        layout = read_layout(pd.DataFrame({"run": labels}), dt=dt, run="run")
+    else:
+        indexed = isinstance(y_true, (pd.Series, pd.DataFrame))
+        layout = read_layout(y_true if indexed else y[:, None], dt=dt)
+    return layout, y, prediction, scored_rows(layout, run_in, window)
+
+
+def scored_rows(layout: RunLayout, run_in: float | None, window: Any) -> np.ndarray:
+    """Rows outside the run-in and inside the window."""
+    keep = np.ones(layout.n_rows, dtype=bool)
+    if run_in is not None:
+        keep &= ~run_in_rows(layout, run_in=run_in)
+    if layout.trimmed is not None:
+        keep &= ~layout.trimmed
+    if window is not None:
+        start, stop = window
+        slack = 1e-6 * layout.dt
+        keep &= (layout.time >= start - slack) & (layout.time < stop - slack)
+    return keep
+
+
+def _vaf(
+    y: np.ndarray,
+    prediction: np.ndarray,
+    keep: np.ndarray,
+    layout: RunLayout,
+    average: str | None,
+    centered: bool,
+) -> Any:
+    """Unclipped VAF with a finite floor, of the rows in ``keep``."""
+    if average not in ("pooled", "mean", None):
+        raise ValueError(f"average must be 'pooled', 'mean' or None; got {average!r}.")
+    if np.isnan(prediction[keep]).any():
+        row = int(np.flatnonzero(keep & np.isnan(prediction))[0])
+        raise ValueError(f"The prediction is NaN in {layout.where(row)}.")
+    keep = keep & ~np.isnan(y)
+    if not keep.any():
+        raise ValueError(
+            "No row is left to score: the run-in, the window and missing values leave out all "
+            f"{y.size} rows."
+        )
+    run = layout.run_of(np.flatnonzero(keep))
+    signal, error = y[keep], y[keep] - prediction[keep]
+    n_runs = len(layout.labels)
+    if centered:
+        count = np.maximum(np.bincount(run, minlength=n_runs), 1)
+        signal = signal - (np.bincount(run, signal, n_runs) / count)[run]
+        error = error - (np.bincount(run, error, n_runs) / count)[run]
+    # Simulations are bounded at 1e100, so that squares do not overflow.
+    lost = np.bincount(run, error**2, n_runs)
+    power = np.bincount(run, signal**2, n_runs)
+    if average == "pooled":
+        lost, power = lost.sum(keepdims=True), power.sum(keepdims=True)
+    elif average == "mean":
+        scored = np.bincount(run, minlength=n_runs) > 0
+        lost, power = lost[scored], power[scored]
+    if np.any(power == 0):
+        raise ValueError(
+            "VAF is undefined: the measured output is zero (or, centered, constant) in all scored "
+            "rows" + ("." if average == "pooled" else " of a run.")
+        )
+    values = np.maximum(100.0 * (1.0 - lost / power), VAF_FLOOR)
+    if average is None:
+        return values
+    return float(values.mean())
+
+
+class VAFScorer:
+    """Score a fitted estimator by the VAF of its free run, for ``scoring=``.
+
+    Returns the unclipped VAF in percent, no lower than -1000, so that a search can tell a bad
+    model from a worse one. Rows that a :class:`RunInTrimmer` in the pipeline leaves out are left
+    out here too. Scores are taken at the full rate, whatever the decimation factor, so that
+    factors can be compared.
+
+    Parameters
+    ----------
+    run_in : float or None, default=None
+        Leave out this many seconds at the start of each run.
+    window : (float, float) or None, default=None
+        Score only rows with ``window[0] <= time < window[1]``, in seconds of the time index.
+    rate : {"full", "model"}, default="full"
+        ``"model"`` scores on the filtered and thinned signals that the model was fitted on, as
+        the thesis does. These figures always favour the coarsest model: do not choose a
+        decimation factor by them.
+    average : {"pooled", "mean"}, default="pooled"
+        Sum the squares over all runs, or average the values of the runs.
+    centered : bool, default=False
+        Remove the mean of each run from both signals first.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: 1).
+    run : column name or position, or None, default=None
+        Run column of ``X`` for data without a run index.
+
+    See Also
+    --------
+    vaf_score : The function, clipped at zero.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, VAFScorer, load_human_tracking
+    >>> X, y = load_human_tracking(1)
+    >>> model = ARXRegressor(nk=7).fit(X, y)
+    >>> bool(VAFScorer(run_in=2.0)(model, X, y) > 90)
+    True
+    """
+
+    def __init__(
+        self,
+        *,
+        run_in: float | None = None,
+        window: tuple[float, float] | None = None,
+        rate: str = "full",
+        average: str = "pooled",
+        centered: bool = False,
+        dt: float | None = None,
+        run: Any = None,
+    ) -> None:
+        if rate not in ("full", "model"):
+            raise ValueError(f"rate must be 'full' or 'model'; got {rate!r}.")
+        if average not in ("pooled", "mean"):
+            raise ValueError(f"average must be 'pooled' or 'mean'; got {average!r}.")
+        self.run_in = run_in
+        self.window = window
+        self.rate = rate
+        self.average = average
+        self.centered = centered
+        self.dt = dt
+        self.run = run
+
+    def __repr__(self) -> str:
+        shown = [f"{k}={v!r}" for k, v in vars(self).items() if v not in (None, False)]
+        return f"VAFScorer({', '.join(shown)})"
+
+    def __call__(self, estimator: Any, X: Any, y: Any) -> float:
+        """Score the free run of a fitted estimator on ``X`` against ``y``.
+
+        Parameters
+        ----------
+        estimator : fitted estimator or pipeline
+        X : DataFrame or array of shape (n_rows, n_columns)
+        y : Series or array of shape (n_rows,)
+
+        Returns
+        -------
+        vaf : float
+            In percent, unclipped, at least -1000.
+        """
+        layout = read_layout(X, dt=self.dt, run=self.run)
+        keep = scored_rows(layout, self.run_in, self.window) & ~_trimmed_rows(estimator, X)
+        if self.rate == "model":
+            model, X = _final_step(estimator, X)
+            return model.score_at_model_rate(X, y, keep, self.average, self.centered)
+        measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
+        prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
+        return _vaf(measured, prediction, keep, layout, self.average, self.centered)
+
+
+def _trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
+    """Rows that a RunInTrimmer inside ``estimator`` leaves out."""
+    trimmed = np.zeros(len(np.asarray(X)), dtype=bool)
+    estimator = getattr(estimator, "best_estimator_", estimator)
+    for _, step in getattr(estimator, "steps", []):
+        if isinstance(step, RunInTrimmer):
+            trimmed |= run_in_rows(
+                read_layout(X, dt=step.dt, run=step.run),
+                run_in=step.run_in,
+                measurement_time=step.measurement_time,
+            )
+    return trimmed
+
+
+def _final_step(estimator: Any, X: Any) -> tuple[Any, Any]:
+    estimator = getattr(estimator, "best_estimator_", estimator)
+    if hasattr(estimator, "steps"):
+        return estimator.steps[-1][1], estimator[:-1].transform(X)
+    return estimator, X

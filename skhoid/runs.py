@@ -1,0 +1,736 @@
+"""Runs, time and marks: the one module that knows the data convention.
+
+A recording is a table with one row per sample. Which run a row belongs to, and when it was
+taken, travels in the row index of ``X`` (levels ``run`` and ``time``, in seconds; optional outer
+levels such as ``subject`` and ``condition``) or, for arrays and plain frames, in a run column
+(``run=``) and a sampling time (``dt=``). Everything else in skhoid asks :func:`read_layout`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .exceptions import IrregularSamplingError, RunIndexError
+
+__all__ = [
+    "DecimationMark",
+    "RunLayout",
+    "check_alignment",
+    "input_columns",
+    "mark_decimated",
+    "mark_run_in",
+    "read_layout",
+    "resample_runs",
+    "run_labels",
+    "sampling_time",
+    "select_runs",
+]
+
+RUN, TIME = "run", "time"
+RUN_IN_LEVEL = "run-in"
+_DECIMATION_LEVEL = re.compile(r"^decimation 1/(\d+) (\S+) (\S+)$")
+
+JITTER_TOLERANCE = 0.10  # of a sampling time; beyond it, lags in samples mean nothing
+GAP = 1.5  # steps longer than this many sampling times start a new segment
+WHOLE = 1e-6  # a duration within this many samples of a whole number is that number
+
+SET_OUTPUT_HINT = (
+    "A scikit-learn transformer that returns NumPy arrays drops the row index; call "
+    '.set_output(transform="pandas") on the pipeline to keep it, and put Decimator, DelayShift and '
+    "RunInTrimmer as steps of the pipeline itself, not in one branch of a ColumnTransformer."
+)
+
+
+@dataclass(frozen=True)
+class DecimationMark:
+    """What :class:`skhoid.Decimator` says about the rows it marks: factor, filter and its ends."""
+
+    factor: int
+    method: str
+    padding: str
+
+    @property
+    def level(self) -> str:
+        return f"decimation 1/{self.factor} {self.method} {self.padding}"
+
+
+@dataclass(frozen=True)
+class RunLayout:
+    """Where runs, segments and marks lie in the rows of a table.
+
+    ``run_starts`` and ``starts`` are row offsets that end with the number of rows: runs, and the
+    segments into which gaps cut them. ``time`` is in seconds, ``dt`` the sampling time,
+    ``jitter`` the largest deviation of a step from ``dt``, as a fraction of it.
+    """
+
+    labels: list[Any]
+    run_starts: np.ndarray
+    starts: np.ndarray
+    time: np.ndarray
+    dt: float
+    jitter: float = 0.0
+    indexed: bool = False
+    trimmed: np.ndarray | None = None
+    mark: DecimationMark | None = None
+    kept: np.ndarray | None = None
+
+    @property
+    def n_rows(self) -> int:
+        return int(self.run_starts[-1])
+
+    @property
+    def stretches(self) -> np.ndarray:
+        """Segment offsets, also cut where the run-in ends."""
+        if self.trimmed is None:
+            return self.starts
+        flips = np.flatnonzero(self.trimmed[1:] != self.trimmed[:-1]) + 1
+        return np.union1d(self.starts, flips)
+
+    def run_of(self, rows: np.ndarray) -> np.ndarray:
+        """Run number, counted from 0, of each row position."""
+        return np.searchsorted(self.run_starts, rows, side="right") - 1
+
+    def where(self, row: int) -> str:
+        """Name a row in an error message: its run, its time and its position."""
+        run = self.labels[int(self.run_of(np.asarray(row)))]
+        return f"run {run!r}, t = {self.time[row]:.6g} s (row {row})"
+
+    def sample_numbers(self) -> np.ndarray:
+        """Sample number of each row, counted from time zero and without a break in a segment."""
+        first = self.starts[:-1]
+        base = np.rint(self.time[first] / self.dt).astype(np.int64)
+        lengths = np.diff(self.starts)
+        return np.arange(self.n_rows) - np.repeat(first - base, lengths)
+
+
+def whole_samples(duration: float, dt: float) -> float:
+    """Duration in samples, snapped to a whole number when within 1e-6 of one."""
+    samples = duration / dt
+    nearest = round(samples)
+    return float(nearest) if abs(samples - nearest) <= WHOLE * max(1.0, abs(nearest)) else samples
+
+
+def read_layout(
+    X: Any, *, dt: float | None = None, run: Any = None, fallback_dt: float | None = None
+) -> RunLayout:
+    """Read runs, segments, sampling time and marks of ``X`` and check them.
+
+    Parameters
+    ----------
+    X : DataFrame or array of shape (n_rows, n_columns)
+    dt : float or None
+        Sampling time in seconds. With a time index it must agree with the index; without one,
+        None means 1.
+    run : column name or position, or None
+        Column that holds the run label, for tables without a run index.
+    fallback_dt : float or None
+        Sampling time when the index cannot tell it (runs of one row).
+
+    Raises
+    ------
+    RunIndexError
+        Runs not contiguous, time not increasing, index levels missing, time not in seconds.
+    IrregularSamplingError
+        Steps that deviate by more than 10 % from the sampling time and are not gaps.
+    """
+    if dt is not None and not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt is the sampling time in seconds and must be positive; got {dt!r}.")
+    index = getattr(X, "index", None)
+    if not isinstance(index, pd.Index):
+        index = None
+    if isinstance(index, pd.MultiIndex):
+        return _layout_from_multiindex(index, dt, fallback_dt)
+    if isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)):
+        _refuse_datetime(index)
+    n_rows = index.size if index is not None else np.asarray(X).shape[0]
+    run_starts, labels = _runs_of_column(X, run, n_rows)
+    if index is not None and index.name == TIME:
+        time = _seconds(index, dt)
+        return _layout_from_time(time, labels, run_starts, dt, fallback_dt, indexed=True)
+    step = dt if dt is not None else (fallback_dt if fallback_dt is not None else 1.0)
+    starts = run_starts
+    number = np.arange(n_rows) - np.repeat(run_starts[:-1], np.diff(run_starts))
+    if index is not None and not isinstance(index, pd.RangeIndex) and index.dtype.kind in "iu":
+        starts, number = _cut_at_jumps(index.to_numpy(), run_starts, number)
+    return RunLayout(labels, run_starts, starts, number * step, step)
+
+
+def _runs_of_column(X: Any, run: Any, n_rows: int) -> tuple[np.ndarray, list[Any]]:
+    if run is None:
+        return np.array([0, n_rows]), [0]
+    if isinstance(X, pd.DataFrame):
+        if run not in X.columns:
+            raise RunIndexError(
+                f"run={run!r} names the column with the run labels, but X has the columns "
+                f"{list(X.columns)}."
+            )
+        values = X[run].to_numpy()
+    else:
+        array = np.asarray(X)
+        if not isinstance(run, (int, np.integer)) or not -array.shape[1] <= run < array.shape[1]:
+            raise RunIndexError(
+                f"For an array, run= is the position of the column with the run labels, from 0 to "
+                f"{array.shape[1] - 1}; got {run!r}."
+            )
+        values = array[:, run]
+    codes, labels = pd.factorize(values)
+    if np.any(codes < 0):
+        row = int(np.flatnonzero(codes < 0)[0])
+        raise RunIndexError(f"The run label in column {run!r} is missing in row {row}.")
+    return _contiguous(codes, list(labels)), list(labels)
+
+
+def _contiguous(codes: np.ndarray, labels: list[Any]) -> np.ndarray:
+    """Offsets of the runs, whose codes are numbered in order of appearance."""
+    change = np.flatnonzero(codes[1:] != codes[:-1]) + 1
+    if change.size + 1 > len(labels):
+        back = change[np.flatnonzero(codes[change] < codes[change - 1])[0]]
+        label = labels[codes[back]]
+        raise RunIndexError(
+            f"The rows of run {label!r} are not contiguous: they go on at row {back}, after rows of "
+            f"run {labels[codes[back - 1]]!r}. Sort the table by run and time "
+            "(X = X.sort_index(), y likewise), or give runs that share a label their own. "
+            "Cross-validation must not shuffle rows: use LeaveOneGroupOut or GroupKFold with "
+            "groups=run_labels(X)."
+        )
+    return np.concatenate(([0], change, [codes.size])) if codes.size else np.array([0, 0])
+
+
+def _layout_from_multiindex(
+    index: pd.MultiIndex, dt: float | None, fallback_dt: float | None
+) -> RunLayout:
+    names = list(index.names)
+    if RUN not in names or TIME not in names:
+        raise RunIndexError(
+            f"The row index of X has the levels {names}; skhoid needs the levels 'run' and 'time' "
+            "(in seconds), and optional outer ones such as 'subject'. Rename them with "
+            "X.index = X.index.set_names([...]) or build the index with "
+            "X.set_index(['run', 'time'])."
+        )
+    trimmed = kept = mark = None
+    keys = []
+    for position, name in enumerate(names):
+        if name == RUN_IN_LEVEL:
+            trimmed = index.get_level_values(position).to_numpy(dtype=bool)
+        elif match := _DECIMATION_LEVEL.match(str(name)):
+            kept = index.get_level_values(position).to_numpy(dtype=bool)
+            mark = DecimationMark(int(match[1]), match[2], match[3])
+        elif name != TIME:
+            keys.append(position)
+    codes = np.zeros(len(index), dtype=np.int64)
+    for position in keys:
+        level_codes = np.asarray(index.codes[position])
+        if level_codes.size and level_codes.min() < 0:
+            row = int(np.flatnonzero(level_codes < 0)[0])
+            raise RunIndexError(f"The index level {names[position]!r} is missing in row {row}.")
+        codes = codes * max(len(index.levels[position]), 1) + level_codes
+    changes = np.flatnonzero(codes[1:] != codes[:-1]) + 1
+    firsts = np.concatenate(([0], changes)) if codes.size else np.array([], dtype=np.int64)
+    run_starts = np.append(firsts, codes.size)
+    levels = [index.levels[p].take(np.asarray(index.codes[p])[firsts]) for p in keys]
+    labels = list(zip(*levels, strict=True)) if len(keys) > 1 else list(levels[0])
+    block_codes, unique = pd.factorize(codes[firsts])
+    if len(unique) < len(firsts):
+        _contiguous(np.repeat(block_codes, np.diff(run_starts)), list(dict.fromkeys(labels)))
+    time = _seconds(index.get_level_values(TIME), dt)
+    return _layout_from_time(
+        time, labels, run_starts, dt, fallback_dt,
+        indexed=True, trimmed=trimmed, mark=mark, kept=kept,
+    )
+
+
+def _refuse_datetime(time: pd.Index) -> None:
+    raise RunIndexError(
+        f"The time index holds {time.dtype}; skhoid counts time in seconds from the start of the "
+        "run. Convert it with (t - t[0]).total_seconds()."
+    )
+
+
+def _seconds(time: pd.Index, dt: float | None) -> np.ndarray:
+    if time.dtype.kind in "mM":
+        _refuse_datetime(time)
+    if time.dtype.kind not in "iuf":
+        raise RunIndexError(f"The time index must be numbers in seconds; it holds {time.dtype}.")
+    seconds = time.to_numpy(dtype=float)
+    if not np.all(np.isfinite(seconds)):
+        row = int(np.flatnonzero(~np.isfinite(seconds))[0])
+        raise RunIndexError(f"The time index is {seconds[row]} in row {row}; it must be finite.")
+    return seconds
+
+
+def _layout_from_time(
+    time: np.ndarray,
+    labels: list[Any],
+    run_starts: np.ndarray,
+    dt: float | None,
+    fallback_dt: float | None,
+    **marks: Any,
+) -> RunLayout:
+    step = np.diff(time)
+    within = np.ones(step.size, dtype=bool)
+    within[run_starts[1:-1] - 1] = False
+    _check_increasing(time, step, within, run_starts, labels)
+    typical = _typical_step(step, run_starts, labels)
+    if typical is None:
+        typical = dt or fallback_dt
+        if typical is None:
+            raise IrregularSamplingError(
+                "The sampling time cannot be read from the index: every run has one row. Give it "
+                "as dt= (in seconds)."
+            )
+    regular = step[within & (step <= GAP * typical)]
+    found = _snap(float(regular.mean()) if regular.size else typical)
+    if dt is None and found >= 2.0:
+        raise RunIndexError(
+            f"The time index advances by {found:g} a row: this looks like milliseconds or sample "
+            f"numbers, and skhoid counts seconds. Divide it by 1000 (or multiply it by the sampling "
+            f"time); if the sampling time really is {found:g} s, say so with dt={found:g}."
+        )
+    for given, whose in ((dt, "dt="), (fallback_dt, "the model's sampling time ")):
+        if given is not None and abs(found - given) > 0.01 * given:
+            raise IrregularSamplingError(
+                f"The time index advances by {found:g} s a row, {whose}{given:g} s. Use data of one "
+                f"sampling time: skhoid.resample_runs(X, dt={given:g}) brings it onto that grid."
+            )
+    found = dt or fallback_dt or found
+    deviation = np.abs(regular - found) / found
+    jitter = float(deviation.max()) if deviation.size else 0.0
+    layout = RunLayout(
+        labels, run_starts, _cut(run_starts, within & (step > GAP * typical)), time, found,
+        jitter, **marks,
+    )
+    if jitter > JITTER_TOLERANCE:
+        gapless = within & (step <= GAP * typical)
+        row = int(np.argmax(np.where(gapless, np.abs(step - found), -1.0))) + 1
+        raise IrregularSamplingError(
+            f"Irregular sampling: {layout.where(row)} comes {step[row - 1]:.6g} s after the row "
+            f"before it, and the sampling time is {found:.6g} s (largest deviation "
+            f"{100 * jitter:.1f} %, rms {100 * np.sqrt(np.mean(deviation**2)):.2f} %; "
+            f"{100 * JITTER_TOLERANCE:.0f} % is tolerated). Bring the runs onto a regular grid with "
+            f"X, y = skhoid.resample_runs(X, y, dt={found:.6g})."
+        )
+    return layout
+
+
+def _check_increasing(
+    time: np.ndarray,
+    step: np.ndarray,
+    within: np.ndarray,
+    run_starts: np.ndarray,
+    labels: list[Any],
+) -> None:
+    bad = np.flatnonzero(within & (step <= 0))
+    if bad.size == 0:
+        return
+    row = int(bad[0]) + 1
+    label = labels[int(np.searchsorted(run_starts, row, side="right")) - 1]
+    where = f"run {label!r}, row {row}: {time[row - 1]:.6g} s is followed by {time[row]:.6g} s"
+    if bad.size > 0.1 * step.size and bad.size > 1:
+        raise RunIndexError(
+            f"The rows are shuffled: time goes backwards in {bad.size} places, first in {where}. "
+            "Sort the table (X = X.sort_index(), y likewise). For cross-validation split by runs, "
+            "not by rows: LeaveOneGroupOut or GroupKFold with groups=run_labels(X)."
+        )
+    what = "repeats" if time[row] == time[row - 1] else "decreases"
+    raise RunIndexError(
+        f"Time {what} in {where}. If a new run begins there, give it a label of its own in the "
+        "'run' level; otherwise sort the rows by time and drop repeated ones."
+    )
+
+
+def _typical_step(
+    step: np.ndarray, run_starts: np.ndarray, labels: list[Any]
+) -> float | None:
+    medians = [
+        (float(np.median(step[a : b - 1])), label)
+        for a, b, label in zip(run_starts[:-1], run_starts[1:], labels, strict=True)
+        if b - a > 1
+    ]
+    if not medians:
+        return None
+    first, label = medians[0]
+    for median, other in medians[1:]:
+        if abs(median - first) > JITTER_TOLERANCE * first and min(median, first) > 0:
+            raise IrregularSamplingError(
+                f"The runs differ in sampling time: {first:.6g} s in run {label!r}, {median:.6g} s "
+                f"in run {other!r}. Bring them onto one grid: "
+                f"X, y = skhoid.resample_runs(X, y, dt={max(first, median):.6g})."
+            )
+    return first
+
+
+def _snap(dt: float) -> float:
+    rate = round(1.0 / dt) if dt < 1.0 else 0
+    if rate and abs(1.0 / dt - rate) < 1e-6 * rate:
+        return 1.0 / rate
+    return float(f"{dt:.9g}")
+
+
+def _cut(run_starts: np.ndarray, is_cut: np.ndarray) -> np.ndarray:
+    cuts = np.flatnonzero(is_cut) + 1
+    return np.union1d(run_starts, cuts) if cuts.size else run_starts
+
+
+def _cut_at_jumps(
+    sample: np.ndarray, run_starts: np.ndarray, number: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Read an integer row index as sample numbers: a jump is a gap, as KFold leaves it."""
+    step = np.diff(sample.astype(np.int64))
+    within = np.ones(step.size, dtype=bool)
+    within[run_starts[1:-1] - 1] = False
+    backwards = np.flatnonzero(within & (step <= 0))
+    if backwards.size:
+        row = int(backwards[0]) + 1
+        raise RunIndexError(
+            f"The rows are shuffled or hold several runs: the row index goes from "
+            f"{sample[row - 1]} to {sample[row]} at row {row}. Rows must be in time order; name "
+            "runs with an index of levels 'run' and 'time', or with a run column and run=; "
+            "if the index means nothing, call X.reset_index(drop=True)."
+        )
+    if step.size and np.median(step[within]) == 1:
+        first = np.repeat(sample[run_starts[:-1]], np.diff(run_starts))
+        return _cut(run_starts, within & (step > 1)), sample - first
+    return run_starts, number
+
+
+def check_alignment(X: Any, y: Any) -> None:
+    """Refuse ``y`` whose row index says something else than that of ``X``."""
+    y_index = getattr(y, "index", None)
+    if not isinstance(y_index, pd.Index):
+        return
+    x_index = getattr(X, "index", None)
+    if not isinstance(x_index, pd.Index):
+        x_index = None
+    y_has_runs = TIME in y_index.names
+    if x_index is None or TIME not in x_index.names:
+        if y_has_runs:
+            raise RunIndexError(
+                "y has a run and time index but X has none, so the runs of X are lost. "
+                + SET_OUTPUT_HINT
+            )
+        if x_index is None:
+            return
+    elif isinstance(y_index, pd.RangeIndex) and y_index.start == 0 and y_index.step == 1:
+        return
+    if x_index is y_index:
+        return
+    marks = [n for n in x_index.names if n == RUN_IN_LEVEL or _DECIMATION_LEVEL.match(str(n))]
+    plain = x_index.droplevel(marks) if marks else x_index
+    if len(plain) != len(y_index) or plain.equals(y_index):
+        return  # unequal lengths are reported by scikit-learn
+    if plain.nlevels != y_index.nlevels:
+        detail = f"the levels are {list(plain.names)} in X and {list(y_index.names)} in y"
+    else:
+        row = int(np.flatnonzero([a != b for a, b in zip(plain, y_index, strict=True)])[0])
+        detail = f"the first difference is in row {row}: {plain[row]} in X, {y_index[row]} in y"
+    raise RunIndexError(
+        f"The row indexes of X and y disagree; {detail}. Give both the same rows in the same order "
+        "(y = y.loc[X.index]), or pass y as an array if its index means nothing."
+    )
+
+
+def input_columns(
+    columns: list[Any] | None, n_columns: int, inputs: Any, run: Any, roles: Any = None
+) -> list[int]:
+    """Positions of the linear inputs: ``inputs``, else the column of role ``e``, else all."""
+    names: list[Any] = list(range(n_columns)) if columns is None else list(columns)
+    run_position = None
+    if run is not None:
+        run_position = names.index(run) if run in names else int(run) % n_columns
+    if inputs is not None:
+        wanted = [inputs] if isinstance(inputs, (str, int, np.integer)) else list(inputs)
+        if not wanted:
+            raise ValueError("inputs is empty; name at least one column, or None for the default.")
+        unknown = [w for w in wanted if w not in names]
+        if unknown:
+            raise ValueError(
+                f"inputs names {unknown[0]!r}, which is not a column of X; the columns are {names}."
+            )
+        positions = [names.index(w) for w in wanted]
+        if len(set(positions)) < len(positions):
+            raise ValueError(f"inputs names a column twice: {wanted}.")
+        return positions
+    by_role = [i for i, name in enumerate(names) if (roles or {}).get(name, name) == "e"]
+    if by_role:
+        return by_role
+    return [i for i in range(n_columns) if i != run_position]
+
+
+def mark_run_in(frame: pd.DataFrame, trimmed: np.ndarray) -> pd.DataFrame:
+    """Return ``frame`` with the run-in rows marked in an extra index level."""
+    return _with_level(frame, RUN_IN_LEVEL, trimmed)
+
+
+def mark_decimated(frame: pd.DataFrame, mark: DecimationMark, kept: np.ndarray) -> pd.DataFrame:
+    """Return ``frame`` with the kept rows marked in an extra index level."""
+    return _with_level(frame, mark.level, kept)
+
+
+def _with_level(frame: pd.DataFrame, name: str, values: np.ndarray) -> pd.DataFrame:
+    index = frame.index
+    if not isinstance(index, pd.MultiIndex):
+        raise TypeError("marks are carried by a run and time index")
+    frame.index = pd.MultiIndex(
+        levels=[*index.levels, [False, True]],
+        codes=[*index.codes, values.astype(np.int8)],
+        names=[*index.names, name],
+        verify_integrity=False,
+    )
+    return frame
+
+
+def run_time_index(layout: RunLayout) -> pd.MultiIndex:
+    """The row index that says what ``layout`` says."""
+    rows = np.arange(layout.n_rows)
+    labels = pd.Index(layout.labels).take(layout.run_of(rows))
+    return pd.MultiIndex.from_arrays([labels, layout.time], names=[RUN, TIME])
+
+
+def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarray:
+    """Return the run label of each row, for use as ``groups`` in cross-validation.
+
+    Parameters
+    ----------
+    X : DataFrame of shape (n_rows, n_columns) or array
+        Data with ``run`` and ``time`` in the row index, or with a run column.
+    level : str or None, default=None
+        Index level to read, such as ``"subject"``, to leave out whole subjects. None means the
+        run itself; where there are outer levels the labels are joined, ``"S1/C3/2"``, because
+        equal run numbers of two subjects are two runs.
+    run : column name or position, or None, default=None
+        Run column of a table without a run index.
+
+    Returns
+    -------
+    labels : ndarray of shape (n_rows,)
+
+    Examples
+    --------
+    >>> from skhoid import load_human_tracking, run_labels
+    >>> X, y = load_human_tracking([0, 1])
+    >>> sorted(set(run_labels(X).tolist()))
+    ['difficulty 50', 'difficulty 80']
+    """
+    if level is not None:
+        index = getattr(X, "index", None)
+        if index is None or level not in index.names:
+            found = list(index.names) if isinstance(index, pd.Index) else None
+            raise RunIndexError(f"X has no index level {level!r}; its levels are {found}.")
+        return index.get_level_values(level).to_numpy()
+    layout = read_layout(X, run=run)
+    labels = layout.labels
+    if labels and isinstance(labels[0], tuple):
+        labels = ["/".join(str(part) for part in label) for label in labels]
+        if len(set(labels)) < len(labels):
+            labels = [repr(label) for label in layout.labels]
+    return np.repeat(np.asarray(labels), np.diff(layout.run_starts))
+
+
+def sampling_time(X: Any, *, dt: float | None = None, run: Any = None) -> float:
+    """Return the sampling time of recorded runs in seconds, after checking it.
+
+    Parameters
+    ----------
+    X : DataFrame of shape (n_rows, n_columns) or array
+        Data with ``run`` and ``time`` in the row index.
+    dt : float or None, default=None
+        Sampling time in seconds, for data without a time index.
+    run : column name or position, or None, default=None
+        Run column of a table without a run index.
+
+    Returns
+    -------
+    dt : float
+        Sampling time in seconds.
+
+    Raises
+    ------
+    IrregularSamplingError
+        If a step deviates by more than 10 % from the others and is not a gap.
+
+    Examples
+    --------
+    >>> from skhoid import load_bicycle_rider, sampling_time
+    >>> X, y = load_bicycle_rider()
+    >>> sampling_time(X)
+    0.005
+    """
+    return read_layout(X, dt=dt, run=run).dt
+
+
+def select_runs(
+    X: pd.DataFrame,
+    y: Any = None,
+    *,
+    runs: Any = None,
+    first: int | None = None,
+    last: int | None = None,
+) -> Any:
+    """Return the rows of some runs, by label or by their place in the session.
+
+    Parameters
+    ----------
+    X : DataFrame of shape (n_rows, n_columns)
+        Data with levels ``run`` and ``time``, and possibly outer levels, in the row index.
+    y : Series, DataFrame, array or None, default=None
+        Output with the same rows.
+    runs : label, list of labels or None, default=None
+        Labels of the level ``run`` to keep.
+    first, last : int or None, default=None
+        Keep this many runs, the first or the last ones within each combination of outer levels
+        (subject, condition). The thesis keeps the last five of seven.
+
+    Returns
+    -------
+    X_selected : DataFrame
+    y_selected : same type as y
+        Only if ``y`` is given.
+
+    Examples
+    --------
+    >>> from skhoid import load_human_tracking, run_labels, select_runs
+    >>> X, y = load_human_tracking("all")
+    >>> X_last, y_last = select_runs(X, y, last=2)
+    >>> len(set(run_labels(X_last)))
+    2
+    """
+    if sum(choice is not None for choice in (runs, first, last)) != 1:
+        raise ValueError("Give exactly one of runs=, first= and last=.")
+    count = first if first is not None else last
+    if count is not None and count < 1:
+        raise ValueError(f"first= and last= count runs and must be at least 1; got {count}.")
+    layout = read_layout(X)
+    if not isinstance(X.index, pd.MultiIndex):
+        raise RunIndexError("select_runs needs the index levels 'run' and 'time'.")
+    outer = [label[:-1] if isinstance(label, tuple) else () for label in layout.labels]
+    inner = [label[-1] if isinstance(label, tuple) else label for label in layout.labels]
+    keep = np.zeros(len(inner), dtype=bool)
+    if runs is not None:
+        wanted = [runs] if np.ndim(runs) == 0 else list(runs)
+        unknown = [w for w in wanted if w not in inner]
+        if unknown:
+            raise ValueError(f"There is no run {unknown[0]!r}; the runs are {sorted(set(inner))}.")
+        keep[:] = [label in wanted for label in inner]
+    else:
+        for group in set(outer):
+            members = [i for i, o in enumerate(outer) if o == group]
+            keep[members[: first] if first is not None else members[-last:]] = True  # type: ignore
+    rows = np.repeat(keep, np.diff(layout.run_starts))
+    check_alignment(X, y)
+    if y is None:
+        return X[rows]
+    return X[rows], y[rows]
+
+
+def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) -> Any:
+    """Bring recorded runs onto a regular time grid by cubic interpolation.
+
+    skhoid never does this by itself: lags in samples need a regular clock, and an irregular one
+    is an error that names this function.
+
+    Parameters
+    ----------
+    X : DataFrame of shape (n_rows, n_columns)
+        Data with ``run`` and ``time`` (s) in the row index; time must increase within runs.
+    y : Series, DataFrame or None, default=None
+        Output with the same rows.
+    dt : float or None, default=None
+        Sampling time of the new grid in seconds; None takes the median step. Choose it no longer
+        than the old one: nothing is filtered, so coarser grids alias (thin with
+        :class:`skhoid.Decimator` instead).
+
+    Returns
+    -------
+    X_regular : DataFrame
+        Rows at the first instant of each segment plus multiples of ``dt``. A step longer than
+        one and a half median steps is a gap and stays one; rows whose neighbours are NaN are NaN.
+    y_regular : same type as y
+        Only if ``y`` is given.
+
+    Examples
+    --------
+    >>> from skhoid import load_human_tracking, resample_runs, sampling_time
+    >>> X, y = load_human_tracking(0, resample=False)
+    >>> X, y = resample_runs(X, y, dt=1 / 60)
+    >>> round(1 / sampling_time(X))
+    60
+    """
+    check_alignment(X, y)
+    index = X.index
+    if TIME not in index.names:
+        raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
+    time = _seconds(index.get_level_values(TIME), dt)
+    keys = [name for name in index.names if name != TIME]
+    frame = X if y is None else pd.concat([X, pd.DataFrame(y)], axis=1)
+    values = frame.to_numpy(dtype=float)
+    if keys:
+        codes, labels = pd.factorize(index.droplevel(TIME))
+        run_starts = _contiguous(codes, list(labels))
+    else:
+        labels, run_starts = [0], np.array([0, len(index)])
+    step = np.diff(time)
+    within = np.ones(step.size, dtype=bool)
+    within[run_starts[1:-1] - 1] = False
+    _check_increasing(time, step, within, run_starts, list(labels))
+    medians = [
+        float(np.median(step[a : b - 1]))
+        for a, b in zip(run_starts[:-1], run_starts[1:], strict=True)
+        if b - a > 1
+    ]
+    if not medians:
+        raise IrregularSamplingError("resample_runs needs runs of at least two rows.")
+    grid_step = dt if dt is not None else _snap(float(np.median(medians)))
+    threshold = np.repeat(medians, np.diff(run_starts))[1:] if len(medians) == len(labels) else (
+        np.full(step.size, np.median(medians))
+    )
+    starts = _cut(run_starts, within & (step > GAP * threshold))
+    pieces, times, origin = [], [], []
+    for a, b in zip(starts[:-1], starts[1:], strict=True):
+        span = time[b - 1] - time[a]
+        grid = time[a] + grid_step * np.arange(int(np.floor(span / grid_step + WHOLE)) + 1)
+        pieces.append(_interpolate(time[a:b], values[a:b], grid))
+        times.append(grid)
+        origin.append(np.full(grid.size, a))
+    rows = np.concatenate(origin)
+    levels = [index.get_level_values(name).take(rows) for name in keys]
+    arrays = dict(zip(keys, levels, strict=True)) | {TIME: np.concatenate(times)}
+    new_index = (
+        pd.MultiIndex.from_arrays([arrays[n] for n in index.names], names=index.names)
+        if keys
+        else pd.Index(arrays[TIME], name=TIME)
+    )
+    result = pd.DataFrame(np.vstack(pieces), index=new_index, columns=frame.columns)
+    X_new = result.iloc[:, : X.shape[1]]
+    X_new.attrs = dict(X.attrs)
+    if y is None:
+        return X_new
+    y_new = result.iloc[:, X.shape[1] :]
+    if isinstance(y, pd.Series):
+        y_new = y_new.iloc[:, 0].rename(y.name)
+    y_new.attrs = dict(y.attrs)
+    return X_new, y_new
+
+
+def _interpolate(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    from scipy.interpolate import make_interp_spline
+
+    result = np.full((grid.size, values.shape[1]), np.nan)
+    right = np.clip(np.searchsorted(time, grid, side="left"), 0, time.size - 1)
+    left = np.where(np.isclose(time[right], grid), right, np.maximum(right - 1, 0))
+    for column in range(values.shape[1]):
+        known = np.isfinite(values[:, column])
+        if not known.any():
+            continue
+        degree = 3 if known.sum() > 3 else 1
+        if known.sum() == 1:
+            result[:, column] = values[known, column]
+        else:
+            spline = make_interp_spline(time[known], values[known, column], k=degree)
+            result[:, column] = spline(grid)
+        result[~(known[left] & known[right]), column] = np.nan
+    return result

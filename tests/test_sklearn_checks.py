@@ -1,0 +1,39 @@
+"""scikit-learn's own checks on every estimator, and the twins of the waived ones."""
+
+from __future__ import annotations
+
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelaySearchCV,
+    DelayShift,
+    OrderSearchCV,
+    RunInTrimmer,
+)
+
+ROW_ORDER = "row order is the data: a lag is the row before"
+WAIVED = {
+    "check_methods_sample_order_invariance": ROW_ORDER + "; twin: permuted runs",
+    "check_methods_subset_invariance": ROW_ORDER + "; twin: predicting a subset of runs",
+}
+SMALL = ARXRegressor(na=1, nb=1)
+ESTIMATORS = [
+    SMALL,
+    DelaySearchCV(SMALL, nk=[0, 1]),
+    OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
+    Decimator(),
+    DelayShift(),
+    RunInTrimmer(),
+]
+TRANSFORMERS = (Decimator, DelayShift, RunInTrimmer)
+
+
+def waived(estimator):
+    return {} if isinstance(estimator, TRANSFORMERS) else WAIVED
+
+
+@parametrize_with_checks(ESTIMATORS, expected_failed_checks=waived)
+def test_sklearn_checks(estimator, check):
+    check(estimator)
