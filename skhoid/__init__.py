@@ -11,6 +11,34 @@ from .exceptions import (
     SamplingJitterWarning,
     ShortRunError,
 )
+from .io import load_bicycle_rider, load_human_tracking, read_runs
 from .metrics import VAFScorer, vaf_score
 from .preprocessing import Decimator, DelayShift, RunInTrimmer
 from .runs import resample_runs, run_labels, sampling_time, select_runs
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ARXRegressor",
+    "Decimator",
+    "DelaySearchCV",
+    "DelayShift",
+    "IrregularSamplingError",
+    "MissingDataWarning",
+    "OrderSearchCV",
+    "RankDeficiencyError",
+    "RunCutWarning",
+    "RunInTrimmer",
+    "RunIndexError",
+    "SamplingJitterWarning",
+    "ShortRunError",
+    "VAFScorer",
+    "load_bicycle_rider",
+    "load_human_tracking",
+    "read_runs",
+    "resample_runs",
+    "run_labels",
+    "sampling_time",
+    "select_runs",
+    "vaf_score",
+]

@@ -74,7 +74,7 @@ def vaf_score(
     92.86
     """
     layout, y, prediction, keep = _rows_to_score(y_true, y_pred, run_in, window, dt, run)
-    value = _vaf(y, prediction, keep, layout, average, centered)
+    value = vaf_of_rows(y, prediction, keep, layout, average, centered)
     return np.maximum(value, 0.0) if average is None else max(value, 0.0)
 
 
@@ -108,7 +108,7 @@ def scored_rows(layout: RunLayout, run_in: float | None, window: Any) -> np.ndar
     return keep
 
 
-def _vaf(
+def vaf_of_rows(
     y: np.ndarray,
     prediction: np.ndarray,
     keep: np.ndarray,
@@ -236,16 +236,16 @@ class VAFScorer:
             In percent, unclipped, at least -1000.
         """
         layout = read_layout(X, dt=self.dt, run=self.run)
-        keep = scored_rows(layout, self.run_in, self.window) & ~_trimmed_rows(estimator, X)
+        keep = scored_rows(layout, self.run_in, self.window) & ~trimmed_rows(estimator, X)
         if self.rate == "model":
             model, X = _final_step(estimator, X)
             return model.score_at_model_rate(X, y, keep, self.average, self.centered)
         measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
         prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
-        return _vaf(measured, prediction, keep, layout, self.average, self.centered)
+        return vaf_of_rows(measured, prediction, keep, layout, self.average, self.centered)
 
 
-def _trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
+def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
     """Rows that a RunInTrimmer inside ``estimator`` leaves out."""
     trimmed = np.zeros(len(np.asarray(X)), dtype=bool)
     estimator = getattr(estimator, "best_estimator_", estimator)

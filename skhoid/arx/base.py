@@ -16,11 +16,12 @@ from ..exceptions import (
     SamplingJitterWarning,
     ShortRunError,
 )
-from ..metrics import _vaf
+from ..metrics import vaf_of_rows
 from ..preprocessing.base import read_table
 from ..preprocessing.grid import ModelGrid
 from ..runs import check_alignment, input_columns, read_layout
 from .orders import Orders
+from .transfer import transfer_function
 
 BOUND = 1e100  # of simulated outputs; its square still sums without overflow
 NOTED_JITTER = 0.01  # of a sampling time
@@ -109,6 +110,28 @@ class BaseARX(RegressorMixin, BaseEstimator):
             self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept)
         )
         check_lengths(grid, self.orders_)
+
+    def to_transfer_function(self, backend: str = "scipy") -> Any:
+        """Return the discrete-time transfer function from the inputs to the output.
+
+        G(z) = z^-nk (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...), with the sampling time ``dt_``.
+        The intercept is not part of it.
+
+        Parameters
+        ----------
+        backend : {"scipy", "control"}, default="scipy"
+            Library of the result; python-control is an extra: ``pip install "skhoid[control]"``.
+
+        Returns
+        -------
+        G : scipy.signal.dlti, dict of them by input, or control.TransferFunction
+            With several inputs SciPy, which has no systems of several inputs with delays, gets
+            a dict ``{input: dlti}``; python-control gets one system.
+        """
+        check_is_fitted(self)
+        if backend not in ("scipy", "control"):
+            raise ValueError(f"backend must be 'scipy' or 'control'; got {backend!r}.")
+        return transfer_function(self.orders_, self.coef_, self.dt_, self.inputs_, backend)
 
     def _split_theta(self) -> tuple[np.ndarray, np.ndarray, float]:
         return self.orders_.split(self.coef_)
@@ -300,7 +323,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         prediction = self.predict(X)
         layout = read_layout(X, dt=self.dt, run=self.run, fallback_dt=self._full_dt)
         keep = np.ones(layout.n_rows, dtype=bool) if layout.trimmed is None else ~layout.trimmed
-        return _vaf(self._read_y(X, y), prediction, keep, layout, "pooled", False)
+        return vaf_of_rows(self._read_y(X, y), prediction, keep, layout, "pooled", False)
 
     def score_at_model_rate(
         self, X: Any, y: Any, keep: np.ndarray, average: str, centered: bool
@@ -314,7 +337,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         rows = np.arange(output.size) if grid.rows is None else grid.rows
         thinned = np.full(output.size, np.nan)
         full[rows], thinned[rows] = free, grid.thin_output(output)
-        return _vaf(thinned, full, keep, grid.layout, average, centered)
+        return vaf_of_rows(thinned, full, keep, grid.layout, average, centered)
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

@@ -8,11 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from sklearn.exceptions import ConvergenceWarning
+
 from .._sklearn import Interval, StrOptions, fit_context
 from ..exceptions import MissingDataWarning, ShortRunError
 from ..preprocessing.grid import ModelGrid
+from ..runs import input_columns
 from .base import BaseARX
 from .excitation import rank_error
+from .instruments import estimate
 from .least_squares import Triangle, newey_west
 from .orders import regressors
 
@@ -181,6 +185,25 @@ class ARXRegressor(BaseARX):
         grid, inputs, output, columns = self._read_data(X, y)
         self._set_orders(grid)
         begin, end = grid.begin[grid.measured], grid.end[grid.measured]
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        if self.method == "iv":
+            self._fit_iv(grid, inputs, output, columns, begin, end)
+        else:
+            self._fit_ols(grid, inputs, output, begin, end)
+        self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
+        self.a_, b, self.intercept_ = self._split_theta()
+        rows = [row[:nb] for row, nb in zip(b, self.orders_.nb, strict=True)]
+        self.b_ = rows[0] if len(rows) == 1 else rows
+        return self
+
+    def _fit_ols(
+        self,
+        grid: ModelGrid,
+        inputs: np.ndarray,
+        output: np.ndarray,
+        begin: np.ndarray,
+        end: np.ndarray,
+    ) -> None:
         table, rows, self.n_rows_missing_ = regressors(output, inputs, begin, end, self.orders_)
         self.n_rows_used_ = rows.size
         p = self.orders_.n_params
@@ -193,9 +216,6 @@ class ARXRegressor(BaseARX):
                 "take the rest). Use more data or fewer lags."
             )
         self._report_missing(grid, inputs, output, rows)
-        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        if self.method == "iv":
-            raise NotImplementedError
         keep = np.array(table, order="F") if self.covariance == "hac" else None
         triangle = Triangle.of(table)
         self._check_rank(triangle, inputs, output)
@@ -207,14 +227,55 @@ class ARXRegressor(BaseARX):
         else:
             errors = keep[:, -1] - keep[:, :-1] @ self.coef_
             self.covariance_ = bread @ newey_west(keep[:, :-1] * errors[:, None], rows) @ bread
-        self._publish()
-        return self
 
-    def _publish(self) -> None:
-        self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
-        self.a_, b, self.intercept_ = self._split_theta()
-        rows = [row[:nb] for row, nb in zip(b, self.orders_.nb, strict=True)]
-        self.b_ = rows[0] if len(rows) == 1 else rows
+    def _fit_iv(
+        self,
+        grid: ModelGrid,
+        inputs: np.ndarray,
+        output: np.ndarray,
+        columns: np.ndarray,
+        begin: np.ndarray,
+        end: np.ndarray,
+    ) -> None:
+        positions = self._instrument_columns(columns.shape[1])
+        names = self._channel_names(positions)
+        found = estimate(
+            output, inputs, columns[:, positions], begin, end, self.orders_, self.dt_, names
+        )
+        if not found.converged:
+            warnings.warn(
+                f"The instrumental-variable estimate still moves after {found.n_rounds} rounds; "
+                "the instruments may be weak. Compare its standard errors with method='ols'.",
+                ConvergenceWarning,
+                stacklevel=4,
+            )
+        self.coef_ = found.theta
+        self.noise_variance_ = found.noise_variance
+        self.n_rows_used_, self.n_rows_missing_ = found.n_rows, found.n_missing
+        self._report_missing(grid, inputs, output, np.arange(found.n_rows))
+        self.covariance_ = (
+            found.coloured_covariance if self.covariance == "hac" else found.white_covariance
+        )
+
+    def _instrument_columns(self, n_columns: int) -> list[int]:
+        names = list(getattr(self, "feature_names_in_", range(n_columns)))
+        if self.instruments is not None:
+            positions = input_columns(names, n_columns, self.instruments, self.run)
+        else:
+            roles = [str((self.roles or {}).get(name, name)) for name in names]
+            positions = [i for i, r in enumerate(roles) if r == "f_t" or r.startswith("dist")]
+        if not positions:
+            raise ValueError(
+                "method='iv' needs external signals in X, such as the target f_t or a disturbance: "
+                f"name them with instruments=[...]; the columns are {names}."
+            )
+        inside = [names[p] for p in positions if p in self._columns]
+        if inside:
+            raise ValueError(
+                f"{inside[0]!r} is an input and cannot be its own instrument; instruments are "
+                "signals from outside the loop, such as f_t. If it is one, OLS has no bias to cure."
+            )
+        return positions
 
     def _report_missing(
         self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, rows: np.ndarray

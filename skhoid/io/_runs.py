@@ -52,7 +52,7 @@ def runs_of(
         )
     lengths = {name: len(values) for name, values in columns.items()}
     if isinstance(clock, str):
-        time = _column(table, clock) / _per_second(table, clock, time_unit)
+        time: np.ndarray = _column(table, clock) / _per_second(table, clock, time_unit)
         if time.shape[1] not in (1, n_runs):
             raise ValueError(
                 f"{table.where(clock)} has {time.shape[1]} columns, the channels have {n_runs}: "
@@ -145,7 +145,7 @@ def _flat(labels: Any) -> list[Any]:
 def _label(label: Any, where: str, row: int) -> Any:
     if pd.isna(label) or label == "":
         raise ValueError(f"{where} has no run label in row {row + 1}.")
-    # MATLAB, and a column with one missing cell, store whole numbers as floats.
+    # MATLAB numbers are floats: a run 1 there is the run 1 of a CSV file.
     if isinstance(label, float) and label.is_integer():
         return int(label)
     return label.strip() if isinstance(label, str) else label

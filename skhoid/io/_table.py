@@ -77,13 +77,13 @@ class Table:
                 f"{self.path} has {len(hits)} {self.kind}s {asked!r}, with the headers "
                 f"{headers}: {advice}."
             )
-        for name, reason in self.unreadable.items():
-            if asked == name or asked.startswith(f"{name}."):
-                # A struct that was read lists its fields among the names: there the field is
-                # what is missing.
-                if asked != name and any(n.startswith(f"{name}.") for n in self.names):
-                    continue
-                raise ValueError(f"In {self.path}, {name!r} {reason}")
+        parts = asked.split(".")
+        for depth in range(len(parts), 0, -1):
+            name = ".".join(parts[:depth])
+            # Of a struct that was opened, the field is what is missing.
+            is_open = any(other.startswith(f"{name}.") for other in self.names)
+            if name in self.unreadable and (name == asked or not is_open):
+                raise ValueError(f"In {self.path}, {name!r} {self.unreadable[name]}")
         raise ValueError(self._missing(asked))
 
     def unit_of(self, position: int) -> str | None:

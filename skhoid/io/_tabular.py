@@ -9,7 +9,6 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from ._table import Table, require
@@ -23,25 +22,50 @@ _EXACT: dict[str, Any] = (
     if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1)
     else {}
 )
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?\s*")
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*")
+_DECIMAL_POINT = re.compile(_DECIMAL_COMMA.pattern.replace(",", r"\."))
 
 
 def read_csv(path: Path) -> Table:
     """Read a text file with one header row; separator comma, semicolon or tab."""
-    text = _decode(path.read_bytes()).lstrip("\r\n")
+    text = _decode(path.read_bytes()).replace("\r\n", "\n").replace("\r", "\n").lstrip("\n")
     if not text.strip():
         raise ValueError(f"{path} is empty.")
     first_line = text.split("\n", 1)[0]
     separator = next((sign for sign in "\t;" if sign in first_line), ",")
     header_reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     names = [name.strip() for name in next(header_reader)]
-    frame = _parse(path, text, separator, names, header_reader.line_num)
+    n_header = header_reader.line_num
+    if not "".join(text.split("\n", n_header)[n_header:]).strip():
+        raise ValueError(f"{path} has a header but no rows.")
+    frame = _parse(path, text, separator, names, n_header)
     note = ""
     if all(_is_number(name) for name in names):
         note = "Its first row holds numbers: write a header row with the names of the columns."
-    return Table(
-        path, names, lambda position: _decimal(frame, position, separator, names, path), note=note
-    )
+
+    def load(position: int) -> pd.Series:
+        column = frame[position]
+        if separator == "," or pd.api.types.is_numeric_dtype(column.dtype):
+            return column
+        commas = column.dropna().astype(str)
+        commas = commas[commas.map(_DECIMAL_COMMA.fullmatch).notna()]
+        if commas.empty:
+            return column
+        cells = _parse(path, text, separator, names, n_header, dtype=str)
+        for name, other in zip(names, cells, strict=True):
+            points = cells[other].dropna()
+            if points.map(_DECIMAL_POINT.fullmatch).notna().any():
+                raise ValueError(
+                    f"{path} is ambiguous: column {names[position]!r} has commas in its numbers "
+                    f"({commas.iloc[0]!r}) and column {name!r} has points. Write all numbers "
+                    "with a decimal point and without separators of thousands."
+                )
+        numbers = column.astype(object)
+        # float() and not pd.to_numeric, which is inexact in the last digit before pandas 3.1.
+        numbers.loc[commas.index] = commas.map(lambda cell: float(cell.replace(",", ".")))
+        return numbers
+
+    return Table(path, names, load, note=note)
 
 
 def read_parquet(path: Path) -> Table:
@@ -71,7 +95,9 @@ def _decode(raw: bytes) -> str:
         return raw.decode("cp1252", errors="replace")
 
 
-def _parse(path: Path, text: str, separator: str, names: list[str], skip: int) -> pd.DataFrame:
+def _parse(
+    path: Path, text: str, separator: str, names: list[str], skip: int, dtype: Any = None
+) -> pd.DataFrame:
     with warnings.catch_warnings():
         # pandas only warns when a row has more cells than the header, and drops the rest.
         warnings.simplefilter("error", pd.errors.ParserWarning)
@@ -84,47 +110,15 @@ def _parse(path: Path, text: str, separator: str, names: list[str], skip: int) -
                 skiprows=skip,
                 index_col=False,
                 skipinitialspace=True,
+                dtype=dtype,
                 low_memory=False,
                 **_EXACT,
             )
-        except pd.errors.EmptyDataError as error:
-            raise ValueError(f"{path} has a header but no rows.") from error
         except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
             raise ValueError(
                 f"{path} cannot be read as a table of {len(names)} columns separated by "
                 f"{separator!r}: {str(error).strip()} Every row needs as many cells as the header."
             ) from error
-
-
-def _decimal(
-    frame: pd.DataFrame, position: int, separator: str, names: list[str], path: Path
-) -> pd.Series:
-    """Return a column, its decimal commas read as such where they cannot mean anything else."""
-    column = frame[position]
-    if separator == "," or pd.api.types.is_numeric_dtype(column.dtype):
-        return column
-    cells = column.dropna()
-    if not cells.map(lambda cell: _DECIMAL_COMMA.fullmatch(str(cell)) is not None).all():
-        return column
-    for other in frame.columns:
-        if _has_decimal_point(frame[other]):
-            raise ValueError(
-                f"{path} is ambiguous: column {names[position]!r} has commas in its numbers "
-                f"({cells.iloc[0]!r}) and column {names[other]!r} has points. Write all numbers "
-                "with a decimal point and without separators of thousands."
-            )
-    # float() and not pd.to_numeric, whose last digit is not always right.
-    return column.map(lambda cell: float(str(cell).replace(",", ".")), na_action="ignore").astype(
-        np.float64
-    )
-
-
-def _has_decimal_point(column: pd.Series) -> bool:
-    if not pd.api.types.is_float_dtype(column.dtype):
-        return False
-    values = column.to_numpy()
-    values = values[np.isfinite(values)]
-    return bool(np.any(values != np.round(values)))
 
 
 def _is_number(cell: str) -> bool:

@@ -12,7 +12,7 @@ from sklearn.utils.validation import column_or_1d
 
 from ... import _kernels
 from ...exceptions import ShortRunError
-from ...metrics import VAF_FLOOR, VAFScorer, _trimmed_rows, _vaf, scored_rows
+from ...metrics import VAF_FLOOR, VAFScorer, trimmed_rows, vaf_of_rows, scored_rows
 from ...preprocessing.base import RowPreservingTransformer
 from ...runs import RunLayout, read_layout
 from ..base import BOUND, check_lengths
@@ -142,10 +142,10 @@ class Validation:
         self.folds = folds
         self.scorer = scorer
         self.keep = scored_rows(self.layout, scorer.run_in, scorer.window)
-        self.keep &= ~_trimmed_rows(estimator, X)
+        self.keep &= ~trimmed_rows(estimator, X)
 
     def vaf(self, prediction: np.ndarray, fold: Fold) -> float:
-        return _vaf(
+        return vaf_of_rows(
             self.y, prediction, self.keep & fold.test, self.layout,
             self.scorer.average, self.scorer.centered,
         )

@@ -44,6 +44,8 @@ class DelaySearchCV(BestModel):
     cv : int, splitter, iterable or None, default=None
         Folds for ``"vaf"``; an int counts folds of whole runs. None leaves out one run at a time;
         a single run is fitted on its first half and scored on its second.
+    scoring : VAFScorer or None, default=None
+        How ``"vaf"`` takes the VAF: run-in, window, centring, average.
     window : float or None, default=None
         Length in seconds of a sliding window; gives the delay over time besides the overall one.
         Needs ``criterion="one_step"``.
@@ -101,6 +103,7 @@ class DelaySearchCV(BestModel):
         "nk": ["array-like", None],
         "criterion": [StrOptions({"one_step", "vaf"})],
         "cv": ["cv_object"],
+        "scoring": [VAFScorer, None],
         "window": [Interval(Real, 0, None, closed="neither"), None],
         "step": [Interval(Real, 0, None, closed="neither"), None],
     }
@@ -112,6 +115,7 @@ class DelaySearchCV(BestModel):
         *,
         criterion: str = "one_step",
         cv: Any = None,
+        scoring: VAFScorer | None = None,
         window: float | None = None,
         step: float | None = None,
     ) -> None:
@@ -119,6 +123,7 @@ class DelaySearchCV(BestModel):
         self.nk = nk
         self.criterion = criterion
         self.cv = cv
+        self.scoring = scoring
         self.window = window
         self.step = step
 
@@ -236,7 +241,7 @@ class DelaySearchCV(BestModel):
         context: Any,
     ) -> np.ndarray:
         folds = folds_of(X, y, raw_layout(estimator, X), self.cv)
-        validation = Validation(estimator, X, y, folds, VAFScorer())
+        validation = Validation(estimator, X, y, folds, self.scoring or VAFScorer())
         triangles = [table.triangle(fold.train) for fold in folds] if table is not None else []
         scores = np.full((len(candidates), len(folds)), np.nan)
         for i, nk in enumerate(candidates):

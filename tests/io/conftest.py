@@ -3,12 +3,19 @@
 import h5py
 import numpy as np
 import pandas as pd
+import pytest
 from scipy.io import savemat
 
-SUFFIXES = {"csv": ".csv", "semicolon": ".csv", "parquet": ".parquet", "mat5": ".mat", "hdf5": ".mat"}
+SUFFIXES = {
+    "csv": ".csv",
+    "semicolon": ".csv",
+    "parquet": ".parquet",
+    "mat5": ".mat",
+    "hdf5": ".mat",
+}
 
 
-def write(folder, kind, columns, stem="run1"):
+def write_columns(folder, kind, columns, stem="run1"):
     """Write columns as ``stem`` in a folder of its own, and return the path."""
     path = folder / kind / f"{stem}{SUFFIXES[kind]}"
     path.parent.mkdir(exist_ok=True)
@@ -42,3 +49,15 @@ def _fill(group, variables):
         else:
             dataset = group.create_dataset(name, data=values.T)
             dataset.attrs["MATLAB_class"] = np.bytes_("double")
+
+
+@pytest.fixture(scope="session")
+def write():
+    """Function ``write(folder, kind, columns, stem="run1")`` that returns the path."""
+    return write_columns
+
+
+@pytest.fixture(scope="session")
+def write_mat73():
+    """Function ``write_mat73(path, variables)``; a dict among the variables is a struct."""
+    return write_hdf5

@@ -1,0 +1,283 @@
+"""The command line: thin, every capability is a function of the package."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .arx.identify import Identification
+
+EXAMPLES = """\
+examples:
+  skhoid identify                          identify a bundled recording of a human tracker
+  skhoid identify run*.csv --input e --output u --time t
+  skhoid identify runs.mat --input data.e --output data.u --dt 0.01 --run-in 8.08
+  skhoid identify all.parquet --input e --output u --time t --run trial --validate 7 --json
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str or None, default=None
+        Words after ``skhoid``; None means those of the process.
+
+    Returns
+    -------
+    exit_code : int
+        0 on success, 2 on bad input.
+    """
+    options = _parser().parse_args(arguments)
+    if options.debug:
+        return int(options.action(options))
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            return int(options.action(options))
+    except (ValueError, OSError, ImportError) as error:
+        print(f"skhoid: error: {error}", file=sys.stderr)
+        return 2
+
+
+def _show_warning(message: Any, *_: Any, **__: Any) -> None:
+    print(f"skhoid: note: {message}", file=sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="skhoid", description="Identify human operators from recorded control loops."
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    command = commands.add_parser(
+        "identify",
+        help="find delay and orders, fit, and validate on held-out data",
+        description="Discard the run-in, find the delay and the orders, fit an ARX model and "
+        "validate its free run on held-out data: the last run, or the second half of a single "
+        "run. Without files it uses a bundled recording of a person tracking a target.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.set_defaults(action=_identify)
+    add = command.add_argument
+    add("files", nargs="*", metavar="FILES", help="CSV, Parquet or MAT files, or patterns")
+    add("--input", nargs="+", default=["e"], metavar="NAME", help="input channels (default: e)")
+    add("--output", default="u", metavar="NAME", help="output channel (default: u)")
+    add("--time", metavar="NAME", help="time channel, in seconds")
+    add("--run", metavar="NAME", help="column with run labels (default: one file is one run)")
+    add("--dt", type=float, metavar="S", help="sampling time, for files without a time channel")
+    add(
+        "--unit",
+        action="append",
+        default=[],
+        metavar="NAME=UNIT",
+        help="unit of a channel; 'ms' for time converts it; may be repeated",
+    )
+    add("--run-in", type=float, metavar="S", help="discard this much at the start of each run")
+    add("--decimate", type=int, default=1, metavar="D", help="decimation factor (default: 1)")
+    add("--longest-delay", type=float, default=0.5, metavar="S", help="default: 0.5")
+    add(
+        "--criterion",
+        choices=["one_step", "vaf"],
+        default="one_step",
+        help="which delay to go on with (default: one_step); both are printed",
+    )
+    add("--validate", nargs="+", metavar="RUN", help="runs to hold out (default: the last)")
+    add(
+        "--keep-means",
+        action="store_true",
+        help="no intercept, and VAF with the means kept, as the thesis does",
+    )
+    add(
+        "--resample",
+        action="store_true",
+        help="bring an irregular clock onto a regular grid by interpolation first",
+    )
+    add("--out", default="skhoid-identify", metavar="FOLDER", help="folder for the pictures")
+    add("--no-pictures", action="store_true", help="draw nothing")
+    add("--json", action="store_true", help="print the results as JSON")
+    add("--debug", action="store_true", help="show tracebacks")
+    return parser
+
+
+def _identify(options: argparse.Namespace) -> int:
+    from .arx.identify import identify
+
+    X, y, source = _read(options)
+    found = identify(
+        X,
+        y,
+        run_in=options.run_in,
+        factor=options.decimate,
+        longest_delay=options.longest_delay,
+        criterion=options.criterion,
+        validation_runs=options.validate,
+        centered=not options.keep_means,
+        callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
+    )
+    pictures = [] if options.no_pictures else _draw(found, Path(options.out))
+    if options.json:
+        print(json.dumps(_as_dict(found, source, pictures), indent=2))
+    else:
+        _print(found, source, pictures, options.criterion)
+    return 0
+
+
+def _progress() -> tuple[Any, ...]:
+    from sklearn.callback import ProgressBar
+
+    return (ProgressBar(max_propagation_depth=0),)
+
+
+def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
+    from . import load_human_tracking, read_runs, resample_runs
+
+    if not options.files:
+        X, y = load_human_tracking("difficulty 80")
+        return X, y, (
+            "bundled recording: a person follows a pseudo-random target with a mouse "
+            "(Matic 2022, MIT licence)"
+        )
+    if options.time is None and options.dt is None:
+        raise ValueError("Say where time comes from: --time NAME, or --dt SECONDS.")
+    units = {}
+    for item in options.unit:
+        name, sign, unit = item.partition("=")
+        if not sign:
+            raise ValueError(f"--unit takes NAME=UNIT, such as e=deg; got {item!r}.")
+        units[name] = unit
+    X, y = read_runs(
+        options.files,
+        inputs=options.input,
+        output=options.output,
+        time=options.time,
+        run=options.run,
+        units=units or None,
+        dt=options.dt,
+    )
+    if options.resample:
+        X, y = resample_runs(X, y, dt=options.dt)
+    return X, y, ", ".join(options.files)
+
+
+def _draw(found: Identification, folder: Path) -> list[str]:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from .plotting import DelayLossDisplay, SimulationDisplay, VAFContourDisplay
+
+    folder.mkdir(parents=True, exist_ok=True)
+    displays = {
+        "simulation.png": SimulationDisplay.from_estimator(found.best.pipeline, found.X, found.y),
+        "delay.png": DelayLossDisplay.from_estimator(found.delay_search),
+        "delay-vaf.png": DelayLossDisplay.from_estimator(found.vaf_delay_search),
+        "orders.png": VAFContourDisplay.from_estimator(found.order_search),
+    }
+    for name, display in displays.items():
+        display.plot().figure_.savefig(folder / name, dpi=120)
+    return [str(folder / name) for name in displays]
+
+
+def _as_dict(found: Identification, source: str, pictures: list[str]) -> dict[str, Any]:
+    from . import __version__
+
+    layout = found.layout
+    return {
+        "skhoid": __version__,
+        "source": source,
+        "inputs": found.best.model.inputs_,
+        "output": found.y.name,
+        "units": {**found.X.attrs.get("units", {}), **found.y.attrs.get("units", {})},
+        "n_runs": len(layout.labels),
+        "n_rows": layout.n_rows,
+        "dt_s": layout.dt,
+        "jitter": layout.jitter,
+        "model_dt_s": found.best.model.dt_,
+        "centered": found.centered,
+        "estimation": found.estimation,
+        "validation": found.validation,
+        "delay": {
+            search.criterion: {"nk": search.best_nk_, "seconds": search.best_delay_}
+            for search in (found.delay_search, found.vaf_delay_search)
+        },
+        "models": [model.as_dict() for model in found.models],
+        "pictures": pictures,
+    }
+
+
+def _print(found: Identification, source: str, pictures: list[str], criterion: str) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    layout, best = found.layout, found.best.model
+    units = {**found.X.attrs.get("units", {}), **found.y.attrs.get("units", {})}
+
+    def named(channel: str) -> str:
+        return f"{channel} ({units[channel]})" if channel in units else channel
+
+    # Piped output has no width of its own; 100 columns hold the tables.
+    width = None if sys.stdout.isatty() else 100
+    console = Console(highlight=False, markup=False, soft_wrap=True, width=width)
+    runs = "1 run" if len(layout.labels) == 1 else f"{len(layout.labels)} runs"
+    console.print(source)
+    console.print(
+        f"{runs}, {layout.n_rows} rows, dt = {layout.dt:.6g} s ({1 / layout.dt:.6g} Hz), "
+        f"jitter {100 * layout.jitter:.2g} %; input {', '.join(map(named, best.inputs_))}, "
+        f"output {named(str(found.y.name))}"
+    )
+    console.print(f"fitted on  {found.estimation}\nheld out   {found.validation}\n")
+
+    delays = Table(title="Delay", title_justify="left")
+    for heading in ("criterion", "samples", "seconds", ""):
+        delays.add_column(heading, justify="left" if heading in ("criterion", "") else "right")
+    for search, what in (
+        (found.delay_search, "lowest one-step error"),
+        (found.vaf_delay_search, "highest cross-validated VAF"),
+    ):
+        used = "used below" if search.criterion == criterion else ""
+        delays.add_row(what, str(search.best_nk_), f"{search.best_delay_:.4g}", used)
+    console.print(delays)
+
+    table = Table(
+        title="Free run" + (", about the means" if found.centered else ", means kept"),
+        title_justify="left",
+    )
+    for heading in ("model", "[na, nb, nk]", "VAF fitted, %", "VAF held out, %", "ratio", ""):
+        table.add_column(heading, justify="left" if heading in ("model", "") else "right")
+    for model in found.models:
+        orders = model.model.orders_
+        nb, nk = (v[0] if len(set(v)) == 1 else list(v) for v in (orders.nb, orders.nk))
+        table.add_row(
+            model.name,
+            f"{orders.na}, {nb}, {nk}",
+            f"{model.vaf_estimation:.2f}",
+            f"{model.vaf_validation:.2f}",
+            f"{model.ratio:.3f}" if model.vaf_validation > 0 else "-",
+            model.verdict,
+        )
+    console.print(table)
+
+    parameters = Table(title=f"Parameters, {found.best.name}", title_justify="left")
+    for heading in ("name", "value", "standard error"):
+        parameters.add_column(heading, justify="left" if heading == "name" else "right")
+    for name, value, error in zip(
+        best.parameter_names_, best.coef_, best.standard_errors_, strict=True
+    ):
+        parameters.add_row(name, f"{value:.5g}", f"{error:.2g}")
+    console.print(parameters)
+    console.print(
+        "Standard errors concern the ARX model's own parameters and allow for a coloured error."
+    )
+    if pictures:
+        console.print(f"Pictures: {', '.join(pictures)}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

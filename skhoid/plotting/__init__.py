@@ -1,0 +1,7 @@
+"""Every picture: one Display per file, in the pattern of scikit-learn."""
+
+from .delay_loss import DelayLossDisplay
+from .simulation import SimulationDisplay
+from .vaf_contour import VAFContourDisplay
+
+__all__ = ["DelayLossDisplay", "SimulationDisplay", "VAFContourDisplay"]
