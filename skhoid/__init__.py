@@ -13,8 +13,8 @@ from .exceptions import (
 )
 from .io import load_bicycle_rider, load_human_tracking, read_runs
 from .metrics import VAFScorer, vaf_score
-from .preprocessing import Decimator, DelayShift, RunInTrimmer
-from .runs import resample_runs, run_labels, sampling_time, select_runs
+from .preprocessing import Decimator, DelayShift, RunInTrimmer, resample_runs
+from .selection import run_labels, sampling_time, select_runs
 
 __version__ = "0.1.0"
 

@@ -141,9 +141,13 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
 
     if not options.files:
         X, y = load_human_tracking("difficulty 80")
-        return X, y, (
-            "bundled recording: a person follows a pseudo-random target with a mouse "
-            "(Matic 2022, MIT licence)"
+        return (
+            X,
+            y,
+            (
+                "bundled recording: a person follows a pseudo-random target with a mouse "
+                "(Matic 2022, MIT licence)"
+            ),
         )
     if options.time is None and options.dt is None:
         raise ValueError("Say where time comes from: --time NAME, or --dt SECONDS.")
@@ -174,7 +178,7 @@ def _draw(found: Identification, folder: Path) -> list[str]:
     from .plotting import DelayLossDisplay, SimulationDisplay, VAFContourDisplay
 
     folder.mkdir(parents=True, exist_ok=True)
-    displays = {
+    displays: dict[str, Any] = {
         "simulation.png": SimulationDisplay.from_estimator(found.best.pipeline, found.X, found.y),
         "delay.png": DelayLossDisplay.from_estimator(found.delay_search),
         "delay-vaf.png": DelayLossDisplay.from_estimator(found.vaf_delay_search),

@@ -239,7 +239,7 @@ class VAFScorer:
         keep = scored_rows(layout, self.run_in, self.window) & ~trimmed_rows(estimator, X)
         if self.rate == "model":
             model, X = _final_step(estimator, X)
-            return model.score_at_model_rate(X, y, keep, self.average, self.centered)
+            return model._score_at_model_rate(X, y, keep, self.average, self.centered)
         measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
         prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
         return vaf_of_rows(measured, prediction, keep, layout, self.average, self.centered)

@@ -25,10 +25,6 @@ __all__ = [
     "mark_decimated",
     "mark_run_in",
     "read_layout",
-    "resample_runs",
-    "run_labels",
-    "sampling_time",
-    "select_runs",
 ]
 
 RUN, TIME = "run", "time"
@@ -150,7 +146,7 @@ def read_layout(
     n_rows = index.size if index is not None else np.asarray(X).shape[0]
     run_starts, labels = _runs_of_column(X, run, n_rows)
     if index is not None and index.name == TIME:
-        time = _seconds(index, dt)
+        time = time_in_seconds(index)
         return _layout_from_time(time, labels, run_starts, dt, fallback_dt, indexed=True)
     step = dt if dt is not None else (fallback_dt if fallback_dt is not None else 1.0)
     starts = run_starts
@@ -182,18 +178,25 @@ def _runs_of_column(X: Any, run: Any, n_rows: int) -> tuple[np.ndarray, list[Any
     if np.any(codes < 0):
         row = int(np.flatnonzero(codes < 0)[0])
         raise RunIndexError(f"The run label in column {run!r} is missing in row {row}.")
-    return _contiguous(codes, list(labels)), list(labels)
+    return contiguous_runs(codes, list(labels)), list(labels)
 
 
-def _contiguous(codes: np.ndarray, labels: list[Any]) -> np.ndarray:
+def within_runs(run_starts: np.ndarray) -> np.ndarray:
+    """Steps between rows of one run, of all steps from a row to the next."""
+    within = np.ones(max(int(run_starts[-1]) - 1, 0), dtype=bool)
+    within[run_starts[1:-1] - 1] = False
+    return within
+
+
+def contiguous_runs(codes: np.ndarray, labels: list[Any]) -> np.ndarray:
     """Offsets of the runs, whose codes are numbered in order of appearance."""
     change = np.flatnonzero(codes[1:] != codes[:-1]) + 1
     if change.size + 1 > len(labels):
         back = change[np.flatnonzero(codes[change] < codes[change - 1])[0]]
         label = labels[codes[back]]
         raise RunIndexError(
-            f"The rows of run {label!r} are not contiguous: they go on at row {back}, after rows of "
-            f"run {labels[codes[back - 1]]!r}. Sort the table by run and time "
+            f"The rows of run {label!r} are not contiguous: they go on at row {back}, after rows "
+            f"of run {labels[codes[back - 1]]!r}. Sort the table by run and time "
             "(X = X.sort_index(), y likewise), or give runs that share a label their own. "
             "Cross-validation must not shuffle rows: use LeaveOneGroupOut or GroupKFold with "
             "groups=run_labels(X)."
@@ -236,11 +239,18 @@ def _layout_from_multiindex(
     labels = list(zip(*levels, strict=True)) if len(keys) > 1 else list(levels[0])
     block_codes, unique = pd.factorize(codes[firsts])
     if len(unique) < len(firsts):
-        _contiguous(np.repeat(block_codes, np.diff(run_starts)), list(dict.fromkeys(labels)))
-    time = _seconds(index.get_level_values(TIME), dt)
+        contiguous_runs(np.repeat(block_codes, np.diff(run_starts)), list(dict.fromkeys(labels)))
+    time = time_in_seconds(index.get_level_values(TIME))
     return _layout_from_time(
-        time, labels, run_starts, dt, fallback_dt,
-        indexed=True, trimmed=trimmed, mark=mark, kept=kept,
+        time,
+        labels,
+        run_starts,
+        dt,
+        fallback_dt,
+        indexed=True,
+        trimmed=trimmed,
+        mark=mark,
+        kept=kept,
     )
 
 
@@ -251,7 +261,7 @@ def _refuse_datetime(time: pd.Index) -> None:
     )
 
 
-def _seconds(time: pd.Index, dt: float | None) -> np.ndarray:
+def time_in_seconds(time: pd.Index) -> np.ndarray:
     if time.dtype.kind in "mM":
         _refuse_datetime(time)
     if time.dtype.kind not in "iuf":
@@ -272,9 +282,8 @@ def _layout_from_time(
     **marks: Any,
 ) -> RunLayout:
     step = np.diff(time)
-    within = np.ones(step.size, dtype=bool)
-    within[run_starts[1:-1] - 1] = False
-    _check_increasing(time, step, within, run_starts, labels)
+    within = within_runs(run_starts)
+    check_increasing(time, step, within, run_starts, labels)
     typical = _typical_step(step, run_starts, labels)
     if typical is None:
         typical = dt or fallback_dt
@@ -284,25 +293,30 @@ def _layout_from_time(
                 "as dt= (in seconds)."
             )
     regular = step[within & (step <= GAP * typical)]
-    found = _snap(float(regular.mean()) if regular.size else typical)
+    found = snap(float(regular.mean()) if regular.size else typical)
     if dt is None and found >= 2.0:
         raise RunIndexError(
             f"The time index advances by {found:g} a row: this looks like milliseconds or sample "
-            f"numbers, and skhoid counts seconds. Divide it by 1000 (or multiply it by the sampling "
-            f"time); if the sampling time really is {found:g} s, say so with dt={found:g}."
+            "numbers, and skhoid counts seconds. Divide it by 1000 (or multiply it by the "
+            f"sampling time); if the sampling time really is {found:g} s, say so with dt={found:g}."
         )
-    for given, whose in ((dt, "dt="), (fallback_dt, "the model's sampling time ")):
+    for given, whose in ((dt, "and dt="), (fallback_dt, "and the model was fitted at ")):
         if given is not None and abs(found - given) > 0.01 * given:
             raise IrregularSamplingError(
-                f"The time index advances by {found:g} s a row, {whose}{given:g} s. Use data of one "
-                f"sampling time: skhoid.resample_runs(X, dt={given:g}) brings it onto that grid."
+                f"The time index advances by {found:g} s a row, {whose}{given:g} s. Use data of "
+                f"one sampling time: skhoid.resample_runs(X, dt={given:g}) brings it onto that grid."
             )
     found = dt or fallback_dt or found
     deviation = np.abs(regular - found) / found
     jitter = float(deviation.max()) if deviation.size else 0.0
     layout = RunLayout(
-        labels, run_starts, _cut(run_starts, within & (step > GAP * typical)), time, found,
-        jitter, **marks,
+        labels,
+        run_starts,
+        _cut(run_starts, within & (step > GAP * typical)),
+        time,
+        found,
+        jitter,
+        **marks,
     )
     if jitter > JITTER_TOLERANCE:
         gapless = within & (step <= GAP * typical)
@@ -311,13 +325,13 @@ def _layout_from_time(
             f"Irregular sampling: {layout.where(row)} comes {step[row - 1]:.6g} s after the row "
             f"before it, and the sampling time is {found:.6g} s (largest deviation "
             f"{100 * jitter:.1f} %, rms {100 * np.sqrt(np.mean(deviation**2)):.2f} %; "
-            f"{100 * JITTER_TOLERANCE:.0f} % is tolerated). Bring the runs onto a regular grid with "
-            f"X, y = skhoid.resample_runs(X, y, dt={found:.6g})."
+            f"{100 * JITTER_TOLERANCE:.0f} % is tolerated). Bring the runs onto a regular grid "
+            f"with X, y = skhoid.resample_runs(X, y, dt={found:.6g})."
         )
     return layout
 
 
-def _check_increasing(
+def check_increasing(
     time: np.ndarray,
     step: np.ndarray,
     within: np.ndarray,
@@ -343,9 +357,7 @@ def _check_increasing(
     )
 
 
-def _typical_step(
-    step: np.ndarray, run_starts: np.ndarray, labels: list[Any]
-) -> float | None:
+def _typical_step(step: np.ndarray, run_starts: np.ndarray, labels: list[Any]) -> float | None:
     medians = [
         (float(np.median(step[a : b - 1])), label)
         for a, b, label in zip(run_starts[:-1], run_starts[1:], labels, strict=True)
@@ -364,7 +376,7 @@ def _typical_step(
     return first
 
 
-def _snap(dt: float) -> float:
+def snap(dt: float) -> float:
     rate = round(1.0 / dt) if dt < 1.0 else 0
     if rate and abs(1.0 / dt - rate) < 1e-6 * rate:
         return 1.0 / rate
@@ -381,8 +393,7 @@ def _cut_at_jumps(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Read an integer row index as sample numbers: a jump is a gap, as KFold leaves it."""
     step = np.diff(sample.astype(np.int64))
-    within = np.ones(step.size, dtype=bool)
-    within[run_starts[1:-1] - 1] = False
+    within = within_runs(run_starts)
     backwards = np.flatnonzero(within & (step <= 0))
     if backwards.size:
         row = int(backwards[0]) + 1
@@ -489,248 +500,3 @@ def run_time_index(layout: RunLayout) -> pd.MultiIndex:
     rows = np.arange(layout.n_rows)
     labels = pd.Index(layout.labels).take(layout.run_of(rows))
     return pd.MultiIndex.from_arrays([labels, layout.time], names=[RUN, TIME])
-
-
-def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarray:
-    """Return the run label of each row, for use as ``groups`` in cross-validation.
-
-    Parameters
-    ----------
-    X : DataFrame of shape (n_rows, n_columns) or array
-        Data with ``run`` and ``time`` in the row index, or with a run column.
-    level : str or None, default=None
-        Index level to read, such as ``"subject"``, to leave out whole subjects. None means the
-        run itself; where there are outer levels the labels are joined, ``"S1/C3/2"``, because
-        equal run numbers of two subjects are two runs.
-    run : column name or position, or None, default=None
-        Run column of a table without a run index.
-
-    Returns
-    -------
-    labels : ndarray of shape (n_rows,)
-
-    Examples
-    --------
-    >>> from skhoid import load_human_tracking, run_labels
-    >>> X, y = load_human_tracking([0, 1])
-    >>> sorted(set(run_labels(X).tolist()))
-    ['difficulty 50', 'difficulty 80']
-    """
-    if level is not None:
-        index = getattr(X, "index", None)
-        if index is None or level not in index.names:
-            found = list(index.names) if isinstance(index, pd.Index) else None
-            raise RunIndexError(f"X has no index level {level!r}; its levels are {found}.")
-        return index.get_level_values(level).to_numpy()
-    layout = read_layout(X, run=run)
-    labels = layout.labels
-    if labels and isinstance(labels[0], tuple):
-        labels = ["/".join(str(part) for part in label) for label in labels]
-        if len(set(labels)) < len(labels):
-            labels = [repr(label) for label in layout.labels]
-    return np.repeat(np.asarray(labels), np.diff(layout.run_starts))
-
-
-def sampling_time(X: Any, *, dt: float | None = None, run: Any = None) -> float:
-    """Return the sampling time of recorded runs in seconds, after checking it.
-
-    Parameters
-    ----------
-    X : DataFrame of shape (n_rows, n_columns) or array
-        Data with ``run`` and ``time`` in the row index.
-    dt : float or None, default=None
-        Sampling time in seconds, for data without a time index.
-    run : column name or position, or None, default=None
-        Run column of a table without a run index.
-
-    Returns
-    -------
-    dt : float
-        Sampling time in seconds.
-
-    Raises
-    ------
-    IrregularSamplingError
-        If a step deviates by more than 10 % from the others and is not a gap.
-
-    Examples
-    --------
-    >>> from skhoid import load_bicycle_rider, sampling_time
-    >>> X, y = load_bicycle_rider()
-    >>> sampling_time(X)
-    0.005
-    """
-    return read_layout(X, dt=dt, run=run).dt
-
-
-def select_runs(
-    X: pd.DataFrame,
-    y: Any = None,
-    *,
-    runs: Any = None,
-    first: int | None = None,
-    last: int | None = None,
-) -> Any:
-    """Return the rows of some runs, by label or by their place in the session.
-
-    Parameters
-    ----------
-    X : DataFrame of shape (n_rows, n_columns)
-        Data with levels ``run`` and ``time``, and possibly outer levels, in the row index.
-    y : Series, DataFrame, array or None, default=None
-        Output with the same rows.
-    runs : label, list of labels or None, default=None
-        Labels of the level ``run`` to keep.
-    first, last : int or None, default=None
-        Keep this many runs, the first or the last ones within each combination of outer levels
-        (subject, condition). The thesis keeps the last five of seven.
-
-    Returns
-    -------
-    X_selected : DataFrame
-    y_selected : same type as y
-        Only if ``y`` is given.
-
-    Examples
-    --------
-    >>> from skhoid import load_human_tracking, run_labels, select_runs
-    >>> X, y = load_human_tracking("all")
-    >>> X_last, y_last = select_runs(X, y, last=2)
-    >>> len(set(run_labels(X_last)))
-    2
-    """
-    if sum(choice is not None for choice in (runs, first, last)) != 1:
-        raise ValueError("Give exactly one of runs=, first= and last=.")
-    count = first if first is not None else last
-    if count is not None and count < 1:
-        raise ValueError(f"first= and last= count runs and must be at least 1; got {count}.")
-    layout = read_layout(X)
-    if not isinstance(X.index, pd.MultiIndex):
-        raise RunIndexError("select_runs needs the index levels 'run' and 'time'.")
-    outer = [label[:-1] if isinstance(label, tuple) else () for label in layout.labels]
-    inner = [label[-1] if isinstance(label, tuple) else label for label in layout.labels]
-    keep = np.zeros(len(inner), dtype=bool)
-    if runs is not None:
-        wanted = [runs] if np.ndim(runs) == 0 else list(runs)
-        unknown = [w for w in wanted if w not in inner]
-        if unknown:
-            raise ValueError(f"There is no run {unknown[0]!r}; the runs are {sorted(set(inner))}.")
-        keep[:] = [label in wanted for label in inner]
-    else:
-        for group in set(outer):
-            members = [i for i, o in enumerate(outer) if o == group]
-            keep[members[: first] if first is not None else members[-last:]] = True  # type: ignore
-    rows = np.repeat(keep, np.diff(layout.run_starts))
-    check_alignment(X, y)
-    if y is None:
-        return X[rows]
-    return X[rows], y[rows]
-
-
-def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) -> Any:
-    """Bring recorded runs onto a regular time grid by cubic interpolation.
-
-    skhoid never does this by itself: lags in samples need a regular clock, and an irregular one
-    is an error that names this function.
-
-    Parameters
-    ----------
-    X : DataFrame of shape (n_rows, n_columns)
-        Data with ``run`` and ``time`` (s) in the row index; time must increase within runs.
-    y : Series, DataFrame or None, default=None
-        Output with the same rows.
-    dt : float or None, default=None
-        Sampling time of the new grid in seconds; None takes the median step. Choose it no longer
-        than the old one: nothing is filtered, so coarser grids alias (thin with
-        :class:`skhoid.Decimator` instead).
-
-    Returns
-    -------
-    X_regular : DataFrame
-        Rows at the first instant of each segment plus multiples of ``dt``. A step longer than
-        one and a half median steps is a gap and stays one; rows whose neighbours are NaN are NaN.
-    y_regular : same type as y
-        Only if ``y`` is given.
-
-    Examples
-    --------
-    >>> from skhoid import load_human_tracking, resample_runs, sampling_time
-    >>> X, y = load_human_tracking(0, resample=False)
-    >>> X, y = resample_runs(X, y, dt=1 / 60)
-    >>> round(1 / sampling_time(X))
-    60
-    """
-    check_alignment(X, y)
-    index = X.index
-    if TIME not in index.names:
-        raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
-    time = _seconds(index.get_level_values(TIME), dt)
-    keys = [name for name in index.names if name != TIME]
-    frame = X if y is None else pd.concat([X, pd.DataFrame(y)], axis=1)
-    values = frame.to_numpy(dtype=float)
-    if keys:
-        codes, labels = pd.factorize(index.droplevel(TIME))
-        run_starts = _contiguous(codes, list(labels))
-    else:
-        labels, run_starts = [0], np.array([0, len(index)])
-    step = np.diff(time)
-    within = np.ones(step.size, dtype=bool)
-    within[run_starts[1:-1] - 1] = False
-    _check_increasing(time, step, within, run_starts, list(labels))
-    medians = [
-        float(np.median(step[a : b - 1]))
-        for a, b in zip(run_starts[:-1], run_starts[1:], strict=True)
-        if b - a > 1
-    ]
-    if not medians:
-        raise IrregularSamplingError("resample_runs needs runs of at least two rows.")
-    grid_step = dt if dt is not None else _snap(float(np.median(medians)))
-    threshold = np.repeat(medians, np.diff(run_starts))[1:] if len(medians) == len(labels) else (
-        np.full(step.size, np.median(medians))
-    )
-    starts = _cut(run_starts, within & (step > GAP * threshold))
-    pieces, times, origin = [], [], []
-    for a, b in zip(starts[:-1], starts[1:], strict=True):
-        span = time[b - 1] - time[a]
-        grid = time[a] + grid_step * np.arange(int(np.floor(span / grid_step + WHOLE)) + 1)
-        pieces.append(_interpolate(time[a:b], values[a:b], grid))
-        times.append(grid)
-        origin.append(np.full(grid.size, a))
-    rows = np.concatenate(origin)
-    levels = [index.get_level_values(name).take(rows) for name in keys]
-    arrays = dict(zip(keys, levels, strict=True)) | {TIME: np.concatenate(times)}
-    new_index = (
-        pd.MultiIndex.from_arrays([arrays[n] for n in index.names], names=index.names)
-        if keys
-        else pd.Index(arrays[TIME], name=TIME)
-    )
-    result = pd.DataFrame(np.vstack(pieces), index=new_index, columns=frame.columns)
-    X_new = result.iloc[:, : X.shape[1]]
-    X_new.attrs = dict(X.attrs)
-    if y is None:
-        return X_new
-    y_new = result.iloc[:, X.shape[1] :]
-    if isinstance(y, pd.Series):
-        y_new = y_new.iloc[:, 0].rename(y.name)
-    y_new.attrs = dict(y.attrs)
-    return X_new, y_new
-
-
-def _interpolate(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    from scipy.interpolate import make_interp_spline
-
-    result = np.full((grid.size, values.shape[1]), np.nan)
-    right = np.clip(np.searchsorted(time, grid, side="left"), 0, time.size - 1)
-    left = np.where(np.isclose(time[right], grid), right, np.maximum(right - 1, 0))
-    for column in range(values.shape[1]):
-        known = np.isfinite(values[:, column])
-        if not known.any():
-            continue
-        degree = 3 if known.sum() > 3 else 1
-        if known.sum() == 1:
-            result[:, column] = values[known, column]
-        else:
-            spline = make_interp_spline(time[known], values[known, column], k=degree)
-            result[:, column] = spline(grid)
-        result[~(known[left] & known[right]), column] = np.nan
-    return result

@@ -81,9 +81,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         names = getattr(self, "feature_names_in_", None)
         return [f"x{p}" if names is None else str(names[p]) for p in positions]
 
-    def _read_data(
-        self, X: Any, y: Any
-    ) -> tuple[ModelGrid, np.ndarray, np.ndarray, np.ndarray]:
+    def _read_data(self, X: Any, y: Any) -> tuple[ModelGrid, np.ndarray, np.ndarray, np.ndarray]:
         """Read data to fit; return the grid, and inputs, output and all columns of X on it."""
         grid, values = self._read_X(X, reset=True)
         output = self._read_y(X, y)
@@ -325,7 +323,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         keep = np.ones(layout.n_rows, dtype=bool) if layout.trimmed is None else ~layout.trimmed
         return vaf_of_rows(self._read_y(X, y), prediction, keep, layout, "pooled", False)
 
-    def score_at_model_rate(
+    def _score_at_model_rate(
         self, X: Any, y: Any, keep: np.ndarray, average: str, centered: bool
     ) -> float:
         """VAF on the filtered and thinned signals; see ``VAFScorer(rate="model")``."""
@@ -361,4 +359,17 @@ def check_lengths(grid: ModelGrid, orders: Orders) -> None:
         f"rows at {grid.dt:g} s, and lags that reach {needed - 1} samples back need {needed} "
         f"(X has n_samples = {grid.layout.n_rows}). Leave the run out "
         "(skhoid.select_runs), or use smaller na, nb and nk."
+    )
+
+
+def check_row_count(n_rows: int, n_params: int, output: np.ndarray, grid: ModelGrid) -> None:
+    """Refuse to fit more parameters than rows are left."""
+    if n_rows >= n_params:
+        return
+    if np.isnan(output).all():
+        raise ValueError("Input y contains NaN in all rows: nothing was measured.")
+    raise ShortRunError(
+        f"{n_rows} rows are left for {n_params} parameters (n_samples = {grid.layout.n_rows} rows "
+        "of X, of which lags, missing values and the run-in take the rest). Use more data or "
+        "fewer lags."
     )

@@ -7,14 +7,13 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-
 from sklearn.exceptions import ConvergenceWarning
 
 from .._sklearn import Interval, StrOptions, fit_context
-from ..exceptions import MissingDataWarning, ShortRunError
+from ..exceptions import MissingDataWarning
 from ..preprocessing.grid import ModelGrid
 from ..runs import input_columns
-from .base import BaseARX
+from .base import BaseARX, check_row_count
 from .excitation import rank_error
 from .instruments import estimate
 from .least_squares import Triangle, newey_west
@@ -207,14 +206,7 @@ class ARXRegressor(BaseARX):
         table, rows, self.n_rows_missing_ = regressors(output, inputs, begin, end, self.orders_)
         self.n_rows_used_ = rows.size
         p = self.orders_.n_params
-        if rows.size < p:
-            if np.isnan(output).all():
-                raise ValueError("Input y contains NaN in all rows: nothing was measured.")
-            raise ShortRunError(
-                f"{rows.size} rows are left for {p} parameters (n_samples = "
-                f"{grid.layout.n_rows} rows of X, of which lags, missing values and the run-in "
-                "take the rest). Use more data or fewer lags."
-            )
+        check_row_count(rows.size, p, output, grid)
         self._report_missing(grid, inputs, output, rows)
         keep = np.array(table, order="F") if self.covariance == "hac" else None
         triangle = Triangle.of(table)
@@ -303,6 +295,11 @@ class ARXRegressor(BaseARX):
         if len(null_space):
             finite = ~np.isnan(inputs).any(axis=1) & ~np.isnan(output)
             raise rank_error(
-                null_space, self.parameter_names_, self.inputs_, inputs[finite], output[finite],
-                self._output_name, self.orders_,
+                null_space,
+                self.parameter_names_,
+                self.inputs_,
+                inputs[finite],
+                output[finite],
+                self._output_name,
+                self.orders_,
             )

@@ -19,7 +19,7 @@ def rank_error(
     output: str,
     orders: Orders,
 ) -> RankDeficiencyError:
-    """Build the error that names the cause; ``X`` and ``y`` are the finite rows that were fitted."""
+    """Build the error that names the cause; ``X`` and ``y`` are the finite rows."""
     n_params = len(names)
     head = (
         f"The {n_params} parameters cannot all be estimated: the regressors have rank "

@@ -132,13 +132,13 @@ def identify(
         prediction = fitted.predict(X)
         keep = ~trimmed_rows(fitted, X)
         vafs = [
-            vaf_of_rows(y.to_numpy(dtype=float), prediction, keep & rows, layout, "pooled", centered)
+            vaf_of_rows(
+                y.to_numpy(dtype=float), prediction, keep & rows, layout, "pooled", centered
+            )
             for rows in (~held_out, held_out)
         ]
         models.append(FittedModel(label, fitted, *vafs))
-    return Identification(
-        X, y, layout, *names, centered, searches[0], searches[1], orders, models
-    )
+    return Identification(X, y, layout, *names, centered, searches[0], searches[1], orders, models)
 
 
 def _held_out_rows(

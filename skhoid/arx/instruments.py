@@ -1,12 +1,12 @@
 """Instrumental variables: ARX models of an element inside a loop, without the bias of remnant.
 
-A(q) u = sum B_i(q) e_i + w, where w is coloured (w = A n for a remnant n added to u) and, through the
-loop, correlated with u and e. External signals (f_t, f_d) are not: their lags are instruments.
+A(q) u = sum B_i(q) e_i + w, where w is coloured (w = A n for a remnant n added to u) and, through
+the loop, correlated with u and e. External signals (f_t, f_d) are not: their lags are instruments.
 
-Plain two-stage least squares is consistent, but scatters up to three times more than need be. So the
-equation and the instruments are filtered by D / A of the previous round until the parameters settle:
-1 / A turns the equation error into the remnant n, and D, an autoregressive model of n, whitens it
-(refined instrumental variables; Young 1984, Soderstrom and Stoica 1989, ch. 8).
+Plain two-stage least squares is consistent, but scatters up to three times more than need be. So
+the equation and the instruments are filtered by D / A of the previous round until the parameters
+settle: 1 / A turns the equation error into the remnant n, and D, an autoregressive model of n,
+whitens it (refined instrumental variables; Young 1984, Soderstrom and Stoica 1989, ch. 8).
 """
 
 from __future__ import annotations
@@ -73,12 +73,11 @@ def estimate(
     parts, n_missing = _parts(y, X, R, begin, end, orders, lags)
     if not parts:
         raise ShortRunError(
-            f"The instruments reach {int(lags[-1])} samples ({lags[-1] * dt:.3g} s) back, and no run "
-            "is longer. Use longer runs, or method='ols'."
+            f"The instruments reach {int(lags[-1])} samples ({lags[-1] * dt:.3g} s) back, and no "
+            "run is longer. Use longer runs, or method='ols'."
         )
     Phi, output, Z = _stack(parts)
     theta = _two_stage(Phi, output, Z, orders, names)
-    error = output - Phi @ theta
     converged, rounds = False, 0
     settle = round(SETTLE / dt)
     while not converged and rounds < MAX_ROUNDS:
@@ -95,8 +94,14 @@ def estimate(
     sizes = [part.y.size for part in parts]
     white, coloured = _covariances(Phi, output, Z, theta, sizes, settle)
     return Estimate(
-        theta, white, coloured, float(error @ error) / max(error.size - theta.size, 1),
-        error.size, n_missing, rounds, converged,
+        theta,
+        white,
+        coloured,
+        float(error @ error) / max(error.size - theta.size, 1),
+        error.size,
+        n_missing,
+        rounds,
+        converged,
     )
 
 
@@ -125,11 +130,12 @@ def _parts(
 ) -> tuple[list[_Part], int]:
     """Cut stretches at missing values, and stack their lags."""
     missing = np.isnan(y) | np.isnan(X).any(axis=1) | np.isnan(R).any(axis=1)
+    first = max(orders.first_row, int(lags[-1]))
+    possible = int(np.maximum(end - begin - first, 0).sum())
     parts = []
     for a, b in zip(begin, end, strict=True):
         known = np.flatnonzero(~missing[a:b]) + a
         for piece in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
-            first = max(orders.first_row, int(lags[-1]))
             if piece.size <= first:
                 continue
             start, stop = int(piece[0]), int(piece[-1]) + 1
@@ -139,7 +145,7 @@ def _parts(
             if orders.intercept:
                 Z = np.column_stack([Z, np.ones(len(Z))])
             parts.append(_Part(table[:, :-1], table[:, -1], Z))
-    return parts, int(missing.sum())
+    return parts, possible - sum(part.y.size for part in parts)
 
 
 def _stack(parts: list[_Part]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -183,9 +189,7 @@ def _stabilised(a: np.ndarray) -> np.ndarray:
     return np.real(np.poly(np.where(size >= STABLE_RADIUS, inward, poles)))
 
 
-def _remnant_model(
-    parts: list[_Part], theta: np.ndarray, a: np.ndarray, settle: int
-) -> np.ndarray:
+def _remnant_model(parts: list[_Part], theta: np.ndarray, a: np.ndarray, settle: int) -> np.ndarray:
     """D: the autoregressive polynomial, by least squares, of the remnant n = (A u - B e) / A."""
     past, now = [], []
     for part in parts:

@@ -9,7 +9,7 @@ from importlib import resources
 import numpy as np
 import pandas as pd
 
-from ..runs import resample_runs
+from ..preprocessing import resample_runs
 
 __all__ = ["load_bicycle_rider", "load_human_tracking"]
 

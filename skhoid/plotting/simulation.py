@@ -7,9 +7,10 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
-from ..metrics import _rows_to_score, _trimmed_rows, scored_rows, vaf_score
+from ..metrics import trimmed_rows, vaf_score
 from ..preprocessing.run_in import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, read_layout
 from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
@@ -151,7 +152,7 @@ class SimulationDisplay:
         check_consistent_length(X, y)
         measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
         prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
-        run_in = _trimmed_rows(estimator, X)
+        run_in = trimmed_rows(estimator, X)
         display = cls._of(layout, measured, prediction, run_in, runs, window, y)
         return display.plot(ax)
 
@@ -194,7 +195,15 @@ class SimulationDisplay:
         -------
         display : SimulationDisplay
         """
-        layout, measured, prediction, _ = _rows_to_score(y_true, y_pred, None, None, dt, run)
+        check_consistent_length(y_true, y_pred)
+        measured = column_or_1d(np.asarray(y_true, dtype=float), warn=False)
+        prediction = column_or_1d(np.asarray(y_pred, dtype=float), warn=False)
+        if run is not None:
+            check_consistent_length(y_true, run)
+            layout = read_layout(pd.DataFrame({"run": np.asarray(run)}), dt=dt, run="run")
+        else:
+            indexed = isinstance(y_true, pd.Series | pd.DataFrame)
+            layout = read_layout(y_true if indexed else measured[:, None], dt=dt)
         trimmed = run_in_rows(layout, run_in=run_in)
         display = cls._of(layout, measured, prediction, trimmed, runs, window, y_true)
         return display.plot(ax)
@@ -213,7 +222,7 @@ class SimulationDisplay:
         if layout.trimmed is not None:
             run_in = run_in | layout.trimmed
         chosen = _chosen_runs(layout, runs)
-        inside = scored_rows(layout, None, window) | (run_in & _in_window(layout, window))
+        inside = _in_window(layout, window)
         time, y_true, y_pred, vaf, ends = [], [], [], [], []
         for number in chosen:
             rows = np.arange(layout.run_starts[number], layout.run_starts[number + 1])
@@ -276,8 +285,15 @@ class SimulationDisplay:
         handles, labels = self._legend_entries()
         # Beside the title, where no line runs.
         self.ax_.legend(
-            handles, labels, loc="lower right", bbox_to_anchor=(1, 1), ncols=len(labels),
-            frameon=False, borderaxespad=0.1, columnspacing=1.2, handlelength=1.5,
+            handles,
+            labels,
+            loc="lower right",
+            bbox_to_anchor=(1, 1),
+            ncols=len(labels),
+            frameon=False,
+            borderaxespad=0.1,
+            columnspacing=1.2,
+            handlelength=1.5,
         )
         if ax is None:
             self.figure_.align_ylabels(panels)
@@ -371,7 +387,9 @@ def _chosen_runs(layout: RunLayout, runs: Any) -> list[int]:
 def _in_window(layout: RunLayout, window: tuple[float, float] | None) -> np.ndarray:
     if window is None:
         return np.ones(layout.n_rows, dtype=bool)
-    return (layout.time >= window[0]) & (layout.time < window[1])
+    start, stop = window
+    slack = 1e-6 * layout.dt
+    return (layout.time >= start - slack) & (layout.time < stop - slack)
 
 
 def _vaf_or_nan(y_true: np.ndarray, y_pred: np.ndarray) -> float:

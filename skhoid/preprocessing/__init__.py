@@ -2,6 +2,7 @@
 
 from .decimation import Decimator
 from .delay import DelayShift
+from .resampling import resample_runs
 from .run_in import RunInTrimmer
 
-__all__ = ["Decimator", "DelayShift", "RunInTrimmer"]
+__all__ = ["Decimator", "DelayShift", "RunInTrimmer", "resample_runs"]

@@ -6,6 +6,8 @@ nothing leaks from one stretch into another.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy import fft, signal
 
@@ -23,7 +25,7 @@ def lowpass(values: np.ndarray, stretches: np.ndarray, mark: DecimationMark) -> 
     result = np.array(values, dtype=float)
     columns = result if result.ndim == 2 else result[:, None]
     smooth = _brick_wall if mark.method == "ideal" else _block_mean
-    for a, b in zip(stretches[:-1], stretches[1:], strict=True):
+    for a, b in pairwise(stretches):
         part = columns[a:b]
         missing = np.isnan(part)
         if missing.any():

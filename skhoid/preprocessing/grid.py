@@ -37,9 +37,7 @@ class ModelGrid:
             else ~trimmed[np.minimum(stretches[:-1], max(layout.n_rows - 1, 0))]
         )
         if layout.mark is None or layout.kept is None:
-            return cls(
-                layout, layout.dt, None, stretches[:-1], stretches[1:], segment, measured
-            )
+            return cls(layout, layout.dt, None, stretches[:-1], stretches[1:], segment, measured)
         rows = np.flatnonzero(layout.kept)
         bounds = np.searchsorted(rows, stretches)
         some = bounds[1:] > bounds[:-1]

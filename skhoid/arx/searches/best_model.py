@@ -35,9 +35,11 @@ class BestModel(CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEs
         check_is_fitted(self, "best_estimator_")
         return self.best_estimator_.predict(X)
 
-    @available_if(lambda self: self.estimator is None or hasattr(
-        final_step(self.estimator)[1], "predict_ahead"
-    ))
+    @available_if(
+        lambda self: (
+            self.estimator is None or hasattr(final_step(self.estimator)[1], "predict_ahead")
+        )
+    )
     def predict_ahead(self, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
         """Predict ``horizon`` steps ahead with the best model.
 

@@ -12,10 +12,10 @@ from sklearn.utils.validation import column_or_1d
 
 from ... import _kernels
 from ...exceptions import ShortRunError
-from ...metrics import VAF_FLOOR, VAFScorer, trimmed_rows, vaf_of_rows, scored_rows
+from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, trimmed_rows, vaf_of_rows
 from ...preprocessing.base import RowPreservingTransformer
 from ...runs import RunLayout, read_layout
-from ..base import BOUND, check_lengths
+from ..base import BOUND, check_lengths, check_row_count
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from ..orders import Orders, regressors
@@ -37,8 +37,9 @@ def has_fast_path(estimator: Any) -> bool:
     return (
         type(model) is ARXRegressor
         and model.method == "ols"
-        and all(isinstance(s, RowPreservingTransformer) or s in (None, "passthrough")
-                for _, s in steps)
+        and all(
+            isinstance(s, RowPreservingTransformer) or s in (None, "passthrough") for _, s in steps
+        )
     )
 
 
@@ -60,14 +61,28 @@ class CandidateTable:
     All candidates are compared on the same rows: those on which the largest lags are known.
     """
 
-    def __init__(self, estimator: Any, X: Any, y: Any, candidates: list[dict[str, Any]]) -> None:
+    def __init__(self, estimator: Any, X: Any, y: Any) -> None:
         if isinstance(estimator, Pipeline) and len(estimator.steps) > 1:
             X = clone(estimator[:-1]).fit_transform(X, y)
-        model = clone(final_step(estimator)[1])
-        self.grid, inputs, self.output, _ = model._read_data(X, y)
+        self._model = clone(final_step(estimator)[1])
+        self.grid, self._raw_inputs, self.output, _ = self._model._read_data(X, y)
+        self.inputs = _kernels.gate(self._model._hold(self.grid, self._raw_inputs))
+        self.dt = self.grid.dt
+
+    @property
+    def shortest_run(self) -> int:
+        """Rows of the shortest stretch to fit on."""
+        measured = (self.grid.end - self.grid.begin)[self.grid.measured]
+        return int(measured.min()) if measured.size else 0
+
+    def set_candidates(self, candidates: list[dict[str, Any]]) -> None:
+        """Stack the regressors of candidates ``{"na": ..., "nb": ..., "nk": ...}``."""
+        model, inputs = self._model, self._raw_inputs
         n_inputs = inputs.shape[1]
         self.orders = [
-            Orders.of(c["na"], c["nb"], c["nk"], n_inputs, model.fit_intercept)
+            Orders.of(
+                c.get("na", model.na), c.get("nb", model.nb), c["nk"], n_inputs, model.fit_intercept
+            )
             for c in candidates
         ]
         low = [min(o.nk[j] for o in self.orders) for j in range(n_inputs)]
@@ -81,8 +96,8 @@ class CandidateTable:
         self.table, self.rows, self.n_missing = regressors(
             self.output, inputs, begin, end, self.largest
         )
-        self.inputs = _kernels.gate(model._hold(self.grid, inputs))
-        self.dt = self.grid.dt
+        most = max(o.n_params for o in self.orders)
+        check_row_count(self.rows.size, most, self.output, self.grid)
 
     def columns(self, orders: Orders) -> list[int]:
         """Columns of the table that are the regressors of ``orders``."""
@@ -95,10 +110,12 @@ class CandidateTable:
             at += length
         return chosen + ([at] if orders.intercept else [])
 
-    def triangle(self, train: np.ndarray | None = None) -> Triangle:
+    def whole(self) -> Triangle:
+        """Factorise all rows; the table is overwritten, so this comes last."""
+        return Triangle.of(self.table)
+
+    def triangle(self, train: np.ndarray) -> Triangle:
         """Factorise the rows whose lags all lie in ``train`` (a mask of full-rate rows)."""
-        if train is None:
-            return Triangle.of(self.table.copy(order="F"))
         on_grid = train if self.grid.rows is None else train[self.grid.rows]
         outside = np.concatenate(([0], np.cumsum(~on_grid)))
         inside = outside[self.rows + 1] == outside[self.rows - self.largest.first_row]
@@ -146,8 +163,12 @@ class Validation:
 
     def vaf(self, prediction: np.ndarray, fold: Fold) -> float:
         return vaf_of_rows(
-            self.y, prediction, self.keep & fold.test, self.layout,
-            self.scorer.average, self.scorer.centered,
+            self.y,
+            prediction,
+            self.keep & fold.test,
+            self.layout,
+            self.scorer.average,
+            self.scorer.centered,
         )
 
     def score_candidate(
@@ -172,9 +193,7 @@ class Validation:
         if sum(lost) > -VAF_FLOOR * sum(power):
             return np.nan
         deviation = np.asarray(lost) - sum(lost) / sum(power) * np.asarray(power)
-        return float(
-            100 * np.sqrt(np.sum(deviation**2) * n_blocks / (n_blocks - 1)) / sum(power)
-        )
+        return float(100 * np.sqrt(np.sum(deviation**2) * n_blocks / (n_blocks - 1)) / sum(power))
 
     def refit_and_predict(self, estimator: Any, X: Any, y: Any, fold: Fold) -> np.ndarray:
         """Fit a clone on the training rows and simulate the runs of the fold."""

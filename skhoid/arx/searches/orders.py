@@ -221,7 +221,8 @@ class OrderSearchCV(BestModel):
         if len(self.factor) == 0:
             raise ValueError("factor is empty; name at least one decimation factor.")
         if not names:
-            decimator = Decimator(dt=getattr(estimator, "dt", None), run=getattr(estimator, "run", None))
+            known: dict[str, Any] = {name: getattr(estimator, name, None) for name in ("dt", "run")}
+            decimator = Decimator(**known)
             if steps:
                 estimator = Pipeline([("decimator", decimator), *estimator.steps])
             else:
@@ -258,9 +259,10 @@ class OrderSearchCV(BestModel):
         validation: Validation,
         columns: dict[str, list[Any]],
     ) -> tuple[np.ndarray, list[float]]:
-        table = CandidateTable(variant, X, y, candidates)
-        whole = table.triangle()
+        table = CandidateTable(variant, X, y)
+        table.set_candidates(candidates)
         parts = [table.triangle(fold.train) for fold in validation.folds]
+        whole = table.whole()
         single = len(parts) == 1
 
         def evaluate(index: int) -> tuple[list[float], float, float]:
@@ -340,9 +342,7 @@ class OrderSearchCV(BestModel):
             self.best_index_ = best
         else:
             good = np.flatnonzero(vaf >= vaf[best] - self.standard_error_)
-            self.best_index_ = int(
-                min(good, key=lambda i: (results["n_params"][i], -vaf[i]))
-            )
+            self.best_index_ = int(min(good, key=lambda i: (results["n_params"][i], -vaf[i])))
         self.best_params_ = results["params"][self.best_index_]
         self.best_na_ = self.best_params_["na"]
         self.best_nb_ = self.best_params_["nb"]

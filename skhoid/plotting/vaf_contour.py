@@ -1,0 +1,388 @@
+"""Cross-validated VAF over the orders of an ARX model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, MaxNLocator
+
+from ..arx.searches import OrderSearchCV
+from ._axes import BLACK, BLUE, VERMILLION, check_search, given_axes
+
+MAX_PANELS = 12
+MAX_TICKS = 10
+N_LEVELS = 10
+MARGIN = 0.3  # of an order, room for the marks at the edge
+LEAST_RANGE = 5.0  # percent; finer contours would show what the VAF cannot tell apart
+
+
+class VAFContourDisplay:
+    """Contours of the cross-validated VAF over ``na`` and ``nb``, one panel per delay.
+
+    Areas are empty where the VAF is not positive or a candidate could not be fitted. An asterisk
+    marks the highest VAF of each panel, a ring the chosen model. With a single ``na`` or ``nb``
+    the panels show lines instead.
+
+    Make it with :meth:`from_estimator`.
+
+    Parameters
+    ----------
+    na : list of int
+        Orders on the horizontal axis.
+    nb : list of int or tuple
+        Orders on the vertical axis; tuples, one number per input, stand side by side.
+    nk : list of int or tuple
+        Delays of the panels in samples.
+    vaf : ndarray of shape (n_nk, n_nb, n_na)
+        Mean cross-validated VAF in percent, unclipped; NaN where there is none.
+    delay : ndarray of shape (n_nk,)
+        Delays of the panels in seconds.
+    factor : int, default=1
+        Decimation factor of the models.
+    chosen : (int, int, int) or None, default=None
+        Positions of the chosen model in ``nk``, ``nb`` and ``na``, if it is shown.
+    n_nk_searched : int or None, default=None
+        Number of delays searched, if more than are shown.
+
+    Attributes
+    ----------
+    axes_ : ndarray of Axes, shape (n_nk,)
+        The panels.
+    ax_ : Axes
+        The first of them.
+    figure_ : Figure
+        The figure that holds them.
+    contours_ : list of QuadContourSet
+        The filled contours, one per panel; empty where lines are drawn.
+    lines_ : list of Line2D
+        The lines, one per panel; empty where contours are drawn.
+    highest_ : list of Line2D or None
+        The asterisks, one per panel; None in a panel without a positive VAF.
+    chosen_ : Line2D or None
+        The ring around the chosen model.
+    colorbar_ : Colorbar or None
+        The scale of the contours.
+
+    References
+    ----------
+    Van Grootheest, thesis, Figs. 5.12 and C.1-C.12.
+
+    Examples
+    --------
+    >>> from skhoid import OrderSearchCV, load_human_tracking
+    >>> from skhoid.plotting import VAFContourDisplay
+    >>> X, y = load_human_tracking(1)
+    >>> search = OrderSearchCV(na=[1, 2, 3], nb=[1, 2, 3], nk=[6, 7]).fit(X, y)
+    >>> display = VAFContourDisplay.from_estimator(search)
+    >>> [ax.get_title() for ax in display.axes_]
+    ['$n_k$ = 6 (0.1 s)', '$n_k$ = 7 (0.117 s)']
+    """
+
+    def __init__(
+        self,
+        *,
+        na: Sequence[int],
+        nb: Sequence[Any],
+        nk: Sequence[Any],
+        vaf: np.ndarray,
+        delay: np.ndarray,
+        factor: int = 1,
+        chosen: tuple[int, int, int] | None = None,
+        n_nk_searched: int | None = None,
+    ) -> None:
+        self.na = na
+        self.nb = nb
+        self.nk = nk
+        self.vaf = vaf
+        self.delay = delay
+        self.factor = factor
+        self.chosen = chosen
+        self.n_nk_searched = n_nk_searched
+
+    @classmethod
+    def from_estimator(
+        cls,
+        search: OrderSearchCV,
+        *,
+        factor: int | None = None,
+        nk: Any = None,
+        levels: Any = None,
+        ax: Any = None,
+    ) -> VAFContourDisplay:
+        """Draw a fitted search.
+
+        Parameters
+        ----------
+        search : OrderSearchCV
+            Fitted.
+        factor : int or None, default=None
+            Decimation factor to show; None means the chosen one.
+        nk : sequence of int or tuple, or None, default=None
+            Delays to show, in samples. None means all, but no more than the twelve with the
+            highest VAF; the picture says so.
+        levels : array-like or None, default=None
+            Contour levels, see :meth:`plot`.
+        ax : Axes, sequence of Axes or None, default=None
+            One Axes per delay. None makes a figure.
+
+        Returns
+        -------
+        display : VAFContourDisplay
+        """
+        check_search(search, OrderSearchCV, cls.__name__)
+        results = search.cv_results_
+        factors = sorted(set(results["param_factor"]))
+        wanted = search.best_factor_ if factor is None else factor
+        if wanted not in factors:
+            raise ValueError(f"factor={factor!r} was not searched; the factors are {factors}.")
+        rows = [i for i, d in enumerate(results["param_factor"]) if d == wanted]
+        values = {
+            name: sorted({results[f"param_{name}"][i] for i in rows}, key=_order)
+            for name in ("na", "nb", "nk")
+        }
+        vaf = np.full([len(values[name]) for name in ("nk", "nb", "na")], np.nan)
+        delay = np.full(len(values["nk"]), np.nan)
+        chosen = None
+        for i in rows:
+            k, b, a = (values[n].index(results[f"param_{n}"][i]) for n in ("nk", "nb", "na"))
+            vaf[k, b, a] = results["mean_test_score"][i]
+            delay[k] = results["delay"][i]
+            if i == search.best_index_:
+                chosen = (k, b, a)
+        shown = _shown_delays(values["nk"], vaf, nk)
+        if chosen is not None:
+            k, b, a = chosen
+            chosen = (shown.index(k), b, a) if k in shown else None
+        display = cls(
+            na=values["na"],
+            nb=values["nb"],
+            nk=[values["nk"][i] for i in shown],
+            vaf=vaf[shown],
+            delay=delay[shown],
+            factor=wanted,
+            chosen=chosen,
+            n_nk_searched=len(values["nk"]) if nk is None else None,
+        )
+        return display.plot(ax, levels=levels)
+
+    def plot(self, ax: Any = None, *, levels: Any = None) -> VAFContourDisplay:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : Axes, sequence of Axes or None, default=None
+            One Axes per delay. None makes a figure.
+        levels : array-like or None, default=None
+            Contour levels in percent, increasing. None takes about ten round ones that reach
+            from the lower quartile of the positive values to the highest, over at least 5 %; what
+            lies below the first one has the darkest colour. They are the same in all panels.
+
+        Returns
+        -------
+        self : VAFContourDisplay
+        """
+        n_panels = len(self.nk)
+        columns = n_panels if n_panels <= 3 else min(math.ceil(math.sqrt(n_panels)), 4)
+        rows = -(-n_panels // columns)
+        if ax is None:
+            size = (max(4.8, 0.8 + 2.8 * columns), 1.2 + 2.5 * rows)
+            figure = plt.figure(figsize=size, layout="constrained")
+            grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+            panels = list(grid.ravel()[:n_panels])
+            if self.factor != 1:
+                figure.suptitle(f"Decimation factor {self.factor}", fontsize="medium")
+            for spare in grid.ravel()[n_panels:]:
+                spare.remove()
+        else:
+            panels = given_axes(ax, (n_panels,), "one per delay n_k")
+        self.axes_ = np.array(panels, dtype=object)
+        self.ax_ = panels[0]
+        self.figure_ = self.ax_.figure
+        self.contours_: list[Any] = []
+        self.lines_: list[Any] = []
+        self.highest_: list[Any] = []
+        self.chosen_: Any = None
+        self.colorbar_: Any = None
+        positive = np.where(self.vaf > 0, self.vaf, np.nan)
+        if min(len(self.na), len(self.nb)) > 1:
+            self._draw_contours(positive, _levels(positive) if levels is None else levels)
+        else:
+            self._draw_lines(positive)
+        for i, panel in enumerate(panels):
+            panel.set_title(f"$n_k$ = {self.nk[i]} ({self.delay[i]:.3g} s)", fontsize="medium")
+            below = i + columns >= n_panels
+            if ax is not None or below:
+                panel.set_xlabel(self._labels[0])
+                panel.tick_params(labelbottom=True)
+            if ax is not None or i % columns == 0:
+                panel.set_ylabel(self._labels[1])
+        self._explain(own_figure=ax is None)
+        return self
+
+    def _draw_contours(self, vaf: np.ndarray, levels: Any) -> None:
+        x, y = _positions(self.na), _positions(self.nb)
+        extend = _beyond(vaf, levels)
+        self._labels = ("$n_a$", "$n_b$" if _is_plain(self.nb) else "$n_b$ of each input")
+        some = not np.isnan(vaf).all()
+        for i, panel in enumerate(self.axes_):
+            field = np.ma.masked_invalid(vaf[i])
+            if some:
+                self.contours_.append(
+                    panel.contourf(x, y, field, levels=levels, cmap="viridis", extend=extend)
+                )
+                if field.count():
+                    panel.contour(x, y, field, levels=levels, colors=BLACK, linewidths=0.4)
+            panel.set_xlim(x[0] - MARGIN, x[-1] + MARGIN)
+            panel.set_ylim(y[0] - MARGIN, y[-1] + MARGIN)
+            _name_ticks(panel.xaxis, self.na)
+            _name_ticks(panel.yaxis, self.nb)
+            self.highest_.append(None)
+            if field.count():
+                row, column = divmod(int(np.nanargmax(vaf[i])), len(self.na))
+                self.highest_[-1] = _asterisk(panel, x[column], y[row])
+        if self.chosen is not None:
+            number, row, column = self.chosen
+            self.chosen_ = _ring(self.axes_[number], x[column], y[row])
+        if some:
+            self.colorbar_ = self.figure_.colorbar(
+                self.contours_[0], ax=list(self.axes_), label="VAF, %", ticks=levels
+            )
+
+    def _draw_lines(self, vaf: np.ndarray) -> None:
+        over_na = len(self.na) > 1 or len(self.nb) == 1
+        orders = self.na if over_na else self.nb
+        fixed = f"$n_b$ = {self.nb[0]}" if over_na else f"$n_a$ = {self.na[0]}"
+        self._labels = (f"{'$n_a$' if over_na else '$n_b$'} ({fixed})", "VAF, %")
+        x = _positions(orders)
+        for i, panel in enumerate(self.axes_):
+            values = vaf[i].ravel()
+            self.lines_ += panel.plot(x, values, color=BLUE, marker="o", ms=4, lw=1.2)
+            _name_ticks(panel.xaxis, orders)
+            panel.set_xlim(x[0] - MARGIN, x[-1] + MARGIN)
+            panel.margins(y=0.15)
+            panel.grid(alpha=0.3)
+            self.highest_.append(None)
+            if not np.isnan(values).all():
+                best = int(np.nanargmax(values))
+                self.highest_[-1] = _asterisk(panel, x[best], values[best])
+        if self.chosen is not None:
+            number, row, column = self.chosen
+            at = column if over_na else row
+            self.chosen_ = _ring(self.axes_[number], x[at], vaf[number].ravel()[at])
+
+    def _explain(self, *, own_figure: bool) -> None:
+        several = "highest of each panel" if len(self.nk) > 1 else "highest"
+        entries = {several: next((m for m in self.highest_ if m is not None), None)}
+        if self.chosen is not None:
+            entries["chosen model"] = self.chosen_
+        handles = {name: mark for name, mark in entries.items() if mark is not None}
+        note = self._note()
+        if own_figure:
+            if note:
+                handles[note] = Line2D([], [], ls="none")
+            self.figure_.legend(
+                handles.values(),
+                handles.keys(),
+                loc="outside lower center",
+                frameon=False,
+                ncols=len(handles),
+                numpoints=1,
+            )
+        elif handles:
+            self.ax_.legend(
+                handles.values(),
+                handles.keys(),
+                loc="lower right",
+                fontsize="small",
+                framealpha=0.9,
+                title=note or None,
+            )
+
+    def _note(self) -> str:
+        shown = len(self.nk)
+        if self.n_nk_searched is None or self.n_nk_searched <= shown:
+            return ""
+        return f"the best {shown} of {self.n_nk_searched} delays"
+
+
+def _order(value: Any) -> tuple[Any, ...]:
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _shown_delays(searched: list[Any], vaf: np.ndarray, nk: Any) -> list[int]:
+    if nk is not None:
+        wanted = [tuple(v) if np.ndim(v) else int(v) for v in nk]
+        unknown = [v for v in wanted if v not in searched]
+        if unknown or not wanted:
+            what = f"nk={unknown[0]!r} was not searched" if unknown else "nk is empty"
+            raise ValueError(f"{what}; the delays are {searched}.")
+        return [searched.index(v) for v in wanted]
+    highest = np.where(np.isnan(vaf), -np.inf, vaf).max(axis=(1, 2))
+    return sorted(np.argsort(-highest, kind="stable")[:MAX_PANELS].tolist())
+
+
+def _levels(vaf: np.ndarray) -> np.ndarray:
+    known = vaf[~np.isnan(vaf)]
+    if known.size == 0:
+        return np.linspace(0, 100, N_LEVELS + 1)
+    high = float(known.max())
+    low = max(min(float(np.quantile(known, 0.25)), high - LEAST_RANGE), 0.0)
+    return np.asarray(MaxNLocator(N_LEVELS).tick_values(low, high))
+
+
+def _beyond(vaf: np.ndarray, levels: Any) -> str:
+    known = vaf[~np.isnan(vaf)]
+    below, above = np.any(known < np.min(levels)), np.any(known > np.max(levels))
+    return ("both" if above else "min") if below else ("max" if above else "neither")
+
+
+def _is_plain(orders: Sequence[Any]) -> bool:
+    return not any(isinstance(order, tuple) for order in orders)
+
+
+def _positions(orders: Sequence[Any]) -> np.ndarray:
+    return np.array(orders) if _is_plain(orders) else np.arange(len(orders))
+
+
+def _name_ticks(axis: Any, orders: Sequence[Any]) -> None:
+    if _is_plain(orders):
+        few = len(orders) <= MAX_TICKS
+        axis.set_major_locator(FixedLocator(orders) if few else MaxNLocator(8, integer=True))
+    else:
+        axis.set_ticks(range(len(orders)), [str(order) for order in orders])
+
+
+def _asterisk(panel: Any, x: float, y: float) -> Line2D:
+    (mark,) = panel.plot(
+        x,
+        y,
+        marker="*",
+        ms=13,
+        color="white",
+        markeredgecolor=BLACK,
+        ls="none",
+        zorder=4,
+        clip_on=False,
+    )
+    return mark
+
+
+def _ring(panel: Any, x: float, y: float) -> Line2D:
+    (mark,) = panel.plot(
+        x,
+        y,
+        marker="o",
+        ms=17,
+        color="none",
+        markeredgecolor=VERMILLION,
+        markeredgewidth=2.2,
+        ls="none",
+        zorder=5,
+        clip_on=False,
+    )
+    return mark

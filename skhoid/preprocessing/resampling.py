@@ -1,0 +1,127 @@
+"""Regular time grids for recordings with an irregular clock."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.interpolate import make_interp_spline
+
+from ..exceptions import IrregularSamplingError, RunIndexError
+from ..runs import (
+    GAP,
+    TIME,
+    WHOLE,
+    check_alignment,
+    check_increasing,
+    contiguous_runs,
+    snap,
+    time_in_seconds,
+    within_runs,
+)
+
+
+def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) -> Any:
+    """Bring recorded runs onto a regular time grid by cubic interpolation.
+
+    skhoid never does this by itself: lags in samples need a regular clock, and an irregular one
+    is an error that names this function.
+
+    Parameters
+    ----------
+    X : DataFrame of shape (n_rows, n_columns)
+        Data with ``run`` and ``time`` (s) in the row index; time must increase within runs.
+    y : Series, DataFrame or None, default=None
+        Output with the same rows.
+    dt : float or None, default=None
+        Sampling time of the new grid in seconds; None takes the median step. Choose it no longer
+        than the old one: nothing is filtered, so coarser grids alias (thin with
+        :class:`skhoid.Decimator` instead).
+
+    Returns
+    -------
+    X_regular : DataFrame
+        Rows at the first instant of each segment plus multiples of ``dt``. A step longer than
+        one and a half median steps is a gap and stays one; rows whose neighbours are NaN are NaN.
+    y_regular : same type as y
+        Only if ``y`` is given.
+
+    Examples
+    --------
+    >>> from skhoid import load_human_tracking, resample_runs, sampling_time
+    >>> X, y = load_human_tracking(0, resample=False)
+    >>> X, y = resample_runs(X, y, dt=1 / 60)
+    >>> round(1 / sampling_time(X))
+    60
+    """
+    check_alignment(X, y)
+    index = X.index
+    if TIME not in index.names:
+        raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
+    time = time_in_seconds(index.get_level_values(TIME))
+    keys = [name for name in index.names if name != TIME]
+    frame = X if y is None else pd.concat([X, pd.DataFrame(y)], axis=1)
+    values = frame.to_numpy(dtype=float)
+    if keys:
+        codes, labels = pd.factorize(index.droplevel(TIME))
+        run_starts = contiguous_runs(codes, list(labels))
+    else:
+        labels, run_starts = [0], np.array([0, len(index)])
+    step, within = np.diff(time), within_runs(run_starts)
+    check_increasing(time, step, within, run_starts, list(labels))
+    typical = np.full(len(labels), np.nan)
+    for run, (a, b) in enumerate(pairwise(run_starts)):
+        if b - a > 1:
+            typical[run] = np.median(step[a : b - 1])
+    if np.isnan(typical).all():
+        raise IrregularSamplingError("resample_runs needs runs of at least two rows.")
+    grid_step = dt if dt is not None else snap(float(np.nanmedian(typical)))
+    longest = GAP * np.repeat(typical, np.diff(run_starts))[1:]
+    starts = np.union1d(run_starts, np.flatnonzero(within & (step > longest)) + 1)
+    pieces: list[np.ndarray] = []
+    times: list[np.ndarray] = []
+    origin: list[np.ndarray] = []
+    for a, b in pairwise(starts):
+        span = time[b - 1] - time[a]
+        grid = time[a] + grid_step * np.arange(int(np.floor(span / grid_step + WHOLE)) + 1)
+        pieces.append(_interpolate(time[a:b], values[a:b], grid))
+        times.append(grid)
+        origin.append(np.full(grid.size, a))
+    rows = np.concatenate(origin)
+    levels = [index.get_level_values(name).take(rows) for name in keys]
+    arrays = dict(zip(keys, levels, strict=True)) | {TIME: np.concatenate(times)}
+    new_index = (
+        pd.MultiIndex.from_arrays([arrays[n] for n in index.names], names=index.names)
+        if keys
+        else pd.Index(arrays[TIME], name=TIME)
+    )
+    result = pd.DataFrame(np.vstack(pieces), index=new_index, columns=frame.columns)
+    X_new = result.iloc[:, : X.shape[1]]
+    X_new.attrs = dict(X.attrs)
+    if y is None:
+        return X_new
+    y_new = result.iloc[:, X.shape[1] :]
+    if isinstance(y, pd.Series):
+        y_new = y_new.iloc[:, 0].rename(y.name)
+    y_new.attrs = dict(y.attrs)
+    return X_new, y_new
+
+
+def _interpolate(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    result = np.full((grid.size, values.shape[1]), np.nan)
+    right = np.clip(np.searchsorted(time, grid, side="left"), 0, time.size - 1)
+    left = np.where(np.isclose(time[right], grid), right, np.maximum(right - 1, 0))
+    for column in range(values.shape[1]):
+        known = np.isfinite(values[:, column])
+        if not known.any():
+            continue
+        degree = 3 if known.sum() > 3 else 1
+        if known.sum() == 1:
+            result[:, column] = values[known, column]
+        else:
+            spline = make_interp_spline(time[known], values[known, column], k=degree)
+            result[:, column] = spline(grid)
+        result[~(known[left] & known[right]), column] = np.nan
+    return result
