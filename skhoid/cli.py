@@ -43,7 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             warnings.showwarning = _show_warning
             return int(options.action(options))
     except (ValueError, OSError, ImportError) as error:
-        print(f"skhoid: error: {error}", file=sys.stderr)
+        from .exceptions import IrregularSamplingError
+
+        hint = " Here: --resample." if isinstance(error, IrregularSamplingError) else ""
+        print(f"skhoid: error: {error}{hint}", file=sys.stderr)
         return 2
 
 

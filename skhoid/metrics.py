@@ -119,22 +119,8 @@ def vaf_of_rows(
     """Unclipped VAF with a finite floor, of the rows in ``keep``."""
     if average not in ("pooled", "mean", None):
         raise ValueError(f"average must be 'pooled', 'mean' or None; got {average!r}.")
-    if np.isnan(prediction[keep]).any():
-        row = int(np.flatnonzero(keep & np.isnan(prediction))[0])
-        raise ValueError(f"The prediction is NaN in {layout.where(row)}.")
-    keep = keep & ~np.isnan(y)
-    if not keep.any():
-        raise ValueError(
-            "No row is left to score: the run-in, the window and missing values leave out all "
-            f"{y.size} rows."
-        )
-    run = layout.run_of(np.flatnonzero(keep))
-    signal, error = y[keep], y[keep] - prediction[keep]
+    signal, error, run = scored_signals(y, prediction, keep, layout, centered)
     n_runs = len(layout.labels)
-    if centered:
-        count = np.maximum(np.bincount(run, minlength=n_runs), 1)
-        signal = signal - (np.bincount(run, signal, n_runs) / count)[run]
-        error = error - (np.bincount(run, error, n_runs) / count)[run]
     # Simulations are bounded at 1e100, so that squares do not overflow.
     lost = np.bincount(run, error**2, n_runs)
     power = np.bincount(run, signal**2, n_runs)
@@ -152,6 +138,29 @@ def vaf_of_rows(
     if average is None:
         return values
     return float(values.mean())
+
+
+def scored_signals(
+    y: np.ndarray, prediction: np.ndarray, keep: np.ndarray, layout: RunLayout, centered: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Measured output, error and run number of the rows in ``keep`` that were measured."""
+    if np.isnan(prediction[keep]).any():
+        row = int(np.flatnonzero(keep & np.isnan(prediction))[0])
+        raise ValueError(f"The prediction is NaN in {layout.where(row)}.")
+    keep = keep & ~np.isnan(y)
+    if not keep.any():
+        raise ValueError(
+            "No row is left to score: the run-in, the window and missing values leave out all "
+            f"{y.size} rows."
+        )
+    run = layout.run_of(np.flatnonzero(keep))
+    signal, error = y[keep], y[keep] - prediction[keep]
+    if centered:
+        n_runs = len(layout.labels)
+        count = np.maximum(np.bincount(run, minlength=n_runs), 1)
+        signal = signal - (np.bincount(run, signal, n_runs) / count)[run]
+        error = error - (np.bincount(run, error, n_runs) / count)[run]
+    return signal, error, run
 
 
 class VAFScorer:

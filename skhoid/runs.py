@@ -303,8 +303,8 @@ def _layout_from_time(
     for given, whose in ((dt, "and dt="), (fallback_dt, "and the model was fitted at ")):
         if given is not None and abs(found - given) > 0.01 * given:
             raise IrregularSamplingError(
-                f"The time index advances by {found:g} s a row, {whose}{given:g} s. Use data of "
-                f"one sampling time: skhoid.resample_runs(X, dt={given:g}) brings it onto that grid."
+                f"Time advances by {found:g} s a row, {whose}{given:g} s. Use data of "
+                f"one sampling time: skhoid.resample_runs(X, dt={given:g}) makes that grid."
             )
     found = dt or fallback_dt or found
     deviation = np.abs(regular - found) / found

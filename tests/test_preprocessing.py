@@ -68,7 +68,7 @@ def test_odd_padding_against_its_twin(n_rows, factor):
     before = [2 * e[0] - e[i] for i in range(margin, 0, -1)]
     after = [2 * e[-1] - e[n_rows - 1 - i] for i in range(1, margin + 1)]
     expected = naive.brick_wall(np.array([*before, *e, *after]), factor)[margin : margin + n_rows]
-    found = Decimator(factor, padding="odd").fit_transform(X)["e"]
+    found = Decimator(factor, padding="odd", dt=DT).fit_transform(X)["e"]
     np.testing.assert_allclose(found, expected, atol=1e-11)
 
 

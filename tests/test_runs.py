@@ -522,7 +522,7 @@ ERRORS = {
     "predict at another sampling time": (
         lambda: fit().predict(with_levels(X, time=2 * TIME)),
         IrregularSamplingError,
-        ["0.02 s", "model's sampling time 0.01 s", "resample_runs(X, dt=0.01)"],
+        ["0.02 s", "model", "0.01 s", "resample_runs(X, dt=0.01)"],
     ),
     "dt disagrees with the index": (
         lambda: fit(dt=0.02),

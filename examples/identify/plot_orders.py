@@ -66,7 +66,7 @@ print(
 )
 
 # %%
-# The chosen model on the first of the runs:
+# The chosen model, refitted on all runs, on the first of them:
 
 from skhoid.plotting import SimulationDisplay
 
@@ -75,7 +75,8 @@ _ = SimulationDisplay.from_estimator(search, X, y, runs="phase-size 2b")
 # %%
 # The answer
 # ----------
-# Four parameters are enough. ARX(2, 2, 1) explains 92.9 % of a run it has not seen; the best of the
-# 144 models needs ten parameters for 93.1 %, a difference well within the standard error of 0.7 %.
+# Four parameters are enough. ARX(2, 2, 1) explains 92.9 % of a run it has not seen (of a target
+# it has); the best of the 144 models needs ten parameters for 93.1 %, a difference well within the
+# standard error of 0.7 %.
 # The BIC takes twelve parameters for better predictions of the next sample, and its simulations are
 # worse: choose by what the model is for.

@@ -67,8 +67,9 @@ _ = ax.legend(title="factor", ncols=2)
 
 # %%
 # At 60 Hz the fit cares most about the next 17 ms and is spoilt by the correlation of its own
-# errors, the more so the longer the delay. From factor 4 on the models simulate well and, with their
-# own best delay, hardly differ: by 0.2 %, while the runs differ by 1.1 % among themselves.
+# errors, the more so the longer the delay. From factor 4 on the models simulate well and, each with
+# its best delay, hardly differ: by 0.2 %, while the runs differ by 1.1 % among themselves. The best
+# model, refitted on all runs, on the first of them:
 
 from skhoid.plotting import SimulationDisplay
 
@@ -78,10 +79,10 @@ _ = SimulationDisplay.from_estimator(search, X, y, runs="phase-size 2b", window=
 # Score at the full rate
 # ----------------------
 # The simulation above has 60 values a second although the model runs at 6 Hz: skhoid interpolates
-# it and compares it with the recording itself. It is tempting to score on the thinned
-# signals instead, with ``VAFScorer(rate="model")``. But filtering removes what the model cannot
-# explain from the *measurement*, too. A bicycle rider's steering torque shows it: fitted on the first
-# half, scored on the second, from the roll angle.
+# it and compares it with the recording itself. It is tempting to score on the thinned signals
+# instead, with ``VAFScorer(rate="model")``. But filtering removes what the model cannot explain
+# from the *measurement*, too. A bicycle rider's steering torque shows it: fitted on the first half,
+# scored on the second, from the roll angle.
 
 from skhoid import load_bicycle_rider
 

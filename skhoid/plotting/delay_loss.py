@@ -171,6 +171,7 @@ class DelayLossDisplay:
             self._draw_path()
         elif (samples := self._delays_in_samples()) is None:
             self._draw_loss(np.arange(len(self.nk)))
+            self.line_.set_linestyle("none")  # neighbours are not near each other
             self._name_candidates()
         else:
             self._draw_loss(samples * self.dt)

@@ -302,7 +302,10 @@ class SimulationDisplay:
     def _draw_run(self, number: int, panels: np.ndarray) -> None:
         time, true, pred = self.time[number], self.y_true[number], self.y_pred[number]
         top = panels[0]
-        at_gaps = np.flatnonzero(np.diff(time) > GAP * np.median(np.diff(time))) + 1
+        step = np.diff(time)
+        at_gaps = (
+            np.flatnonzero(step > GAP * np.median(step)) + 1 if step.size else step.astype(int)
+        )
         time = np.insert(time, at_gaps, np.nan)
         true, pred = np.insert(true, at_gaps, np.nan), np.insert(pred, at_gaps, np.nan)
         self.measured_ += top.plot(time, true, color=BLACK, lw=1.2, label="measured")

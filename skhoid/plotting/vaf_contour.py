@@ -24,8 +24,8 @@ LEAST_RANGE = 5.0  # percent; finer contours would show what the VAF cannot tell
 class VAFContourDisplay:
     """Contours of the cross-validated VAF over ``na`` and ``nb``, one panel per delay.
 
-    Areas are empty where the VAF is not positive or a candidate could not be fitted. An asterisk
-    marks the highest VAF of each panel, a ring the chosen model. With a single ``na`` or ``nb``
+    Areas are empty where the VAF is not positive or a candidate could not be fitted; a good
+    candidate among such ones is a coloured square. An asterisk marks the highest VAF of each panel, a ring the chosen model. With a single ``na`` or ``nb``
     the panels show lines instead.
 
     Make it with :meth:`from_estimator`.
@@ -59,6 +59,8 @@ class VAFContourDisplay:
         The figure that holds them.
     contours_ : list of QuadContourSet
         The filled contours, one per panel; empty where lines are drawn.
+    single_ : list of PathCollection
+        Squares for single models, which have too few neighbours for a contour; one per panel.
     lines_ : list of Line2D
         The lines, one per panel; empty where contours are drawn.
     highest_ : list of Line2D or None
@@ -204,6 +206,7 @@ class VAFContourDisplay:
         self.ax_ = panels[0]
         self.figure_ = self.ax_.figure
         self.contours_: list[Any] = []
+        self.single_: list[Any] = []
         self.lines_: list[Any] = []
         self.highest_: list[Any] = []
         self.chosen_: Any = None
@@ -237,6 +240,7 @@ class VAFContourDisplay:
                 )
                 if field.count():
                     panel.contour(x, y, field, levels=levels, colors=BLACK, linewidths=0.4)
+                self.single_.append(self._draw_single(panel, x, y, vaf[i], self.contours_[-1]))
             panel.set_xlim(x[0] - MARGIN, x[-1] + MARGIN)
             panel.set_ylim(y[0] - MARGIN, y[-1] + MARGIN)
             _name_ticks(panel.xaxis, self.na)
@@ -252,6 +256,23 @@ class VAFContourDisplay:
             self.colorbar_ = self.figure_.colorbar(
                 self.contours_[0], ax=list(self.axes_), label="VAF, %", ticks=levels
             )
+
+    @staticmethod
+    def _draw_single(panel: Any, x: np.ndarray, y: np.ndarray, vaf: np.ndarray, like: Any) -> Any:
+        """Squares for models without the neighbours that a contour needs."""
+        rows, columns = np.nonzero(~np.isnan(vaf) & ~_in_contours(~np.isnan(vaf)))
+        return panel.scatter(
+            x[columns],
+            y[rows],
+            c=vaf[rows, columns],
+            cmap=like.get_cmap(),
+            norm=like.norm,
+            marker="s",
+            s=50,
+            edgecolors=BLACK,
+            linewidths=0.4,
+            zorder=3,
+        )
 
     def _draw_lines(self, vaf: np.ndarray) -> None:
         over_na = len(self.na) > 1 or len(self.nb) == 1
@@ -299,6 +320,7 @@ class VAFContourDisplay:
                 handles.keys(),
                 loc="lower right",
                 fontsize="small",
+                markerscale=0.6,
                 framealpha=0.9,
                 title=note or None,
             )
@@ -333,6 +355,16 @@ def _levels(vaf: np.ndarray) -> np.ndarray:
     high = float(known.max())
     low = max(min(float(np.quantile(known, 0.25)), high - LEAST_RANGE), 0.0)
     return np.asarray(MaxNLocator(N_LEVELS).tick_values(low, high))
+
+
+def _in_contours(known: np.ndarray) -> np.ndarray:
+    """Points of a cell of the mesh with at least three known corners."""
+    corners = [known[:-1, :-1], known[:-1, 1:], known[1:, :-1], known[1:, 1:]]
+    drawn = np.sum(corners, axis=0) >= 3
+    covered = np.zeros(known.shape, dtype=bool)
+    for part in (np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:]):
+        covered[part] |= drawn
+    return covered & known
 
 
 def _beyond(vaf: np.ndarray, levels: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from sklearn.utils.validation import column_or_1d
 
 from ... import _kernels
 from ...exceptions import ShortRunError
-from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, trimmed_rows, vaf_of_rows
+from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, trimmed_rows, vaf_of_rows
 from ...preprocessing.base import RowPreservingTransformer
 from ...runs import RunLayout, read_layout
 from ..base import BOUND, check_lengths, check_row_count
@@ -66,8 +67,12 @@ class CandidateTable:
             X = clone(estimator[:-1]).fit_transform(X, y)
         self._model = clone(final_step(estimator)[1])
         self.grid, self._raw_inputs, self.output, _ = self._model._read_data(X, y)
-        self.inputs = _kernels.gate(self._model._hold(self.grid, self._raw_inputs))
         self.dt = self.grid.dt
+
+    @cached_property
+    def inputs(self) -> np.ndarray:
+        """Inputs to simulate from."""
+        return _kernels.gate(self._model._hold(self.grid, self._raw_inputs))
 
     @property
     def shortest_run(self) -> int:
@@ -154,6 +159,11 @@ class Validation:
     def __init__(
         self, estimator: Any, X: Any, y: Any, folds: list[Fold], scorer: VAFScorer
     ) -> None:
+        if scorer.rate == "model":
+            raise ValueError(
+                "A search scores at the full rate; figures of VAFScorer(rate='model') cannot "
+                "choose between models."
+            )
         self.layout = raw_layout(estimator, X)
         self.y = column_or_1d(np.asarray(y, dtype=float), warn=False)
         self.folds = folds
@@ -184,12 +194,11 @@ class Validation:
 
     def standard_error_within(self, prediction: np.ndarray, fold: Fold, n_blocks: int = 8) -> float:
         """Standard error of a VAF from the spread over blocks of its rows (a ratio estimator)."""
-        rows = np.flatnonzero(self.keep & fold.test & ~np.isnan(self.y))
-        power = [np.sum(self.y[part] ** 2) for part in np.array_split(rows, n_blocks)]
-        lost = [
-            np.sum((self.y[part] - prediction[part]) ** 2)
-            for part in np.array_split(rows, n_blocks)
-        ]
+        signal, error, _ = scored_signals(
+            self.y, prediction, self.keep & fold.test, self.layout, self.scorer.centered
+        )
+        power = [np.sum(block**2) for block in np.array_split(signal, n_blocks)]
+        lost = [np.sum(block**2) for block in np.array_split(error, n_blocks)]
         if sum(lost) > -VAF_FLOOR * sum(power):
             return np.nan
         deviation = np.asarray(lost) - sum(lost) / sum(power) * np.asarray(power)

@@ -156,7 +156,8 @@ class DelaySearchCV(BestModel):
         candidates = self._candidates(shortest)
         if table is not None:
             table.set_candidates([{"nk": nk} for nk in candidates])
-        context = self._init_callback_context(max_subtasks=len(candidates) + 1)
+        at_once = table is not None and self.criterion == "one_step"
+        context = self._init_callback_context(max_subtasks=1 + (not at_once) * len(candidates))
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         if self.window is not None:
             if table is None:

@@ -1,0 +1,108 @@
+"""The command line, from words to files."""
+
+import json
+
+import numpy as np
+import pytest
+from skhoid import ARXRegressor, load_human_tracking, vaf_score
+from skhoid.cli import main
+
+
+@pytest.fixture
+def run_files(tmp_path):
+    """Three CSV files of real tracking runs, with units in their headers."""
+    X, y = load_human_tracking(["phase-size 2b", "phase-size 2c", "phase-size 2d"])
+    paths = []
+    for label, part in X.groupby(level="run"):
+        table = part.droplevel("run").reset_index()
+        table["cursor [px]"] = y.loc[[label]].to_numpy()
+        path = tmp_path / f"{label.replace(' ', '-')}.csv"
+        table.rename(columns={"time": "t [s]", "f_t": "target [px]"}).to_csv(path, index=False)
+        paths.append(str(path))
+    return paths
+
+
+def run_json(capsys, *words):
+    assert main(["identify", *words, "--json", "--no-pictures"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_main_job_finds_the_delay_of_the_bundled_recording(capsys, tmp_path):
+    assert main(["identify", "--out", str(tmp_path / "pictures")]) == 0
+    printed = capsys.readouterr().out
+    for expected in ("difficulty 80", "60 Hz", "lowest one-step error", "VAF held out, %", "px"):
+        assert expected in printed
+    names = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert names == {"simulation.png", "delay.png", "delay-vaf.png", "orders.png"}
+
+
+def test_json_holds_what_the_api_gives(capsys):
+    found = run_json(capsys)
+    X, y = load_human_tracking("difficulty 80")
+    half = (len(X) + 1) // 2
+    nk = found["delay"]["one_step"]["nk"]
+    assert 0.10 <= found["delay"]["one_step"]["seconds"] <= 0.134
+    model = ARXRegressor(nk=nk, fit_intercept=True).fit(X[:half], y[:half])
+    with_delay = found["models"][1]
+    assert with_delay["nk"] == [nk]
+    free_run = model.predict(X)
+    expected = vaf_score(y[half:], free_run[half:], centered=True)
+    assert with_delay["vaf_validation"] == pytest.approx(expected, abs=1e-9)
+    assert expected >= 93.5
+    assert found["models"][0]["vaf_validation"] < with_delay["vaf_validation"]
+    values = [p["value"] for p in with_delay["parameters"]]
+    np.testing.assert_allclose(values, model.coef_, rtol=1e-9)
+    assert with_delay["verdict"] == "no overfit"
+
+
+def test_own_files_are_validated_on_a_held_out_run(capsys, run_files):
+    words = [*run_files, "--input", "target", "--output", "cursor", "--time", "t"]
+    found = run_json(capsys, *words, "--run-in", "2", "--decimate", "2")
+    assert found["n_runs"] == 3
+    assert found["validation"] == "run 'phase-size-2d'"
+    assert found["units"] == {"target": "px", "cursor": "px"}
+    assert found["model_dt_s"] == pytest.approx(2 / 60)
+    assert found["models"][-1]["vaf_validation"] > 80
+    found = run_json(capsys, *words, "--validate", "phase-size-2b", "--keep-means")
+    assert found["validation"] == "run 'phase-size-2b'"
+    assert not found["centered"]
+    assert all(p["name"] != "intercept" for p in found["models"][-1]["parameters"])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nothing-here.csv", "--time", "t"], "nothing-here.csv"),
+        (["run.csv"], "--time NAME, or --dt SECONDS"),
+        (["run.csv", "--dt", "0.01", "--unit", "deg"], "--unit takes NAME=UNIT"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(capsys, words, message):
+    assert main(["identify", *words]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("skhoid: error: ")
+    assert message in printed.err
+
+
+def test_errors_of_the_data_are_shown(capsys, run_files):
+    words = ["identify", *run_files, "--output", "cursor", "--time", "t", "--input"]
+    assert main([*words, "target", "--validate", "monday"]) == 2
+    assert "There is no run 'monday' to validate on" in capsys.readouterr().err
+    assert main([*words, "tarket"]) == 2
+    assert "target" in capsys.readouterr().err  # the close match is named
+
+
+def test_debug_shows_the_traceback(run_files):
+    with pytest.raises(ValueError, match="monday"):
+        main(
+            ["identify", *run_files, "--input", "target", "--output", "cursor", "--time", "t"]
+            + ["--validate", "monday", "--debug"]
+        )
+
+
+def test_help_has_examples(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["identify", "--help"])
+    assert stop.value.code == 0
+    assert "skhoid identify run*.csv --input e --output u --time t" in capsys.readouterr().out
