@@ -178,17 +178,24 @@ def _draw(found: Identification, folder: Path) -> list[str]:
     import matplotlib
 
     matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
     from .plotting import DelayLossDisplay, SimulationDisplay, VAFContourDisplay
 
     folder.mkdir(parents=True, exist_ok=True)
     displays: dict[str, Any] = {
-        "simulation.png": SimulationDisplay.from_estimator(found.best.pipeline, found.X, found.y),
-        "delay.png": DelayLossDisplay.from_estimator(found.delay_search),
+        "simulation.png": SimulationDisplay.from_estimator(
+            found.best.pipeline, found.X, found.y, centered=found.centered
+        ),
+        "delay.png": DelayLossDisplay.from_estimator(
+            found.delay_search, unit=found.y.attrs.get("units", {}).get(found.y.name)
+        ),
         "delay-vaf.png": DelayLossDisplay.from_estimator(found.vaf_delay_search),
         "orders.png": VAFContourDisplay.from_estimator(found.order_search),
     }
     for name, display in displays.items():
-        display.plot().figure_.savefig(folder / name, dpi=120)
+        display.figure_.savefig(folder / name, dpi=120)
+        plt.close(display.figure_)
     return [str(folder / name) for name in displays]
 
 

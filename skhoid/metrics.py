@@ -179,8 +179,8 @@ class VAFScorer:
         Score only rows with ``window[0] <= time < window[1]``, in seconds of the time index.
     rate : {"full", "model"}, default="full"
         ``"model"`` scores on the filtered and thinned signals that the model was fitted on, as
-        the thesis does. These figures always favour the coarsest model: do not choose a
-        decimation factor by them.
+        the thesis does. Filtering leaves less to explain, so these figures tend to favour the
+        coarsest model: do not choose a decimation factor by them.
     average : {"pooled", "mean"}, default="pooled"
         Sum the squares over all runs, or average the values of the runs.
     centered : bool, default=False
@@ -257,8 +257,7 @@ class VAFScorer:
 def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
     """Rows that a RunInTrimmer inside ``estimator`` leaves out."""
     trimmed = np.zeros(len(np.asarray(X)), dtype=bool)
-    estimator = getattr(estimator, "best_estimator_", estimator)
-    for _, step in getattr(estimator, "steps", []):
+    for _, step in getattr(_unwrapped(estimator), "steps", []):
         if isinstance(step, RunInTrimmer):
             trimmed |= run_in_rows(
                 read_layout(X, dt=step.dt, run=step.run),
@@ -269,7 +268,14 @@ def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
 
 
 def _final_step(estimator: Any, X: Any) -> tuple[Any, Any]:
-    estimator = getattr(estimator, "best_estimator_", estimator)
+    estimator = _unwrapped(estimator)
     if hasattr(estimator, "steps"):
         return estimator.steps[-1][1], estimator[:-1].transform(X)
     return estimator, X
+
+
+def _unwrapped(estimator: Any) -> Any:
+    """The estimator inside fitted searches."""
+    while hasattr(estimator, "best_estimator_"):
+        estimator = estimator.best_estimator_
+    return estimator

@@ -81,7 +81,7 @@ def predict_ahead(y, X, stretches, a, b, nk, intercept=0.0, horizon=1, bound=1e1
 
 
 def one_step_losses(y, X, stretches, na, nb, candidates, intercept=False):
-    """Mean squared one-step error (Eq. 24) of each ``nk``, all on the rows the largest one knows."""
+    """Mean squared one-step error (Eq. 24) of each ``nk``, on the rows that all of them know."""
     n_inputs = X.shape[1]
     common = None
     tables = []
@@ -109,7 +109,7 @@ def vaf(measured, simulated):
 
 
 def brick_wall(signal, factor):
-    """Keep the frequencies below the Nyquist frequency of every ``factor``-th row, by an explicit DFT."""
+    """Keep what lies below the Nyquist frequency of every ``factor``-th row, by an explicit DFT."""
     n = len(signal)
     t = np.arange(n)
     out = np.zeros(n)
@@ -121,7 +121,7 @@ def brick_wall(signal, factor):
 
 
 def block_mean(signal, factor):
-    """In every row, the mean of it and the ``factor - 1`` rows after it, as far as there are any."""
+    """In every row, the mean of it and the ``factor - 1`` rows after it, where there are any."""
     return np.array([np.mean(signal[t : t + factor]) for t in range(len(signal))])
 
 

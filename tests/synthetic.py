@@ -1,5 +1,7 @@
 """Small recordings for tests: ARX systems, and the closed loop as tables with run and time."""
 
+from itertools import pairwise
+
 import closed_loop
 import numpy as np
 import pandas as pd
@@ -46,7 +48,7 @@ def stretches_of(X):
     runs = X.index.get_level_values("run").to_numpy()
     cuts = np.flatnonzero(runs[1:] != runs[:-1]) + 1
     edges = [0, *cuts.tolist(), len(runs)]
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise(edges))
 
 
 def with_levels(table, **levels):

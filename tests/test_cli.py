@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+
 from skhoid import ARXRegressor, load_human_tracking, vaf_score
 from skhoid.cli import main
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from skhoid import _kernels
 from skhoid.arx.least_squares import Triangle, newey_west
 from skhoid.arx.orders import Orders, regressors
@@ -120,7 +121,9 @@ def test_free_run_with_past_inputs_and_initial_outputs(problem, seed):
     X, _, stretches, orders, theta = problem
     rng = np.random.default_rng(seed)
     lowest = [0, *[end for _, end in stretches[:-1]]]
-    past = np.array([rng.integers(low, b + 1) for low, (b, _) in zip(lowest, stretches, strict=True)])
+    past = np.array(
+        [rng.integers(low, b + 1) for low, (b, _) in zip(lowest, stretches, strict=True)]
+    )
     y0 = rng.standard_normal((len(stretches), max(orders.na, 1)))
     assert_same(*run_free(X, stretches, orders, theta, past, y0))
 

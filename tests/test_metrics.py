@@ -119,7 +119,7 @@ def test_zero_power_is_an_error():
 
 def test_no_row_left():
     measured, model = pair()
-    with pytest.raises(ValueError, match="No row is left to score.*all 150 rows"):
+    with pytest.raises(ValueError, match=r"No row is left to score.*all 150 rows"):
         vaf_score(measured, model, window=(50, 60))
 
 
@@ -141,7 +141,7 @@ def test_a_run_without_measurements_among_others():
 )
 @pytest.mark.xfail(reason="reported: silent, or NaN with a RuntimeWarning", raises=BaseException)
 def test_inputs_that_should_be_refused(y_true, y_pred):
-    with pytest.raises(ValueError, match="y_true|index|infinity"):
+    with pytest.raises(ValueError, match=r"y_true|index|infinity"):
         vaf_score(y_true, y_pred)
 
 

@@ -77,6 +77,5 @@ _ = SimulationDisplay.from_estimator(search, X, y, runs="phase-size 2b")
 # ----------
 # Four parameters are enough. ARX(2, 2, 1) explains 92.9 % of a run it has not seen (of a target
 # it has); the best of the 144 models needs ten parameters for 93.1 %, a difference well within the
-# standard error of 0.7 %.
-# The BIC takes twelve parameters for better predictions of the next sample, and its simulations are
-# worse: choose by what the model is for.
+# standard error of 0.7 %. The BIC takes twelve parameters for better predictions of the next
+# sample, and its simulations are no better: choose by what the model is for.

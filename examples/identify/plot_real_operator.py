@@ -65,8 +65,8 @@ _ = DelayLossDisplay.from_estimator(simulated)
 #
 # With and without the delay
 # --------------------------
-# Both models are fitted on the first 30 s and run freely over the whole recording; the last 30 s
-# count.
+# The models are fitted on the first 30 s and run freely over the whole recording; what follows
+# until 60 s counts.
 
 from skhoid import VAFScorer
 
@@ -78,8 +78,9 @@ for nk in (0, one_step.best_nk_, simulated.best_nk_):
     print(f"ARX(2, 2, {nk:2d}): VAF {score(models[nk], X, y):.1f} %")
 
 # %%
-# Both follow the large movements. With the delay, below, the residual shrinks; what remains are the
-# reversals of the hand near 32, 35, 54 and 58 s, which either model misses.
+# The model without a delay, and below it the one with 0.167 s, both follow the large movements.
+# With the delay the residual shrinks; what remains are the reversals of the hand near 32, 35, 54
+# and 58 s, which either model misses.
 
 from skhoid.plotting import SimulationDisplay
 

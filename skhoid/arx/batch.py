@@ -281,13 +281,18 @@ class ARXRegressor(BaseARX):
             missing[begin : begin + (known[0] if known.size else 0)] = False
         n_missing = int(missing.sum())
         if n_missing:
+            channels = [self._output_name, *self.inputs_]
+            columns = np.column_stack([output, inputs])[missing]
+            named = [
+                c for c, gap in zip(channels, np.isnan(columns).any(axis=0), strict=True) if gap
+            ]
             warnings.warn(
-                f"{n_missing} rows of {self._output_name!r} and {self.inputs_} are NaN, first "
+                f"{n_missing} rows of {', '.join(map(repr, named))} are NaN, first "
                 f"{grid.layout.where(grid.full_row(int(np.flatnonzero(missing)[0])))}; "
                 f"{self.n_rows_missing_} rows whose lags need them are left out, "
                 f"{rows.size} are used.",
                 MissingDataWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
 
     def _check_rank(self, triangle: Triangle, inputs: np.ndarray, output: np.ndarray) -> None:

@@ -40,6 +40,8 @@ class SimulationDisplay:
         Time at which the run-in ends; NaN where there is none.
     window : (float, float) or None, default=None
         Part of each run that is shown, in seconds.
+    centered : bool, default=False
+        Whether ``vaf`` is taken about the mean of each run.
     output_name : str, default="output"
         Name of the output.
     unit : str or None, default=None
@@ -83,6 +85,7 @@ class SimulationDisplay:
         vaf: np.ndarray,
         run_in_end: np.ndarray | None = None,
         window: tuple[float, float] | None = None,
+        centered: bool = False,
         output_name: str = "output",
         unit: str | None = None,
         n_runs_in_data: int | None = None,
@@ -94,6 +97,7 @@ class SimulationDisplay:
         self.vaf = vaf
         self.run_in_end = run_in_end
         self.window = window
+        self.centered = centered
         self.output_name = output_name
         self.unit = unit
         self.n_runs_in_data = n_runs_in_data
@@ -107,6 +111,7 @@ class SimulationDisplay:
         *,
         runs: Any = None,
         window: tuple[float, float] | None = None,
+        centered: bool = False,
         ax: Any = None,
         dt: float | None = None,
         run: Any = None,
@@ -126,6 +131,8 @@ class SimulationDisplay:
             Runs to show. None means all, but no more than the first five; the picture says so.
         window : (float, float) or None, default=None
             Show, and score, only rows with ``window[0] <= time < window[1]``, in seconds.
+        centered : bool, default=False
+            Take VAF about the mean of each run.
         ax : Axes, sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`.
         dt : float or None, default=None
@@ -153,7 +160,7 @@ class SimulationDisplay:
         measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
         prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
         run_in = trimmed_rows(estimator, X)
-        display = cls._of(layout, measured, prediction, run_in, runs, window, y)
+        display = cls._of(layout, measured, prediction, run_in, runs, window, centered, y)
         return display.plot(ax)
 
     @classmethod
@@ -164,6 +171,7 @@ class SimulationDisplay:
         *,
         runs: Any = None,
         window: tuple[float, float] | None = None,
+        centered: bool = False,
         run_in: float | None = None,
         ax: Any = None,
         dt: float | None = None,
@@ -182,6 +190,8 @@ class SimulationDisplay:
             Runs to show. None means all, but no more than the first five; the picture says so.
         window : (float, float) or None, default=None
             Show, and score, only rows with ``window[0] <= time < window[1]``, in seconds.
+        centered : bool, default=False
+            Take VAF about the mean of each run.
         run_in : float or None, default=None
             Shade this many seconds at the start of each run and do not score them.
         ax : Axes, sequence of Axes or None, default=None
@@ -205,7 +215,7 @@ class SimulationDisplay:
             indexed = isinstance(y_true, pd.Series | pd.DataFrame)
             layout = read_layout(y_true if indexed else measured[:, None], dt=dt)
         trimmed = run_in_rows(layout, run_in=run_in)
-        display = cls._of(layout, measured, prediction, trimmed, runs, window, y_true)
+        display = cls._of(layout, measured, prediction, trimmed, runs, window, centered, y_true)
         return display.plot(ax)
 
     @classmethod
@@ -217,6 +227,7 @@ class SimulationDisplay:
         run_in: np.ndarray,
         runs: Any,
         window: tuple[float, float] | None,
+        centered: bool,
         y: Any,
     ) -> SimulationDisplay:
         if layout.trimmed is not None:
@@ -235,7 +246,7 @@ class SimulationDisplay:
             time.append(layout.time[rows])
             y_true.append(measured[rows])
             y_pred.append(prediction[rows])
-            vaf.append(_vaf_or_nan(measured[scored], prediction[scored]))
+            vaf.append(_vaf_or_nan(measured[scored], prediction[scored], centered))
             shaded = rows[run_in[rows]]
             ends.append(layout.time[shaded[-1]] + layout.dt if shaded.size else np.nan)
         name = getattr(y, "name", None)
@@ -247,6 +258,7 @@ class SimulationDisplay:
             vaf=np.array(vaf),
             run_in_end=np.array(ends),
             window=window,
+            centered=centered,
             output_name="output" if name is None else str(name),
             unit=(getattr(y, "attrs", None) or {}).get("units", {}).get(name),
             n_runs_in_data=len(layout.labels) if runs is None else None,
@@ -340,6 +352,7 @@ class SimulationDisplay:
     def _title(self, number: int) -> str:
         vaf = self.vaf[number]
         text = "VAF undefined" if np.isnan(vaf) else f"VAF {vaf:.1f} %"
+        text += " about the mean" if self.centered else ""
         where = ""
         if self.window is not None:
             where = f" from {self.window[0]:g} to {self.window[1]:g} s"
@@ -395,8 +408,9 @@ def _in_window(layout: RunLayout, window: tuple[float, float] | None) -> np.ndar
     return (layout.time >= start - slack) & (layout.time < stop - slack)
 
 
-def _vaf_or_nan(y_true: np.ndarray, y_pred: np.ndarray) -> float:
-    known = ~np.isnan(y_true)
-    if not np.any(y_true[known]) or np.isnan(y_pred).any():
+def _vaf_or_nan(y_true: np.ndarray, y_pred: np.ndarray, centered: bool) -> float:
+    known = y_true[~np.isnan(y_true)]
+    undefined = known.size == 0 or (np.ptp(known) == 0 if centered else not np.any(known))
+    if undefined or np.isnan(y_pred).any():
         return float("nan")
-    return float(vaf_score(y_true, y_pred))
+    return float(vaf_score(y_true, y_pred, centered=centered))

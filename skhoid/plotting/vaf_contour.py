@@ -24,9 +24,10 @@ LEAST_RANGE = 5.0  # percent; finer contours would show what the VAF cannot tell
 class VAFContourDisplay:
     """Contours of the cross-validated VAF over ``na`` and ``nb``, one panel per delay.
 
-    Areas are empty where the VAF is not positive or a candidate could not be fitted; a good
-    candidate among such ones is a coloured square. An asterisk marks the highest VAF of each panel, a ring the chosen model. With a single ``na`` or ``nb``
-    the panels show lines instead.
+    Areas are empty where the VAF is not positive or a candidate could not be fitted; a candidate
+    whose neighbours are all such ones is a coloured square. An asterisk marks the highest VAF of
+    each panel, a ring the chosen model. With a single ``na`` or ``nb`` the panels show lines
+    instead.
 
     Make it with :meth:`from_estimator`.
 

@@ -105,7 +105,7 @@ def test_single_model_is_a_square():
     display = VAFContourDisplay(
         na=[1, 2, 3], nb=[1, 2, 3], nk=[4], vaf=vaf, delay=np.array([0.04])
     ).plot(levels=[40, 60, 80])
-    # The three upper right models make a triangle of their cell, the other two do not belong to any.
+    # The three models at the upper right make a triangle; the other two belong to none.
     assert display.single_[0].get_offsets().tolist() == [[1, 1], [3, 1]]
     assert display.single_[0].get_array().tolist() == [50, 60]
 

@@ -42,7 +42,10 @@ def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any) -> list[Fold]:
             splitter = GroupKFold(int(cv))
         else:
             splitter = check_cv(cv)
-        splits = list(splitter.split(rows[:, None], np.zeros(layout.n_rows), groups=run))
+        with warnings.catch_warnings():
+            # Splitters that do not use groups say so; the runs are offered to all alike.
+            warnings.filterwarnings("ignore", message="The groups parameter is ignored")
+            splits = list(splitter.split(rows[:, None], np.zeros(layout.n_rows), groups=run))
         cut = [label for i, label in enumerate(layout.labels) if _is_cut(run == i, splits)]
         if cut:
             warnings.warn(
@@ -50,7 +53,7 @@ def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any) -> list[Fold]:
                 "nearly equal, stand on both sides. Runs are the unit of cross-validation: use "
                 "LeaveOneGroupOut, GroupKFold, or cv=None.",
                 RunCutWarning,
-                stacklevel=4,
+                stacklevel=6,
             )
     return [_fold(train, test, run) for train, test in splits]
 

@@ -4,6 +4,7 @@ import closed_loop as cl
 import numpy as np
 import pandas as pd
 import pytest
+
 from skhoid import ARXRegressor, RankDeficiencyError, ShortRunError
 
 # facts.json G1.Kn.H1.<state>.P0.15: gain of first-order remnant of intensity 0.15.
