@@ -95,11 +95,9 @@ def test_errors_of_the_data_are_shown(capsys, run_files):
 
 
 def test_debug_shows_the_traceback(run_files):
+    words = ["--input", "target", "--output", "cursor", "--time", "t", "--validate", "monday"]
     with pytest.raises(ValueError, match="monday"):
-        main(
-            ["identify", *run_files, "--input", "target", "--output", "cursor", "--time", "t"]
-            + ["--validate", "monday", "--debug"]
-        )
+        main(["identify", *run_files, *words, "--debug"])
 
 
 def test_help_has_examples(capsys):
