@@ -9,7 +9,7 @@ import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from .preprocessing.run_in import RunInTrimmer, run_in_rows
-from .runs import RunLayout, read_layout
+from .runs import RunLayout, check_alignment, read_layout
 
 __all__ = ["VAF_FLOOR", "VAFScorer", "vaf_score"]
 
@@ -44,7 +44,7 @@ def vaf_score(
         Score only rows with ``window[0] <= time < window[1]``, in seconds of the time index.
     average : {"pooled", "mean"} or None, default="pooled"
         Sum the squares over all runs, or average the values of the runs; None returns one value
-        per run.
+        per run, NaN for a run in which nothing was measured.
     centered : bool, default=False
         Remove the mean of each run from both signals first.
     dt : float or None, default=None
@@ -82,6 +82,7 @@ def _rows_to_score(
     y_true: Any, y_pred: Any, run_in: Any, window: Any, dt: Any, run: Any
 ) -> tuple[RunLayout, np.ndarray, np.ndarray, np.ndarray]:
     check_consistent_length(y_true, y_pred)
+    check_alignment(y_true, y_pred, ("y_true", "y_pred"))
     y = column_or_1d(np.asarray(y_true, dtype=float), warn=False)
     prediction = column_or_1d(np.asarray(y_pred, dtype=float), warn=False)
     if run is not None:
@@ -124,11 +125,13 @@ def vaf_of_rows(
     # Simulations are bounded at 1e100, so that squares do not overflow.
     lost = np.bincount(run, error**2, n_runs)
     power = np.bincount(run, signal**2, n_runs)
+    scored = np.bincount(run, minlength=n_runs) > 0
     if average == "pooled":
         lost, power = lost.sum(keepdims=True), power.sum(keepdims=True)
     elif average == "mean":
-        scored = np.bincount(run, minlength=n_runs) > 0
         lost, power = lost[scored], power[scored]
+    else:
+        power[~scored] = np.nan
     if np.any(power == 0):
         raise ValueError(
             "VAF is undefined: the measured output is zero (or, centered, constant) in all scored "
@@ -144,6 +147,10 @@ def scored_signals(
     y: np.ndarray, prediction: np.ndarray, keep: np.ndarray, layout: RunLayout, centered: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measured output, error and run number of the rows in ``keep`` that were measured."""
+    for name, values in (("y_true", y), ("y_pred", prediction)):
+        if np.isinf(values[keep]).any():
+            row = int(np.flatnonzero(keep & np.isinf(values))[0])
+            raise ValueError(f"{name} contains infinity, first in {layout.where(row)}.")
     if np.isnan(prediction[keep]).any():
         row = int(np.flatnonzero(keep & np.isnan(prediction))[0])
         raise ValueError(f"The prediction is NaN in {layout.where(row)}.")
@@ -244,10 +251,11 @@ class VAFScorer:
         vaf : float
             In percent, unclipped, at least -1000.
         """
+        check_alignment(X, y)
         layout = read_layout(X, dt=self.dt, run=self.run)
         keep = scored_rows(layout, self.run_in, self.window) & ~trimmed_rows(estimator, X)
         if self.rate == "model":
-            model, X = _final_step(estimator, X)
+            model, X = final_step_of(estimator, X)
             return model._score_at_model_rate(X, y, keep, self.average, self.centered)
         measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
         prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
@@ -267,10 +275,12 @@ def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
     return trimmed
 
 
-def _final_step(estimator: Any, X: Any) -> tuple[Any, Any]:
+def final_step_of(estimator: Any, X: Any) -> tuple[Any, Any]:
+    """The model at the end of searches and pipelines, and what they pass to it."""
     estimator = _unwrapped(estimator)
-    if hasattr(estimator, "steps"):
-        return estimator.steps[-1][1], estimator[:-1].transform(X)
+    while hasattr(estimator, "steps"):
+        X = estimator[:-1].transform(X)
+        estimator = _unwrapped(estimator.steps[-1][1])
     return estimator, X
 
 

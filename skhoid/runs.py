@@ -144,6 +144,12 @@ def read_layout(
     if isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)):
         _refuse_datetime(index)
     n_rows = index.size if index is not None else np.asarray(X).shape[0]
+    if index is not None and index.name != TIME and index.dtype.kind == "f":
+        raise RunIndexError(
+            "The row index of X holds numbers that are not whole and has no name. If they are "
+            "seconds, say so (X.index.name = 'time'); if they mean nothing, call "
+            "X.reset_index(drop=True)."
+        )
     run_starts, labels = _runs_of_column(X, run, n_rows)
     if index is not None and index.name == TIME:
         time = time_in_seconds(index)
@@ -156,24 +162,36 @@ def read_layout(
     return RunLayout(labels, run_starts, starts, number * step, step)
 
 
+def _position(names: list[Any], column: Any) -> int | None:
+    """Position of a column given by its name, or by its position where all names are words."""
+    if column in names:
+        return names.index(column)
+    whole = isinstance(column, (int, np.integer)) and not isinstance(column, bool)
+    words = all(isinstance(name, str) for name in names) or names == list(range(len(names)))
+    if whole and words and -len(names) <= column < len(names):
+        return int(column) % len(names)
+    return None
+
+
+def run_column(names: list[Any], run: Any) -> int:
+    """Position of the run column."""
+    position = _position(names, run)
+    if position is None:
+        raise RunIndexError(
+            f"run={run!r} names the column with the run labels (or, for an array, its position), "
+            f"but X has the columns {names}."
+        )
+    return position
+
+
 def _runs_of_column(X: Any, run: Any, n_rows: int) -> tuple[np.ndarray, list[Any]]:
     if run is None:
         return np.array([0, n_rows]), [0]
     if isinstance(X, pd.DataFrame):
-        if run not in X.columns:
-            raise RunIndexError(
-                f"run={run!r} names the column with the run labels, but X has the columns "
-                f"{list(X.columns)}."
-            )
-        values = X[run].to_numpy()
+        values = X.iloc[:, run_column(list(X.columns), run)].to_numpy()
     else:
         array = np.asarray(X)
-        if not isinstance(run, (int, np.integer)) or not -array.shape[1] <= run < array.shape[1]:
-            raise RunIndexError(
-                f"For an array, run= is the position of the column with the run labels, from 0 to "
-                f"{array.shape[1] - 1}; got {run!r}."
-            )
-        values = array[:, run]
+        values = array[:, run_column(list(range(array.shape[1])), run)]
     codes, labels = pd.factorize(values)
     if np.any(codes < 0):
         row = int(np.flatnonzero(codes < 0)[0])
@@ -230,18 +248,26 @@ def _layout_from_multiindex(
         level_codes = np.asarray(index.codes[position])
         if level_codes.size and level_codes.min() < 0:
             row = int(np.flatnonzero(level_codes < 0)[0])
-            raise RunIndexError(f"The index level {names[position]!r} is missing in row {row}.")
+            raise RunIndexError(
+                f"Row {row} has no label in the index level {names[position]!r} (NaN)."
+            )
         codes = codes * max(len(index.levels[position]), 1) + level_codes
     changes = np.flatnonzero(codes[1:] != codes[:-1]) + 1
     firsts = np.concatenate(([0], changes)) if codes.size else np.array([], dtype=np.int64)
     run_starts = np.append(firsts, codes.size)
+    if len(keys) > 1 and firsts.size == codes.size > 1:
+        raise RunIndexError(
+            f"The index levels {[names[k] for k in keys]} together give every row a run of its "
+            "own. Levels besides 'run' and 'time' name subjects or conditions; drop others with "
+            "X.index = X.index.droplevel(...)."
+        )
     levels = [index.levels[p].take(np.asarray(index.codes[p])[firsts]) for p in keys]
     labels = list(zip(*levels, strict=True)) if len(keys) > 1 else list(levels[0])
     block_codes, unique = pd.factorize(codes[firsts])
     if len(unique) < len(firsts):
         contiguous_runs(np.repeat(block_codes, np.diff(run_starts)), list(dict.fromkeys(labels)))
     time = time_in_seconds(index.get_level_values(TIME))
-    return _layout_from_time(
+    layout = _layout_from_time(
         time,
         labels,
         run_starts,
@@ -252,6 +278,21 @@ def _layout_from_multiindex(
         mark=mark,
         kept=kept,
     )
+    _check_mark(layout)
+    return layout
+
+
+def _check_mark(layout: RunLayout) -> None:
+    """Refuse a decimation mark whose rows were dropped after the Decimator."""
+    if layout.mark is None or layout.kept is None:
+        return
+    expected = layout.sample_numbers() % layout.mark.factor == 0
+    if not np.array_equal(expected, layout.kept):
+        row = int(np.flatnonzero(expected != layout.kept)[0])
+        raise RunIndexError(
+            f"Rows were dropped after the Decimator: its mark does not fit {layout.where(row)}. "
+            "The estimator thins marked rows itself; pass it all of them."
+        )
 
 
 def _refuse_datetime(time: pd.Index) -> None:
@@ -326,7 +367,7 @@ def _layout_from_time(
             f"before it, and the sampling time is {found:.6g} s (largest deviation "
             f"{100 * jitter:.1f} %, rms {100 * np.sqrt(np.mean(deviation**2)):.2f} %; "
             f"{100 * JITTER_TOLERANCE:.0f} % is tolerated). Bring the runs onto a regular grid "
-            f"with X, y = skhoid.resample_runs(X, y, dt={found:.6g})."
+            f"with X, y = skhoid.resample_runs(X, y, dt={snap(typical):.6g})."
         )
     return layout
 
@@ -371,7 +412,9 @@ def _typical_step(step: np.ndarray, run_starts: np.ndarray, labels: list[Any]) -
             raise IrregularSamplingError(
                 f"The runs differ in sampling time: {first:.6g} s in run {label!r}, {median:.6g} s "
                 f"in run {other!r}. Bring them onto one grid: "
-                f"X, y = skhoid.resample_runs(X, y, dt={max(first, median):.6g})."
+                f"X, y = skhoid.resample_runs(X, y, dt={max(first, median):.6g}). If rows are "
+                "missing because a split shuffled them, split by runs instead: LeaveOneGroupOut "
+                "with groups=run_labels(X)."
             )
     return first
 
@@ -409,8 +452,9 @@ def _cut_at_jumps(
     return run_starts, number
 
 
-def check_alignment(X: Any, y: Any) -> None:
+def check_alignment(X: Any, y: Any, names: tuple[str, str] = ("X", "y")) -> None:
     """Refuse ``y`` whose row index says something else than that of ``X``."""
+    x_name, y_name = names
     y_index = getattr(y, "index", None)
     if not isinstance(y_index, pd.Index):
         return
@@ -421,8 +465,8 @@ def check_alignment(X: Any, y: Any) -> None:
     if x_index is None or TIME not in x_index.names:
         if y_has_runs:
             raise RunIndexError(
-                "y has a run and time index but X has none, so the runs of X are lost. "
-                + SET_OUTPUT_HINT
+                f"{y_name} has a run and time index but {x_name} has none, so the runs of {x_name} "
+                "are lost. " + SET_OUTPUT_HINT
             )
         if x_index is None:
             return
@@ -435,14 +479,26 @@ def check_alignment(X: Any, y: Any) -> None:
     if len(plain) != len(y_index) or plain.equals(y_index):
         return  # unequal lengths are reported by scikit-learn
     if plain.nlevels != y_index.nlevels:
-        detail = f"the levels are {list(plain.names)} in X and {list(y_index.names)} in y"
+        detail = (
+            f"the levels are {list(plain.names)} in {x_name} and {list(y_index.names)} in {y_name}"
+        )
     else:
         row = int(np.flatnonzero([a != b for a, b in zip(plain, y_index, strict=True)])[0])
-        detail = f"the first difference is in row {row}: {plain[row]} in X, {y_index[row]} in y"
+        labels = [_plain_label(index[row]) for index in (plain, y_index)]
+        detail = (
+            f"the first difference is in row {row}: {labels[0]} in {x_name}, "
+            f"{labels[1]} in {y_name}"
+        )
     raise RunIndexError(
-        f"The row indexes of X and y disagree; {detail}. Give both the same rows in the same order "
-        "(y = y.loc[X.index]), or pass y as an array if its index means nothing."
+        f"The row indexes of {x_name} and {y_name} disagree; {detail}. Give both the same rows in "
+        f"the same order ({y_name} = {y_name}.loc[{x_name}.index]), or pass {y_name} as an array "
+        "if its index means nothing."
     )
+
+
+def _plain_label(label: Any) -> Any:
+    parts = label if isinstance(label, tuple) else (label,)
+    return tuple(part.item() if isinstance(part, np.generic) else part for part in parts)
 
 
 def input_columns(
@@ -450,19 +506,24 @@ def input_columns(
 ) -> list[int]:
     """Positions of the linear inputs: ``inputs``, else the column of role ``e``, else all."""
     names: list[Any] = list(range(n_columns)) if columns is None else list(columns)
-    run_position = None
-    if run is not None:
-        run_position = names.index(run) if run in names else int(run) % n_columns
+    unknown = [column for column in (roles or {}) if column not in names]
+    if unknown:
+        raise RunIndexError(
+            f"roles names {unknown[0]!r}, which is not a column of X; the columns are {names}."
+        )
+    run_position = None if run is None else run_column(names, run)
     if inputs is not None:
         wanted = [inputs] if isinstance(inputs, (str, int, np.integer)) else list(inputs)
         if not wanted:
             raise ValueError("inputs is empty; name at least one column, or None for the default.")
-        unknown = [w for w in wanted if w not in names]
-        if unknown:
-            raise ValueError(
-                f"inputs names {unknown[0]!r}, which is not a column of X; the columns are {names}."
-            )
-        positions = [names.index(w) for w in wanted]
+        positions = []
+        for column in wanted:
+            position = _position(names, column)
+            if position is None:
+                raise ValueError(
+                    f"inputs names {column!r}, which is not a column of X; the columns are {names}."
+                )
+            positions.append(position)
         if len(set(positions)) < len(positions):
             raise ValueError(f"inputs names a column twice: {wanted}.")
         return positions

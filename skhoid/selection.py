@@ -127,8 +127,10 @@ def select_runs(
     layout = read_layout(X)
     if not isinstance(X.index, pd.MultiIndex):
         raise RunIndexError("select_runs needs the index levels 'run' and 'time'.")
-    outer = [label[:-1] if isinstance(label, tuple) else () for label in layout.labels]
-    inner = [label[-1] if isinstance(label, tuple) else label for label in layout.labels]
+    firsts = X.index[layout.run_starts[:-1]].to_frame(index=False)
+    inner = firsts["run"].tolist()
+    others = firsts.drop(columns=["run", "time"])
+    outer = list(others.itertuples(index=False, name=None))
     keep = np.zeros(len(inner), dtype=bool)
     if runs is not None:
         wanted = [runs] if np.ndim(runs) == 0 else list(runs)

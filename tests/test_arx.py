@@ -73,7 +73,6 @@ def test_hac_covariance_against_its_twin():
     np.testing.assert_allclose(model.covariance_, bread @ meat @ bread, rtol=1e-8)
 
 
-@pytest.mark.xfail(reason="reported: the last row of a run and the first of the next are a pair")
 def test_hac_pairs_no_rows_of_two_runs():
     """Without lags nothing separates the rows of two runs."""
     X, y = arx_runs(2, 150)

@@ -22,6 +22,7 @@ from skhoid import (
     OrderSearchCV,
     RunIndexError,
     RunInTrimmer,
+    ShortRunError,
     VAFScorer,
     vaf_score,
 )
@@ -240,6 +241,10 @@ def test_short_runs_and_rows_without_kept_ones():
 def test_delay_shift_against_its_twin(shift, lengths, seed):
     X = signals(lengths, seed)
     step = DelayShift(shift * DT, inputs=["e"], dt=DT)
+    if shift >= min(lengths):
+        with pytest.raises(ShortRunError, match="is longer than run"):
+            step.fit(X)
+        return
     out = step.fit_transform(X)
     twin = naive.delay(X["e"].to_numpy(), shift, stretches_of(X))
     np.testing.assert_array_equal(out["e"], twin)
@@ -353,15 +358,20 @@ def test_one_step_predictions_use_the_real_past_of_the_window():
     np.testing.assert_allclose(ahead, twin, rtol=1e-10, atol=1e-12)
 
 
-@pytest.mark.xfail(
-    reason="reported: TypeError while the error message is written", raises=TypeError
-)
+@pytest.mark.parametrize("samples", [7, 14, 28, 29, 57, 58])
+def test_a_run_in_of_whole_samples_is_that_many(samples):
+    """0.07 / 0.01 is 7.000000000000001 and 0.29 / 0.01 is 28.999999999999996."""
+    X = signals([100])
+    for step in (RunInTrimmer(samples / 100), RunInTrimmer(measurement_time=1 - samples / 100)):
+        marked = step.fit_transform(X).index.get_level_values("run-in").to_numpy(dtype=bool)
+        np.testing.assert_array_equal(marked, np.arange(100) < samples)
+
+
 def test_a_window_shorter_than_a_sample():
     with pytest.raises(ValueError, match="measurement_time"):
         RunInTrimmer(measurement_time=0.001).fit_transform(signals([50]))
 
 
-@pytest.mark.xfail(reason="reported: X is filtered over the run-in and y is not")
 def test_order_search_trims_before_it_decimates():
     X, y = arx_runs(smooth=1)
     pipe = make_pipeline(RunInTrimmer(0.3), ARXRegressor(2, 2, 1))

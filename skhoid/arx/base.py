@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, column_or_1d
 
@@ -17,10 +19,10 @@ from ..exceptions import (
     ShortRunError,
 )
 from ..metrics import vaf_of_rows
-from ..preprocessing.base import read_table
+from ..preprocessing.base import check_numbers, read_table
 from ..preprocessing.grid import ModelGrid
-from ..runs import check_alignment, input_columns, read_layout
-from .orders import Orders
+from ..runs import DecimationMark, check_alignment, input_columns, read_layout
+from .orders import Orders, regressors
 from .transfer import transfer_function
 
 BOUND = 1e100  # of simulated outputs; its square still sums without overflow
@@ -46,8 +48,8 @@ class BaseARX(RegressorMixin, BaseEstimator):
             self._mark = layout.mark
         elif layout.mark != self._mark:
             raise RunIndexError(
-                f"{type(self).__name__} was fitted on X marked by {self._mark} and now gets X "
-                f"marked by {layout.mark}. Pass X through the same Decimator, best by putting both "
+                f"{type(self).__name__} was fitted on X {_marked(self._mark)} and now gets X "
+                f"{_marked(layout.mark)}. Pass X through the same Decimator, best by putting both "
                 "in one Pipeline."
             )
         return ModelGrid.of(layout), values
@@ -60,8 +62,9 @@ class BaseARX(RegressorMixin, BaseEstimator):
             )
         check_alignment(X, y)
         output = column_or_1d(y, warn=True)
-        if output.dtype.kind == "c":
-            raise ValueError("Complex data not supported\nof output y")
+        self._output_name = str(getattr(y, "name", None) or "y")
+        if output.dtype.kind not in "iufb":
+            check_numbers(pd.DataFrame({self._output_name: output}), "y")
         output = np.asarray(output, dtype=np.float64)
         check_consistent_length(X, output)
         if np.isinf(output).any():
@@ -70,16 +73,13 @@ class BaseARX(RegressorMixin, BaseEstimator):
                 "Input y contains infinity or a value too large for dtype('float64'), first in "
                 f"row {row}. Mark missing measurements by NaN."
             )
-        self._output_name = str(getattr(y, "name", None) or "y")
         return output
 
     def _inputs_of(self, n_columns: int) -> list[int]:
-        names = getattr(self, "feature_names_in_", None)
-        return input_columns(names, n_columns, self.inputs, self.run, self.roles)
+        return input_columns(self._names, n_columns, self.inputs, self._run, self.roles)
 
     def _channel_names(self, positions: list[int]) -> list[str]:
-        names = getattr(self, "feature_names_in_", None)
-        return [f"x{p}" if names is None else str(names[p]) for p in positions]
+        return [f"x{p}" if self._names is None else str(self._names[p]) for p in positions]
 
     def _read_data(self, X: Any, y: Any) -> tuple[ModelGrid, np.ndarray, np.ndarray, np.ndarray]:
         """Read data to fit; return the grid, and inputs, output and all columns of X on it."""
@@ -143,21 +143,19 @@ class BaseARX(RegressorMixin, BaseEstimator):
         if not missing.any():
             return inputs
         inputs = inputs.copy()
-        n_held, first_held = 0, -1
-        for a in np.unique(grid.past):
-            b = int(grid.end[grid.past == a].max())
+        held = np.zeros(len(inputs), dtype=bool)
+        for a, b in segments(grid):
             part, gaps = inputs[a:b], missing[a:b]
             last = np.maximum.accumulate(np.where(gaps, -1, np.arange(b - a)[:, None]), axis=0)
             part[:] = np.where(last >= 0, np.take_along_axis(part, np.maximum(last, 0), 0), 0.0)
-            held = (gaps & (last >= 0)).any(axis=1)
-            n_held += int(held.sum())
-            if first_held < 0 and held.any():
-                first_held = int(a) + int(np.flatnonzero(held)[0])
-        if n_held:
+            # Rows before the first value only lack a past (DelayShift), unless none ever comes.
+            held[a:b] = (gaps & ((last >= 0) | gaps.all(axis=0))).any(axis=1)
+        if held.any():
+            first = grid.full_row(int(np.flatnonzero(held)[0]))
             warnings.warn(
-                f"{n_held} rows of the inputs {self.inputs_} are NaN, first "
-                f"{grid.layout.where(grid.full_row(first_held))}; the simulation holds the last "
-                "value there.",
+                f"{int(held.sum())} rows of the inputs {self.inputs_} are NaN, first "
+                f"{grid.layout.where(first)}; the simulation holds the last value there, or zero "
+                "where there is none.",
                 MissingDataWarning,
                 stacklevel=4,
             )
@@ -288,8 +286,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, horizon: int
     ) -> np.ndarray:
         a, b, intercept = self._split_theta()
-        begin = np.unique(grid.past)
-        end = np.append(begin[1:], grid.end[-1])
+        begin, end = np.array(segments(grid)).T
         return _kernels.arx.predict_ahead(
             _kernels.gate(output),
             _kernels.gate(inputs),
@@ -302,6 +299,18 @@ class BaseARX(RegressorMixin, BaseEstimator):
             horizon,
             BOUND,
         )
+
+    def _one_step_errors(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        """One-step errors on the grid, and which of its rows have known lags and are measured."""
+        grid, values = self._read_X(X, reset=False)
+        output = grid.thin_output(self._read_y(X, y))
+        raw = grid.thin_inputs(values)[:, self._columns]
+        table, rows, _ = regressors(
+            output, raw, grid.begin[grid.measured], grid.end[grid.measured], self.orders_
+        )
+        errors = np.full(output.size, np.nan)
+        errors[rows] = table[:, -1] - table[:, :-1] @ self.coef_
+        return errors, ~np.isnan(errors)
 
     def score(self, X: Any, y: Any) -> float:
         """Score the free run by its VAF in percent, pooled over runs.
@@ -343,6 +352,16 @@ class BaseARX(RegressorMixin, BaseEstimator):
         return tags
 
 
+def _marked(mark: DecimationMark | None) -> str:
+    return "not decimated" if mark is None else f"decimated by {mark.factor} ({mark.method})"
+
+
+def segments(grid: ModelGrid) -> list[tuple[int, int]]:
+    """Begin and end of runs, cut at gaps but not at the end of a run-in."""
+    begin = np.unique(grid.past)
+    return list(pairwise([*begin.tolist(), int(grid.end[-1])]))
+
+
 def check_lengths(grid: ModelGrid, orders: Orders) -> None:
     """Refuse runs in which no row has known lags."""
     lengths = np.where(grid.measured, grid.end - grid.begin, 0)
@@ -358,7 +377,7 @@ def check_lengths(grid: ModelGrid, orders: Orders) -> None:
         f"Run {grid.layout.labels[short[0]]!r}{many} has at most {longest[short[0]]} successive "
         f"rows at {grid.dt:g} s, and lags that reach {needed - 1} samples back need {needed} "
         f"(X has n_samples = {grid.layout.n_rows}). Leave the run out "
-        "(skhoid.select_runs), or use smaller na, nb and nk."
+        "(skhoid.select_runs), or use smaller na, nb and nk, or a smaller decimation factor."
     )
 
 

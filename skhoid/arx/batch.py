@@ -13,7 +13,7 @@ from .._sklearn import Interval, StrOptions, fit_context
 from ..exceptions import MissingDataWarning
 from ..preprocessing.grid import ModelGrid
 from ..runs import input_columns
-from .base import BaseARX, check_row_count
+from .base import BaseARX, check_row_count, segments
 from .excitation import rank_error
 from .instruments import estimate
 from .least_squares import Triangle, newey_west
@@ -218,7 +218,9 @@ class ARXRegressor(BaseARX):
             self.covariance_ = self.noise_variance_ * bread
         else:
             errors = keep[:, -1] - keep[:, :-1] @ self.coef_
-            self.covariance_ = bread @ newey_west(keep[:, :-1] * errors[:, None], rows) @ bread
+            self.covariance_ = (
+                bread @ newey_west(keep[:, :-1] * errors[:, None], rows, grid.begin) @ bread
+            )
 
     def _fit_iv(
         self,
@@ -250,9 +252,9 @@ class ARXRegressor(BaseARX):
         )
 
     def _instrument_columns(self, n_columns: int) -> list[int]:
-        names = list(getattr(self, "feature_names_in_", range(n_columns)))
+        names = self._names or list(range(n_columns))
         if self.instruments is not None:
-            positions = input_columns(names, n_columns, self.instruments, self.run)
+            positions = input_columns(names, n_columns, self.instruments, self._run)
         else:
             roles = [str((self.roles or {}).get(name, name)) for name in names]
             positions = [i for i, r in enumerate(roles) if r == "f_t" or r.startswith("dist")]
@@ -276,9 +278,10 @@ class ARXRegressor(BaseARX):
         if self.n_rows_missing_ == 0:
             return
         missing = np.isnan(output) | np.isnan(inputs).any(axis=1)
-        for begin in np.unique(grid.past):
-            known = np.flatnonzero(~np.isnan(inputs[begin:]).any(axis=1))
-            missing[begin : begin + (known[0] if known.size else 0)] = False
+        for begin, end in segments(grid):
+            known = np.flatnonzero(~np.isnan(inputs[begin:end]).any(axis=1))
+            if known.size:
+                missing[begin : begin + known[0]] = False
         n_missing = int(missing.sum())
         if n_missing:
             channels = [self._output_name, *self.inputs_]

@@ -62,18 +62,20 @@ class Triangle:
         return inverse @ inverse.T
 
 
-def newey_west(scores: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def newey_west(scores: np.ndarray, rows: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """Long-run covariance of regression scores with Bartlett weights.
 
-    ``scores`` are phi(t) eps(t); pairs count only where their rows are that far apart, so that
-    runs and left-out rows do not mix. The number of lags is floor(4 (n / 100)^(2/9)) (Newey and
-    West 1994).
+    ``scores`` are phi(t) eps(t) of ``rows``, ``begin`` the first rows of the stretches, between
+    which nothing is correlated; left-out rows count as zero. The number of lags is
+    floor(4 (n / 100)^(2/9)) (Newey and West 1994).
     """
-    n_rows = len(scores)
-    n_lags = int(4 * (n_rows / 100) ** (2 / 9))
+    n_lags = int(4 * (len(scores) / 100) ** (2 / 9))
+    stretch = np.searchsorted(begin, rows, side="right")
+    spaced = rows + stretch * n_lags
+    dense = np.zeros((spaced[-1] + 1, scores.shape[1]))
+    dense[spaced] = scores
     total = scores.T @ scores
-    for lag in range(1, min(n_lags, n_rows - 1) + 1):
-        adjacent = rows[lag:] - rows[:-lag] == lag
-        cross = (scores[lag:] * adjacent[:, None]).T @ scores[:-lag]
+    for lag in range(1, min(n_lags, len(dense) - 1) + 1):
+        cross = dense[lag:].T @ dense[:-lag]
         total += (1 - lag / (n_lags + 1)) * (cross + cross.T)
     return total

@@ -22,7 +22,7 @@ class Orders:
         """Check orders as a user gives them: a number for all inputs, or one number per input."""
         nbs = _per_input("nb", nb, n_inputs, least=1)
         nks = _per_input("nk", nk, n_inputs, least=0)
-        return cls(_whole("na", na, 0), nbs, nks, bool(intercept))
+        return cls(whole_number("na", na, 0), nbs, nks, bool(intercept))
 
     @property
     def n_params(self) -> int:
@@ -51,7 +51,8 @@ class Orders:
         return theta[: self.na], b, float(theta[at]) if self.intercept else 0.0
 
 
-def _whole(name: str, value: Any, least: int) -> int:
+def whole_number(name: str, value: Any, least: int) -> int:
+    """Check a whole number that is at least ``least``."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise ValueError(f"{name} must be a whole number; got {value!r}.")
     if value < least:
@@ -61,8 +62,8 @@ def _whole(name: str, value: Any, least: int) -> int:
 
 def _per_input(name: str, value: Any, n_inputs: int, least: int) -> tuple[int, ...]:
     if np.ndim(value) == 0:
-        return (_whole(name, value, least),) * n_inputs
-    values = tuple(_whole(name, v, least) for v in value)
+        return (whole_number(name, value, least),) * n_inputs
+    values = tuple(whole_number(name, v, least) for v in value)
     if len(values) != n_inputs:
         raise ValueError(
             f"{name} has {len(values)} entries for {n_inputs} inputs; give one number for all "

@@ -11,7 +11,9 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._sklearn import fit_context, output_container
 from ..exceptions import RunIndexError
-from ..runs import SET_OUTPUT_HINT, RunLayout, read_layout, run_time_index
+from ..runs import SET_OUTPUT_HINT, TIME, RunLayout, read_layout, run_column, run_time_index
+
+RUN_COLUMN = "run column"  # in the attrs of a table whose index was made from a run column
 
 
 def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.ndarray]:
@@ -20,11 +22,22 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
     Labels in a run column that are not numbers count up from 0 in the values.
     """
     known_dt = None if reset else estimator._full_dt
-    layout = None
-    if isinstance(X, pd.DataFrame) and len(X):
+    frame = isinstance(X, pd.DataFrame)
+    if not reset and estimator._indexed and not (frame and TIME in X.index.names):
+        raise RunIndexError(
+            f"{type(estimator).__name__} was fitted on X with run and time in its index and now "
+            "gets X without. " + SET_OUTPUT_HINT
+        )
+    layout, names = None, None
+    if frame and len(X):
         layout = read_layout(X, dt=estimator.dt, run=estimator.run, fallback_dt=known_dt)
-        if estimator.run is not None and X[estimator.run].dtype.kind not in "iufb":
-            X = X.assign(**{estimator.run: layout.run_of(np.arange(len(X)))})
+        names = list(X.columns)
+        if estimator.run is not None:
+            position = run_column(names, estimator.run)
+            if X.dtypes.iloc[position].kind not in "iufb":
+                X = X.copy(deep=False)
+                X.isetitem(position, layout.run_of(np.arange(len(X))))
+        check_numbers(X, "X")
     values = validate_data(
         estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
     )
@@ -32,12 +45,29 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
         layout = read_layout(values, dt=estimator.dt, run=estimator.run, fallback_dt=known_dt)
     if reset:
         estimator._full_dt, estimator._indexed = layout.dt, layout.indexed
-    elif estimator._indexed and not layout.indexed:
-        raise RunIndexError(
-            f"{type(estimator).__name__} was fitted on X with run and time in its index and now "
-            "gets X without. " + SET_OUTPUT_HINT
-        )
+        estimator._names = names
+        carried = X.attrs.get(RUN_COLUMN) if frame else None
+        estimator._run = carried if estimator.run is None else estimator.run
     return layout, values
+
+
+def check_numbers(table: pd.DataFrame, what: str) -> None:
+    """Name the first entry of a table that is not a real number."""
+    for position, kind in enumerate(dtype.kind for dtype in table.dtypes):
+        if kind == "c":
+            raise ValueError(
+                f"Complex data not supported: column {table.columns[position]!r} of {what} is complex; give its "
+                "real and imaginary parts as two columns."
+            )
+        if kind in "OSUT":
+            column = table.iloc[:, position]
+            bad = pd.to_numeric(column, errors="coerce").isna() & column.notna()
+            if bad.any():
+                row = int(np.flatnonzero(bad)[0])
+                raise ValueError(
+                    f"Column {table.columns[position]!r} of {what} holds {column.iloc[row]!r} in row {row}, "
+                    "which is not a number. Use another column, or mark missing values by NaN."
+                )
 
 
 class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
@@ -76,10 +106,9 @@ class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstim
 
     def _channels(self, n_columns: int) -> list[int]:
         """Positions of all columns but the run column."""
-        if self.run is None:
+        if self._run is None:
             return list(range(n_columns))
-        names = list(getattr(self, "feature_names_in_", range(n_columns)))
-        run = names.index(self.run) if self.run in names else int(self.run) % n_columns
+        run = run_column(self._names or list(range(n_columns)), self._run)
         return [column for column in range(n_columns) if column != run]
 
     def _frame(self, X: Any, values: np.ndarray, layout: RunLayout) -> pd.DataFrame:
@@ -95,8 +124,12 @@ class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstim
         index = X.index if isinstance(X, pd.DataFrame) else None
         if not isinstance(index, pd.MultiIndex):
             index = run_time_index(layout)
-        frame = pd.DataFrame(values, index=index, columns=self.get_feature_names_out(), copy=False)
-        return self._restore(X, frame)
+        columns = list(self.get_feature_names_out())
+        frame = self._restore(X, pd.DataFrame(values, index=index, columns=columns))
+        if self._run is not None:
+            # The next step has an index to go by, and no run= of its own.
+            frame.attrs[RUN_COLUMN] = columns[run_column(columns, self._run)]
+        return frame
 
     def _like_input(self, X: Any, values: np.ndarray) -> Any:
         """Return values in the container that came in."""
@@ -108,7 +141,8 @@ class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstim
         """Give back the run labels and the units of the table that came in."""
         if isinstance(X, pd.DataFrame):
             if self.run is not None:
-                frame[self.run] = X[self.run].to_numpy()
+                position = run_column(list(X.columns), self.run)
+                frame.isetitem(position, X.iloc[:, position].to_numpy())
             frame.attrs = dict(X.attrs)
         return frame
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._sklearn import Interval
+from ..exceptions import ShortRunError
 from ..runs import RunLayout, input_columns, whole_samples
 from .base import RowPreservingTransformer
 
@@ -85,6 +86,13 @@ class DelayShift(RowPreservingTransformer):
         self.run = run
 
     def _check_layout(self, layout: RunLayout) -> None:
+        lengths = np.diff(layout.run_starts)
+        if round(whole_samples(self.delay, layout.dt)) >= lengths.min(initial=layout.n_rows + 1):
+            run = int(np.argmin(lengths))
+            raise ShortRunError(
+                f"delay={self.delay:g} s is longer than run {layout.labels[run]!r}, which lasts "
+                f"{lengths[run] * layout.dt:g} s."
+            )
         self.n_samples_ = round(whole_samples(self.delay, layout.dt))
         self.delay_ = self.n_samples_ * layout.dt
 
@@ -101,8 +109,7 @@ class DelayShift(RowPreservingTransformer):
         X_shifted : same container as X, shape (n_rows, n_columns)
         """
         layout, values = self._read(X, reset=False)
-        names = getattr(self, "feature_names_in_", None)
-        columns = input_columns(names, values.shape[1], self.inputs, self.run, self.roles)
+        columns = input_columns(self._names, values.shape[1], self.inputs, self._run, self.roles)
         shift = self.n_samples_
         shifted = values.copy()
         for a, b in zip(layout.starts[:-1], layout.starts[1:], strict=True):

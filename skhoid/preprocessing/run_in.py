@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._sklearn import Interval
-from ..exceptions import ShortRunError
+from ..exceptions import RunIndexError, ShortRunError
 from ..runs import RunLayout, mark_run_in, whole_samples
 from .base import RowPreservingTransformer
 
@@ -82,6 +82,11 @@ class RunInTrimmer(RowPreservingTransformer):
         self.run = run
 
     def _check_layout(self, layout: RunLayout) -> None:
+        if layout.mark is not None:
+            raise RunIndexError(
+                "X is already decimated, and its filter worked across the run-in. Put RunInTrimmer "
+                "before the Decimator."
+            )
         if self.run_in is not None and self.measurement_time is not None:
             raise ValueError(
                 "Give run_in= (discard the first seconds) or measurement_time= (keep the last "
@@ -120,6 +125,11 @@ def run_in_rows(
             part = number < whole_samples(run_in, layout.dt)
         elif measurement_time is not None:
             rows = round(whole_samples(measurement_time, layout.dt))
+            if rows == 0:
+                raise ValueError(
+                    f"measurement_time={measurement_time:g} s is less than half the sampling time "
+                    f"{layout.dt:g} s."
+                )
             if number[-1] + 1 < rows:
                 raise ShortRunError(
                     f"Run {layout.labels[run]!r} lasts {(number[-1] + 1) * layout.dt:g} s, less "

@@ -12,14 +12,14 @@ from sklearn.utils import _safe_indexing
 from sklearn.utils.validation import column_or_1d
 
 from ... import _kernels
-from ...exceptions import ShortRunError
+from ...exceptions import RankDeficiencyError, ShortRunError
 from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, trimmed_rows, vaf_of_rows
 from ...preprocessing.base import RowPreservingTransformer
 from ...runs import RunLayout, read_layout
 from ..base import BOUND, check_lengths, check_row_count
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
-from ..orders import Orders, regressors
+from ..orders import Orders, regressors, whole_number
 from .folds import Fold
 
 
@@ -54,6 +54,14 @@ def raw_layout(estimator: Any, X: Any) -> RunLayout:
     """Runs and time of X as the first step of a pipeline sees them."""
     first = estimator.steps[0][1] if isinstance(estimator, Pipeline) else estimator
     return read_layout(X, dt=getattr(first, "dt", None), run=getattr(first, "run", None))
+
+
+def as_candidate(name: str, value: Any) -> Any:
+    """Check a candidate: a whole number, or a tuple of one per input."""
+    least = {"na": 0, "nb": 1, "nk": 0}[name]
+    if np.ndim(value):
+        return tuple(whole_number(name, v, least) for v in value)
+    return whole_number(name, value, least)
 
 
 class CandidateTable:
@@ -102,7 +110,7 @@ class CandidateTable:
             self.output, inputs, begin, end, self.largest
         )
         most = max(o.n_params for o in self.orders)
-        check_row_count(self.rows.size, most, self.output, self.grid)
+        check_row_count(self.rows.size, most + 1, self.output, self.grid)  # a loss needs one more
 
     def columns(self, orders: Orders) -> list[int]:
         """Columns of the table that are the regressors of ``orders``."""
@@ -205,9 +213,15 @@ class Validation:
         return float(100 * np.sqrt(np.sum(deviation**2) * n_blocks / (n_blocks - 1)) / sum(power))
 
     def refit_and_predict(self, estimator: Any, X: Any, y: Any, fold: Fold) -> np.ndarray:
-        """Fit a clone on the training rows and simulate the runs of the fold."""
+        """Fit a clone on the training rows and simulate the runs of the fold.
+
+        Empty where the candidate's regressors are linearly dependent.
+        """
         train, simulated = np.flatnonzero(fold.train), np.flatnonzero(fold.simulated)
-        model = clone(estimator).fit(_safe_indexing(X, train), _safe_indexing(y, train))
+        try:
+            model = clone(estimator).fit(_safe_indexing(X, train), _safe_indexing(y, train))
+        except RankDeficiencyError:
+            return np.empty(0)
         prediction = np.zeros(self.layout.n_rows)
         prediction[simulated] = model.predict(_safe_indexing(X, simulated))
         return prediction

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from sklearn.callback import with_callbacks
 
 from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
-from ...metrics import VAFScorer
+from ...exceptions import RankDeficiencyError
+from ...metrics import VAFScorer, final_step_of
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
-from .best_model import BestModel, predict_ahead
+from .best_model import BestModel
 from .candidates import (
     CandidateTable,
     Validation,
+    as_candidate,
     final_step,
     has_fast_path,
     raw_layout,
@@ -213,23 +215,22 @@ class DelaySearchCV(BestModel):
     def _generic_one_step(
         self, estimator: Any, X: Any, y: Any, candidates: list[Any], context: Any
     ) -> np.ndarray:
-        layout = raw_layout(estimator, X)
-        measured = np.asarray(y, dtype=float).ravel()
+        """One-step errors of models that are fitted one by one, on the rows all of them know."""
         losses: dict[Any, float] = {}
-        skip = None
+        rows = None
         for nk in sorted(candidates, key=np.max, reverse=True):
             task = context.subcontext(task_name="candidate").call_on_fit_task_begin(estimator=self)
-            model = with_orders(estimator, nk=nk).fit(X, y)
-            if skip is None:  # the rows that the largest candidate knows
-                last = final_step(model)[1]
-                skip = last.orders_.first_row * round(last.dt_ / layout.dt)
-                number = np.arange(layout.n_rows) - np.repeat(
-                    layout.starts[:-1], np.diff(layout.starts)
-                )
-                rows = (number >= skip) & ~np.isnan(measured)
-            error = measured - predict_ahead(model, X, y)
-            losses[nk] = float(np.mean(error[rows] ** 2))
-            task.call_on_fit_task_end(estimator=self)
+            losses[nk] = np.nan
+            try:
+                model = with_orders(estimator, nk=nk).fit(X, y)
+            except RankDeficiencyError:
+                continue
+            finally:
+                task.call_on_fit_task_end(estimator=self)
+            last, passed_on = final_step_of(model, X)
+            errors, known = last._one_step_errors(passed_on, y)
+            rows = known if rows is None else rows
+            losses[nk] = float(np.mean(errors[rows] ** 2))
         return np.array([losses[nk] for nk in candidates])
 
     def _cross_validate(
@@ -252,9 +253,9 @@ class DelaySearchCV(BestModel):
                     scores[i, j] = validation.score_candidate(table, triangles[j], i, fold)[0]
                 else:
                     model = with_orders(estimator, nk=nk)
-                    scores[i, j] = validation.vaf(
-                        validation.refit_and_predict(model, X, y, fold), fold
-                    )
+                    prediction = validation.refit_and_predict(model, X, y, fold)
+                    if prediction.size:
+                        scores[i, j] = validation.vaf(prediction, fold)
             task.call_on_fit_task_end(estimator=self)
         return scores
 
@@ -288,10 +289,10 @@ class DelaySearchCV(BestModel):
 
 
 def _as_candidates(nk: Any) -> list[Any]:
-    candidates = [tuple(int(v) for v in value) if np.ndim(value) else value for value in nk]
+    candidates = [as_candidate("nk", value) for value in nk]
     if not candidates:
         raise ValueError("nk is empty; name at least one candidate, or None for 1 to 50.")
-    return [int(v) if isinstance(v, Integral) else v for v in candidates]
+    return candidates
 
 
 def _one_step_losses(table: CandidateTable, triangle: Triangle) -> np.ndarray:

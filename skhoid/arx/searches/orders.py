@@ -15,13 +15,15 @@ from sklearn.callback import with_callbacks
 from sklearn.pipeline import Pipeline, make_pipeline
 
 from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
-from ...metrics import VAFScorer
-from ...preprocessing import Decimator
+from ...metrics import VAFScorer, final_step_of
+from ...preprocessing import Decimator, RunInTrimmer
 from ..batch import ARXRegressor
+from ..orders import whole_number
 from .best_model import BestModel
 from .candidates import (
     CandidateTable,
     Validation,
+    as_candidate,
     final_step,
     has_fast_path,
     raw_layout,
@@ -221,19 +223,30 @@ class OrderSearchCV(BestModel):
         if len(self.factor) == 0:
             raise ValueError("factor is empty; name at least one decimation factor.")
         if not names:
-            known: dict[str, Any] = {name: getattr(estimator, name, None) for name in ("dt", "run")}
-            decimator = Decimator(**known)
-            if steps:
-                estimator = Pipeline([("decimator", decimator), *estimator.steps])
-            else:
-                estimator = make_pipeline(decimator, estimator)
+            known: dict[str, Any] = {
+                n: getattr(steps[0][1] if steps else estimator, n, None) for n in ("dt", "run")
+            }
+            # After the run-in is trimmed, so that the filter works on the measurement window.
+            place = max(
+                (i + 1 for i, (_, step) in enumerate(steps) if isinstance(step, RunInTrimmer)),
+                default=0,
+            )
+            if not steps:
+                steps = make_pipeline(estimator).steps
+            estimator = Pipeline(
+                [*steps[:place], ("decimator", Decimator(**known)), *steps[place:]]
+            )
             names = ["decimator"]
         return [
-            (int(d), clone(estimator).set_params(**{f"{names[0]}__factor": int(d)}))
-            for d in self.factor
+            (d, clone(estimator).set_params(**{f"{names[0]}__factor": d}))
+            for d in (whole_number("factor", d, 1) for d in self.factor)
         ]
 
     def _candidates(self, variant: Any, factor: int) -> list[dict[str, Any]]:
+        if isinstance(self.nk, Mapping) and factor not in self.nk:
+            raise ValueError(
+                f"nk has no candidates for factor {factor}; it names the factors {list(self.nk)}."
+            )
         nk = self.nk[factor] if isinstance(self.nk, Mapping) else self.nk
         if nk is None:
             nk = [final_step(variant)[1].nk]
@@ -246,7 +259,7 @@ class OrderSearchCV(BestModel):
             if len(values) == 0:
                 raise ValueError(f"{name} is empty; name at least one candidate.")
         return [
-            dict(zip(grids, (_plain(v) for v in values), strict=True))
+            dict(zip(grids, map(as_candidate, grids, values), strict=True))
             for values in product(*grids.values())
         ]
 
@@ -297,14 +310,15 @@ class OrderSearchCV(BestModel):
                 validation.refit_and_predict(model, X, y, fold) for fold in validation.folds
             ]
             values = [
-                validation.vaf(p, fold)
+                validation.vaf(p, fold) if p.size else np.nan
                 for p, fold in zip(predictions, validation.folds, strict=True)
             ]
             error = np.nan
             if len(values) == 1:
                 error = validation.standard_error_within(predictions[0], validation.folds[0])
             last = final_step(model.fit(X, y))[1]
-            return values, error, last.orders_, last.noise_variance_, last.n_rows_used_
+            errors, known = last._one_step_errors(final_step_of(model, X)[1], y)
+            return values, error, last.orders_, float(np.mean(errors[known] ** 2)), known.sum()
 
         found = Parallel(n_jobs=self.n_jobs)(delayed(evaluate)(c) for c in candidates)
         self._describe([f[2] for f in found], [f[3] for f in found], found[0][4], columns)
@@ -350,10 +364,6 @@ class OrderSearchCV(BestModel):
         self.best_factor_ = self.best_params_["factor"]
         self.best_delay_ = float(results["delay"][self.best_index_])
         self.best_score_ = float(vaf[self.best_index_])
-
-
-def _plain(value: Any) -> Any:
-    return tuple(int(v) for v in value) if np.ndim(value) else int(value)
 
 
 def _tabulate(columns: dict[str, list[Any]], scores: np.ndarray) -> dict[str, Any]:
