@@ -54,19 +54,20 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
 def check_numbers(table: pd.DataFrame, what: str) -> None:
     """Name the first entry of a table that is not a real number."""
     for position, kind in enumerate(dtype.kind for dtype in table.dtypes):
+        column = table.iloc[:, position]
+        where = f"column {column.name!r} of {what}"
         if kind == "c":
             raise ValueError(
-                f"Complex data not supported: column {table.columns[position]!r} of {what} is complex; give its "
+                f"Complex data not supported: {where} is complex; give its "
                 "real and imaginary parts as two columns."
             )
         if kind in "OSUT":
-            column = table.iloc[:, position]
             bad = pd.to_numeric(column, errors="coerce").isna() & column.notna()
             if bad.any():
                 row = int(np.flatnonzero(bad)[0])
                 raise ValueError(
-                    f"Column {table.columns[position]!r} of {what} holds {column.iloc[row]!r} in row {row}, "
-                    "which is not a number. Use another column, or mark missing values by NaN."
+                    f"The {where} holds {column.iloc[row]!r} in row {row}, which is not "
+                    "a number. Use another column, or mark missing values by NaN."
                 )
 
 
