@@ -131,9 +131,6 @@ class BaseARX(RegressorMixin, BaseEstimator):
             raise ValueError(f"backend must be 'scipy' or 'control'; got {backend!r}.")
         return transfer_function(self.orders_, self.coef_, self.dt_, self.inputs_, backend)
 
-    def _split_theta(self) -> tuple[np.ndarray, np.ndarray, float]:
-        return self.orders_.split(self.coef_)
-
     def _held_inputs(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         return self._hold(grid, grid.thin_inputs(values)[:, self._columns])
 
@@ -161,28 +158,12 @@ class BaseARX(RegressorMixin, BaseEstimator):
             )
         return inputs
 
-    def _padded_orders(self) -> tuple[np.ndarray, np.ndarray]:
-        return np.array(self.orders_.nb), np.array(self.orders_.nk)
-
     def _simulate(
         self, grid: ModelGrid, inputs: np.ndarray, y0: np.ndarray | None = None
     ) -> np.ndarray:
         """Free run on the grid."""
-        a, b, intercept = self._split_theta()
-        if y0 is None:
-            y0 = np.zeros((grid.begin.size, max(a.size, 1)))
-        return _kernels.arx.free_run(
-            _kernels.gate(inputs),
-            _kernels.gate(grid.begin, np.int64),
-            _kernels.gate(grid.end, np.int64),
-            _kernels.gate(grid.past, np.int64),
-            _kernels.gate(a),
-            _kernels.gate(b),
-            *self._padded_orders(),
-            intercept,
-            _kernels.gate(y0),
-            BOUND,
-        )
+        stretches = (grid.begin, grid.end, grid.past)
+        return free_run(inputs, stretches, self.orders_, self.coef_, y0)
 
     def predict(self, X: Any) -> np.ndarray:
         """Simulate the output from the inputs alone (free run).
@@ -285,17 +266,13 @@ class BaseARX(RegressorMixin, BaseEstimator):
     def _ahead(
         self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, horizon: int
     ) -> np.ndarray:
-        a, b, intercept = self._split_theta()
         begin, end = np.array(segments(grid)).T
         return _kernels.arx.predict_ahead(
             _kernels.gate(output),
             _kernels.gate(inputs),
             _kernels.gate(begin, np.int64),
             _kernels.gate(end, np.int64),
-            _kernels.gate(a),
-            _kernels.gate(b),
-            *self._padded_orders(),
-            intercept,
+            *_polynomials(self.orders_, self.coef_),
             horizon,
             BOUND,
         )
@@ -350,6 +327,31 @@ class BaseARX(RegressorMixin, BaseEstimator):
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
+
+
+def free_run(
+    inputs: np.ndarray,
+    stretches: tuple[np.ndarray, np.ndarray, np.ndarray],
+    orders: Orders,
+    theta: np.ndarray,
+    y0: np.ndarray | None = None,
+) -> np.ndarray:
+    """Simulate stretches (begin, end, past), each from ``na`` initial outputs, zero by default."""
+    if y0 is None:
+        y0 = np.zeros((stretches[0].size, max(orders.na, 1)))
+    return _kernels.arx.free_run(
+        _kernels.gate(inputs),
+        *(_kernels.gate(edge, np.int64) for edge in stretches),
+        *_polynomials(orders, theta),
+        _kernels.gate(y0),
+        BOUND,
+    )
+
+
+def _polynomials(orders: Orders, theta: np.ndarray) -> tuple[Any, ...]:
+    """A, B, their lengths and the intercept, as the kernels take them."""
+    a, b, intercept = orders.split(theta)
+    return (_kernels.gate(a), _kernels.gate(b), np.array(orders.nb), np.array(orders.nk), intercept)
 
 
 def _marked(mark: DecimationMark | None) -> str:

@@ -190,7 +190,7 @@ class ARXRegressor(BaseARX):
         else:
             self._fit_ols(grid, inputs, output, begin, end)
         self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
-        self.a_, b, self.intercept_ = self._split_theta()
+        self.a_, b, self.intercept_ = self.orders_.split(self.coef_)
         rows = [row[:nb] for row, nb in zip(b, self.orders_.nb, strict=True)]
         self.b_ = rows[0] if len(rows) == 1 else rows
         return self

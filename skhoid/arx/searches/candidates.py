@@ -16,7 +16,7 @@ from ...exceptions import RankDeficiencyError, ShortRunError
 from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, trimmed_rows, vaf_of_rows
 from ...preprocessing.base import RowPreservingTransformer
 from ...runs import RunLayout, read_layout
-from ..base import BOUND, check_lengths, check_row_count
+from ..base import check_lengths, check_row_count, free_run
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from ..orders import Orders, regressors, whole_number
@@ -144,20 +144,8 @@ class CandidateTable:
         grid = self.grid
         touched = rows if grid.rows is None else rows[grid.rows]
         some = np.add.reduceat(touched, grid.begin) > 0
-        a, b, intercept = orders.split(theta)
-        free = _kernels.arx.free_run(
-            self.inputs,
-            _kernels.gate(grid.begin[some], np.int64),
-            _kernels.gate(grid.end[some], np.int64),
-            _kernels.gate(grid.past[some], np.int64),
-            _kernels.gate(a),
-            _kernels.gate(b),
-            np.array(orders.nb),
-            np.array(orders.nk),
-            intercept,
-            np.zeros((int(some.sum()), max(orders.na, 1))),
-            BOUND,
-        )
+        stretches = (grid.begin[some], grid.end[some], grid.past[some])
+        free = free_run(self.inputs, stretches, orders, theta)
         return grid.to_full_rate(free)
 
 
