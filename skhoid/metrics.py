@@ -29,8 +29,8 @@ def vaf_score(
 ) -> Any:
     """Variance accounted for by a simulated output, in percent.
 
-    VAF = max(0, 1 - sum |y - y_hat|^2 / sum |y|^2) 100 %, Eq. 25 of the thesis. Means are kept,
-    as there; rows in which ``y_true`` is NaN are not measured and are left out.
+    ``VAF = max(0, 1 - sum((y - y_hat)**2) / sum(y**2)) * 100``, Eq. 25 of the thesis. Means are
+    kept, as there; rows in which ``y_true`` is NaN are not measured and are left out.
 
     Parameters
     ----------
