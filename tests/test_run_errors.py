@@ -415,3 +415,10 @@ def test_stock_search_over_shuffled_rows_fails_with_a_run_error():
     )
     with pytest.raises(ValueError, match="run"):
         search.fit(X, Y)
+
+
+def test_a_polars_table_cannot_carry_a_mark():
+    pytest.importorskip("polars")
+    step = Decimator(2).set_output(transform="polars")
+    with pytest.raises(RunIndexError, match=r"polars table cannot carry.*transform=\"pandas\""):
+        step.fit_transform(X)

@@ -345,3 +345,15 @@ def test_jitter_does_not_move_the_sampling_time():
 def test_helpers_build_what_they_say():
     assert run_time([2, 3]).names == ["run", "time"]
     assert stretches_of(arx_runs()[0]) == [(0, 120), (120, 240), (240, 360)]
+
+
+def test_polars_with_a_run_column():
+    polars = pytest.importorskip("polars")
+    X, y = arx_runs(lengths=[110, 120, 101])
+    frame = as_frame(X)
+    expected = ARXRegressor(2, 1, 3, run="run", dt=DT).fit(frame, y.to_numpy())
+    table = polars.from_pandas(frame)
+    found = ARXRegressor(2, 1, 3, run="run", dt=DT).fit(table, y.to_numpy())
+    np.testing.assert_array_equal(found.coef_, expected.coef_)
+    np.testing.assert_array_equal(found.predict(table), expected.predict(frame))
+    assert found.inputs_ == expected.inputs_

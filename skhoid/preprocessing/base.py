@@ -42,7 +42,10 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
         estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
     )
     if layout is None:
-        layout = read_layout(values, dt=estimator.dt, run=estimator.run, fallback_dt=known_dt)
+        names = list(X.columns) if hasattr(X, "columns") else None
+        columns = names or list(range(values.shape[1]))
+        run = None if estimator.run is None else run_column(columns, estimator.run)
+        layout = read_layout(values, dt=estimator.dt, run=run, fallback_dt=known_dt)
     if reset:
         estimator._full_dt, estimator._indexed = layout.dt, layout.indexed
         estimator._names = names
