@@ -62,9 +62,8 @@ class BaseARX(RegressorMixin, BaseEstimator):
             )
         check_alignment(X, y)
         output = column_or_1d(y, warn=True)
-        self._output_name = str(getattr(y, "name", None) or "y")
         if output.dtype.kind not in "iufb":
-            check_numbers(pd.DataFrame({self._output_name: output}), "y")
+            check_numbers(pd.DataFrame({getattr(y, "name", None) or "y": output}), "y")
         output = np.asarray(output, dtype=np.float64)
         check_consistent_length(X, output)
         if np.isinf(output).any():
@@ -85,6 +84,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         """Read data to fit; return the grid, and inputs, output and all columns of X on it."""
         grid, values = self._read_X(X, reset=True)
         output = self._read_y(X, y)
+        self._output_name = str(getattr(y, "name", None) or "y")
         self._columns = self._inputs_of(values.shape[1])
         self.inputs_ = self._channel_names(self._columns)
         self.dt_ = grid.dt
