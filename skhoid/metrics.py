@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
-from .preprocessing.run_in import RunInTrimmer, run_in_rows
+from .pipelines import raw_layout, reach_model, trimmed_rows
+from .preprocessing.run_in import run_in_rows
 from .runs import RunLayout, check_alignment, read_layout
 
 __all__ = ["VAF_FLOOR", "VAFScorer", "vaf_score"]
@@ -88,7 +89,10 @@ def _rows_to_score(
     if run is not None:
         labels = np.asarray(run)
         check_consistent_length(y_true, labels)
-        layout = read_layout(pd.DataFrame({"run": labels}), dt=dt, run="run")
+        table = pd.DataFrame({"run": labels})
+        if isinstance(y_true, (pd.Series, pd.DataFrame)):
+            table.index = y_true.index
+        layout = read_layout(table, dt=dt, run="run")
     else:
         indexed = isinstance(y_true, (pd.Series, pd.DataFrame))
         layout = read_layout(y_true if indexed else y[:, None], dt=dt)
@@ -193,9 +197,9 @@ class VAFScorer:
     centered : bool, default=False
         Remove the mean of each run from both signals first.
     dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
+        Sampling time in seconds of data without a time index. None means that of the estimator.
     run : column name or position, or None, default=None
-        Run column of ``X`` for data without a run index.
+        Run column of ``X`` for data without a run index. None means that of the estimator.
 
     See Also
     --------
@@ -234,7 +238,7 @@ class VAFScorer:
         self.run = run
 
     def __repr__(self) -> str:
-        shown = [f"{k}={v!r}" for k, v in vars(self).items() if v not in (None, False)]
+        shown = [f"{k}={v!r}" for k, v in vars(self).items() if v is not None and v is not False]
         return f"VAFScorer({', '.join(shown)})"
 
     def __call__(self, estimator: Any, X: Any, y: Any) -> float:
@@ -252,40 +256,11 @@ class VAFScorer:
             In percent, unclipped, at least -1000.
         """
         check_alignment(X, y)
-        layout = read_layout(X, dt=self.dt, run=self.run)
+        layout = raw_layout(estimator, X, dt=self.dt, run=self.run)
         keep = scored_rows(layout, self.run_in, self.window) & ~trimmed_rows(estimator, X)
         if self.rate == "model":
-            model, X = final_step_of(estimator, X)
+            model, X = reach_model(estimator, X)
             return model._score_at_model_rate(X, y, keep, self.average, self.centered)
         measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
         prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
         return vaf_of_rows(measured, prediction, keep, layout, self.average, self.centered)
-
-
-def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
-    """Rows that a RunInTrimmer inside ``estimator`` leaves out."""
-    trimmed = np.zeros(len(np.asarray(X)), dtype=bool)
-    for _, step in getattr(_unwrapped(estimator), "steps", []):
-        if isinstance(step, RunInTrimmer):
-            trimmed |= run_in_rows(
-                read_layout(X, dt=step.dt, run=step.run),
-                run_in=step.run_in,
-                measurement_time=step.measurement_time,
-            )
-    return trimmed
-
-
-def final_step_of(estimator: Any, X: Any) -> tuple[Any, Any]:
-    """The model at the end of searches and pipelines, and what they pass to it."""
-    estimator = _unwrapped(estimator)
-    while hasattr(estimator, "steps"):
-        X = estimator[:-1].transform(X)
-        estimator = _unwrapped(estimator.steps[-1][1])
-    return estimator, X
-
-
-def _unwrapped(estimator: Any) -> Any:
-    """The estimator inside fitted searches."""
-    while hasattr(estimator, "best_estimator_"):
-        estimator = estimator.best_estimator_
-    return estimator

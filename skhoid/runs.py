@@ -23,12 +23,14 @@ __all__ = [
     "check_alignment",
     "input_columns",
     "mark_decimated",
+    "mark_run_column",
     "mark_run_in",
     "read_layout",
 ]
 
 RUN, TIME = "run", "time"
 RUN_IN_LEVEL = "run-in"
+_RUN_COLUMN_LEVEL = "runs from column "  # and the name of a column that is no input
 _DECIMATION_LEVEL = re.compile(r"^decimation 1/(\d+) (\S+) (\S+)$")
 
 JITTER_TOLERANCE = 0.10  # of a sampling time; beyond it, lags in samples mean nothing
@@ -74,6 +76,7 @@ class RunLayout:
     trimmed: np.ndarray | None = None
     mark: DecimationMark | None = None
     kept: np.ndarray | None = None
+    run_column: str | None = None
 
     @property
     def n_rows(self) -> int:
@@ -99,7 +102,8 @@ class RunLayout:
     def sample_numbers(self) -> np.ndarray:
         """Sample number of each row, counted from time zero and without a break in a segment."""
         first = self.starts[:-1]
-        base = np.rint(self.time[first] / self.dt).astype(np.int64)
+        # A quarter sample of slack either way, so that times on half samples do not flip.
+        base = np.floor(self.time[first] / self.dt + 0.25).astype(np.int64)
         lengths = np.diff(self.starts)
         return np.arange(self.n_rows) - np.repeat(first - base, lengths)
 
@@ -233,7 +237,7 @@ def _layout_from_multiindex(
             "X.index = X.index.set_names([...]) or build the index with "
             "X.set_index(['run', 'time'])."
         )
-    trimmed = kept = mark = None
+    trimmed = kept = mark = run_column = None
     keys = []
     for position, name in enumerate(names):
         if name == RUN_IN_LEVEL:
@@ -241,6 +245,8 @@ def _layout_from_multiindex(
         elif match := _DECIMATION_LEVEL.match(str(name)):
             kept = index.get_level_values(position).to_numpy(dtype=bool)
             mark = DecimationMark(int(match[1]), match[2], match[3])
+        elif str(name).startswith(_RUN_COLUMN_LEVEL):
+            run_column = str(name).removeprefix(_RUN_COLUMN_LEVEL)
         elif name != TIME:
             keys.append(position)
     codes = np.zeros(len(index), dtype=np.int64)
@@ -277,6 +283,7 @@ def _layout_from_multiindex(
         trimmed=trimmed,
         mark=mark,
         kept=kept,
+        run_column=run_column,
     )
     _check_mark(layout)
     return layout
@@ -470,11 +477,11 @@ def check_alignment(X: Any, y: Any, names: tuple[str, str] = ("X", "y")) -> None
             )
         if x_index is None:
             return
-    elif isinstance(y_index, pd.RangeIndex) and y_index.start == 0 and y_index.step == 1:
-        return
+    elif y_index.nlevels == 1 and y_index.dtype.kind in "iu" and y_index.is_monotonic_increasing:
+        return  # row numbers, as slices of a plain Series keep them
     if x_index is y_index:
         return
-    marks = [n for n in x_index.names if n == RUN_IN_LEVEL or _DECIMATION_LEVEL.match(str(n))]
+    marks = [name for name in x_index.names if _is_mark(str(name))]
     plain = x_index.droplevel(marks) if marks else x_index
     if len(plain) != len(y_index) or plain.equals(y_index):
         return  # unequal lengths are reported by scikit-learn
@@ -493,6 +500,14 @@ def check_alignment(X: Any, y: Any, names: tuple[str, str] = ("X", "y")) -> None
         f"The row indexes of {x_name} and {y_name} disagree; {detail}. Give both the same rows in "
         f"the same order ({y_name} = {y_name}.loc[{x_name}.index]), or pass {y_name} as an array "
         "if its index means nothing."
+    )
+
+
+def _is_mark(level: str) -> bool:
+    return (
+        level == RUN_IN_LEVEL
+        or level.startswith(_RUN_COLUMN_LEVEL)
+        or _DECIMATION_LEVEL.match(level) is not None
     )
 
 
@@ -541,6 +556,11 @@ def mark_run_in(frame: pd.DataFrame, trimmed: np.ndarray) -> pd.DataFrame:
 def mark_decimated(frame: pd.DataFrame, mark: DecimationMark, kept: np.ndarray) -> pd.DataFrame:
     """Return ``frame`` with the kept rows marked in an extra index level."""
     return _with_level(frame, mark.level, kept)
+
+
+def mark_run_column(frame: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Return ``frame`` with the name of its run column in an extra index level."""
+    return _with_level(frame, _RUN_COLUMN_LEVEL + column, np.zeros(len(frame)))
 
 
 def _with_level(frame: pd.DataFrame, name: str, values: np.ndarray) -> pd.DataFrame:

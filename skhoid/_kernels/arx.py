@@ -52,9 +52,11 @@ def predict_ahead(y, X, begin, end, a, b, nb, nk, intercept, horizon, bound):
         first = begin[s]
         for t in range(first, end[s]):
             start = max(first, t - horizon + 1)
+            # A missing output needs its own one-step prediction, before the longer one.
+            twice = start < t and np.isnan(known[t])
             one_step = 0.0
-            # The one-step prediction comes first where a later row may need it.
-            for origin in (t, start):
+            for pass_ in range(2 if twice else 1):
+                origin = t if twice and pass_ == 0 else start
                 for r in range(origin, t + 1):
                     value = intercept
                     for j in range(nb.size):
@@ -69,7 +71,7 @@ def predict_ahead(y, X, begin, end, a, b, nb, nk, intercept, horizon, bound):
                         elif row >= first:
                             value -= a[i] * known[row]
                     free[r - origin] = min(max(value, -bound), bound)
-                if origin == t:
+                if pass_ == 0:
                     one_step = free[0]
             out[t] = free[t - start]
             if np.isnan(known[t]):

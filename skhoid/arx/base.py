@@ -88,7 +88,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         self._columns = self._inputs_of(values.shape[1])
         self.inputs_ = self._channel_names(self._columns)
         self.dt_ = grid.dt
-        self._shortest_run = int((grid.end - grid.begin)[grid.measured].min(initial=grid.end[-1]))
+        self._shortest_run = int(longest_stretches(grid).min())
         self.jitter_ = grid.layout.jitter
         if self.jitter_ > NOTED_JITTER:
             warnings.warn(
@@ -277,8 +277,8 @@ class BaseARX(RegressorMixin, BaseEstimator):
             BOUND,
         )
 
-    def _one_step_errors(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        """One-step errors on the grid, and which of its rows have known lags and are measured."""
+    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
+        """One-step errors on the grid; NaN where lags are not known or nothing was measured."""
         grid, values = self._read_X(X, reset=False)
         output = grid.thin_output(self._read_y(X, y))
         raw = grid.thin_inputs(values)[:, self._columns]
@@ -287,7 +287,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         )
         errors = np.full(output.size, np.nan)
         errors[rows] = table[:, -1] - table[:, :-1] @ self.coef_
-        return errors, ~np.isnan(errors)
+        return errors
 
     def score(self, X: Any, y: Any) -> float:
         """Score the free run by its VAF in percent, pooled over runs.
@@ -364,12 +364,18 @@ def segments(grid: ModelGrid) -> list[tuple[int, int]]:
     return list(pairwise([*begin.tolist(), int(grid.end[-1])]))
 
 
-def check_lengths(grid: ModelGrid, orders: Orders) -> None:
-    """Refuse runs in which no row has known lags."""
+def longest_stretches(grid: ModelGrid) -> np.ndarray:
+    """Rows of the longest measured stretch of each run."""
     lengths = np.where(grid.measured, grid.end - grid.begin, 0)
     longest = np.zeros(len(grid.layout.labels), dtype=np.int64)
-    first = np.array([grid.full_row(int(b)) for b in grid.begin], dtype=np.int64)
+    first = grid.begin if grid.rows is None else grid.rows[grid.begin]
     np.maximum.at(longest, grid.layout.run_of(first), lengths)
+    return longest
+
+
+def check_lengths(grid: ModelGrid, orders: Orders) -> None:
+    """Refuse runs in which no row has known lags."""
+    longest = longest_stretches(grid)
     needed = orders.first_row + 1
     short = np.flatnonzero(longest < needed)
     if short.size == 0:

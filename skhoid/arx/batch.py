@@ -207,7 +207,7 @@ class ARXRegressor(BaseARX):
         self.n_rows_used_ = rows.size
         p = self.orders_.n_params
         check_row_count(rows.size, p, output, grid)
-        self._report_missing(grid, inputs, output, rows)
+        self._report_missing(grid, inputs, output, rows.size, self.inputs_)
         keep = np.array(table, order="F") if self.covariance == "hac" else None
         triangle = Triangle.of(table)
         self._check_rank(triangle, inputs, output)
@@ -246,7 +246,9 @@ class ARXRegressor(BaseARX):
         self.coef_ = found.theta
         self.noise_variance_ = found.noise_variance
         self.n_rows_used_, self.n_rows_missing_ = found.n_rows, found.n_missing
-        self._report_missing(grid, inputs, output, np.arange(found.n_rows))
+        signals = np.column_stack([inputs, columns[:, positions]])
+        channels = [*self.inputs_, *names]
+        self._report_missing(grid, signals, output, found.n_rows, channels)
         self.covariance_ = (
             found.coloured_covariance if self.covariance == "hac" else found.white_covariance
         )
@@ -272,7 +274,12 @@ class ARXRegressor(BaseARX):
         return positions
 
     def _report_missing(
-        self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, rows: np.ndarray
+        self,
+        grid: ModelGrid,
+        inputs: np.ndarray,
+        output: np.ndarray,
+        n_used: int,
+        names: list[str],
     ) -> None:
         """Warn of rows left out, unless they only lack a past before the run (DelayShift)."""
         if self.n_rows_missing_ == 0:
@@ -284,7 +291,7 @@ class ARXRegressor(BaseARX):
                 missing[begin : begin + known[0]] = False
         n_missing = int(missing.sum())
         if n_missing:
-            channels = [self._output_name, *self.inputs_]
+            channels = [self._output_name, *names]
             columns = np.column_stack([output, inputs])[missing]
             named = [
                 c for c, gap in zip(channels, np.isnan(columns).any(axis=0), strict=True) if gap
@@ -293,7 +300,7 @@ class ARXRegressor(BaseARX):
                 f"{n_missing} rows of {', '.join(map(repr, named))} are NaN, first "
                 f"{grid.layout.where(grid.full_row(int(np.flatnonzero(missing)[0])))}; "
                 f"{self.n_rows_missing_} rows whose lags need them are left out, "
-                f"{rows.size} are used.",
+                f"{n_used} are used.",
                 MissingDataWarning,
                 stacklevel=5,
             )

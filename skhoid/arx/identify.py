@@ -10,7 +10,8 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline, make_pipeline
 
-from ..metrics import VAFScorer, trimmed_rows, vaf_of_rows
+from ..metrics import VAFScorer, vaf_of_rows
+from ..pipelines import trimmed_rows
 from ..preprocessing import Decimator, RunInTrimmer
 from ..runs import RunLayout, read_layout, whole_samples
 from .batch import ARXRegressor
@@ -154,16 +155,17 @@ def _held_out_rows(
             f"run {labels[0]!r}, first {half:.4g} s",
             f"run {labels[0]!r}, after {half:.4g} s",
         )
-    wanted = [str(w) for w in validation_runs] if validation_runs else [str(labels[-1])]
-    unknown = [w for w in wanted if w not in map(str, labels)]
+    names = ["/".join(map(str, v)) if isinstance(v, tuple) else str(v) for v in labels]
+    wanted = [str(w) for w in validation_runs] if validation_runs else [names[-1]]
+    unknown = [w for w in wanted if w not in names]
     if unknown:
-        raise ValueError(f"There is no run {unknown[0]!r} to validate on; the runs are {labels}.")
-    chosen = np.array([str(label) in wanted for label in labels])
+        raise ValueError(f"There is no run {unknown[0]!r} to validate on; the runs are {names}.")
+    chosen = np.isin(names, wanted)
     if chosen.all():
         raise ValueError("Every run is held out for validation; leave at least one to fit on.")
 
     def listed(mask: np.ndarray) -> str:
-        names = [repr(label) for label, m in zip(labels, mask, strict=True) if m]
-        return ("run " if len(names) == 1 else f"{len(names)} runs: ") + ", ".join(names)
+        some = [repr(name) for name, m in zip(names, mask, strict=True) if m]
+        return ("run " if len(some) == 1 else f"{len(some)} runs: ") + ", ".join(some)
 
     return chosen[run], (listed(~chosen), listed(chosen))

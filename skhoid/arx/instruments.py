@@ -128,23 +128,22 @@ def _parts(
     orders: Orders,
     lags: np.ndarray,
 ) -> tuple[list[_Part], int]:
-    """Cut stretches at missing values, and stack their lags."""
-    missing = np.isnan(y) | np.isnan(X).any(axis=1) | np.isnan(R).any(axis=1)
+    """Stack rows with known lags; filters start anew after rows that are left out."""
     first = max(orders.first_row, int(lags[-1]))
     possible = int(np.maximum(end - begin - first, 0).sum())
     parts = []
     for a, b in zip(begin, end, strict=True):
-        known = np.flatnonzero(~missing[a:b]) + a
-        for piece in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
-            if piece.size <= first:
-                continue
-            start, stop = int(piece[0]), int(piece[-1]) + 1
-            table, rows, _ = regressors(y, X, np.array([start]), np.array([stop]), orders)
-            table = table[rows >= start + first]
-            Z = np.hstack([R[start + first - lag : stop - lag] for lag in lags])
-            if orders.intercept:
-                Z = np.column_stack([Z, np.ones(len(Z))])
-            parts.append(_Part(table[:, :-1], table[:, -1], Z))
+        table, rows, _ = regressors(y, X, np.array([a]), np.array([b]), orders)
+        early = rows < a + first
+        table, rows = table[~early], rows[~early]
+        Z = np.hstack([R[rows - lag] for lag in lags])
+        if orders.intercept:
+            Z = np.column_stack([Z, np.ones(len(Z))])
+        complete = ~np.isnan(Z).any(axis=1)
+        table, rows, Z = table[complete], rows[complete], Z[complete]
+        for piece in np.split(np.arange(rows.size), np.flatnonzero(np.diff(rows) > 1) + 1):
+            if piece.size:
+                parts.append(_Part(table[piece, :-1], table[piece, -1], Z[piece]))
     return parts, possible - sum(part.y.size for part in parts)
 
 

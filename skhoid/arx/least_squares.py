@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dgeqrf
+from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class Triangle:
     @classmethod
     def of(cls, table: np.ndarray) -> Triangle:
         """Factorise a table of regressors and output, which is overwritten; Q is not formed."""
-        factored, _, _, _ = dgeqrf(table, overwrite_a=True)
+        lwork = int(dgeqrf_lwork(*table.shape)[0])
+        factored, _, _, _ = dgeqrf(table, lwork=lwork, overwrite_a=True)
         n = table.shape[1]
         return cls(np.triu(factored[:n]), table.shape[0])
 

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
-from ..metrics import trimmed_rows, vaf_score
+from ..metrics import vaf_score
+from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.run_in import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, read_layout
 from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
@@ -150,11 +151,7 @@ class SimulationDisplay:
                 "SimulationDisplay.from_estimator needs a fitted estimator with a predict method; "
                 f"got {type(estimator).__name__}."
             )
-        layout = read_layout(
-            X,
-            dt=dt if dt is not None else _setting(estimator, "dt"),
-            run=run if run is not None else _setting(estimator, "run"),
-        )
+        layout = raw_layout(estimator, X, dt=dt, run=run)
         check_alignment(X, y)
         check_consistent_length(X, y)
         measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
@@ -369,12 +366,6 @@ def _steps(estimator: Any) -> list[Any]:
     while hasattr(estimator, "best_estimator_"):
         estimator = estimator.best_estimator_
     return [step for _, step in getattr(estimator, "steps", [("", estimator)])]
-
-
-def _setting(estimator: Any, name: str) -> Any:
-    """``dt`` or ``run`` of the first step that has one."""
-    values = (getattr(step, name, None) for step in _steps(estimator))
-    return next((value for value in values if value is not None), None)
 
 
 def _run_name(label: Any) -> str:

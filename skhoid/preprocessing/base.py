@@ -11,9 +11,15 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._sklearn import fit_context, output_container
 from ..exceptions import RunIndexError
-from ..runs import SET_OUTPUT_HINT, TIME, RunLayout, read_layout, run_column, run_time_index
-
-RUN_COLUMN = "run column"  # in the attrs of a table whose index was made from a run column
+from ..runs import (
+    SET_OUTPUT_HINT,
+    TIME,
+    RunLayout,
+    mark_run_column,
+    read_layout,
+    run_column,
+    run_time_index,
+)
 
 
 def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.ndarray]:
@@ -49,8 +55,7 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
     if reset:
         estimator._full_dt, estimator._indexed = layout.dt, layout.indexed
         estimator._names = names
-        carried = X.attrs.get(RUN_COLUMN) if frame else None
-        estimator._run = carried if estimator.run is None else estimator.run
+        estimator._run = layout.run_column if estimator.run is None else estimator.run
     return layout, values
 
 
@@ -130,9 +135,9 @@ class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstim
             index = run_time_index(layout)
         columns = list(self.get_feature_names_out())
         frame = self._restore(X, pd.DataFrame(values, index=index, columns=columns))
-        if self._run is not None:
-            # The next step has an index to go by, and no run= of its own.
-            frame.attrs[RUN_COLUMN] = columns[run_column(columns, self._run)]
+        if self._run is not None and layout.run_column is None:
+            # The next step goes by the index, and has no run= of its own.
+            frame = mark_run_column(frame, columns[run_column(columns, self._run)])
         return frame
 
     def _like_input(self, X: Any, values: np.ndarray) -> Any:

@@ -6,6 +6,7 @@ nothing leaks from one stretch into another.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -76,13 +77,24 @@ def _odd_extension(part: np.ndarray, margin: int) -> np.ndarray:
     return np.pad(part, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
 
 
+@lru_cache(maxsize=16)
+def _window(up: int) -> np.ndarray:
+    """The filter that resample_poly would design anew at every call."""
+    return signal.firwin(20 * up + 1, 1 / up, window=("kaiser", 5.0))
+
+
 def to_full_rate(
-    values: np.ndarray, kept: np.ndarray, stretches: np.ndarray, mark: DecimationMark
+    values: np.ndarray,
+    kept: np.ndarray,
+    stretches: np.ndarray,
+    mark: DecimationMark,
+    wanted_rows: np.ndarray | None = None,
 ) -> np.ndarray:
     """Interpolate kept-row values back to every row, band-limited (windowed sinc).
 
     Rows before the first and after the last kept row of a stretch are extrapolated by odd
-    reflection. A block mean belongs to the middle of its block.
+    reflection. A block mean belongs to the middle of its block. Stretches without any of
+    ``wanted_rows`` (a mask) are left at zero.
     """
     n_rows = int(stretches[-1])
     result = np.zeros(n_rows)
@@ -91,7 +103,7 @@ def to_full_rate(
     up = mark.factor * finer
     bounds = np.searchsorted(kept, stretches)
     for a, b, i, j in zip(stretches[:-1], stretches[1:], bounds[:-1], bounds[1:], strict=True):
-        if i == j:
+        if i == j or (wanted_rows is not None and not wanted_rows[a:b].any()):
             continue
         part = values[i:j]
         wanted = (np.arange(a, b) - kept[i] - offset) * finer
@@ -100,6 +112,6 @@ def to_full_rate(
             continue
         margin = _ODD_ROWS // 2
         padded = np.pad(part, margin, mode="reflect", reflect_type="odd")
-        fine = signal.resample_poly(padded, up, 1)
+        fine = signal.resample_poly(padded, up, 1, window=_window(up))
         result[a:b] = fine[(wanted + margin * up).astype(np.int64)]
     return result

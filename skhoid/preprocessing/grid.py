@@ -51,10 +51,6 @@ class ModelGrid:
             measured[some],
         )
 
-    @property
-    def factor(self) -> int:
-        return 1 if self.layout.mark is None else self.layout.mark.factor
-
     def thin_inputs(self, X: np.ndarray) -> np.ndarray:
         """Kept rows of inputs, which the Decimator has filtered already."""
         return X if self.rows is None else X[self.rows]
@@ -65,11 +61,11 @@ class ModelGrid:
             return y
         return lowpass(y, self.layout.stretches, self.layout.mark)[self.rows]
 
-    def to_full_rate(self, values: np.ndarray) -> np.ndarray:
-        """Bring values on the grid back to every row."""
+    def to_full_rate(self, values: np.ndarray, wanted: np.ndarray | None = None) -> np.ndarray:
+        """Bring values on the grid back to every row, or to the stretches of ``wanted`` rows."""
         if self.rows is None or self.layout.mark is None:
             return values
-        return to_full_rate(values, self.rows, self.layout.stretches, self.layout.mark)
+        return to_full_rate(values, self.rows, self.layout.stretches, self.layout.mark, wanted)
 
     def full_row(self, grid_row: int) -> int:
         return grid_row if self.rows is None else int(self.rows[grid_row])

@@ -33,7 +33,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     ----------
     X : DataFrame of shape (n_rows, n_columns)
         Data with ``run`` and ``time`` (s) in the row index; time must increase within runs.
-    y : Series, DataFrame or None, default=None
+    y : Series, DataFrame, array of shape (n_rows,) or None, default=None
         Output with the same rows.
     dt : float or None, default=None
         Sampling time of the new grid in seconds; None takes the median step. Choose it no longer
@@ -45,7 +45,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     X_regular : DataFrame
         Rows at the first instant of each segment plus multiples of ``dt``. A step longer than
         one and a half median steps is a gap and stays one; rows whose neighbours are NaN are NaN.
-    y_regular : same type as y
+    y_regular : Series or DataFrame
         Only if ``y`` is given.
 
     Examples
@@ -62,8 +62,9 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
         raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
     time = time_in_seconds(index.get_level_values(TIME))
     keys = [name for name in index.names if name != TIME]
-    frame = X if y is None else pd.concat([X, pd.DataFrame(y)], axis=1)
-    values = frame.to_numpy(dtype=float)
+    values = X.to_numpy(dtype=float)
+    if y is not None:
+        values = np.column_stack([values, np.asarray(y, dtype=float)])
     if keys:
         codes, labels = pd.factorize(index.droplevel(TIME))
         run_starts = contiguous_runs(codes, list(labels))
@@ -97,22 +98,27 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
         if keys
         else pd.Index(arrays[TIME], name=TIME)
     )
-    result = pd.DataFrame(np.vstack(pieces), index=new_index, columns=frame.columns)
-    X_new = result.iloc[:, : X.shape[1]]
+    result = np.vstack(pieces)
+    n_channels = X.shape[1]
+    X_new = pd.DataFrame(result[:, :n_channels], index=new_index, columns=X.columns)
     X_new.attrs = dict(X.attrs)
     if y is None:
         return X_new
-    y_new = result.iloc[:, X.shape[1] :]
-    if isinstance(y, pd.Series):
-        y_new = y_new.iloc[:, 0].rename(y.name)
-    y_new.attrs = dict(y.attrs)
+    rest = result[:, n_channels:]
+    y_new: Any
+    if isinstance(y, pd.DataFrame):
+        y_new = pd.DataFrame(rest, index=new_index, columns=y.columns)
+    else:
+        y_new = pd.Series(rest[:, 0], index=new_index, name=getattr(y, "name", None))
+    y_new.attrs = dict(getattr(y, "attrs", {}))
     return X_new, y_new
 
 
 def _interpolate(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
     result = np.full((grid.size, values.shape[1]), np.nan)
     right = np.clip(np.searchsorted(time, grid, side="left"), 0, time.size - 1)
-    left = np.where(np.isclose(time[right], grid), right, np.maximum(right - 1, 0))
+    slack = WHOLE * (grid[-1] - grid[0]) / max(grid.size - 1, 1)
+    left = np.where(np.abs(time[right] - grid) <= slack, right, np.maximum(right - 1, 0))
     for column in range(values.shape[1]):
         known = np.isfinite(values[:, column])
         if not known.any():

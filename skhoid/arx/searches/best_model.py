@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin
 from sklearn.callback import CallbackSupportMixin
-from sklearn.pipeline import Pipeline
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from .candidates import final_step
+from ...pipelines import final_step, reach_model
 
 
 class BestModel(CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -57,7 +56,8 @@ class BestModel(CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEs
         y_pred : ndarray of shape (n_rows,)
         """
         check_is_fitted(self, "best_estimator_")
-        return predict_ahead(self.best_estimator_, X, y, horizon)
+        model, passed_on = reach_model(self.best_estimator_, X)
+        return model.predict_ahead(passed_on, y, horizon)
 
     def score(self, X: Any, y: Any) -> float:
         """Score the free run of the best model by its VAF in percent.
@@ -85,10 +85,3 @@ class BestModel(CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEs
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
-
-
-def predict_ahead(model: Any, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
-    """Predict ahead with an estimator or a pipeline, which has no such method itself."""
-    if isinstance(model, Pipeline):
-        return model.steps[-1][1].predict_ahead(model[:-1].transform(X), y, horizon)
-    return model.predict_ahead(X, y, horizon)

@@ -8,27 +8,19 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
-from sklearn.utils import _safe_indexing
 from sklearn.utils.validation import column_or_1d
 
 from ... import _kernels
+from ..._sklearn import safe_indexing
 from ...exceptions import RankDeficiencyError, ShortRunError
-from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, trimmed_rows, vaf_of_rows
+from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, vaf_of_rows
+from ...pipelines import final_step, raw_layout, trimmed_rows
 from ...preprocessing.base import RowPreservingTransformer
-from ...runs import RunLayout, read_layout
-from ..base import check_lengths, check_row_count, free_run
+from ..base import check_lengths, check_row_count, free_run, longest_stretches
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from ..orders import Orders, regressors, whole_number
 from .folds import Fold
-
-
-def final_step(estimator: Any) -> tuple[str, Any]:
-    """Parameter prefix and last step of a pipeline, or the estimator itself."""
-    if isinstance(estimator, Pipeline):
-        name, step = estimator.steps[-1]
-        return f"{name}__", step
-    return "", estimator
 
 
 def has_fast_path(estimator: Any) -> bool:
@@ -48,12 +40,6 @@ def with_orders(estimator: Any, **orders: Any) -> Any:
     """Clone with other ``na``, ``nb``, ``nk`` in the last step."""
     prefix, _ = final_step(estimator)
     return clone(estimator).set_params(**{prefix + name: v for name, v in orders.items()})
-
-
-def raw_layout(estimator: Any, X: Any) -> RunLayout:
-    """Runs and time of X as the first step of a pipeline sees them."""
-    first = estimator.steps[0][1] if isinstance(estimator, Pipeline) else estimator
-    return read_layout(X, dt=getattr(first, "dt", None), run=getattr(first, "run", None))
 
 
 def as_candidate(name: str, value: Any) -> Any:
@@ -84,9 +70,8 @@ class CandidateTable:
 
     @property
     def shortest_run(self) -> int:
-        """Rows of the shortest stretch to fit on."""
-        measured = (self.grid.end - self.grid.begin)[self.grid.measured]
-        return int(measured.min()) if measured.size else 0
+        """Rows of the longest stretch of the run in which it is shortest."""
+        return int(longest_stretches(self.grid).min())
 
     def set_candidates(self, candidates: list[dict[str, Any]]) -> None:
         """Stack the regressors of candidates ``{"na": ..., "nb": ..., "nk": ...}``."""
@@ -146,7 +131,7 @@ class CandidateTable:
         some = np.add.reduceat(touched, grid.begin) > 0
         stretches = (grid.begin[some], grid.end[some], grid.past[some])
         free = free_run(self.inputs, stretches, orders, theta)
-        return grid.to_full_rate(free)
+        return grid.to_full_rate(free, rows)
 
 
 class Validation:
@@ -160,7 +145,7 @@ class Validation:
                 "A search scores at the full rate; figures of VAFScorer(rate='model') cannot "
                 "choose between models."
             )
-        self.layout = raw_layout(estimator, X)
+        self.layout = raw_layout(estimator, X, dt=scorer.dt, run=scorer.run)
         self.y = column_or_1d(np.asarray(y, dtype=float), warn=False)
         self.folds = folds
         self.scorer = scorer
@@ -190,6 +175,8 @@ class Validation:
 
     def standard_error_within(self, prediction: np.ndarray, fold: Fold, n_blocks: int = 8) -> float:
         """Standard error of a VAF from the spread over blocks of its rows (a ratio estimator)."""
+        if prediction.size == 0:
+            return np.nan
         signal, error, _ = scored_signals(
             self.y, prediction, self.keep & fold.test, self.layout, self.scorer.centered
         )
@@ -207,9 +194,9 @@ class Validation:
         """
         train, simulated = np.flatnonzero(fold.train), np.flatnonzero(fold.simulated)
         try:
-            model = clone(estimator).fit(_safe_indexing(X, train), _safe_indexing(y, train))
+            model = clone(estimator).fit(safe_indexing(X, train), safe_indexing(y, train))
         except RankDeficiencyError:
             return np.empty(0)
         prediction = np.zeros(self.layout.n_rows)
-        prediction[simulated] = model.predict(_safe_indexing(X, simulated))
+        prediction[simulated] = model.predict(safe_indexing(X, simulated))
         return prediction

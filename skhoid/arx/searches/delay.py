@@ -10,7 +10,8 @@ from sklearn.callback import with_callbacks
 
 from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
 from ...exceptions import RankDeficiencyError
-from ...metrics import VAFScorer, final_step_of
+from ...metrics import VAFScorer
+from ...pipelines import final_step, raw_layout, reach_model
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from .best_model import BestModel
@@ -18,9 +19,7 @@ from .candidates import (
     CandidateTable,
     Validation,
     as_candidate,
-    final_step,
     has_fast_path,
-    raw_layout,
     with_orders,
 )
 from .folds import folds_of
@@ -59,7 +58,8 @@ class DelaySearchCV(BestModel):
     best_nk_ : int or tuple
         Candidate with the lowest loss.
     best_delay_ : float or tuple
-        The same in seconds, n_k / f_s. It includes the sample of zero-order hold.
+        The same in seconds, n_k / f_s. It includes the sample of zero-order hold, and comes on
+        top of a :class:`DelayShift` in the pipeline.
     loss_ : ndarray of shape (n_candidates,)
         Loss of each candidate; NaN where its regressors are linearly dependent.
     cv_results_ : dict
@@ -72,8 +72,8 @@ class DelaySearchCV(BestModel):
     window_time_ : ndarray of shape (n_windows,)
         Centres of the windows, in seconds of the time index.
     nk_path_, delay_path_ : ndarray of shape (n_windows,)
-        Best candidate in each window, in samples and seconds; NaN where the window holds too
-        little data. Windows pool the runs by their time index.
+        Best candidate in each window, in samples and seconds, of several inputs the longest; NaN
+        where the window holds too little data. Windows pool the runs by their time index.
     loss_path_ : ndarray of shape (n_windows, n_candidates)
         Loss of every candidate in each window.
     n_features_in_ : int
@@ -216,22 +216,17 @@ class DelaySearchCV(BestModel):
         self, estimator: Any, X: Any, y: Any, candidates: list[Any], context: Any
     ) -> np.ndarray:
         """One-step errors of models that are fitted one by one, on the rows all of them know."""
-        losses: dict[Any, float] = {}
-        rows = None
-        for nk in sorted(candidates, key=np.max, reverse=True):
+        errors: list[np.ndarray | None] = []
+        for nk in candidates:
             task = context.subcontext(task_name="candidate").call_on_fit_task_begin(estimator=self)
-            losses[nk] = np.nan
             try:
-                model = with_orders(estimator, nk=nk).fit(X, y)
+                model, passed_on = reach_model(with_orders(estimator, nk=nk).fit(X, y), X)
+                errors.append(model._one_step_errors(passed_on, y))
             except RankDeficiencyError:
-                continue
-            finally:
-                task.call_on_fit_task_end(estimator=self)
-            last, passed_on = final_step_of(model, X)
-            errors, known = last._one_step_errors(passed_on, y)
-            rows = known if rows is None else rows
-            losses[nk] = float(np.mean(errors[rows] ** 2))
-        return np.array([losses[nk] for nk in candidates])
+                errors.append(None)
+            task.call_on_fit_task_end(estimator=self)
+        known = np.logical_and.reduce([~np.isnan(e) for e in errors if e is not None])
+        return np.array([np.nan if e is None else np.mean(e[known] ** 2) for e in errors])
 
     def _cross_validate(
         self,
@@ -275,9 +270,12 @@ class DelaySearchCV(BestModel):
         self.window_time_ = begin + self.window / 2
         losses = np.full((n_windows, len(candidates)), np.nan)
         slack = 1e-6 * self.dt_
-        for i, t in enumerate(begin):
-            inside = (time >= t - slack) & (time < t + self.window - slack)
-            if inside.sum() > table.table.shape[1]:
+        order = np.argsort(time, kind="stable")
+        starts = np.searchsorted(time[order], begin - slack)
+        stops = np.searchsorted(time[order], begin + self.window - slack)
+        for i, (start, stop) in enumerate(zip(starts, stops, strict=True)):
+            inside = order[start:stop]
+            if inside.size > table.table.shape[1]:
                 part = Triangle.of(np.asfortranarray(table.table[inside]))
                 losses[i] = _one_step_losses(table, part)
         self.loss_path_ = losses

@@ -46,7 +46,11 @@ def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any) -> list[Fold]:
             # Splitters that do not use groups say so; the runs are offered to all alike.
             warnings.filterwarnings("ignore", message="The groups parameter is ignored")
             splits = list(splitter.split(rows[:, None], np.zeros(layout.n_rows), groups=run))
-        cut = [label for i, label in enumerate(layout.labels) if _is_cut(run == i, splits)]
+        cut = [
+            layout.labels[i]
+            for train, test in splits
+            for i in np.intersect1d(run[train], run[test])[:1]
+        ]
         if cut:
             warnings.warn(
                 f"The splits of cv={cv!r} cut run {cut[0]!r}: rows next to each other, which are "
@@ -56,10 +60,6 @@ def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any) -> list[Fold]:
                 stacklevel=6,
             )
     return [_fold(train, test, run) for train, test in splits]
-
-
-def _is_cut(member: np.ndarray, splits: list[Any]) -> bool:
-    return any(member[train].any() and member[test].any() for train, test in splits)
 
 
 def _fold(train: np.ndarray, test: np.ndarray, run: np.ndarray) -> Fold:

@@ -15,7 +15,9 @@ from sklearn.callback import with_callbacks
 from sklearn.pipeline import Pipeline, make_pipeline
 
 from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
-from ...metrics import VAFScorer, final_step_of
+from ...exceptions import RankDeficiencyError
+from ...metrics import VAFScorer
+from ...pipelines import final_step, raw_layout, reach_model
 from ...preprocessing import Decimator, RunInTrimmer
 from ..batch import ARXRegressor
 from ..orders import whole_number
@@ -24,9 +26,7 @@ from .candidates import (
     CandidateTable,
     Validation,
     as_candidate,
-    final_step,
     has_fast_path,
-    raw_layout,
     with_orders,
 )
 from .folds import Fold, folds_of
@@ -48,7 +48,8 @@ class OrderSearchCV(BestModel):
         Candidates; None means 1 to 4. Entries of ``nb`` may be tuples, one number per input.
     nk : sequence of int, dict or None, default=None
         Candidate delays in samples of the model's grid, or one such sequence per decimation
-        factor, ``{1: range(1, 51), 2: range(1, 26)}``. None keeps the estimator's own.
+        factor, ``{1: range(1, 51), 2: range(1, 26)}``. None keeps the estimator's own, which
+        must be 0 where there are several factors.
     factor : sequence of int or None, default=None
         Candidate decimation factors; the pipeline's :class:`Decimator` is set, or one is put in
         front. None keeps the estimator's own.
@@ -250,6 +251,12 @@ class OrderSearchCV(BestModel):
         nk = self.nk[factor] if isinstance(self.nk, Mapping) else self.nk
         if nk is None:
             nk = [final_step(variant)[1].nk]
+            if self.factor is not None and len(self.factor) > 1 and np.max(nk) > 0:
+                raise ValueError(
+                    f"The estimator's nk={nk[0]} counts samples of the model's grid, so it is "
+                    "another delay at every decimation factor. Give nk={factor: candidates, ...}, "
+                    "or put a DelayShift into the pipeline and leave nk at 0."
+                )
         grids = {
             "na": DEFAULT_ORDERS if self.na is None else self.na,
             "nb": DEFAULT_ORDERS if self.nb is None else self.nb,
@@ -287,7 +294,8 @@ class OrderSearchCV(BestModel):
             if single and scored[0][1].size:
                 error = validation.standard_error_within(scored[0][1], validation.folds[0])
             small = whole.subset(table.columns(table.orders[index]))
-            return [value for value, _ in scored], error, small.rss / whole.n_rows
+            loss = np.nan if len(small.null_space()) else small.rss / whole.n_rows
+            return [value for value, _ in scored], error, loss
 
         found = Parallel(n_jobs=self.n_jobs, prefer="threads")(
             delayed(evaluate)(index) for index in range(len(candidates))
@@ -304,7 +312,7 @@ class OrderSearchCV(BestModel):
         validation: Validation,
         columns: dict[str, list[Any]],
     ) -> tuple[np.ndarray, list[float]]:
-        def evaluate(candidate: dict[str, Any]) -> tuple[list[float], float, Any, float, int]:
+        def evaluate(candidate: dict[str, Any]) -> tuple[list[float], float, Any, np.ndarray]:
             model = with_orders(variant, **candidate)
             predictions = [
                 validation.refit_and_predict(model, X, y, fold) for fold in validation.folds
@@ -316,21 +324,28 @@ class OrderSearchCV(BestModel):
             error = np.nan
             if len(values) == 1:
                 error = validation.standard_error_within(predictions[0], validation.folds[0])
-            last = final_step(model.fit(X, y))[1]
-            errors, known = last._one_step_errors(final_step_of(model, X)[1], y)
-            return values, error, last.orders_, float(np.mean(errors[known] ** 2)), known.sum()
+            try:
+                last, passed_on = reach_model(model.fit(X, y), X)
+            except RankDeficiencyError:
+                return values, np.nan, None, np.empty(0)
+            return values, error, last.orders_, last._one_step_errors(passed_on, y)
 
-        found = Parallel(n_jobs=self.n_jobs)(delayed(evaluate)(c) for c in candidates)
-        self._describe([f[2] for f in found], [f[3] for f in found], found[0][4], columns)
+        found = Parallel(n_jobs=self.n_jobs, prefer="threads")(
+            delayed(evaluate)(c) for c in candidates
+        )
+        known = np.logical_and.reduce([~np.isnan(f[3]) for f in found if f[3].size])
+        losses = [np.mean(f[3][known] ** 2) if f[3].size else np.nan for f in found]
+        self._describe([f[2] for f in found], losses, int(np.sum(known)), columns)
         return np.array([f[0] for f in found]), [f[1] for f in found]
 
     def _describe(
         self, orders: list[Any], losses: list[float], n_rows: int, columns: dict[str, list[Any]]
     ) -> None:
-        complexity = np.array([o.n_params for o in orders]) * np.log(n_rows) / n_rows
+        n_params = np.array([np.nan if o is None else o.n_params for o in orders])
+        complexity = n_params * np.log(n_rows) / n_rows
         with np.errstate(divide="ignore"):
             fit = np.log(losses)
-        columns.setdefault("n_params", []).extend(o.n_params for o in orders)
+        columns.setdefault("n_params", []).extend(n_params)
         columns.setdefault("bic", []).extend(fit + complexity)
         columns.setdefault("mbic", []).extend(fit + self.penalty * complexity)
 

@@ -1,0 +1,61 @@
+"""Taking pipelines and searches apart: their first and last steps, and the run-in between."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.pipeline import Pipeline
+
+from .preprocessing.run_in import RunInTrimmer, run_in_rows
+from .runs import RunLayout, read_layout
+
+
+def unwrapped(estimator: Any) -> Any:
+    """The estimator inside fitted searches."""
+    while hasattr(estimator, "best_estimator_"):
+        estimator = estimator.best_estimator_
+    return estimator
+
+
+def final_step(estimator: Any) -> tuple[str, Any]:
+    """Parameter prefix and last step of a pipeline, or the estimator itself."""
+    if isinstance(estimator, Pipeline):
+        name, step = estimator.steps[-1]
+        return f"{name}__", step
+    return "", estimator
+
+
+def reach_model(estimator: Any, X: Any) -> tuple[Any, Any]:
+    """The fitted model at the end of searches and pipelines, and what they pass to it."""
+    estimator = unwrapped(estimator)
+    while isinstance(estimator, Pipeline):
+        if len(estimator.steps) > 1:
+            X = estimator[:-1].transform(X)
+        estimator = unwrapped(estimator.steps[-1][1])
+    return estimator, X
+
+
+def raw_layout(estimator: Any, X: Any, *, dt: float | None = None, run: Any = None) -> RunLayout:
+    """Runs and time of X as the first step sees them, unless ``dt`` and ``run`` say otherwise."""
+    first = unwrapped(estimator)
+    while isinstance(first, Pipeline):
+        first = unwrapped(first.steps[0][1])
+    return read_layout(
+        X,
+        dt=getattr(first, "dt", None) if dt is None else dt,
+        run=getattr(first, "run", None) if run is None else run,
+    )
+
+
+def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
+    """Rows that a RunInTrimmer inside ``estimator`` leaves out."""
+    trimmed = np.zeros(len(np.asarray(X)), dtype=bool)
+    for _, step in getattr(unwrapped(estimator), "steps", []):
+        if isinstance(step, RunInTrimmer):
+            trimmed |= run_in_rows(
+                read_layout(X, dt=step.dt, run=step.run),
+                run_in=step.run_in,
+                measurement_time=step.measurement_time,
+            )
+    return trimmed
