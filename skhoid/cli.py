@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from . import __version__
 
 if TYPE_CHECKING:
     from .arx.identify import Identification
@@ -40,24 +43,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(options.action(options))
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _show_warning
+            warnings.showwarning = _show_warning()
             return int(options.action(options))
+    except KeyboardInterrupt:
+        return 130
     except (ValueError, OSError, ImportError) as error:
         from .exceptions import IrregularSamplingError
 
-        hint = " Here: --resample." if isinstance(error, IrregularSamplingError) else ""
+        irregular = isinstance(error, IrregularSamplingError) and "resample_runs" in str(error)
+        hint = " On the command line: --resample." if irregular else ""
         print(f"skhoid: error: {error}{hint}", file=sys.stderr)
         return 2
 
 
-def _show_warning(message: Any, *_: Any, **__: Any) -> None:
-    print(f"skhoid: note: {message}", file=sys.stderr)
+def _show_warning() -> Callable[..., None]:
+    """Print each warning once, however many fits give it."""
+    shown = set()
+
+    def show(message: Any, *_: Any, **__: Any) -> None:
+        if str(message) not in shown:
+            shown.add(str(message))
+            print(f"skhoid: note: {message}", file=sys.stderr)
+
+    return show
+
+
+def _at_least_one(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number, at least 1; got {text!r}")
+    return int(text)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="skhoid", description="Identify human operators from recorded control loops."
     )
+    parser.add_argument("--version", action="version", version=f"skhoid {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
     command = commands.add_parser(
         "identify",
@@ -84,7 +105,13 @@ def _parser() -> argparse.ArgumentParser:
         help="unit of a channel; 'ms' for time converts it; may be repeated",
     )
     add("--run-in", type=float, metavar="S", help="discard this much at the start of each run")
-    add("--decimate", type=int, default=1, metavar="D", help="decimation factor (default: 1)")
+    add(
+        "--decimate",
+        type=_at_least_one,
+        default=1,
+        metavar="D",
+        help="decimation factor (default: 1)",
+    )
     add("--longest-delay", type=float, default=0.5, metavar="S", help="default: 0.5")
     add(
         "--criterion",
@@ -117,6 +144,7 @@ def _identify(options: argparse.Namespace) -> int:
     found = identify(
         X,
         y,
+        inputs=list(X.columns),
         run_in=options.run_in,
         factor=options.decimate,
         longest_delay=options.longest_delay,
@@ -127,7 +155,7 @@ def _identify(options: argparse.Namespace) -> int:
     )
     pictures = [] if options.no_pictures else _draw(found, Path(options.out))
     if options.json:
-        print(json.dumps(_as_dict(found, source, pictures), indent=2))
+        print(json.dumps(_finite(_as_dict(found, source, pictures)), indent=2, allow_nan=False))
     else:
         _print(found, source, pictures, options.criterion)
     return 0
@@ -185,7 +213,7 @@ def _draw(found: Identification, folder: Path) -> list[str]:
     folder.mkdir(parents=True, exist_ok=True)
     displays: dict[str, Any] = {
         "simulation.png": SimulationDisplay.from_estimator(
-            found.best.pipeline, found.X, found.y, centered=found.centered
+            found.best.pipeline, found.X, found.y, centered=found.centered, **found.held_out_view
         ),
         "delay.png": DelayLossDisplay.from_estimator(
             found.delay_search, unit=found.y.attrs.get("units", {}).get(found.y.name)
@@ -200,8 +228,6 @@ def _draw(found: Identification, folder: Path) -> list[str]:
 
 
 def _as_dict(found: Identification, source: str, pictures: list[str]) -> dict[str, Any]:
-    from . import __version__
-
     layout = found.layout
     return {
         "skhoid": __version__,
@@ -213,6 +239,7 @@ def _as_dict(found: Identification, source: str, pictures: list[str]) -> dict[st
         "n_rows": layout.n_rows,
         "dt_s": layout.dt,
         "jitter": layout.jitter,
+        "n_gaps": found.n_gaps,
         "model_dt_s": found.best.model.dt_,
         "centered": found.centered,
         "estimation": found.estimation,
@@ -224,6 +251,21 @@ def _as_dict(found: Identification, source: str, pictures: list[str]) -> dict[st
         "models": [model.as_dict() for model in found.models],
         "pictures": pictures,
     }
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no NaN: null stands for it."""
+    if isinstance(value, dict):
+        return {key: _finite(v) for key, v in value.items()}
+    if isinstance(value, list):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _clock(found: Identification) -> str:
+    jitter, gaps = found.layout.jitter, found.n_gaps
+    text = "regular clock" if jitter < 1e-4 else f"jitter {100 * jitter:.2g} %"
+    return text + (f", {gaps} gaps at which the free run restarts from zero" if gaps else "")
 
 
 def _print(found: Identification, source: str, pictures: list[str], criterion: str) -> None:
@@ -243,11 +285,13 @@ def _print(found: Identification, source: str, pictures: list[str], criterion: s
     console.print(source)
     console.print(
         f"{runs}, {layout.n_rows} rows, dt = {layout.dt:.6g} s ({1 / layout.dt:.6g} Hz), "
-        f"jitter {100 * layout.jitter:.2g} %; input {', '.join(map(named, best.inputs_))}, "
+        f"{_clock(found)}; input {', '.join(map(named, best.inputs_))}, "
         f"output {named(str(found.y.name))}"
     )
     console.print(f"fitted on  {found.estimation}\nheld out   {found.validation}\n")
 
+    if best.dt_ > layout.dt:
+        console.print(f"the models run at dt = {best.dt_:.6g} s, which their samples count\n")
     delays = Table(title="Delay", title_justify="left")
     for heading in ("criterion", "samples", "seconds", ""):
         delays.add_column(heading, justify="left" if heading in ("criterion", "") else "right")
@@ -258,6 +302,9 @@ def _print(found: Identification, source: str, pictures: list[str], criterion: s
         used = "used below" if search.criterion == criterion else ""
         delays.add_row(what, str(search.best_nk_), f"{search.best_delay_:.4g}", used)
     console.print(delays)
+    apart = abs(found.delay_search.best_nk_ - found.vaf_delay_search.best_nk_)
+    if apart > 1:
+        console.print(f"The criteria are {apart} samples apart: see how flat the curves are.")
 
     table = Table(
         title="Free run" + (", about the means" if found.centered else ", means kept"),
@@ -287,7 +334,8 @@ def _print(found: Identification, source: str, pictures: list[str], criterion: s
         parameters.add_row(name, f"{value:.5g}", f"{error:.2g}")
     console.print(parameters)
     console.print(
-        "Standard errors concern the ARX model's own parameters and allow for a coloured error."
+        "Standard errors concern the ARX model's own parameters and allow for a coloured error. "
+        "They do not include the bias that remnant causes in a closed loop."
     )
     if pictures:
         console.print(f"Pictures: {', '.join(pictures)}")

@@ -517,7 +517,12 @@ def _plain_label(label: Any) -> Any:
 
 
 def input_columns(
-    columns: list[Any] | None, n_columns: int, inputs: Any, run: Any, roles: Any = None
+    columns: list[Any] | None,
+    n_columns: int,
+    inputs: Any,
+    run: Any,
+    roles: Any = None,
+    what: str = "inputs",
 ) -> list[int]:
     """Positions of the linear inputs: ``inputs``, else the column of role ``e``, else all."""
     names: list[Any] = list(range(n_columns)) if columns is None else list(columns)
@@ -530,17 +535,17 @@ def input_columns(
     if inputs is not None:
         wanted = [inputs] if isinstance(inputs, (str, int, np.integer)) else list(inputs)
         if not wanted:
-            raise ValueError("inputs is empty; name at least one column, or None for the default.")
+            raise ValueError(f"{what} is empty; name at least one column, or None for the default.")
         positions = []
         for column in wanted:
             position = _position(names, column)
             if position is None:
                 raise ValueError(
-                    f"inputs names {column!r}, which is not a column of X; the columns are {names}."
+                    f"{what} names {column!r}, which is not a column of X; the columns are {names}."
                 )
             positions.append(position)
         if len(set(positions)) < len(positions):
-            raise ValueError(f"inputs names a column twice: {wanted}.")
+            raise ValueError(f"{what} names a column twice: {wanted}.")
         return positions
     by_role = [i for i, name in enumerate(names) if (roles or {}).get(name, name) == "e"]
     if by_role:

@@ -1,8 +1,10 @@
 """The command line, from words to files."""
 
 import json
+import warnings
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from skhoid import ARXRegressor, load_human_tracking, vaf_score
@@ -105,3 +107,37 @@ def test_help_has_examples(capsys):
         main(["identify", "--help"])
     assert stop.value.code == 0
     assert "skhoid identify run*.csv --input e --output u --time t" in capsys.readouterr().out
+
+
+def test_asked_inputs_are_the_inputs(capsys, tmp_path):
+    """The default, the column named e, must not win over what was asked for."""
+    X, y = load_human_tracking("phase-size 2b", channels=("f_t", "e"))
+    table = X.assign(cursor=y).droplevel("run").reset_index()
+    table["e"] = np.roll(table["e"], 30)  # e = f_t - x itself would be linearly dependent
+    table.to_csv(tmp_path / "run.csv", index=False)
+    words = [str(tmp_path / "run.csv"), "--output", "cursor", "--time", "time"]
+    found = run_json(capsys, *words, "--input", "f_t", "e")
+    assert found["inputs"] == ["f_t", "e"]
+
+
+def test_bad_factor_is_refused(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["identify", "--decimate", "0"])
+    assert stop.value.code == 2
+    assert "must be a whole number, at least 1; got '0'" in capsys.readouterr().err
+
+
+def test_notes_are_shown_once_and_gaps_counted(capsys, run_files, tmp_path):
+    table = pd.read_csv(run_files[0])
+    table = table.drop(index=range(2000, 2100))
+    table.loc[500:505, "cursor [px]"] = np.nan
+    table.to_csv(tmp_path / "holed.csv", index=False)
+    words = [str(tmp_path / "holed.csv"), "--input", "target", "--output", "cursor", "--time", "t"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert main(["identify", *words, "--no-pictures", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["n_gaps"] == 1
+    notes = printed.err.splitlines()
+    assert any("6 rows of 'cursor' are NaN" in note for note in notes)
+    assert len(notes) == len(set(notes))

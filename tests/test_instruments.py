@@ -76,6 +76,24 @@ def test_missing_rows_cut_a_run():
     np.testing.assert_allclose(holed.coef_, whole.coef_, rtol=0.05)
 
 
+def test_scattered_missing_rows_cost_only_their_lags():
+    X, y = recording("C1", GAINS["C1"], 6)
+    y = y.copy()
+    y.iloc[100::100] = np.nan
+    with pytest.warns(UserWarning, match="81 rows"):
+        holed = ARXRegressor(nk=29, method="iv").fit(X, y)
+    assert holed.n_rows_missing_ <= 3 * 81
+    whole = ARXRegressor(nk=29, method="iv").fit(*recording("C1", GAINS["C1"], 6))
+    np.testing.assert_allclose(holed.coef_[:2], whole.coef_[:2], rtol=0.05)
+
+
+def test_a_missing_instrument_is_mentioned():
+    X, y = recording("C1", GAINS["C1"], 7)
+    X.iloc[4000:4010, 2] = np.nan
+    with pytest.warns(UserWarning, match="10 rows of 'f_t'"):
+        ARXRegressor(nk=29, method="iv").fit(X, y)
+
+
 def test_intercept_takes_an_offset():
     X, y = recording("C1", GAINS["C1"], 4)
     model = ARXRegressor(nk=29, method="iv", fit_intercept=True).fit(X, y + 3.0)

@@ -290,3 +290,22 @@ def test_scorer_refuses_rows_in_another_order(data):
     model = ARXRegressor(2, 2, 3).fit(X, y)
     with pytest.raises(RunIndexError):
         VAFScorer()(model, X, y.iloc[::-1])
+
+
+def test_scorer_takes_time_and_runs_from_the_model():
+    X, y = arx_runs(2, 200)
+    array = np.column_stack([X.index.get_level_values("run"), X.to_numpy()])
+    model = ARXRegressor(2, 2, 3, inputs=[1], dt=0.01, run=0).fit(array, y.to_numpy())
+    told = VAFScorer(run_in=1.0, average="mean", dt=0.01, run=0)(model, array, y.to_numpy())
+    assert VAFScorer(run_in=1.0, average="mean")(model, array, y.to_numpy()) == told
+    indexed = ARXRegressor(2, 2, 3).fit(X, y)
+    assert VAFScorer(run_in=1.0, average="mean")(indexed, X, y) == pytest.approx(told, rel=1e-12)
+
+
+def test_run_labels_beside_a_time_index():
+    index = pd.Index(0.01 * np.arange(8), name="time")
+    measured = pd.Series([1.0, 1, 1, 1, 2, 2, 2, 2], index=index)
+    model = measured.copy()
+    model.iloc[[0, 1, 4, 5]] = 9.0
+    labels = np.repeat(["a", "b"], 4)
+    assert vaf_score(measured, model, run=labels, run_in=0.02) == 100.0

@@ -24,6 +24,7 @@ from skhoid import (
     RunInTrimmer,
     ShortRunError,
     VAFScorer,
+    resample_runs,
     vaf_score,
 )
 
@@ -507,3 +508,36 @@ def test_remnant_free_delay_after_decimation(monte_carlo_recording):
     X, y = (table.iloc[-8192:] for table in monte_carlo_recording)
     thinned = make_pipeline(Decimator(2, method="downsample"), ARXRegressor())
     assert DelaySearchCV(thinned, nk=range(5, 25)).fit(X, y).best_nk_ == 15
+
+
+def test_phase_of_times_on_half_samples_does_not_depend_on_the_slice():
+    X = signals([60], 0)
+    time = X.index.get_level_values("time") + DT / 2
+    X.index = pd.MultiIndex.from_arrays(
+        [X.index.get_level_values("run"), time], names=["run", "time"]
+    )
+    whole = Decimator(3).fit_transform(X).index.get_level_values(-1).to_numpy()
+    for start in range(7):
+        part = Decimator(3).fit_transform(X.iloc[start:]).index.get_level_values(-1).to_numpy()
+        np.testing.assert_array_equal(part, whole[start:])
+
+
+def test_holes_keep_their_width_whatever_the_clock_reads():
+    widths = []
+    for start in (0.0, 1000.0, 1.7e9):
+        values = np.sin(np.arange(200.0))
+        values[80:100] = np.nan
+        index = pd.MultiIndex.from_product(
+            [[1], start + DT * np.arange(200)], names=["run", "time"]
+        )
+        regular, _ = resample_runs(pd.DataFrame({"e": values}, index=index), values, dt=DT)
+        widths.append(int(regular["e"].isna().sum()))
+    assert widths == [20, 20, 20]
+
+
+def test_the_run_column_survives_other_transformers():
+    X, y = arx_runs()
+    array = np.column_stack([X.index.get_level_values("run"), X.to_numpy()])
+    scaler = StandardScaler().set_output(transform="pandas")
+    pipe = make_pipeline(Decimator(2, dt=DT, run=0), scaler, ARXRegressor(1, 1, 1))
+    assert pipe.fit(array, y.to_numpy())[-1].inputs_ == ["x1", "x2"]

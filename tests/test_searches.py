@@ -549,3 +549,33 @@ def test_robot_arm():
     assert search.best_score_ >= 95 - search.standard_error_
     small = OrderSearchCV(na=[2], nb=[2], nk=[0]).fit(X, y)
     assert small.best_score_ < 20
+
+
+def test_a_fragment_between_gaps_does_not_limit_the_search():
+    X, y = arx_runs(2, 400)
+    keep = np.ones(len(X), dtype=bool)
+    keep[100:104] = keep[106:110] = False  # leaves two rows between two gaps
+    search = DelaySearchCV().fit(X[keep], y[keep])
+    assert search.cv_results_["nk"] == list(range(1, 51))
+    assert search.best_nk_ == NK
+
+
+def test_one_delay_in_samples_is_not_compared_between_rates(data):
+    X, y = data
+    with pytest.raises(ValueError, match=r"nk=3 counts samples.*nk=\{factor: candidates"):
+        OrderSearchCV(ARXRegressor(nk=3), factor=[1, 2]).fit(X, y)
+
+
+@pytest.mark.parametrize("wrap", [lambda m: m, make_pipeline], ids=["bare", "pipeline of one step"])
+def test_instrumental_variables_can_be_searched(wrap):
+    """The path that fits candidates one by one, with one that cannot be fitted."""
+    X, y = loop_runs(2, remnant_gain=0.0109)
+    target = X["f_t"] * 0 + np.sin(2 * np.pi * X.index.get_level_values("time") / 81.92 * 22)
+    X = X.assign(f_t=target)
+    model = wrap(ARXRegressor(nk=29, method="iv", instruments=["f_t"], inputs=["e"]))
+    search = OrderSearchCV(model, na=[1, 6], nb=[1]).fit(X, y)
+    results = search.cv_results_
+    assert np.isnan(results["mean_test_score"][1])
+    assert np.isnan(results["bic"][1])
+    assert search.best_na_ == 1
+    assert search.predict_ahead(X, y).shape == y.shape

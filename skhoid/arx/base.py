@@ -113,7 +113,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         """Return the discrete-time transfer function from the inputs to the output.
 
         G(z) = z^-nk (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...), with the sampling time ``dt_``.
-        The intercept is not part of it.
+        The intercept is not part of it, nor is a :class:`DelayShift` that stands before the model.
 
         Parameters
         ----------
@@ -129,7 +129,9 @@ class BaseARX(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         if backend not in ("scipy", "control"):
             raise ValueError(f"backend must be 'scipy' or 'control'; got {backend!r}.")
-        return transfer_function(self.orders_, self.coef_, self.dt_, self.inputs_, backend)
+        return transfer_function(
+            self.orders_, self.coef_, self.dt_, self.inputs_, self._output_name, backend
+        )
 
     def _held_inputs(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         return self._hold(grid, grid.thin_inputs(values)[:, self._columns])

@@ -218,9 +218,9 @@ class ARXRegressor(BaseARX):
             self.covariance_ = self.noise_variance_ * bread
         else:
             errors = keep[:, -1] - keep[:, :-1] @ self.coef_
-            self.covariance_ = (
-                bread @ newey_west(keep[:, :-1] * errors[:, None], rows, grid.begin) @ bread
-            )
+            # The sum over influences, not of scores, keeps variances positive near collinearity.
+            influence = (keep[:, :-1] * errors[:, None]) @ bread
+            self.covariance_ = newey_west(influence, rows, grid.begin)
 
     def _fit_iv(
         self,
@@ -256,7 +256,9 @@ class ARXRegressor(BaseARX):
     def _instrument_columns(self, n_columns: int) -> list[int]:
         names = self._names or list(range(n_columns))
         if self.instruments is not None:
-            positions = input_columns(names, n_columns, self.instruments, self._run)
+            positions = input_columns(
+                names, n_columns, self.instruments, self._run, what="instruments"
+            )
         else:
             roles = [str((self.roles or {}).get(name, name)) for name in names]
             positions = [i for i, r in enumerate(roles) if r == "f_t" or r.startswith("dist")]

@@ -10,10 +10,11 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline, make_pipeline
 
-from ..metrics import VAFScorer, vaf_of_rows
+from ..metrics import VAF_FLOOR, VAFScorer, vaf_of_rows
 from ..pipelines import trimmed_rows
 from ..preprocessing import Decimator, RunInTrimmer
 from ..runs import RunLayout, read_layout, whole_samples
+from ..selection import run_labels
 from .batch import ARXRegressor
 from .searches import DelaySearchCV, OrderSearchCV
 
@@ -39,6 +40,8 @@ class FittedModel:
 
     @property
     def verdict(self) -> str:
+        if self.vaf_validation <= VAF_FLOOR:
+            return "unstable"
         if self.vaf_validation <= 0:
             return "fails on validation data"
         return "overfit" if self.ratio > OVERFIT_RATIO else "no overfit"
@@ -74,6 +77,7 @@ class Identification:
     X: pd.DataFrame
     y: pd.Series
     layout: RunLayout
+    held_out: np.ndarray
     estimation: str
     validation: str
     centered: bool
@@ -81,6 +85,19 @@ class Identification:
     vaf_delay_search: DelaySearchCV
     order_search: OrderSearchCV
     models: list[FittedModel] = field(default_factory=list)
+
+    @property
+    def n_gaps(self) -> int:
+        """Gaps in time, at which the free run starts anew from zero."""
+        return self.layout.starts.size - self.layout.run_starts.size
+
+    @property
+    def held_out_view(self) -> dict[str, Any]:
+        """Which runs, or which part of a single run, a picture of the validation shows."""
+        first = np.flatnonzero(self.held_out)[0]
+        if len(self.layout.labels) == 1:
+            return {"window": (float(self.layout.time[first]), np.inf)}
+        return {"runs": list(dict.fromkeys(run_labels(self.X)[self.held_out].tolist()))}
 
     @property
     def best(self) -> FittedModel:
@@ -92,6 +109,7 @@ def identify(
     X: pd.DataFrame,
     y: pd.Series,
     *,
+    inputs: list[str] | None = None,
     run_in: float | None = None,
     factor: int = 1,
     longest_delay: float = 0.5,
@@ -108,7 +126,7 @@ def identify(
     """
     layout = read_layout(X)
     held_out, names = _held_out_rows(layout, validation_runs)
-    model = ARXRegressor(fit_intercept=centered, covariance="hac")
+    model = ARXRegressor(inputs=inputs, fit_intercept=centered, covariance="hac")
     pipeline = make_pipeline(RunInTrimmer(run_in), Decimator(factor), model)
     scorer = VAFScorer(run_in=run_in, centered=centered)
     X_e, y_e = X[~held_out], y[~held_out]
@@ -139,7 +157,9 @@ def identify(
             for rows in (~held_out, held_out)
         ]
         models.append(FittedModel(label, fitted, *vafs))
-    return Identification(X, y, layout, *names, centered, searches[0], searches[1], orders, models)
+    return Identification(
+        X, y, layout, held_out, *names, centered, searches[0], searches[1], orders, models
+    )
 
 
 def _held_out_rows(

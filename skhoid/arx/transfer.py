@@ -10,7 +10,7 @@ from .orders import Orders
 
 
 def transfer_function(
-    orders: Orders, theta: np.ndarray, dt: float, inputs: list[str], backend: str
+    orders: Orders, theta: np.ndarray, dt: float, inputs: list[str], output: str, backend: str
 ) -> Any:
     """Discrete-time transfer functions in positive powers of z."""
     a, b, _ = orders.split(theta)
@@ -37,6 +37,7 @@ def transfer_function(
             [[d.tolist() for d in denominators]],
             dt,
             inputs=list(inputs),
+            outputs=[output],
         )
     from scipy import signal
 

@@ -114,6 +114,11 @@ def read_runs(
     >>> y.to_list(), X.attrs["units"]
     ([0.0, -0.5, 0.0, -0.5], {'e': 'deg'})
     """
+    if run is not None and not isinstance(run, str):
+        raise TypeError(
+            f"run= names one column; got {run!r}. For subjects or conditions read each by itself "
+            'and join them: pd.concat({"S1": X1, "S2": X2}, names=["subject"]).'
+        )
     channels = [*_wanted(inputs, "inputs"), *_wanted(output, "output")]
     _check_names(channels)
     clock = _clock(time, dt)

@@ -11,7 +11,6 @@ from scipy.interpolate import make_interp_spline
 
 from ..exceptions import IrregularSamplingError, RunIndexError
 from ..runs import (
-    GAP,
     TIME,
     WHOLE,
     check_alignment,
@@ -21,6 +20,8 @@ from ..runs import (
     time_in_seconds,
     within_runs,
 )
+
+LONGEST_BRIDGE = 3.0  # median steps; late samples of a jittery clock are no gap
 
 
 def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) -> Any:
@@ -44,7 +45,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     -------
     X_regular : DataFrame
         Rows at the first instant of each segment plus multiples of ``dt``. A step longer than
-        one and a half median steps is a gap and stays one; rows whose neighbours are NaN are NaN.
+        three median steps is a gap and stays one; rows whose neighbours are NaN are NaN.
     y_regular : Series or DataFrame
         Only if ``y`` is given.
 
@@ -79,7 +80,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     if np.isnan(typical).all():
         raise IrregularSamplingError("resample_runs needs runs of at least two rows.")
     grid_step = dt if dt is not None else snap(float(np.nanmedian(typical)))
-    longest = GAP * np.repeat(typical, np.diff(run_starts))[1:]
+    longest = LONGEST_BRIDGE * np.repeat(typical, np.diff(run_starts))[1:]
     starts = np.union1d(run_starts, np.flatnonzero(within & (step > longest)) + 1)
     pieces: list[np.ndarray] = []
     times: list[np.ndarray] = []

@@ -60,6 +60,8 @@ class DelaySearchCV(BestModel):
     best_delay_ : float or tuple
         The same in seconds, n_k / f_s. It includes the sample of zero-order hold, and comes on
         top of a :class:`DelayShift` in the pipeline.
+    best_score_ : float
+        Its cross-validated VAF in percent; with ``criterion="vaf"`` only.
     loss_ : ndarray of shape (n_candidates,)
         Loss of each candidate; NaN where its regressors are linearly dependent.
     cv_results_ : dict
@@ -185,6 +187,8 @@ class DelaySearchCV(BestModel):
         self.best_nk_ = candidates[self.best_index_]
         self.best_delay_ = results["delay"][self.best_index_]
         self.cv_results_ = results | {"loss": self.loss_}
+        if self.criterion == "vaf":
+            self.best_score_ = 100.0 - float(self.loss_[self.best_index_])
         with_best = with_orders(estimator, nk=self.best_nk_)
         refit = context.subcontext(task_name="refit")
         refit.call_on_fit_task_begin(estimator=self, X=X, y=y)
