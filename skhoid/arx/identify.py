@@ -96,7 +96,8 @@ class Identification:
         """Which runs, or which part of a single run, a picture of the validation shows."""
         first = np.flatnonzero(self.held_out)[0]
         if len(self.layout.labels) == 1:
-            return {"window": (float(self.layout.time[first]), np.inf)}
+            end = float(self.layout.time[-1]) + self.layout.dt
+            return {"window": (float(self.layout.time[first]), end)}
         return {"runs": list(dict.fromkeys(run_labels(self.X)[self.held_out].tolist()))}
 
     @property

@@ -352,7 +352,7 @@ class SimulationDisplay:
         text += " about the mean" if self.centered else ""
         where = ""
         if self.window is not None:
-            where = f" from {self.window[0]:g} to {self.window[1]:g} s"
+            where = f" from {self.window[0]:.4g} to {self.window[1]:.4g} s"
         return f"{self.runs[number]}: {text}{where}"
 
     def _note(self) -> str:
