@@ -86,17 +86,17 @@ def _rows_to_score(
     check_alignment(y_true, y_pred, ("y_true", "y_pred"))
     y = column_or_1d(np.asarray(y_true, dtype=float), warn=False)
     prediction = column_or_1d(np.asarray(y_pred, dtype=float), warn=False)
-    if run is not None:
-        labels = np.asarray(run)
-        check_consistent_length(y_true, labels)
-        table = pd.DataFrame({"run": labels})
-        if isinstance(y_true, (pd.Series, pd.DataFrame)):
-            table.index = y_true.index
-        layout = read_layout(table, dt=dt, run="run")
-    else:
-        indexed = isinstance(y_true, (pd.Series, pd.DataFrame))
-        layout = read_layout(y_true if indexed else y[:, None], dt=dt)
+    layout = layout_of_output(y_true, dt, run)
     return layout, y, prediction, scored_rows(layout, run_in, window)
+
+
+def layout_of_output(y: Any, dt: float | None, run: Any) -> RunLayout:
+    """Runs and time of an output, from its index or from the run label of each row."""
+    index = y.index if isinstance(y, (pd.Series, pd.DataFrame)) else None
+    if run is None:
+        return read_layout(y if index is not None else np.asarray(y).reshape(-1, 1), dt=dt)
+    check_consistent_length(y, run)
+    return read_layout(pd.DataFrame({"run": np.asarray(run)}, index=index), dt=dt, run="run")
 
 
 def scored_rows(layout: RunLayout, run_in: float | None, window: Any) -> np.ndarray:

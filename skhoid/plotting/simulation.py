@@ -7,13 +7,12 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
-from ..metrics import vaf_score
+from ..metrics import layout_of_output, vaf_score
 from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.run_in import run_in_rows
-from ..runs import GAP, RunLayout, check_alignment, read_layout
+from ..runs import GAP, RunLayout, check_alignment
 from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
 
 MAX_RUNS = 5
@@ -205,12 +204,7 @@ class SimulationDisplay:
         check_consistent_length(y_true, y_pred)
         measured = column_or_1d(np.asarray(y_true, dtype=float), warn=False)
         prediction = column_or_1d(np.asarray(y_pred, dtype=float), warn=False)
-        if run is not None:
-            check_consistent_length(y_true, run)
-            layout = read_layout(pd.DataFrame({"run": np.asarray(run)}), dt=dt, run="run")
-        else:
-            indexed = isinstance(y_true, pd.Series | pd.DataFrame)
-            layout = read_layout(y_true if indexed else measured[:, None], dt=dt)
+        layout = layout_of_output(y_true, dt, run)
         trimmed = run_in_rows(layout, run_in=run_in)
         display = cls._of(layout, measured, prediction, trimmed, runs, window, centered, y_true)
         return display.plot(ax)
