@@ -216,7 +216,7 @@ def _draw(found: Identification, folder: Path) -> list[str]:
             found.best.pipeline, found.X, found.y, centered=found.centered, **found.held_out_view
         ),
         "delay.png": DelayLossDisplay.from_estimator(
-            found.delay_search, unit=found.y.attrs.get("units", {}).get(found.y.name)
+            found.delay_search, unit=found.units.get(str(found.y.name))
         ),
         "delay-vaf.png": DelayLossDisplay.from_estimator(found.vaf_delay_search),
         "orders.png": VAFContourDisplay.from_estimator(found.order_search),
@@ -234,7 +234,7 @@ def _as_dict(found: Identification, source: str, pictures: list[str]) -> dict[st
         "source": source,
         "inputs": found.best.model.inputs_,
         "output": found.y.name,
-        "units": {**found.X.attrs.get("units", {}), **found.y.attrs.get("units", {})},
+        "units": found.units,
         "n_runs": len(layout.labels),
         "n_rows": layout.n_rows,
         "dt_s": layout.dt,
@@ -273,7 +273,7 @@ def _print(found: Identification, source: str, pictures: list[str], criterion: s
     from rich.table import Table
 
     layout, best = found.layout, found.best.model
-    units = {**found.X.attrs.get("units", {}), **found.y.attrs.get("units", {})}
+    units = found.units
 
     def named(channel: str) -> str:
         return f"{channel} ({units[channel]})" if channel in units else channel

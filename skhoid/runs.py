@@ -17,17 +17,6 @@ import pandas as pd
 
 from .exceptions import IrregularSamplingError, RunIndexError
 
-__all__ = [
-    "DecimationMark",
-    "RunLayout",
-    "check_alignment",
-    "input_columns",
-    "mark_decimated",
-    "mark_run_column",
-    "mark_run_in",
-    "read_layout",
-]
-
 RUN, TIME = "run", "time"
 RUN_IN_LEVEL = "run-in"
 _RUN_COLUMN_LEVEL = "runs from column "  # and the name of a column that is no input
@@ -106,6 +95,11 @@ class RunLayout:
         base = np.floor(self.time[first] / self.dt + 0.25).astype(np.int64)
         lengths = np.diff(self.starts)
         return np.arange(self.n_rows) - np.repeat(first - base, lengths)
+
+
+def run_name(label: Any) -> str:
+    """A run label in words; those of outer levels are joined, ``S1/C3/2``."""
+    return "/".join(map(str, label)) if isinstance(label, tuple) else str(label)
 
 
 def whole_samples(duration: float, dt: float) -> float:
@@ -310,6 +304,7 @@ def _refuse_datetime(time: pd.Index) -> None:
 
 
 def time_in_seconds(time: pd.Index) -> np.ndarray:
+    """Values of a time index, checked to be finite numbers."""
     if time.dtype.kind in "mM":
         _refuse_datetime(time)
     if time.dtype.kind not in "iuf":
@@ -386,6 +381,7 @@ def check_increasing(
     run_starts: np.ndarray,
     labels: list[Any],
 ) -> None:
+    """Refuse time that repeats or goes backwards within a run."""
     bad = np.flatnonzero(within & (step <= 0))
     if bad.size == 0:
         return
@@ -427,6 +423,7 @@ def _typical_step(step: np.ndarray, run_starts: np.ndarray, labels: list[Any]) -
 
 
 def snap(dt: float) -> float:
+    """Sampling time without rounding noise: one over a whole rate, or nine digits."""
     rate = round(1.0 / dt) if dt < 1.0 else 0
     if rate and abs(1.0 / dt - rate) < 1e-6 * rate:
         return 1.0 / rate

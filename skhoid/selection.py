@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .exceptions import RunIndexError
-from .runs import check_alignment, read_layout
+from .runs import check_alignment, read_layout, run_name
 
 
 def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarray:
@@ -45,7 +45,7 @@ def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarr
     layout = read_layout(X, run=run)
     labels = layout.labels
     if labels and isinstance(labels[0], tuple):
-        labels = ["/".join(str(part) for part in label) for label in labels]
+        labels = [run_name(label) for label in labels]
         if len(set(labels)) < len(labels):
             labels = [repr(label) for label in layout.labels]
     return np.repeat(np.asarray(labels), np.diff(layout.run_starts))

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.callback import ProgressBar
+from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, GroupKFold, KFold, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 from synthetic import DT, NK, arx_runs, as_table, loop_runs, stretches_of
@@ -579,3 +580,9 @@ def test_instrumental_variables_can_be_searched(wrap):
     assert np.isnan(results["bic"][1])
     assert search.best_na_ == 1
     assert search.predict_ahead(X, y).shape == y.shape
+
+
+@pytest.mark.parametrize("search", [DelaySearchCV, OrderSearchCV])
+def test_only_arx_models_are_searched(search, data):
+    with pytest.raises(TypeError, match=r"needs an ARX model.*got Ridge"):
+        search(Ridge()).fit(*data)

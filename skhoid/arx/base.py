@@ -18,10 +18,10 @@ from ..exceptions import (
     SamplingJitterWarning,
     ShortRunError,
 )
-from ..metrics import vaf_of_rows
+from ..metrics import scored_rows, vaf_of_rows
 from ..preprocessing.base import check_numbers, read_table
 from ..preprocessing.grid import ModelGrid
-from ..runs import DecimationMark, check_alignment, input_columns, read_layout
+from ..runs import DecimationMark, check_alignment, input_columns
 from .orders import Orders, regressors
 from .transfer import transfer_function
 
@@ -74,9 +74,6 @@ class BaseARX(RegressorMixin, BaseEstimator):
             )
         return output
 
-    def _inputs_of(self, n_columns: int) -> list[int]:
-        return input_columns(self._names, n_columns, self.inputs, self._run, self.roles)
-
     def _channel_names(self, positions: list[int]) -> list[str]:
         return [f"x{p}" if self._names is None else str(self._names[p]) for p in positions]
 
@@ -85,10 +82,11 @@ class BaseARX(RegressorMixin, BaseEstimator):
         grid, values = self._read_X(X, reset=True)
         output = self._read_y(X, y)
         self._output_name = str(getattr(y, "name", None) or "y")
-        self._columns = self._inputs_of(values.shape[1])
+        self._columns = input_columns(
+            self._names, values.shape[1], self.inputs, self._run, self.roles
+        )
         self.inputs_ = self._channel_names(self._columns)
         self.dt_ = grid.dt
-        self._shortest_run = int(longest_stretches(grid).min())
         self.jitter_ = grid.layout.jitter
         if self.jitter_ > NOTED_JITTER:
             warnings.warn(
@@ -306,10 +304,11 @@ class BaseARX(RegressorMixin, BaseEstimator):
         vaf : float
             Unclipped, at least -1000; rows of a marked run-in are left out.
         """
-        prediction = self.predict(X)
-        layout = read_layout(X, dt=self.dt, run=self.run, fallback_dt=self._full_dt)
-        keep = np.ones(layout.n_rows, dtype=bool) if layout.trimmed is None else ~layout.trimmed
-        return vaf_of_rows(self._read_y(X, y), prediction, keep, layout, "pooled", False)
+        check_is_fitted(self)
+        grid, values = self._read_X(X, reset=False)
+        prediction = grid.to_full_rate(self._simulate(grid, self._held_inputs(grid, values)))
+        keep = scored_rows(grid.layout, None, None)
+        return vaf_of_rows(self._read_y(X, y), prediction, keep, grid.layout, "pooled", False)
 
     def _score_at_model_rate(
         self, X: Any, y: Any, keep: np.ndarray, average: str, centered: bool

@@ -234,7 +234,15 @@ class ARXRegressor(BaseARX):
         positions = self._instrument_columns(columns.shape[1])
         names = self._channel_names(positions)
         found = estimate(
-            output, inputs, columns[:, positions], begin, end, self.orders_, self.dt_, names
+            output,
+            inputs,
+            columns[:, positions],
+            begin,
+            end,
+            self.orders_,
+            self.dt_,
+            names,
+            self.covariance == "hac",
         )
         if not found.converged:
             warnings.warn(
@@ -249,9 +257,7 @@ class ARXRegressor(BaseARX):
         signals = np.column_stack([inputs, columns[:, positions]])
         channels = [*self.inputs_, *names]
         self._report_missing(grid, signals, output, found.n_rows, channels)
-        self.covariance_ = (
-            found.coloured_covariance if self.covariance == "hac" else found.white_covariance
-        )
+        self.covariance_ = found.covariance
 
     def _instrument_columns(self, n_columns: int) -> list[int]:
         names = self._names or list(range(n_columns))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from ..metrics import VAF_FLOOR, VAFScorer, vaf_of_rows
 from ..pipelines import trimmed_rows
 from ..preprocessing import Decimator, RunInTrimmer
-from ..runs import RunLayout, read_layout, whole_samples
+from ..runs import RunLayout, read_layout, run_name, whole_samples
 from ..selection import run_labels
 from .batch import ARXRegressor
 from .searches import DelaySearchCV, OrderSearchCV
@@ -84,7 +84,12 @@ class Identification:
     delay_search: DelaySearchCV
     vaf_delay_search: DelaySearchCV
     order_search: OrderSearchCV
-    models: list[FittedModel] = field(default_factory=list)
+    models: list[FittedModel]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the channels that have one."""
+        return {**self.X.attrs.get("units", {}), **self.y.attrs.get("units", {})}
 
     @property
     def n_gaps(self) -> int:
@@ -143,12 +148,11 @@ def identify(
     orders.set_callbacks(*callbacks).fit(X_e, y_e)
 
     models = []
-    for label, estimator in (
-        ("without delay", clone(pipeline)),
+    for label, fitted in (
+        ("without delay", clone(pipeline).fit(X_e, y_e)),
         ("with delay", chosen.best_estimator_),
         ("with delay and orders", orders.best_estimator_),
     ):
-        fitted = estimator.fit(X_e, y_e)
         prediction = fitted.predict(X)
         keep = ~trimmed_rows(fitted, X)
         vafs = [
@@ -172,11 +176,11 @@ def _held_out_rows(
     if validation_runs is None and len(labels) == 1:
         middle = (layout.n_rows + 1) // 2
         half = layout.time[middle] - layout.time[0]
-        return run + np.arange(layout.n_rows) >= middle, (
+        return np.arange(layout.n_rows) >= middle, (
             f"run {labels[0]!r}, first {half:.4g} s",
             f"run {labels[0]!r}, after {half:.4g} s",
         )
-    names = ["/".join(map(str, v)) if isinstance(v, tuple) else str(v) for v in labels]
+    names = [run_name(label) for label in labels]
     wanted = [str(w) for w in validation_runs] if validation_runs else [names[-1]]
     unknown = [w for w in wanted if w not in names]
     if unknown:

@@ -14,10 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import next_fast_len
 from scipy.signal import lfilter
 
 from ..exceptions import RankDeficiencyError, ShortRunError
+from .least_squares import newey_west
 from .orders import Orders, regressors
 
 FIRST_LAG, LAST_LAG = 0.05, 1.6  # s after the input delay; geometric steps between them
@@ -31,11 +31,10 @@ STABLE_RADIUS = 0.9995
 
 @dataclass(frozen=True)
 class Estimate:
-    """Parameters, their covariance for a white and for a coloured error, and how it went."""
+    """Parameters, their covariance, and how it went."""
 
     theta: np.ndarray
-    white_covariance: np.ndarray
-    coloured_covariance: np.ndarray
+    covariance: np.ndarray
     noise_variance: float
     n_rows: int
     n_missing: int
@@ -67,8 +66,12 @@ def estimate(
     orders: Orders,
     dt: float,
     names: list[str],
+    coloured: bool,
 ) -> Estimate:
-    """Estimate theta from output ``y``, inputs ``X`` and external signals ``R`` on model rows."""
+    """Estimate theta from output ``y``, inputs ``X`` and external signals ``R`` on model rows.
+
+    ``coloured`` asks for a covariance that allows for a coloured filtered error.
+    """
     lags = instrument_lags(dt, min(orders.nk), orders.n_params - orders.intercept, R.shape[1])
     parts, n_missing = _parts(y, X, R, begin, end, orders, lags)
     if not parts:
@@ -76,8 +79,8 @@ def estimate(
             f"The instruments reach {int(lags[-1])} samples ({lags[-1] * dt:.3g} s) back, and no "
             "run is longer. Use longer runs, or method='ols'."
         )
-    Phi, output, Z = _stack(parts)
-    theta = _two_stage(Phi, output, Z, orders, names)
+    raw_Phi, raw_output, Z = _stack(parts)
+    theta, Q = _two_stage(raw_Phi, raw_output, Z, orders, names)
     converged, rounds = False, 0
     settle = round(SETTLE / dt)
     while not converged and rounds < MAX_ROUNDS:
@@ -85,18 +88,23 @@ def estimate(
         whitening = _remnant_model(parts, theta, a, settle)
         Phi, output, Z = _stack([part.filtered(whitening, a) for part in parts])
         previous = theta
-        theta = _two_stage(Phi, output, Z, orders, names)
+        theta, Q = _two_stage(Phi, output, Z, orders, names)
         rounds += 1
         step = np.max(np.abs(theta - previous))
         converged = bool(step <= TOLERANCE * max(1.0, np.max(np.abs(theta))))
-    raw_Phi, raw_output, _ = _stack(parts)
     error = raw_output - raw_Phi @ theta
-    sizes = [part.y.size for part in parts]
-    white, coloured = _covariances(Phi, output, Z, theta, sizes, settle)
+    filtered_error = output - Phi @ theta
+    projected = Q @ (Q.T @ Phi)
+    bread = np.linalg.inv(projected.T @ projected)
+    if coloured:
+        begin_of_part = np.cumsum([0, *(part.y.size for part in parts[:-1])])
+        influence = (projected * filtered_error[:, None]) @ bread
+        covariance = newey_west(influence, np.arange(error.size), begin_of_part, settle - 1)
+    else:
+        covariance = bread * (filtered_error @ filtered_error) / max(error.size - theta.size, 1)
     return Estimate(
         theta,
-        white,
-        coloured,
+        covariance,
         float(error @ error) / max(error.size - theta.size, 1),
         error.size,
         n_missing,
@@ -164,7 +172,8 @@ def _basis(Z: np.ndarray) -> np.ndarray:
 
 def _two_stage(
     Phi: np.ndarray, y: np.ndarray, Z: np.ndarray, orders: Orders, names: list[str]
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
+    """Two-stage least squares: theta, and a basis of the excited instruments."""
     Q = _basis(Z)
     theta, _, rank, _ = np.linalg.lstsq(Q.T @ Phi, Q.T @ y, rcond=None)
     if rank < orders.n_params:
@@ -174,7 +183,7 @@ def _two_stage(
             "forcing function, add an instrument, or use smaller na and nb. Is an instrument zero "
             "or constant?"
         )
-    return theta
+    return theta, Q
 
 
 def _stabilised(a: np.ndarray) -> np.ndarray:
@@ -201,34 +210,3 @@ def _remnant_model(parts: list[_Part], theta: np.ndarray, a: np.ndarray, settle:
         return np.ones(1)
     weights = np.linalg.lstsq(np.concatenate(past), np.concatenate(now), rcond=1e-10)[0]
     return np.r_[1.0, -weights]
-
-
-def _covariances(
-    Phi: np.ndarray,
-    y: np.ndarray,
-    Z: np.ndarray,
-    theta: np.ndarray,
-    sizes: list[int],
-    bandwidth: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance for a white filtered error, and for a coloured one (Bartlett weights)."""
-    Q = _basis(Z)
-    projected = Q @ (Q.T @ Phi)
-    bread = np.linalg.inv(projected.T @ projected)
-    error = y - Phi @ theta
-    white = bread * (error @ error) / max(error.size - theta.size, 1)
-    scores = projected * error[:, None]
-    meat = np.zeros_like(bread)
-    for part in np.split(scores, np.cumsum(sizes)[:-1]):
-        width = min(bandwidth, len(part))
-        spectrum = np.fft.rfft(part, next_fast_len(2 * len(part)), axis=0)
-        weights = 1 - np.arange(width) / max(width, 1)
-        for i in range(theta.size):
-            for j in range(theta.size):
-                cross = np.fft.irfft(
-                    spectrum[:, i] * np.conj(spectrum[:, j]), next_fast_len(2 * len(part))
-                )
-                # Lags k and -k: the second is the transposed pair at k.
-                meat[i, j] += weights @ cross[:width]
-                meat[j, i] += weights[1:] @ cross[1:width]
-    return white, bread @ meat @ bread

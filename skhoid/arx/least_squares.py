@@ -63,14 +63,17 @@ class Triangle:
         return inverse @ inverse.T
 
 
-def newey_west(scores: np.ndarray, rows: np.ndarray, begin: np.ndarray) -> np.ndarray:
+def newey_west(
+    scores: np.ndarray, rows: np.ndarray, begin: np.ndarray, n_lags: int | None = None
+) -> np.ndarray:
     """Long-run covariance of regression scores with Bartlett weights.
 
     ``scores`` are phi(t) eps(t) of ``rows``, ``begin`` the first rows of the stretches, between
-    which nothing is correlated; left-out rows count as zero. The number of lags is
+    which nothing is correlated; left-out rows count as zero. The number of lags is by default
     floor(4 (n / 100)^(2/9)) (Newey and West 1994).
     """
-    n_lags = int(4 * (len(scores) / 100) ** (2 / 9))
+    if n_lags is None:
+        n_lags = int(4 * (len(scores) / 100) ** (2 / 9))
     stretch = np.searchsorted(begin, rows, side="right")
     spaced = rows + stretch * n_lags
     dense = np.zeros((spaced[-1] + 1, scores.shape[1]))

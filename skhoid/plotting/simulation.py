@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 from ..metrics import layout_of_output, vaf_score
 from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.run_in import run_in_rows
-from ..runs import GAP, RunLayout, check_alignment
+from ..runs import GAP, RunLayout, check_alignment, run_name
 from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
 
 MAX_RUNS = 5
@@ -363,9 +363,7 @@ def _steps(estimator: Any) -> list[Any]:
 
 
 def _run_name(label: Any) -> str:
-    if isinstance(label, tuple):
-        return "/".join(str(part) for part in label)
-    return label if isinstance(label, str) else f"run {label}"
+    return run_name(label) if isinstance(label, (str, tuple)) else f"run {label}"
 
 
 def _chosen_runs(layout: RunLayout, runs: Any) -> list[int]:

@@ -61,15 +61,17 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
 
 def check_numbers(table: pd.DataFrame, what: str) -> None:
     """Name the first entry of a table that is not a real number."""
-    for position, kind in enumerate(dtype.kind for dtype in table.dtypes):
+    for position, dtype in enumerate(table.dtypes):
+        if dtype.kind in "iufb":
+            continue
         column = table.iloc[:, position]
         where = f"column {column.name!r} of {what}"
-        if kind == "c":
+        if dtype.kind == "c":
             raise ValueError(
                 f"Complex data not supported: {where} is complex; give its "
                 "real and imaginary parts as two columns."
             )
-        if kind in "OSUT":
+        if dtype.kind in "OSUT":
             bad = pd.to_numeric(column, errors="coerce").isna() & column.notna()
             if bad.any():
                 row = int(np.flatnonzero(bad)[0])

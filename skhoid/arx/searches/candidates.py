@@ -16,7 +16,7 @@ from ...exceptions import RankDeficiencyError, ShortRunError
 from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, vaf_of_rows
 from ...pipelines import final_step, raw_layout, trimmed_rows
 from ...preprocessing.base import RowPreservingTransformer
-from ..base import check_lengths, check_row_count, free_run, longest_stretches
+from ..base import BaseARX, check_lengths, check_row_count, free_run, longest_stretches
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from ..orders import Orders, regressors, whole_number
@@ -60,6 +60,11 @@ class CandidateTable:
         if isinstance(estimator, Pipeline) and len(estimator.steps) > 1:
             X = clone(estimator[:-1]).fit_transform(X, y)
         self._model = clone(final_step(estimator)[1])
+        if not isinstance(self._model, BaseARX):
+            raise TypeError(
+                "The search needs an ARX model, or a pipeline that ends in one; got "
+                f"{type(self._model).__name__}."
+            )
         self.grid, self._raw_inputs, self.output, _ = self._model._read_data(X, y)
         self.dt = self.grid.dt
 
@@ -124,6 +129,11 @@ class CandidateTable:
             )
         return Triangle.of(np.asfortranarray(self.table[inside]))
 
+    def one_step_loss(self, triangle: Triangle, orders: Orders) -> float:
+        """Mean squared one-step error (Eq. 24); NaN where regressors are linearly dependent."""
+        small = triangle.subset(self.columns(orders))
+        return np.nan if len(small.null_space()) else small.rss / triangle.n_rows
+
     def simulate(self, orders: Orders, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Free run at full rate, of the stretches with any of ``rows`` (a mask)."""
         grid = self.grid
@@ -173,10 +183,14 @@ class Validation:
         prediction = table.simulate(orders, small.solve(), fold.test)
         return self.vaf(prediction, fold), prediction
 
-    def standard_error_within(self, prediction: np.ndarray, fold: Fold, n_blocks: int = 8) -> float:
-        """Standard error of a VAF from the spread over blocks of its rows (a ratio estimator)."""
-        if prediction.size == 0:
+    def error_of_single_fold(self, scored: list[tuple[float, np.ndarray]]) -> float:
+        """Standard error of the VAF of a single fold, from the spread over blocks of its rows.
+
+        A ratio estimator; NaN with several folds, whose own spread tells, and for bad models.
+        """
+        if len(scored) > 1 or scored[0][1].size == 0:
             return np.nan
+        fold, prediction, n_blocks = self.folds[0], scored[0][1], 8
         signal, error, _ = scored_signals(
             self.y, prediction, self.keep & fold.test, self.layout, self.scorer.centered
         )
@@ -187,16 +201,15 @@ class Validation:
         deviation = np.asarray(lost) - sum(lost) / sum(power) * np.asarray(power)
         return float(100 * np.sqrt(np.sum(deviation**2) * n_blocks / (n_blocks - 1)) / sum(power))
 
-    def refit_and_predict(self, estimator: Any, X: Any, y: Any, fold: Fold) -> np.ndarray:
-        """Fit a clone on the training rows and simulate the runs of the fold.
-
-        Empty where the candidate's regressors are linearly dependent.
-        """
+    def score_refitted(
+        self, estimator: Any, X: Any, y: Any, fold: Fold
+    ) -> tuple[float, np.ndarray]:
+        """VAF and free run of a clone fitted on a fold; NaN if it cannot be fitted."""
         train, simulated = np.flatnonzero(fold.train), np.flatnonzero(fold.simulated)
         try:
             model = clone(estimator).fit(safe_indexing(X, train), safe_indexing(y, train))
         except RankDeficiencyError:
-            return np.empty(0)
+            return np.nan, np.empty(0)
         prediction = np.zeros(self.layout.n_rows)
         prediction[simulated] = model.predict(safe_indexing(X, simulated))
-        return prediction
+        return self.vaf(prediction, fold), prediction

@@ -11,7 +11,7 @@ from sklearn.callback import with_callbacks
 from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
 from ...exceptions import RankDeficiencyError
 from ...metrics import VAFScorer
-from ...pipelines import final_step, raw_layout, reach_model
+from ...pipelines import raw_layout, reach_model
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from .best_model import BestModel
@@ -151,30 +151,29 @@ class DelaySearchCV(BestModel):
         if self.window is not None and self.criterion != "one_step":
             raise ValueError("window= needs criterion='one_step'.")
         estimator = self.estimator if self.estimator is not None else ARXRegressor()
-        table = CandidateTable(estimator, X, y) if has_fast_path(estimator) else None
-        if table is None:
-            probe = final_step(with_orders(estimator, nk=self._smallest()).fit(X, y))[1]
-            self.dt_, shortest = probe.dt_, probe._shortest_run
-        else:
-            self.dt_, shortest = table.dt, table.shortest_run
-        candidates = self._candidates(shortest)
-        if table is not None:
+        table = CandidateTable(estimator, X, y)
+        self.dt_ = table.dt
+        candidates = self._candidates(table.shortest_run)
+        fast = has_fast_path(estimator)
+        if fast:
             table.set_candidates([{"nk": nk} for nk in candidates])
-        at_once = table is not None and self.criterion == "one_step"
+        at_once = fast and self.criterion == "one_step"
         context = self._init_callback_context(max_subtasks=1 + (not at_once) * len(candidates))
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         if self.window is not None:
-            if table is None:
+            if not fast:
                 raise ValueError("window= needs an ARXRegressor with method='ols'.")
             self._slide(table, candidates)
         results: dict[str, Any] = {"nk": candidates, "delay": self._seconds(candidates)}
         if self.criterion == "one_step":
-            if table is not None:
+            if fast:
                 self.loss_ = _one_step_losses(table, table.whole())
             else:
                 self.loss_ = self._generic_one_step(estimator, X, y, candidates, context)
         else:
-            scores = self._cross_validate(estimator, X, y, candidates, table, context)
+            scores = self._cross_validate(
+                estimator, X, y, candidates, table if fast else None, context
+            )
             for i, column in enumerate(scores.T):
                 results[f"split{i}_test_score"] = column
             results["mean_test_score"] = scores.mean(axis=1)
@@ -189,20 +188,13 @@ class DelaySearchCV(BestModel):
         self.cv_results_ = results | {"loss": self.loss_}
         if self.criterion == "vaf":
             self.best_score_ = 100.0 - float(self.loss_[self.best_index_])
-        with_best = with_orders(estimator, nk=self.best_nk_)
         refit = context.subcontext(task_name="refit")
         refit.call_on_fit_task_begin(estimator=self, X=X, y=y)
-        self.best_estimator_ = with_best.fit(X, y)
+        self.best_estimator_ = with_orders(estimator, nk=self.best_nk_).fit(X, y)
         refit.call_on_fit_task_end(estimator=self, X=X, y=y)
         self._keep_names()
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
-
-    def _smallest(self) -> Any:
-        if self.nk is None:
-            return 1
-        candidates = _as_candidates(self.nk)
-        return min(candidates, key=np.max)
 
     def _candidates(self, shortest_run: int) -> list[Any]:
         if self.nk is not None:
@@ -249,12 +241,11 @@ class DelaySearchCV(BestModel):
             task = context.subcontext(task_name="candidate").call_on_fit_task_begin(estimator=self)
             for j, fold in enumerate(folds):
                 if table is not None:
-                    scores[i, j] = validation.score_candidate(table, triangles[j], i, fold)[0]
+                    scored = validation.score_candidate(table, triangles[j], i, fold)
                 else:
                     model = with_orders(estimator, nk=nk)
-                    prediction = validation.refit_and_predict(model, X, y, fold)
-                    if prediction.size:
-                        scores[i, j] = validation.vaf(prediction, fold)
+                    scored = validation.score_refitted(model, X, y, fold)
+                scores[i, j] = scored[0]
             task.call_on_fit_task_end(estimator=self)
         return scores
 
@@ -299,9 +290,4 @@ def _as_candidates(nk: Any) -> list[Any]:
 
 def _one_step_losses(table: CandidateTable, triangle: Triangle) -> np.ndarray:
     """Mean squared one-step errors of all candidates on the same rows (Eq. 24)."""
-    losses = np.full(len(table.orders), np.nan)
-    for i, orders in enumerate(table.orders):
-        small = triangle.subset(table.columns(orders))
-        if not len(small.null_space()):
-            losses[i] = small.rss / triangle.n_rows
-    return losses
+    return np.array([table.one_step_loss(triangle, orders) for orders in table.orders])

@@ -191,20 +191,18 @@ class OrderSearchCV(BestModel):
             task = context.subcontext(task_name=f"factor {factor}", max_subtasks=1)
             task.call_on_fit_task_begin(estimator=self, X=X, y=y)
             candidates = self._candidates(variant, factor)
-            # The first fit checks X and y, and reports bad data as the estimator itself does.
-            smallest = min(candidates, key=lambda c: np.sum(c["na"]) + np.max(c["nk"]))
-            model = final_step(with_orders(variant, **smallest).fit(X, y))[1]
+            table = CandidateTable(variant, X, y)
             if folds is None:
                 folds = folds_of(X, y, raw_layout(variant, X), self.cv)
             validation = Validation(variant, X, y, folds, self.scoring or VAFScorer())
             if has_fast_path(variant):
-                part = self._evaluate_together(variant, X, y, candidates, validation, columns)
+                part = self._evaluate_together(table, candidates, validation, columns)
             else:
                 part = self._evaluate_one_by_one(variant, X, y, candidates, validation, columns)
             scores.append(part[0])
             within += part[1]
             columns.setdefault("params", []).extend({**c, "factor": factor} for c in candidates)
-            columns.setdefault("delay", []).extend(np.max(c["nk"]) * model.dt_ for c in candidates)
+            columns.setdefault("delay", []).extend(np.max(c["nk"]) * table.dt for c in candidates)
             task.call_on_fit_task_end(estimator=self, X=X, y=y)
         self.cv_results_ = _tabulate(columns, np.vstack(scores))
         self._choose(np.array(within))
@@ -272,30 +270,22 @@ class OrderSearchCV(BestModel):
 
     def _evaluate_together(
         self,
-        variant: Any,
-        X: Any,
-        y: Any,
+        table: CandidateTable,
         candidates: list[dict[str, Any]],
         validation: Validation,
         columns: dict[str, list[Any]],
     ) -> tuple[np.ndarray, list[float]]:
-        table = CandidateTable(variant, X, y)
         table.set_candidates(candidates)
         parts = [table.triangle(fold.train) for fold in validation.folds]
         whole = table.whole()
-        single = len(parts) == 1
 
         def evaluate(index: int) -> tuple[list[float], float, float]:
             scored = [
                 validation.score_candidate(table, triangle, index, fold)
                 for triangle, fold in zip(parts, validation.folds, strict=True)
             ]
-            error = np.nan
-            if single and scored[0][1].size:
-                error = validation.standard_error_within(scored[0][1], validation.folds[0])
-            small = whole.subset(table.columns(table.orders[index]))
-            loss = np.nan if len(small.null_space()) else small.rss / whole.n_rows
-            return [value for value, _ in scored], error, loss
+            loss = table.one_step_loss(whole, table.orders[index])
+            return [value for value, _ in scored], validation.error_of_single_fold(scored), loss
 
         found = Parallel(n_jobs=self.n_jobs, prefer="threads")(
             delayed(evaluate)(index) for index in range(len(candidates))
@@ -314,16 +304,9 @@ class OrderSearchCV(BestModel):
     ) -> tuple[np.ndarray, list[float]]:
         def evaluate(candidate: dict[str, Any]) -> tuple[list[float], float, Any, np.ndarray]:
             model = with_orders(variant, **candidate)
-            predictions = [
-                validation.refit_and_predict(model, X, y, fold) for fold in validation.folds
-            ]
-            values = [
-                validation.vaf(p, fold) if p.size else np.nan
-                for p, fold in zip(predictions, validation.folds, strict=True)
-            ]
-            error = np.nan
-            if len(values) == 1:
-                error = validation.standard_error_within(predictions[0], validation.folds[0])
+            scored = [validation.score_refitted(model, X, y, fold) for fold in validation.folds]
+            values = [value for value, _ in scored]
+            error = validation.error_of_single_fold(scored)
             try:
                 last, passed_on = reach_model(model.fit(X, y), X)
             except RankDeficiencyError:
