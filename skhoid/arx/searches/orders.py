@@ -190,8 +190,8 @@ class OrderSearchCV(BestModel):
         for factor, variant in variants:
             task = context.subcontext(task_name=f"factor {factor}", max_subtasks=1)
             task.call_on_fit_task_begin(estimator=self, X=X, y=y)
-            candidates = self._candidates(variant, factor)
             table = CandidateTable(variant, X, y)
+            candidates = self._candidates(variant, factor)
             if folds is None:
                 folds = folds_of(X, y, raw_layout(variant, X), self.cv)
             validation = Validation(variant, X, y, folds, self.scoring or VAFScorer())
