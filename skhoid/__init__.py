@@ -11,6 +11,7 @@ from .exceptions import (
     SamplingJitterWarning,
     ShortRunError,
 )
+from .human import ControlledElement, HumanOperator, Mixture, Ramp, Sigmoid, Step
 from .io import load_bicycle_rider, load_human_tracking, read_runs
 from .metrics import VAFScorer, vaf_score
 from .preprocessing import Decimator, DelayShift, RunInTrimmer, resample_runs
@@ -20,18 +21,24 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ARXRegressor",
+    "ControlledElement",
     "Decimator",
     "DelaySearchCV",
     "DelayShift",
+    "HumanOperator",
     "IrregularSamplingError",
     "MissingDataWarning",
+    "Mixture",
     "OrderSearchCV",
+    "Ramp",
     "RankDeficiencyError",
     "RunCutWarning",
     "RunInTrimmer",
     "RunIndexError",
     "SamplingJitterWarning",
     "ShortRunError",
+    "Sigmoid",
+    "Step",
     "VAFScorer",
     "load_bicycle_rider",
     "load_human_tracking",

@@ -1,0 +1,7 @@
+"""The human operator and what is controlled: physics as small objects."""
+
+from .controlled_element import ControlledElement
+from .operator import HumanOperator
+from .variation import Mixture, Ramp, Sigmoid, Step
+
+__all__ = ["ControlledElement", "HumanOperator", "Mixture", "Ramp", "Sigmoid", "Step"]

@@ -1,0 +1,146 @@
+"""The human operator (Eqs. 3-5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .controlled_element import check_parameters, frozen
+from .variation import Parameter, check_finite, check_positive, evaluate
+
+PURSUIT = ("K_t", "K_tdot", "K_x", "K_xdot")
+
+
+@dataclass(frozen=True, kw_only=True)
+class HumanOperator:
+    """Linear response of a human operator (Eqs. 3-5).
+
+    H(s, t) = K_e(t) [T_L(t) s + 1] exp(-s tau_e) H_nm(s) from the error e to the control output
+    u, with H_nm(s) = omega_nm² / (s² + 2 zeta_nm omega_nm s + omega_nm²). Gains that vary in time
+    act before the neuromuscular filter (Eq. D.3).
+
+    Parameters
+    ----------
+    K_e : float or callable, default=0.09
+        Error gain, in units of u per unit of e. A function of time takes an array of instants (s).
+    T_L : float, callable or None, default=None
+        Lead time constant in s. None together with ``K_edot=None`` means 0.4 s.
+    K_edot : float, callable or None, default=None
+        Error-rate gain K_e T_L in s (Eq. 5), given in place of ``T_L``.
+    tau_e : float, default=0.28
+        Effective time delay in s.
+    omega_nm : float or callable, default=11.25
+        Neuromuscular frequency in rad/s.
+    zeta_nm : float or callable, default=0.35
+        Neuromuscular damping ratio.
+    K_t, K_tdot : float or callable, default=0.0
+        Gains on target and target rate (s), which a pursuit display shows.
+    K_x, K_xdot : float or callable, default=0.0
+        Gains on the controlled element's output and its rate (s), likewise. They add to u, so
+        feedback of x has negative ones.
+
+    Raises
+    ------
+    ValueError
+        If physics are negative or not finite, or both ``T_L`` and ``K_edot`` are given.
+
+    See Also
+    --------
+    operator_parameters : These parameters from an identified ARX model.
+
+    Examples
+    --------
+    >>> from skhoid import HumanOperator
+    >>> operator = HumanOperator(K_e=0.07, T_L=1.2)
+    >>> operator
+    HumanOperator(K_e=0.07, T_L=1.2, tau_e=0.28, omega_nm=11.25, zeta_nm=0.35)
+    >>> abs(operator.frequency_response([0.0, 11.25])).round(3)
+    array([0.07 , 1.354])
+    """
+
+    K_e: Parameter = 0.09
+    T_L: Parameter | None = None
+    K_edot: Parameter | None = None
+    tau_e: float = 0.28
+    omega_nm: Parameter = 11.25
+    zeta_nm: Parameter = 0.35
+    K_t: Parameter = 0.0
+    K_tdot: Parameter = 0.0
+    K_x: Parameter = 0.0
+    K_xdot: Parameter = 0.0
+
+    def __post_init__(self) -> None:
+        if self.T_L is not None and self.K_edot is not None:
+            raise ValueError(
+                "HumanOperator: give T_L or K_edot = K_e T_L, not both; got "
+                f"T_L={self.T_L!r} and K_edot={self.K_edot!r}."
+            )
+        if self.T_L is None and self.K_edot is None:
+            object.__setattr__(self, "T_L", 0.4)
+        if callable(self.tau_e):
+            raise ValueError("HumanOperator: tau_e is a constant; a function of time was given.")
+        check_positive(self, "tau_e", zero=True)
+        given = "T_L" if self.K_edot is None else "K_edot"
+        check_parameters(self, "K_e", given, "omega_nm", "zeta_nm")
+        for name in ("omega_nm", "zeta_nm"):
+            if not callable(getattr(self, name)):
+                check_positive(self, name)
+        for name in PURSUIT:
+            if not callable(getattr(self, name)):
+                check_finite(self, name)
+
+    def __repr__(self) -> str:
+        shown = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        hidden: dict[str, Any] = {"T_L": None, "K_edot": None} | dict.fromkeys(PURSUIT, 0.0)
+        parts = [
+            f"{name}={value!r}"
+            for name, value in shown.items()
+            if name not in hidden or value != hidden[name]
+        ]
+        return f"HumanOperator({', '.join(parts)})"
+
+    def gains(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """K_e and K_edot at the instants ``t`` (s), arrays of its shape."""
+        K_e = evaluate(self.K_e, t)
+        if self.K_edot is not None:
+            return K_e, evaluate(self.K_edot, t)
+        assert self.T_L is not None
+        return K_e, K_e * evaluate(self.T_L, t)
+
+    def at(self, t: float) -> HumanOperator:
+        """The operator frozen at one instant.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+
+        Returns
+        -------
+        operator : HumanOperator
+        """
+        given = "T_L" if self.K_edot is None else "K_edot"
+        names = ("K_e", given, "omega_nm", "zeta_nm", *PURSUIT)
+        return HumanOperator(tau_e=self.tau_e, **frozen(self, t, *names))
+
+    def frequency_response(self, omega: Any, t: float = 0.0) -> np.ndarray:
+        """Response to the error, H(j omega), with parameters frozen at ``t``.
+
+        Parameters
+        ----------
+        omega : array-like of shape (n_frequencies,)
+            Frequencies in rad/s.
+        t : float, default=0.0
+            Time in s.
+
+        Returns
+        -------
+        H : ndarray of complex, shape (n_frequencies,)
+        """
+        s = 1j * np.asarray(omega, dtype=float)
+        K_e, K_edot = (float(gain) for gain in self.gains(np.asarray(t, dtype=float)))
+        w, zeta = frozen(self, t, "omega_nm", "zeta_nm").values()
+        muscle = w**2 / (s**2 + 2 * zeta * w * s + w**2)
+        return (K_edot * s + K_e) * np.exp(-s * self.tau_e) * muscle

@@ -1,0 +1,211 @@
+"""Parameters that vary in time: transitions, mixtures, and what they have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.special import expit
+
+Parameter = float | Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Sigmoid:
+    """Smooth transition between two values (Eq. 2, Fig. 2).
+
+    p(t) = p_i + (p_f - p_i) / (1 + exp(-G (t - t_M))).
+
+    Parameters
+    ----------
+    initial, final : float
+        Values p_i and p_f, in the unit of the parameter.
+    rate : float
+        G in 1/s. The steepest slope is G (p_f - p_i) / 4; from G = 10 1/s on the transition is
+        close to a step.
+    time : float
+        t_M in s: where half of the transition has happened.
+
+    Examples
+    --------
+    >>> from skhoid import Sigmoid
+    >>> K_c = Sigmoid(90.0, 30.0, rate=0.5, time=40.96)
+    >>> K_c([0.0, 40.96, 81.92]).round(3)
+    array([90., 60., 30.])
+    """
+
+    initial: float
+    final: float
+    rate: float
+    time: float
+
+    def __post_init__(self) -> None:
+        check_finite(self, "initial", "final", "time")
+        check_positive(self, "rate")
+
+    def __call__(self, t: Any) -> np.ndarray:
+        progress = expit(self.rate * (np.asarray(t, dtype=float) - self.time))
+        return self.initial + (self.final - self.initial) * progress
+
+
+@dataclass(frozen=True)
+class Step:
+    """Sudden transition between two values.
+
+    Parameters
+    ----------
+    initial, final : float
+        Values before, and from ``time`` on.
+    time : float
+        Instant of the step in s.
+
+    Examples
+    --------
+    >>> from skhoid import Step
+    >>> Step(0.0, 1.0, time=2.0)([1.9, 2.0])
+    array([0., 1.])
+    """
+
+    initial: float
+    final: float
+    time: float
+
+    def __post_init__(self) -> None:
+        check_finite(self, "initial", "final", "time")
+
+    def __call__(self, t: Any) -> np.ndarray:
+        return np.where(np.asarray(t, dtype=float) >= self.time, self.final, self.initial)
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """Linear transition between two values (Fig. 3.2).
+
+    Parameters
+    ----------
+    initial, final : float
+        Values before ``start`` and after ``end``.
+    start, end : float
+        Instants in s between which the value changes linearly.
+
+    Examples
+    --------
+    >>> from skhoid import Ramp
+    >>> Ramp(0.0, 1.0, start=10.0, end=20.0)([0.0, 15.0, 30.0])
+    array([0. , 0.5, 1. ])
+    """
+
+    initial: float
+    final: float
+    start: float
+    end: float
+
+    def __post_init__(self) -> None:
+        check_finite(self, "initial", "final", "start", "end")
+        if self.end <= self.start:
+            raise ValueError(
+                f"Ramp: end must be later than start; got start={self.start} s and "
+                f"end={self.end} s. For a sudden change use Step."
+            )
+
+    def __call__(self, t: Any) -> np.ndarray:
+        return np.interp(
+            np.asarray(t, dtype=float), [self.start, self.end], [self.initial, self.final]
+        )
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Mixture of two functions of time (Eq. 3.7).
+
+    p(t) = (1 - w(t)) p_1(t) + w(t) p_2(t). It serves parameters, and forcing functions that
+    change within a run.
+
+    Parameters
+    ----------
+    first, second : float or callable
+        p_1 and p_2: numbers or functions of time (s).
+    weight : float or callable
+        w(t), the control mode of Eq. 3.7: 0 is the first, 1 the second.
+
+    Examples
+    --------
+    >>> from skhoid import Mixture, Ramp, Sigmoid
+    >>> K_e = Mixture(0.09, Sigmoid(0.07, 0.05, rate=1.0, time=60.0), weight=Ramp(0, 1, 20, 30))
+    >>> K_e([0.0, 25.0, 100.0]).round(3)
+    array([0.09, 0.08, 0.05])
+    """
+
+    first: Parameter
+    second: Parameter
+    weight: Parameter
+
+    def __call__(self, t: Any) -> np.ndarray:
+        t = np.asarray(t, dtype=float)
+        first, second, weight = (evaluate(p, t) for p in (self.first, self.second, self.weight))
+        return (1.0 - weight) * first + weight * second
+
+
+@dataclass(frozen=True)
+class Shifted:
+    """The function ``lag`` seconds later, plus ``extra`` (a number or function of time)."""
+
+    function: Parameter
+    lag: float = 0.0
+    extra: Parameter = 0.0
+
+    def __call__(self, t: Any) -> np.ndarray:
+        t = np.asarray(t, dtype=float)
+        return evaluate(self.function, t - self.lag) + evaluate(self.extra, t)
+
+
+def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
+    """Values at the instants ``t`` (s) of a number or a function of time."""
+    if not callable(parameter):
+        return np.full(t.shape, float(parameter))
+    values = np.asarray(parameter(t), dtype=float)
+    return np.broadcast_to(values, t.shape)
+
+
+def mix(first: Parameter, second: Parameter, weight: Parameter) -> Parameter:
+    """:class:`Mixture`, in its simplest form."""
+    if not callable(first) and not callable(second):
+        if first == second:
+            return first
+        if not callable(weight):
+            return (1.0 - weight) * first + weight * second
+        if isinstance(weight, (Sigmoid, Step, Ramp)) and (weight.initial, weight.final) == (0, 1):
+            return replace(weight, initial=float(first), final=float(second))
+    return Mixture(first, second, weight)
+
+
+def transition_of(*parameters: Parameter) -> Parameter | None:
+    """How far along (0 to 1) the first of the parameters with one transition is; None if none."""
+    for parameter in parameters:
+        if isinstance(parameter, (Sigmoid, Step, Ramp)) and parameter.initial != parameter.final:
+            return replace(parameter, initial=0.0, final=1.0)
+        if isinstance(parameter, Mixture) and callable(parameter.weight):
+            return parameter.weight
+    return None
+
+
+def check_finite(owner: Any, *names: str) -> None:
+    """Raise unless these attributes are finite numbers."""
+    for name in names:
+        value = getattr(owner, name)
+        if isinstance(value, (str, bool)) or not np.isscalar(value) or not np.isfinite(value):
+            raise ValueError(
+                f"{type(owner).__name__}: {name} must be a finite number; got {value!r}."
+            )
+
+
+def check_positive(owner: Any, *names: str, zero: bool = False) -> None:
+    """Raise unless these attributes are finite and positive (or zero)."""
+    check_finite(owner, *names)
+    for name in names:
+        value = getattr(owner, name)
+        if value < 0 or (value == 0 and not zero):
+            what = "zero or positive" if zero else "positive"
+            raise ValueError(f"{type(owner).__name__}: {name} must be {what}; got {value!r}.")
