@@ -6,21 +6,33 @@ from .exceptions import (
     IrregularSamplingError,
     MissingDataWarning,
     RankDeficiencyError,
+    RemnantIntensityError,
     RunCutWarning,
     RunIndexError,
     SamplingJitterWarning,
     ShortRunError,
+    UnstableLoopError,
 )
 from .human import ControlledElement, HumanOperator, Mixture, Ramp, Sigmoid, Step
 from .io import load_bicycle_rider, load_human_tracking, read_runs
 from .metrics import VAFScorer, vaf_score
 from .preprocessing import Decimator, DelayShift, RunInTrimmer, resample_runs
 from .selection import run_labels, sampling_time, select_runs
+from .simulation import (
+    CompensatoryTask,
+    Multisine,
+    Remnant,
+    make_tracking_runs,
+    mixed_condition,
+    tracking_condition,
+    tune_remnant,
+)
 
 __version__ = "0.1.0"
 
 __all__ = [
     "ARXRegressor",
+    "CompensatoryTask",
     "ControlledElement",
     "Decimator",
     "DelaySearchCV",
@@ -29,9 +41,12 @@ __all__ = [
     "IrregularSamplingError",
     "MissingDataWarning",
     "Mixture",
+    "Multisine",
     "OrderSearchCV",
     "Ramp",
     "RankDeficiencyError",
+    "Remnant",
+    "RemnantIntensityError",
     "RunCutWarning",
     "RunInTrimmer",
     "RunIndexError",
@@ -39,13 +54,18 @@ __all__ = [
     "ShortRunError",
     "Sigmoid",
     "Step",
+    "UnstableLoopError",
     "VAFScorer",
     "load_bicycle_rider",
     "load_human_tracking",
+    "make_tracking_runs",
+    "mixed_condition",
     "read_runs",
     "resample_runs",
     "run_labels",
     "sampling_time",
     "select_runs",
+    "tracking_condition",
+    "tune_remnant",
     "vaf_score",
 ]

@@ -6,10 +6,12 @@ __all__ = [
     "IrregularSamplingError",
     "MissingDataWarning",
     "RankDeficiencyError",
+    "RemnantIntensityError",
     "RunCutWarning",
     "RunIndexError",
     "SamplingJitterWarning",
     "ShortRunError",
+    "UnstableLoopError",
 ]
 
 
@@ -27,6 +29,14 @@ class ShortRunError(ValueError):
 
 class RankDeficiencyError(ValueError):
     """The regressors are linearly dependent; the message names the cause."""
+
+
+class UnstableLoopError(ValueError):
+    """A simulated loop is unstable."""
+
+
+class RemnantIntensityError(ValueError):
+    """No remnant gain gives the wanted intensity, or the realisations do not determine it."""
 
 
 class SamplingJitterWarning(UserWarning):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .controlled_element import check_parameters, frozen
-from .variation import Parameter, check_finite, check_positive, evaluate
+from .variation import Parameter, Product, check_finite, check_positive, evaluate
 
 PURSUIT = ("K_t", "K_tdot", "K_x", "K_xdot")
 
@@ -103,11 +103,17 @@ class HumanOperator:
 
     def gains(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """K_e and K_edot at the instants ``t`` (s), arrays of its shape."""
-        K_e = evaluate(self.K_e, t)
+        return evaluate(self.K_e, t), evaluate(self.rate_gain, t)
+
+    @property
+    def rate_gain(self) -> Parameter:
+        """K_edot, also where T_L was given: a number or a function of time."""
         if self.K_edot is not None:
-            return K_e, evaluate(self.K_edot, t)
+            return self.K_edot
         assert self.T_L is not None
-        return K_e, K_e * evaluate(self.T_L, t)
+        if callable(self.K_e) or callable(self.T_L):
+            return Product(self.K_e, self.T_L)
+        return float(f"{self.K_e * self.T_L:.15g}")  # 0.036, not 0.036000000000000004
 
     def at(self, t: float) -> HumanOperator:
         """The operator frozen at one instant.

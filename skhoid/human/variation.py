@@ -161,6 +161,18 @@ class Shifted:
         return evaluate(self.function, t - self.lag) + evaluate(self.extra, t)
 
 
+@dataclass(frozen=True)
+class Product:
+    """Product of two functions of time."""
+
+    first: Parameter
+    second: Parameter
+
+    def __call__(self, t: Any) -> np.ndarray:
+        t = np.asarray(t, dtype=float)
+        return evaluate(self.first, t) * evaluate(self.second, t)
+
+
 def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
     """Values at the instants ``t`` (s) of a number or a function of time."""
     if not callable(parameter):

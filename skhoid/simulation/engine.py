@@ -1,0 +1,220 @@
+"""Running the kernel: blocks of runs, noise and forcing functions, and loops that are unstable."""
+
+from __future__ import annotations
+
+from numbers import Integral
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from rich.progress import track as track_progress
+
+from .. import _kernels
+from ..exceptions import UnstableLoopError
+from ..human.variation import evaluate
+from .forcing import Multisine
+from .physics import ARXResponse, Delay, physics_rows, response_of
+from .record import TrackingRecord
+
+if TYPE_CHECKING:
+    from .loop import CompensatoryTask
+
+LOST = 1e9  # times the largest forcing function: such an error is no tracking
+STREAMS = {"target": 2, "disturbance": 3}  # of random numbers; 0 is the runs' noise, 1 tuning
+
+
+def simulate(
+    task: CompensatoryTask,
+    n_runs: Any,
+    *,
+    random_state: Any = None,
+    noise: Any = None,
+    random_phases: bool = False,
+    open_loop: bool = False,
+    keep_run_in: float = 0.0,
+    n_jobs: int | None = None,
+    progress: bool = False,
+    stream: int = 0,
+) -> TrackingRecord:
+    """See :meth:`CompensatoryTask.simulate`; ``stream`` tells apart noise for different uses."""
+    if isinstance(n_runs, bool) or not isinstance(n_runs, Integral) or n_runs < 1:
+        raise ValueError(f"n_runs is a whole number, at least 1; got {n_runs!r}.")
+    n_total, rate, remnant = task.n_run_in + task.n_samples, task.sampling_rate, task.remnant
+    if remnant is not None and remnant.gain is None:
+        raise ValueError(
+            f"The gain of {remnant!r} is not known yet: tune_remnant(task) returns the task with "
+            "the gain for this intensity."
+        )
+    kept = round(keep_run_in * rate)
+    if not 0 <= kept <= task.n_run_in:
+        raise ValueError(
+            f"keep_run_in is from 0 to the run-in of {task.n_run_in / rate:g} s; got {keep_run_in}."
+        )
+    first = task.n_run_in - kept
+    given_noise = None if noise is None else _given_noise(noise, n_runs, n_total)
+    entropy = entropy_of(random_state)
+    response, physics = response_of(task), physics_rows(task)
+    if physics.shape[0] == 1 and response.constant:
+        _check_stability(task, physics, response)
+    filter_ = np.zeros(10) if remnant is None else remnant.filter_coefficients()
+    forcing = {name: None if random_phases else _forcing(task, name) for name in STREAMS}
+
+    def block(runs: range) -> tuple[np.ndarray, ...]:
+        if remnant is None:
+            white = np.zeros((len(runs), n_total))
+        elif given_noise is not None:
+            white = given_noise[runs.start : runs.stop]
+        else:
+            white = np.stack(
+                [_generator(entropy, stream, i).standard_normal(n_total) for i in runs]
+            )
+        f_t, f_d = (
+            _drawn_forcing(task, name, entropy, runs) if shared is None else shared
+            for name, shared in forcing.items()
+        )
+        track = _kernels.loop.track_one if len(runs) == 1 else _kernels.loop.track_many
+        out, lost = track(
+            f_t,
+            f_d,
+            _kernels.gate((white * np.sqrt(rate)).T),  # unit intensity: variance 1 / dt
+            physics,
+            filter_,
+            *response.arguments,
+            1 / rate,
+            0.0 if open_loop else 1.0,
+            first,
+            LOST * max(np.abs(f_t).max(), np.abs(f_d).max(), 1.0),
+        )
+        return out, lost, f_t[first:].T, f_d[first:].T
+
+    many = _kernels.loop.MANY
+    blocks = [range(i, min(i + many, n_runs)) for i in range(0, n_runs, many)]
+    done = Parallel(n_jobs=n_jobs, prefer="threads", return_as="generator")(
+        delayed(block)(runs) for runs in blocks
+    )
+    if progress:
+        done = track_progress(done, description="simulating", total=len(blocks), transient=True)
+    signals = np.empty((4, n_runs, n_total - first))
+    targets, disturbances = [], []
+    for runs, (out, lost, f_t, f_d) in zip(blocks, done, strict=True):
+        if (lost >= 0).any():
+            j = int(np.flatnonzero(lost >= 0)[0])
+            raise UnstableLoopError(
+                f"The loop is unstable: in run {runs[j]} the error passed {LOST:g} times the target "
+                f"by t = {(lost[j] - task.n_run_in) / rate:.2f} s. Lower the operator's gain or "
+                "delay, or shorten the time for which its gains do not fit the controlled element."
+            )
+        signals[:, runs.start : runs.stop] = out.transpose(0, 2, 1)
+        targets.append(f_t)
+        disturbances.append(f_d)
+    time = np.arange(-kept, task.n_samples) / rate
+    n_drawn = len(blocks) if random_phases else 1
+    f_t, f_d = np.concatenate(targets[:n_drawn]), np.concatenate(disturbances[:n_drawn])
+    return TrackingRecord(time, *signals, f_t, f_d)
+
+
+def _generator(entropy: int, stream: int, run: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(stream, run)))
+
+
+def _drawn_forcing(task: CompensatoryTask, name: str, entropy: int, runs: range) -> np.ndarray:
+    """A forcing function with phases of its own in each run, of shape (n_total, n_runs)."""
+    given = getattr(task, name)
+    n_total = task.n_run_in + task.n_samples
+    if given is None:
+        return np.zeros((n_total, 1))
+    if not isinstance(given, Multisine):
+        raise ValueError(
+            f"random_phases=True draws phases of a Multisine; the {name} is {type(given).__name__}."
+        )
+    seeds = [int(_generator(entropy, STREAMS[name], i).integers(2**31)) for i in runs]
+    drawn = [given.with_random_phases(seed) for seed in seeds]
+    return np.stack([f.sample(-task.n_run_in, n_total, task.sampling_rate) for f in drawn], axis=1)
+
+
+def _forcing(task: CompensatoryTask, name: str) -> np.ndarray:
+    """A forcing function on the whole grid, of shape (n_total, 1)."""
+    given = getattr(task, name)
+    n_total = task.n_run_in + task.n_samples
+    if given is None:
+        return np.zeros((n_total, 1))
+    if isinstance(given, Multisine):
+        f = given.sample(-task.n_run_in, n_total, task.sampling_rate)
+    elif callable(given):
+        f = evaluate(given, np.arange(-task.n_run_in, task.n_samples) / task.sampling_rate)
+    else:
+        f = np.asarray(given, dtype=float)
+    if f.shape != (n_total,):
+        raise ValueError(
+            f"The {name} must have {n_total} samples ({task.n_run_in} of the run-in and "
+            f"{task.n_samples} of the window); got an array of shape {f.shape}."
+        )
+    if not np.isfinite(f).all():
+        k = int(np.flatnonzero(~np.isfinite(f))[0])
+        t = (k - task.n_run_in) / task.sampling_rate
+        raise ValueError(f"The {name} is {f[k]} at t = {t:g} s; it must be finite.")
+    return _kernels.gate(f[:, None])
+
+
+def _given_noise(noise: Any, n_runs: int, n_total: int) -> np.ndarray:
+    noise = np.atleast_2d(np.asarray(noise, dtype=float))
+    if noise.shape != (n_runs, n_total):
+        raise ValueError(
+            f"noise must have a row for each of {n_runs} runs and a column for each of {n_total} "
+            f"samples of run-in and window; got {noise.shape}."
+        )
+    if not np.isfinite(noise).all():
+        run, k = np.argwhere(~np.isfinite(noise))[0]
+        raise ValueError(f"noise is {noise[run, k]} in run {run}, sample {k}; it must be finite.")
+    return noise
+
+
+def _check_stability(
+    task: CompensatoryTask, physics: np.ndarray, response: Delay | ARXResponse
+) -> None:
+    """Raise where the answer to a pulse of the target grows."""
+    lag = response.delay_time
+    n = round((60.0 + 40 * lag) * task.sampling_rate)
+    pulse = np.zeros((n, 1))
+    pulse[0] = 1.0
+    out, _ = _kernels.loop.track_one(
+        pulse,
+        np.zeros((n, 1)),
+        np.zeros((n, 1)),
+        physics,
+        np.zeros(10),
+        *response.arguments,
+        1 / task.sampling_rate,
+        1.0,
+        0,
+        np.inf,
+    )
+    e = np.abs(out[0, :, 0])
+    third = n // 3
+    early, late = e[third : 2 * third].max(), e[2 * third :].max()
+    if late > 1e-9 and not late < early * (1 - 1e-6):
+        with np.errstate(over="ignore", invalid="ignore"):
+            rate = np.log(late / early) / (third / task.sampling_rate)
+        raise UnstableLoopError(
+            "The loop is unstable: after a pulse its error "
+            + (f"grows by a factor e every {1 / rate:.3g} s" if rate > 0 else "does not die out")
+            + ". Lower the operator's gain (K_e) or its delay, or give it more lead (T_L)."
+        )
+
+
+def entropy_of(random_state: Any) -> int:
+    """One number that seeds everything; the same for the same ``random_state``."""
+    if random_state is None:
+        entropy = np.random.SeedSequence().entropy
+        assert isinstance(entropy, int)
+        return entropy
+    if isinstance(random_state, np.random.Generator):
+        return int(random_state.integers(2**32))
+    if isinstance(random_state, np.random.RandomState):
+        return int(random_state.randint(2**31))
+    if isinstance(random_state, bool) or not isinstance(random_state, Integral) or random_state < 0:
+        raise ValueError(
+            "random_state is a whole number from 0 up, a RandomState, a Generator or None; got "
+            f"{random_state!r}."
+        )
+    return int(random_state)

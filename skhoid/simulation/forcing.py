@@ -1,0 +1,202 @@
+"""Forcing functions: sums of sinusoids (Eq. 26)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from sklearn.utils import check_random_state
+
+# Table I of the thesis, after Zaal (2016).
+_MULTIPLES = (3, 5, 8, 13, 22, 34, 53, 86, 139, 229)
+_AMPLITUDES = (1.186, 1.121, 0.991, 0.756, 0.447, 0.245, 0.123, 0.061, 0.036, 0.025)
+_PHASES = (-0.753, 1.564, 0.588, -0.546, 0.674, -1.724, -1.963, -2.189, 0.875, 0.604)
+
+
+@dataclass(frozen=True)
+class Multisine:
+    """Sum of sinusoids (Eq. 26); the target of Table I by default.
+
+    f(t) = sum_k A(k) sin(omega(k) t + phi(k)), omega(k) = 2 pi n(k) / T_m. Time starts at the
+    beginning of the measurement window.
+
+    Parameters
+    ----------
+    multiples : sequence of int, default: Table I
+        n(k), whole multiples of the base frequency 2 pi / T_m, each once.
+    amplitudes : sequence of float, default: Table I
+        A(k), in deg or whatever the displayed signals are in.
+    phases : sequence of float, default: Table I
+        phi(k) in rad.
+    period : float, default=81.92
+        T_m in s.
+
+    Raises
+    ------
+    ValueError
+        If lengths differ, a multiple is not a whole positive number or occurs twice, or a number
+        is not finite.
+
+    Examples
+    --------
+    >>> from skhoid import Multisine
+    >>> f_t = Multisine()
+    >>> f_t.omega[[0, -1]].round(3)
+    array([ 0.23 , 17.564])
+    >>> round(f_t.crest_factor(), 3)
+    2.693
+    >>> Multisine(multiples=[5, 11], amplitudes=[1.0, 0.5], phases=[0.0, 1.0], period=30.0)(0.0)
+    np.float64(0.420...)
+    """
+
+    multiples: tuple[int, ...] = _MULTIPLES
+    amplitudes: tuple[float, ...] = _AMPLITUDES
+    phases: tuple[float, ...] = _PHASES
+    period: float = 81.92
+
+    def __post_init__(self) -> None:
+        for name in ("multiples", "amplitudes", "phases"):
+            values = tuple(np.asarray(getattr(self, name)).tolist())
+            if not values or not np.isfinite(values).all():
+                raise ValueError(f"Multisine: {name} must be finite numbers; got {values}.")
+            object.__setattr__(self, name, values)
+        sizes = (len(self.multiples), len(self.amplitudes), len(self.phases))
+        if len(set(sizes)) > 1:
+            raise ValueError(
+                "Multisine: multiples, amplitudes and phases must be as many; got {}, {} and "
+                "{}.".format(*sizes)
+            )
+        if any(n < 1 or n != int(n) for n in self.multiples):
+            raise ValueError(
+                "Multisine: multiples are whole numbers of the base frequency 2 pi / period, at "
+                f"least 1, so that each line completes its cycles; got {self.multiples}."
+            )
+        if len(set(self.multiples)) < len(self.multiples):
+            raise ValueError(f"Multisine: a multiple occurs twice in {self.multiples}.")
+        if not (np.isfinite(self.period) and self.period > 0):
+            raise ValueError(f"Multisine: period must be positive, in s; got {self.period!r}.")
+        object.__setattr__(self, "multiples", tuple(int(n) for n in self.multiples))
+
+    @property
+    def omega(self) -> np.ndarray:
+        """Excited frequencies in rad/s, in the order of ``multiples``."""
+        return 2 * np.pi * np.array(self.multiples) / self.period
+
+    def __call__(self, t: Any) -> np.ndarray:
+        t = np.asarray(t, dtype=float)
+        return np.sin(t[..., None] * self.omega + np.array(self.phases)) @ np.array(self.amplitudes)
+
+    def sample(self, first: int, n_samples: int, sampling_rate: float) -> np.ndarray:
+        """Values on the grid k / f_s.
+
+        Parameters
+        ----------
+        first : int
+            First k; 0 is the beginning of the measurement window.
+        n_samples : int
+            Number of samples.
+        sampling_rate : float
+            f_s in Hz.
+
+        Returns
+        -------
+        f : ndarray of shape (n_samples,)
+        """
+        k = np.arange(first, first + n_samples)
+        period = self.period * sampling_rate
+        whole = round(period)
+        if abs(period - whole) > 1e-9 * period or n_samples <= whole:
+            return self(k / sampling_rate)
+        return self(np.arange(whole) / sampling_rate)[k % whole]
+
+    def crest_factor(self, sampling_rate: float = 100.0) -> float:
+        """Peak over root mean square, in one period.
+
+        Parameters
+        ----------
+        sampling_rate : float, default=100.0
+            Rate in Hz at which the peak is looked for.
+
+        Returns
+        -------
+        crest_factor : float
+        """
+        f = self(np.arange(round(self.period * sampling_rate)) / sampling_rate)
+        return float(np.abs(f).max() / np.sqrt(np.mean(f**2)))
+
+    def with_random_phases(
+        self, random_state: Any = None, *, max_crest_factor: float | None = None
+    ) -> Multisine:
+        """The same lines with phases drawn evenly from (-pi, pi].
+
+        Parameters
+        ----------
+        random_state : int, RandomState instance or None, default=None
+            Source of the phases.
+        max_crest_factor : float or None, default=None
+            Draw until the crest factor is at most this, 1000 times at most.
+
+        Returns
+        -------
+        multisine : Multisine
+
+        Raises
+        ------
+        ValueError
+            If no draw reaches the crest factor.
+        """
+        random = check_random_state(random_state)
+        lowest = np.inf
+        for _ in range(1 if max_crest_factor is None else 1000):
+            drawn = replace(self, phases=tuple(random.uniform(-np.pi, np.pi, len(self.phases))))
+            if max_crest_factor is None or (crest := drawn.crest_factor()) <= max_crest_factor:
+                return drawn
+            lowest = min(lowest, crest)
+        raise ValueError(
+            f"Multisine: none of 1000 draws of phases has a crest factor of {max_crest_factor} or "
+            f"less; the lowest is {lowest:.2f}. Ask for more, or add lines."
+        )
+
+    def interleaved(
+        self, *, offset: int = 1, scale: float = 1.0, random_state: Any = None
+    ) -> Multisine:
+        """A second forcing function on lines between these, with random phases.
+
+        Two responses of an operator, to e and x say, need two forcing functions with lines of
+        their own, close to each other.
+
+        Parameters
+        ----------
+        offset : int, default=1
+            Distance of the new lines from these, in multiples of the base frequency.
+        scale : float, default=1.0
+            Factor on the amplitudes.
+        random_state : int, RandomState instance or None, default=None
+            Source of the phases.
+
+        Returns
+        -------
+        multisine : Multisine
+
+        Raises
+        ------
+        ValueError
+            If a new line falls on one of these.
+
+        Examples
+        --------
+        >>> from skhoid import Multisine
+        >>> Multisine().interleaved(random_state=0).multiples
+        (4, 6, 9, 14, 23, 35, 54, 87, 140, 230)
+        """
+        multiples = tuple(n + int(offset) for n in self.multiples)
+        shared = sorted(set(multiples) & set(self.multiples))
+        if shared:
+            raise ValueError(
+                f"Multisine.interleaved: with offset={offset} the lines {shared} are those of the "
+                "first forcing function; choose another offset."
+            )
+        amplitudes = tuple(scale * a for a in self.amplitudes)
+        second = replace(self, multiples=multiples, amplitudes=amplitudes)
+        return second.with_random_phases(random_state)
