@@ -14,7 +14,7 @@ from .exceptions import (
     UnstableLoopError,
 )
 from .human import ControlledElement, HumanOperator, Mixture, Ramp, Sigmoid, Step
-from .io import load_bicycle_rider, load_human_tracking, read_runs
+from .io import load_bicycle_rider, load_human_tracking, read_runs, write_runs
 from .metrics import VAFScorer, vaf_score
 from .preprocessing import Decimator, DelayShift, RunInTrimmer, resample_runs
 from .selection import run_labels, sampling_time, select_runs
@@ -68,4 +68,5 @@ __all__ = [
     "tracking_condition",
     "tune_remnant",
     "vaf_score",
+    "write_runs",
 ]

@@ -24,6 +24,13 @@ examples:
   skhoid identify all.parquet --input e --output u --time t --run trial --validate 7 --json
 """
 
+SIMULATE_EXAMPLES = """\
+examples:
+  skhoid simulate --condition C4 --runs 5 --remnant 0.15 --out runs.parquet
+  skhoid identify runs.parquet --input e --output u --time time --run run --keep-means
+  skhoid simulate --condition C1 --remnant 0.2 --remnant-order 3 --channels e x f_t --out c1.mat
+"""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
@@ -134,7 +141,78 @@ def _parser() -> argparse.ArgumentParser:
     add("--no-pictures", action="store_true", help="draw nothing")
     add("--json", action="store_true", help="print the results as JSON")
     add("--debug", action="store_true", help="show tracebacks")
+
+    command = commands.add_parser(
+        "simulate",
+        help="simulate runs of a tracking task and write them to a file",
+        description="Simulate a human operator in the closed loop of the thesis, with remnant, and "
+        "write the runs to a file that `skhoid identify` reads.",
+        epilog=SIMULATE_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.set_defaults(action=_simulate)
+    add = command.add_argument
+    add("--condition", default="C1", metavar="C", help="C1 to C6 (Table III; default: C1)")
+    add("--runs", type=_at_least_one, default=5, metavar="N", help="number of runs (default: 5)")
+    add("--remnant", type=float, default=0.0, metavar="P", help="P_n, such as 0.15 (default: 0)")
+    add("--remnant-order", default="2", metavar="M", help="1, 2, 3, 4 or nm (default: 2)")
+    add("--channels", nargs="+", default=["e"], metavar="NAME", help="e, x, f_t (default: e)")
+    add("--rate", type=float, default=100.0, metavar="HZ", help="sampling rate (default: 100)")
+    add("--random-phases", action="store_true", help="new phases of the target in each run")
+    add("--open-loop", action="store_true", help="remnant does not go round the loop")
+    add("--seed", type=int, metavar="N", help="the same number gives the same runs")
+    add("--out", required=True, metavar="FILE", help=".csv, .parquet or .mat")
+    add("--overwrite", action="store_true", help="replace FILE if it exists")
+    add("--picture", metavar="FILE", help="draw the first run, with the spread of the others")
+    add("--debug", action="store_true", help="show tracebacks")
     return parser
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from . import make_tracking_runs, write_runs
+
+    order = options.remnant_order
+    path = Path(options.out)
+    if path.exists() and not options.overwrite:
+        raise ValueError(f"{path} exists; choose another name, or --overwrite.")
+    X, y, truth = make_tracking_runs(
+        options.condition,
+        options.runs,
+        remnant_intensity=options.remnant,
+        remnant_order=int(order) if order.isdecimal() else order,
+        channels=options.channels,
+        sampling_rate=options.rate,
+        random_phases=options.random_phases,
+        open_loop=options.open_loop,
+        random_state=options.seed,
+        return_truth=True,
+        progress=sys.stdout.isatty(),
+    )
+    write_runs(X, y, path, overwrite=options.overwrite)
+    runs = "1 run" if options.runs == 1 else f"{options.runs} runs"
+    print(f"{path}: {runs} of {options.condition.upper()}, {len(X)} rows at {options.rate:g} Hz")
+    if options.remnant:
+        by_run = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()
+        print(
+            f"remnant: P_n = {by_run.mean():.3f} on average ({by_run.min():.3f} to "
+            f"{by_run.max():.3f}), wanted {options.remnant:g}"
+        )
+    if options.picture:
+        import matplotlib
+
+        matplotlib.use("Agg")
+        from .plotting import TrackingDisplay
+
+        display: Any = TrackingDisplay.from_runs(X, y, truth=truth)
+        display.figure_.savefig(options.picture, dpi=120)
+        print(f"picture: {options.picture}")
+    column = "" if path.suffix.lower() == ".mat" else " --run run"
+    channels = " ".join(options.channels)
+    print(
+        f"next: skhoid identify {path} --input {channels} --output u --time time{column} "
+        "--keep-means"
+    )
+    return 0
 
 
 def _identify(options: argparse.Namespace) -> int:

@@ -2,5 +2,6 @@
 
 from .datasets import load_bicycle_rider, load_human_tracking
 from .readers import read_runs
+from .writers import write_runs
 
-__all__ = ["load_bicycle_rider", "load_human_tracking", "read_runs"]
+__all__ = ["load_bicycle_rider", "load_human_tracking", "read_runs", "write_runs"]

@@ -2,6 +2,7 @@
 
 from .delay_loss import DelayLossDisplay
 from .simulation import SimulationDisplay
+from .tracking import TrackingDisplay
 from .vaf_contour import VAFContourDisplay
 
-__all__ = ["DelayLossDisplay", "SimulationDisplay", "VAFContourDisplay"]
+__all__ = ["DelayLossDisplay", "SimulationDisplay", "TrackingDisplay", "VAFContourDisplay"]

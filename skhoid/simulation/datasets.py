@@ -11,6 +11,7 @@ import pandas as pd
 from sklearn.utils import Bunch
 
 from ..human import ControlledElement, HumanOperator
+from ..human.discretisation import delay_samples, zoh_parameters
 from ..human.operator import PURSUIT
 from ..human.variation import Parameter, Shifted, evaluate
 from .conditions import Condition
@@ -118,8 +119,8 @@ def make_tracking_runs(
         Only with ``return_truth``: ``u_without_remnant`` and ``remnant`` (Series like y);
         ``parameters``, a DataFrame over time of K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm, K_c,
         omega_b, K_n; ``arx_parameters``, one of a1, a2, b0, b1 under zero-order hold; ``nk``, the
-        delay that belongs to them in samples (not whole if the delay is not); ``task``. The
-        operator's are missing where it is a fitted model.
+        delay that belongs to them, to the nearest sample; ``task``. What concerns the operator's
+        physics is missing where the operator is a fitted model.
 
     Raises
     ------
@@ -247,11 +248,9 @@ def _truth(task: CompensatoryTask, record: TrackingRecord, index: pd.MultiIndex)
         parameters = {"K_e": K_e, "T_L": T_L, "K_edot": K_edot, "tau_e": operator.tau_e}
         for name in ("omega_nm", "zeta_nm"):
             parameters[name] = evaluate(getattr(operator, name), record.time)
-        from ..human.discretisation import total_delay, zoh_parameters
-
         theta = zoh_parameters(operator, 1 / task.sampling_rate, record.time)
         truth.arx_parameters = pd.DataFrame(theta, index=t, columns=["a1", "a2", "b0", "b1"])
-        truth.nk = total_delay(operator, 1 / task.sampling_rate)
+        truth.nk = delay_samples(operator, 1 / task.sampling_rate, nearest=True)
     parameters |= {
         name: evaluate(getattr(element, name), record.time) for name in ("K_c", "omega_b")
     }

@@ -51,7 +51,7 @@ def simulate(
             f"keep_run_in is from 0 to the run-in of {task.n_run_in / rate:g} s; got {keep_run_in}."
         )
     first = task.n_run_in - kept
-    given_noise = None if noise is None else _given_noise(noise, n_runs, n_total)
+    given_noise = None if noise is None else _given_noise(noise, int(n_runs), n_total)
     entropy = entropy_of(random_state)
     response, physics = response_of(task), physics_rows(task)
     if physics.shape[0] == 1 and response.constant:
@@ -100,9 +100,9 @@ def simulate(
         if (lost >= 0).any():
             j = int(np.flatnonzero(lost >= 0)[0])
             raise UnstableLoopError(
-                f"The loop is unstable: in run {runs[j]} the error passed {LOST:g} times the target "
-                f"by t = {(lost[j] - task.n_run_in) / rate:.2f} s. Lower the operator's gain or "
-                "delay, or shorten the time for which its gains do not fit the controlled element."
+                f"The loop is unstable: in run {runs[j]} the error passed {LOST:g} times the "
+                f"target by t = {(lost[j] - task.n_run_in) / rate:.2f} s. Lower the operator's "
+                "gain or delay, or the time for which its gains do not fit the controlled element."
             )
         signals[:, runs.start : runs.stop] = out.transpose(0, 2, 1)
         targets.append(f_t)
@@ -110,7 +110,8 @@ def simulate(
     time = np.arange(-kept, task.n_samples) / rate
     n_drawn = len(blocks) if random_phases else 1
     f_t, f_d = np.concatenate(targets[:n_drawn]), np.concatenate(disturbances[:n_drawn])
-    return TrackingRecord(time, *signals, f_t, f_d)
+    e, u, x, n = signals
+    return TrackingRecord(time=time, e=e, u=u, x=x, n=n, f_t=f_t, f_d=f_d)
 
 
 def _generator(entropy: int, stream: int, run: int) -> np.random.Generator:

@@ -1,0 +1,133 @@
+"""Write runs to the files that read_runs reads."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..runs import check_alignment, read_layout
+from ._table import require
+
+__all__ = ["write_runs"]
+
+
+def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write runs to a CSV, Parquet or MATLAB file.
+
+    The file is whole or not there: it is written beside its place and then moved.
+
+    Parameters
+    ----------
+    X : DataFrame of shape (n_rows, n_channels)
+        Channels, with the row index levels ``run`` and ``time``.
+    y : Series of shape (n_rows,)
+        The operator's output, with a name and the same index.
+    path : path
+        The extension tells the format. ``.csv`` and ``.parquet`` (which needs
+        ``pip install "skhoid[io]"``) have the columns ``run``, ``time``, those of X and y.
+        ``.mat`` (version 5) has one matrix for each channel, with a column for each run, and a
+        vector ``time``; its runs must share their times, and lose their labels.
+    overwrite : bool, default=False
+        Replace a file that exists.
+
+    Returns
+    -------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists, without ``overwrite``.
+    ValueError
+        If the format is unknown, y has no name of its own, or runs do not fit into matrices.
+
+    See Also
+    --------
+    read_runs : Reads them again.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from skhoid import make_tracking_runs, read_runs, write_runs
+    >>> X, y = make_tracking_runs("C1", n_runs=2, duration=10.0, run_in=10.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = write_runs(X, y, f"{folder}/runs.csv")
+    ...     again, _ = read_runs(path, inputs="e", output="u", time="time", run="run")
+    >>> again.equals(X)
+    True
+    """
+    path = Path(path)
+    write = _WRITERS.get(path.suffix.lower())
+    if write is None:
+        raise ValueError(
+            f"{path} has the extension {path.suffix!r}; skhoid writes {', '.join(_WRITERS)}."
+        )
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} exists. Choose another name, or overwrite=True.")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"The folder {path.parent} of {path} does not exist.")
+    check_alignment(X, y)
+    if not isinstance(y, pd.Series) or y.name is None or y.name in X.columns:
+        raise ValueError(
+            f"y must be a Series with a name that is no column of X {list(X.columns)}; got "
+            f"{getattr(y, 'name', None)!r}."
+        )
+    layout = read_layout(X)
+    table = X.assign(**{str(y.name): y})
+    table.attrs = {}
+    handle, temporary = tempfile.mkstemp(suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    try:
+        write(table, layout, Path(temporary))
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+    return path
+
+
+def _write_csv(table: pd.DataFrame, layout: Any, path: Path) -> None:
+    table.to_csv(path)
+
+
+def _write_parquet(table: pd.DataFrame, layout: Any, path: Path) -> None:
+    require("pyarrow", f"Writing the Parquet file {path.name}")
+    table.reset_index().to_parquet(path, engine="pyarrow", index=False)
+
+
+def _write_mat(table: pd.DataFrame, layout: Any, path: Path) -> None:
+    from scipy.io import savemat
+
+    starts = layout.run_starts
+    times = [layout.time[a:b] for a, b in pairwise(starts)]
+    if any(not np.array_equal(times[0], other) for other in times[1:]):
+        raise ValueError(
+            "Runs of different length or times do not fit into one matrix a channel: write a .csv "
+            "or .parquet file, or one .mat file for each run."
+        )
+    matrices = {"time": times[0][:, None]}
+    for name in table.columns:
+        matrices[str(name)] = table[name].to_numpy().reshape(len(times), -1).T
+    savemat(path, matrices)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+_WRITERS: dict[str, Callable[[pd.DataFrame, Any, Path], None]] = {
+    ".csv": _write_csv,
+    ".parquet": _write_parquet,
+    ".mat": _write_mat,
+}

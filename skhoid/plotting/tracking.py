@@ -1,0 +1,189 @@
+"""Time traces of tracking runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from ..runs import read_layout
+from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
+
+NAMES = {
+    "e": "error e",
+    "x": "output x",
+    "f_t": "target f_t",
+    "dist": "disturbance f_d",
+    "u": "control u",
+    "n": "remnant n",
+}
+MOST_SHOWN = 20  # single runs, beside the first
+
+
+class TrackingDisplay:
+    """Signals of tracking runs over time, a panel each (Figs. 7 and E.2-E.14 of the thesis).
+
+    The first run is black, the others are grey. The operator's response without remnant, where it
+    is known, is blue; instants at which something changes are dashed.
+
+    Make it with :meth:`from_runs`.
+
+    Parameters
+    ----------
+    time : ndarray of shape (n_samples,)
+        Time in s.
+    signals : dict of ndarray of shape (n_runs, n_samples)
+        Signals by name.
+    response : ndarray of shape (n_samples,) or None, default=None
+        The operator's response without remnant in the first run.
+    transition : float or None, default=None
+        Instant to mark, in s.
+    units : dict or None, default=None
+        Units by signal.
+
+    Attributes
+    ----------
+    axes_ : list of Axes
+        The panels, from top to bottom.
+    figure_ : Figure
+        The figure that holds them.
+    lines_ : dict of Line2D
+        The first run's line, by signal.
+
+    Examples
+    --------
+    >>> from skhoid import make_tracking_runs
+    >>> from skhoid.plotting import TrackingDisplay
+    >>> X, y = make_tracking_runs("C3", n_runs=2, channels=["e", "x"])
+    >>> display = TrackingDisplay.from_runs(X, y, window=(30.72, 51.2))
+    >>> [ax.get_ylabel() for ax in display.axes_]
+    ['error e', 'output x', 'control u']
+    """
+
+    def __init__(
+        self,
+        *,
+        time: np.ndarray,
+        signals: dict[str, np.ndarray],
+        response: np.ndarray | None = None,
+        transition: float | None = None,
+        units: dict[str, str] | None = None,
+    ) -> None:
+        self.time = time
+        self.signals = signals
+        self.response = response
+        self.transition = transition
+        self.units = units
+
+    @classmethod
+    def from_runs(
+        cls,
+        X: pd.DataFrame,
+        y: pd.Series,
+        *,
+        truth: Any = None,
+        window: tuple[float, float] | None = None,
+        transition: float | None = None,
+        units: dict[str, str] | None = None,
+        ax: Any = None,
+    ) -> TrackingDisplay:
+        """Draw runs that share their times.
+
+        Parameters
+        ----------
+        X : DataFrame of shape (n_rows, n_channels)
+            Channels, with the row index levels ``run`` and ``time``.
+        y : Series of shape (n_rows,)
+            The operator's output.
+        truth : Bunch or None, default=None
+            Third result of :func:`skhoid.make_tracking_runs`: draws the response without remnant
+            too, and marks the instant at which the controlled element changes.
+        window : tuple of float or None, default=None
+            Begin and end of the times to draw, in s.
+        transition : float or None, default=None
+            Instant to mark, in s; known from ``truth`` where it is given.
+        units : dict or None, default=None
+            Units by channel; None takes ``X.attrs["units"]``.
+        ax : sequence of Axes or None, default=None
+            As many as there are signals. None makes a figure.
+
+        Returns
+        -------
+        display : TrackingDisplay
+        """
+        layout = read_layout(X)
+        n_runs = len(layout.labels)
+        time = layout.time[: layout.n_rows // n_runs]
+        if layout.n_rows % n_runs or not np.array_equal(layout.time, np.tile(time, n_runs)):
+            raise ValueError(
+                "TrackingDisplay draws runs that share their times; choose among them with "
+                "skhoid.select_runs(X, y, ...)."
+            )
+        table = X.assign(**{str(y.name or "y"): y})
+        begin, end = (-np.inf, np.inf) if window is None else window
+        shown = (time >= begin) & (time <= end)
+        if not shown.any():
+            raise ValueError(
+                f"window={window} holds no sample; the runs go from {time[0]:g} to {time[-1]:g} s."
+            )
+        signals = {
+            name: table[name].to_numpy(dtype=float).reshape(n_runs, -1)[:, shown]
+            for name in table.columns
+        }
+        response = None
+        if truth is not None:
+            response = truth.u_without_remnant.to_numpy().reshape(n_runs, -1)[0, shown]
+            transition = transition_time(truth.parameters) if transition is None else transition
+        units = units or {**X.attrs.get("units", {}), **y.attrs.get("units", {})}
+        display = cls(
+            time=time[shown], signals=signals, response=response, transition=transition, units=units
+        )
+        return display.plot(ax)
+
+    def plot(self, ax: Any = None) -> TrackingDisplay:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : sequence of Axes or None, default=None
+            As many as there are signals. None makes a figure.
+
+        Returns
+        -------
+        self : TrackingDisplay
+        """
+        n = len(self.signals)
+        if ax is None:
+            _, ax = plt.subplots(
+                n, sharex=True, squeeze=False, figsize=(7.2, 1.0 + 1.5 * n), layout="constrained"
+            )
+        self.axes_ = given_axes(ax, (n,), "one for each signal")
+        self.figure_ = self.axes_[0].figure
+        self.lines_ = {}
+        for panel, (name, signal) in zip(self.axes_, self.signals.items(), strict=True):
+            others = signal[1 : 1 + MOST_SHOWN]
+            if len(others):
+                panel.plot(self.time, others.T, color=GREY, lw=0.4, alpha=0.6, zorder=1)
+            (self.lines_[name],) = panel.plot(self.time, signal[0], color=BLACK, lw=0.9)
+            if self.response is not None and name == list(self.signals)[-1]:
+                panel.plot(
+                    self.time, self.response, color=BLUE, lw=0.9, label="without remnant", zorder=3
+                )
+                panel.legend(loc="upper right", frameon=False, fontsize="small")
+            if self.transition is not None and self.time[0] < self.transition < self.time[-1]:
+                panel.axvline(self.transition, color=VERMILLION, ls="--", lw=0.8)
+            panel.set_ylabel(with_unit(NAMES.get(name, name), (self.units or {}).get(name)))
+            panel.grid(alpha=0.3)
+        self.axes_[-1].set_xlabel("time, s")
+        self.axes_[-1].set_xlim(self.time[0], self.time[-1])
+        self.figure_.align_ylabels(self.axes_)
+        return self
+
+
+def transition_time(parameters: pd.DataFrame) -> float | None:
+    """Where parameters over time change most between two instants; None where they do not."""
+    change = parameters.diff().abs() / (parameters.max() - parameters.min()).replace(0.0, np.nan)
+    total = change.max(axis=1)
+    return float(total.idxmax()) if total.max() > 0 else None
