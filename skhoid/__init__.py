@@ -1,6 +1,7 @@
 """skhoid: identify human operators from recorded control loops."""
 
 from .arx.batch import ARXRegressor
+from .arx.forgetting import forgetting_factor
 from .arx.searches import DelaySearchCV, OrderSearchCV
 from .exceptions import (
     IrregularSamplingError,
@@ -13,7 +14,24 @@ from .exceptions import (
     ShortRunError,
     UnstableLoopError,
 )
-from .human import ControlledElement, HumanOperator, Mixture, Ramp, Sigmoid, Step
+from .frequency import (
+    FrequencyResponse,
+    auto_psd,
+    crossover_path,
+    fourier_coefficients,
+)
+from .human import (
+    ControlledElement,
+    HumanOperator,
+    Mixture,
+    Ramp,
+    Sigmoid,
+    Step,
+    arx_to_operator,
+    crossover,
+    operator_parameters,
+    zoh_parameters,
+)
 from .io import load_bicycle_rider, load_human_tracking, read_runs, write_runs
 from .metrics import VAFScorer, vaf_score
 from .preprocessing import Decimator, DelayShift, RunInTrimmer, resample_runs
@@ -37,6 +55,7 @@ __all__ = [
     "Decimator",
     "DelaySearchCV",
     "DelayShift",
+    "FrequencyResponse",
     "HumanOperator",
     "IrregularSamplingError",
     "MissingDataWarning",
@@ -56,10 +75,17 @@ __all__ = [
     "Step",
     "UnstableLoopError",
     "VAFScorer",
+    "arx_to_operator",
+    "auto_psd",
+    "crossover",
+    "crossover_path",
+    "forgetting_factor",
+    "fourier_coefficients",
     "load_bicycle_rider",
     "load_human_tracking",
     "make_tracking_runs",
     "mixed_condition",
+    "operator_parameters",
     "read_runs",
     "resample_runs",
     "run_labels",
@@ -69,4 +95,5 @@ __all__ = [
     "tune_remnant",
     "vaf_score",
     "write_runs",
+    "zoh_parameters",
 ]

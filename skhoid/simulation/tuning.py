@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from .loop import CompensatoryTask
 
 # Relative standard error of the gain above which realisations no longer determine it.
 LARGEST_ERROR = 0.5
+DOUBTFUL, MANY = 0.1, 100  # above such an error, so many realisations judge
 STREAM = 1  # of random numbers, apart from those of the runs
 
 
@@ -101,48 +102,83 @@ def tune_remnant(
 def _constant_gain(task: CompensatoryTask, n_realisations: int, options: dict[str, Any]) -> float:
     assert task.remnant is not None
     wanted = task.remnant.intensity
-    forced = simulate(replace(task, remnant=None), 1)
-    alone = replace(
-        task,
-        remnant=replace(task.remnant, intensity=None, gain=1.0),
-        target=None,
-        disturbance=None,
-    )
-    noise = simulate(alone, n_realisations, stream=STREAM, **options)
-    u_f = forced.u - forced.u.mean()
-    u_n = noise.u - noise.u.mean(axis=1, keepdims=True)
-    of_forcing, of_both = (u_f**2).mean(), (u_f * u_n).mean(axis=1)
-    of_noise, of_remnant = (u_n**2).mean(axis=1), noise.n.var(axis=1)
-    if of_forcing == 0:
-        raise RemnantIntensityError(
-            "Without forcing functions P_n does not depend on the gain: give the task a target, "
-            "or the remnant a gain."
-        )
-
-    def intensities(log_gain: Any) -> np.ndarray:
-        K = np.exp(np.asarray(log_gain))[..., None]
-        return K**2 * of_remnant / (of_forcing + 2 * K * of_both + K**2 * of_noise)
-
-    scale = 0.5 * np.log(of_forcing / of_remnant.mean())
-    grid = scale + np.linspace(-12, 12, 481)
-    excess = intensities(grid).mean(axis=-1) - wanted
-    limit = (of_remnant / of_noise).mean()
-    above = np.flatnonzero(excess > 0)
+    assert wanted is not None
+    curve = _Curve.of(task, n_realisations, options)
+    root = curve.solve(wanted)
+    error = np.inf if root is None else curve.relative_error(root, n_realisations)
+    if error > DOUBTFUL and options["noise"] is None:
+        # A few realisations can miss how close the limit is.
+        curve = _Curve.of(task, max(MANY, n_realisations), options)
+        judged = curve.solve(wanted)
+        error = np.inf if judged is None else curve.relative_error(judged, n_realisations)
     advice = (
-        f"The remnant goes round the loop, so that P_n tends to {limit:.3f} as K_n grows "
-        f"(mean of {n_realisations} realisations). Ask for less, or give the remnant a gain."
+        f"The remnant goes round the loop, so that P_n tends to {curve.limit:.3f} as K_n grows "
+        f"(mean of {curve.of_noise.size} realisations). Ask for less, or give the remnant a gain."
     )
-    if above.size == 0 or above[0] == 0:
+    if root is None:
         raise RemnantIntensityError(f"No gain gives P_n = {wanted}. {advice}")
-    i = above[0]
-    root = brentq(lambda g: intensities(g).mean() - wanted, grid[i - 1], grid[i], xtol=1e-13)
-    slope = (intensities(root + 1e-4).mean() - intensities(root - 1e-4).mean()) / 2e-4
-    spread = intensities(root).std(ddof=1) if n_realisations > 1 else 0.0
-    error = spread / np.sqrt(n_realisations) / slope if slope > 0 else np.inf
     if error > LARGEST_ERROR:
         raise RemnantIntensityError(
             f"P_n = {wanted} is too close to what the loop can reach: {n_realisations} "
-            f"realisations give K_n = {np.exp(root):.3g} with a standard error of "
-            f"{100 * error:.0f} %. {advice}"
+            f"realisations do not determine its gain. {advice}"
         )
     return float(np.exp(root))
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """P_n of each realisation as a function of the gain."""
+
+    of_forcing: float
+    of_both: np.ndarray
+    of_noise: np.ndarray
+    of_remnant: np.ndarray
+
+    @classmethod
+    def of(cls, task: CompensatoryTask, n_realisations: int, options: dict[str, Any]) -> _Curve:
+        assert task.remnant is not None
+        forced = simulate(replace(task, remnant=None), 1)
+        unit = replace(task.remnant, intensity=None, gain=1.0)
+        alone = replace(task, remnant=unit, target=None, disturbance=None)
+        noise = simulate(alone, n_realisations, stream=STREAM, **options)
+        u_f = forced.u - forced.u.mean()
+        u_n = noise.u - noise.u.mean(axis=1, keepdims=True)
+        if not u_f.any():
+            raise RemnantIntensityError(
+                "Without forcing functions P_n does not depend on the gain: give the task a "
+                "target, or the remnant a gain."
+            )
+        return cls(
+            float((u_f**2).mean()),
+            (u_f * u_n).mean(axis=1),
+            (u_n**2).mean(axis=1),
+            noise.n.var(axis=1),
+        )
+
+    @property
+    def limit(self) -> float:
+        return float((self.of_remnant / self.of_noise).mean())
+
+    def intensities(self, log_gain: Any) -> np.ndarray:
+        K = np.exp(np.asarray(log_gain))[..., None]
+        both = self.of_forcing + 2 * K * self.of_both + K**2 * self.of_noise
+        return K**2 * self.of_remnant / both
+
+    def solve(self, wanted: float) -> float | None:
+        """Logarithm of the smallest gain whose mean intensity is ``wanted``; None if none is."""
+        middle = 0.5 * np.log(self.of_forcing / self.of_remnant.mean())
+        grid = middle + np.linspace(-12, 12, 481)
+        above = np.flatnonzero(self.intensities(grid).mean(axis=-1) > wanted)
+        if above.size == 0 or above[0] == 0:
+            return None
+        around = grid[above[0] - 1], grid[above[0]]
+        return brentq(lambda g: self.intensities(g).mean() - wanted, *around, xtol=1e-13)
+
+    def relative_error(self, log_gain: float, n_realisations: int) -> float:
+        """Relative standard error of a gain solved for with so many realisations."""
+        if self.of_noise.size < 2:
+            return 0.0
+        h = 1e-4
+        slope = (self.intensities(log_gain + h) - self.intensities(log_gain - h)).mean() / (2 * h)
+        spread = self.intensities(log_gain).std(ddof=1) / np.sqrt(n_realisations)
+        return float(spread / slope) if slope > 0 else np.inf

@@ -1,0 +1,207 @@
+"""Frequency responses of ARX models and their covariance (Section H.2)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
+
+from ..pipelines import unwrapped
+from ..preprocessing import Decimator, DelayShift, RunInTrimmer
+from ..runs import input_columns
+
+
+def arx_response(
+    theta: Any, omega: Any, dt: float, *, na: int, nk: int = 0, delay: float = 0.0
+) -> np.ndarray:
+    """Frequency response of ARX parameters, one set or a path of them.
+
+    H(j omega) = (b_0 + b_1 z^-1 + ... + b_{nb-1} z^-(nb-1)) / (1 + a_1 z^-1 + ... + a_na z^-na)
+    times z^-nk e^(-j omega delay), with z = e^(j omega dt) (Eq. H.14, with the delay).
+
+    Parameters
+    ----------
+    theta : array-like of shape (..., n_params)
+        [a_1 ... a_na, b_0 ... b_{nb-1}]; leading axes, such as instants, are kept.
+    omega : array-like of shape (n_lines,) or (..., n_lines)
+        Frequencies in rad/s.
+    dt : float
+        Sampling time of the model in seconds.
+    na : int
+        Number of output lags; the other parameters are those of the input.
+    nk : int, default=0
+        Input delay in samples.
+    delay : float, default=0.0
+        Further delay in seconds, such as that of a :class:`~skhoid.DelayShift`.
+
+    Returns
+    -------
+    H : ndarray of complex, shape (..., n_lines)
+        NaN above the Nyquist frequency pi / dt.
+
+    References
+    ----------
+    Van Grootheest, thesis, Eq. H.14. The printed equation has a spurious (i) and ends in b_{n_b}.
+
+    Examples
+    --------
+    >>> from skhoid.frequency import arx_response
+    >>> abs(arx_response([-0.9, 0.1], [0.0, 10.0], dt=0.01, na=1)).round(3)
+    array([1.   , 0.726])
+    """
+    omega = _below_nyquist(omega, dt)
+    numerator, denominator = _polynomials(np.asarray(theta, dtype=float), omega, dt, na)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return numerator / denominator * np.exp(-1j * omega * (nk * dt + delay))
+
+
+def arx_response_covariance(
+    theta: Any,
+    covariance: Any,
+    omega: Any,
+    dt: float,
+    *,
+    na: int,
+    nk: int = 0,
+    delay: float = 0.0,
+) -> np.ndarray:
+    """Covariance of the real and imaginary parts of an ARX frequency response.
+
+    By Gauss's approximation with dH/da_i = -H z^-i / A and dH/db_i = z^-(nk+i) e^(-j omega delay)
+    / A: C = J P J' with J the real and imaginary parts of the gradient (Eqs. H.11-H.17).
+
+    Parameters
+    ----------
+    theta : array-like of shape (..., n_params)
+        [a_1 ... a_na, b_0 ... b_{nb-1}].
+    covariance : array-like of shape (..., n_params, n_params)
+        Covariance P of ``theta``.
+    omega : array-like of shape (n_lines,)
+        Frequencies in rad/s.
+    dt : float
+        Sampling time of the model in seconds.
+    na : int
+        Number of output lags.
+    nk : int, default=0
+        Input delay in samples.
+    delay : float, default=0.0
+        Further delay in seconds.
+
+    Returns
+    -------
+    C : ndarray of shape (..., n_lines, 2, 2)
+        [[C_1, C_12], [C_12, C_2]] of each line; NaN above the Nyquist frequency.
+
+    References
+    ----------
+    Van Grootheest, thesis, Eqs. H.11-H.17.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skhoid.frequency import arx_response_covariance
+    >>> P = np.diag([1e-4, 1e-6])
+    >>> arx_response_covariance([-0.9, 0.1], P, [1.0, 10.0], dt=0.01, na=1).shape
+    (2, 2, 2)
+    """
+    theta, omega = np.asarray(theta, dtype=float), _below_nyquist(omega, dt)
+    numerator, denominator = _polynomials(theta, omega, dt, na)
+    z = np.exp(-1j * omega * dt)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lag = np.exp(-1j * omega * (nk * dt + delay)) / denominator
+        slopes = [-numerator / denominator * lag * z**i for i in range(1, na + 1)]
+    slopes += [lag * z**i for i in range(theta.shape[-1] - na)]
+    gradient = np.stack(slopes, axis=-1)
+    parts = np.stack([gradient.real, gradient.imag], axis=-2)
+    P = np.asarray(covariance, dtype=float)[..., None, :, :]
+    return parts @ P @ np.swapaxes(parts, -1, -2)
+
+
+def _below_nyquist(omega: Any, dt: float) -> np.ndarray:
+    omega = np.asarray(omega, dtype=float)
+    return np.where(omega * dt <= np.pi * (1 + 1e-9), omega, np.nan)
+
+
+def _polynomials(
+    theta: np.ndarray, omega: np.ndarray, dt: float, na: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """B and A in powers of z^-1, of shape (..., n_lines)."""
+    z = np.exp(-1j * omega * dt)
+    b, a = theta[..., na:], theta[..., :na]
+    if b.shape[-1] == 0:
+        raise ValueError(
+            f"theta holds {theta.shape[-1]} parameters, of which na={na} are of the output; none "
+            "is left for the input. Give [a_1 ... a_na, b_0 ... b_{nb-1}] on the last axis."
+        )
+    numerator = np.zeros(np.broadcast_shapes((*theta.shape[:-1], 1), z.shape), dtype=complex)
+    denominator = np.zeros_like(numerator)
+    for i in range(b.shape[-1] - 1, -1, -1):
+        numerator = numerator * z + b[..., i, None]
+    for i in range(na - 1, -1, -1):
+        denominator = (denominator + a[..., i, None]) * z
+    return numerator, 1.0 + denominator
+
+
+def taken_apart(model: Any) -> tuple[list[Any], Any]:
+    """Steps before the last one, and the last, of pipelines and searches."""
+    steps: list[Any] = []
+    model = unwrapped(model)
+    while isinstance(model, Pipeline):
+        steps += [step for _, step in model.steps[:-1]]
+        model = unwrapped(model.steps[-1][1])
+    return steps, model
+
+
+def response_of_model(model: Any, omega: np.ndarray, name: str | None) -> dict[str, Any] | None:
+    """What a FrequencyResponse holds of a fitted ARX model, alone or at the end of a pipeline.
+
+    None if ``model`` is something else.
+    """
+    steps, model = taken_apart(model)
+    if not hasattr(model, "to_transfer_function"):
+        return None
+    check_is_fitted(model)
+    orders, names = model.orders_, model.inputs_
+    if name is None and len(names) > 1:
+        raise ValueError(f"The model has the inputs {names}; say which one with input=.")
+    if name is not None and name not in names:
+        raise ValueError(f"input={name!r} is not an input of the model, which has {names}.")
+    channel = 0 if name is None else names.index(name)
+    first = orders.na + sum(orders.nb[:channel])
+    chosen = [*range(orders.na), *range(first, first + orders.nb[channel])]
+    theta, nk, dt = model.coef_[chosen], orders.nk[channel], model.dt_
+    delay = _shift(steps, model, names[channel], model._columns[channel])
+    covariance = getattr(model, "covariance_", None)
+    if covariance is not None:
+        covariance = arx_response_covariance(
+            theta, covariance[np.ix_(chosen, chosen)], omega, dt, na=orders.na, nk=nk, delay=delay
+        )
+    return {
+        "response": arx_response(theta, omega, dt, na=orders.na, nk=nk, delay=delay),
+        "covariance": covariance,
+        "input": names[channel],
+        "output": model._output_name,
+        "delay": nk * dt + delay,
+        "dt": dt,
+    }
+
+
+def _shift(steps: list[Any], model: Any, name: str, position: int) -> float:
+    """Delay in seconds that DelayShift steps before a model give one of its inputs."""
+    total = 0.0
+    for step in steps:
+        if step in (None, "passthrough") or isinstance(step, (Decimator, RunInTrimmer)):
+            continue
+        if not isinstance(step, DelayShift):
+            raise ValueError(
+                f"The frequency response of a pipeline cannot see through {type(step).__name__}, "
+                f"which changes the input {name!r}. Take that of its last step, from the "
+                "transformed input: FrequencyResponse.of(pipeline[-1], omega)."
+            )
+        shifted = input_columns(
+            step._names, step.n_features_in_, step.inputs, step._run, step.roles
+        )
+        total += step.delay_ * (position in shifted)
+    return total

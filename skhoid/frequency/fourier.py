@@ -1,0 +1,277 @@
+"""The method of Fourier coefficients: frequency responses at excited lines."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from sklearn.utils.validation import check_consistent_length, column_or_1d
+
+from ..runs import check_alignment, input_columns
+from .lines import Lines, Windows, all_bins, as_frame, read_lines
+from .phase import aligning_delay, unwrapped
+from .response import FrequencyResponse
+
+N_NEIGHBOURS = 6  # bins without excitation, nearest to a line, that tell the remnant there
+ABSENT = 1e-6  # of the strongest bin of a forcing function; weaker lines are rounding
+
+
+def fourier_coefficients(
+    X: Any,
+    y: Any,
+    *,
+    forcing: Any,
+    inputs: Any = None,
+    window: tuple[float, float] | None = None,
+    period: float | None = None,
+    roles: dict | None = None,
+    dt: float | None = None,
+    run: Any = None,
+) -> Any:
+    """Estimate frequency responses at the lines of forcing functions, run by run.
+
+    With one input H(j omega_t) = U(j omega_t) / E(j omega_t) at every excited line (Eq. 5.14).
+    Several inputs need a forcing function each, on lines of their own; U = H_1 E_1 + H_2 E_2 ...
+    is then solved at every line.
+
+    Parameters
+    ----------
+    X : DataFrame or array of shape (n_rows, n_columns)
+        Channels, one row per sample; runs and time are read from its index.
+    y : Series or array of shape (n_rows,)
+        Output u.
+    forcing : Multisine, array-like of frequencies in rad/s, or dict of these
+        The excited lines: an object with the attributes ``omega`` and ``period``, or frequencies.
+        Several forcing functions are a dict. All excited lines belong in it: others are taken as
+        remnant. With several inputs its keys are the columns of X that hold the signals.
+    inputs : list of column names or positions, or None, default=None
+        Inputs of the operator. None means the column named ``e`` if there is one, else all.
+    window : (float, float) or None, default=None
+        Use only rows with ``window[0] <= time < window[1]``, in seconds. None means whole runs.
+        A window must hold a whole number of periods of every line.
+    period : float or None, default=None
+        Base period in seconds of a ``forcing`` that does not know its own.
+    roles : dict or None, default=None
+        Roles of columns, ``{column: role}``, where names do not tell them.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: 1).
+    run : column name or position, or None, default=None
+        Run column of data without a run index.
+
+    Returns
+    -------
+    response : FrequencyResponse, or dict of them by input if there are several
+        At the lines of all forcing functions, of shape (n_runs, n_lines). With several inputs
+        lines outside the range of another forcing function are NaN.
+
+    Raises
+    ------
+    ValueError
+        If a window does not hold whole periods, forcing functions share a line, or inputs
+        outnumber forcing functions; if a window holds a gap or NaN.
+
+    Notes
+    -----
+    Several periods in a window are averaged. The remnant N = U - H E is read from the six nearest
+    bins without excitation, with H of the line, and gives the covariance of real and
+    imaginary parts, mean|N|^2 / (2 |E|^2) each (one input only). The coherence of a run is
+    (1 - mean|E|^2 / |E(line)|^2) (1 - mean|U|^2 / |U(line)|^2), the means over the same bins and
+    each factor at least 0: the shares of the powers of input and output that the forcing
+    functions explain. The estimate can be trusted where it is near 1.
+
+    Fourier transforms of inputs and output are brought to the lines of another forcing function by
+    interpolation of their ratios to it, closed-loop responses that are smooth in frequency: cubic
+    splines of log magnitude and phase in log omega, after removal of the delay that aligns
+    neighbouring lines. It is the more accurate the closer the functions' lines lie together.
+
+    References
+    ----------
+    Van Grootheest, thesis, Eqs. 5.13-5.14. Van Paassen and Mulder (1998), Identification of human
+    operator control behaviour in multiple-loop tracking tasks.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skhoid.frequency import fourier_coefficients
+    >>> omega = 2 * np.pi * np.array([1, 3, 7])  # rad/s; all periods fit in 1 s
+    >>> t = 0.01 * np.arange(200)
+    >>> e = np.sin(np.outer(t, omega)).sum(axis=1)
+    >>> u = 2 * np.roll(e, 10)  # gain 2, delay 0.1 s
+    >>> response = fourier_coefficients(e[:, None], u, forcing=omega, dt=0.01)
+    >>> response.magnitude.round(6), response.phase.round(6)
+    (array([[2., 2., 2.]]), array([[ -36., -108., -252.]]))
+    """
+    check_consistent_length(X, y)
+    check_alignment(X, y)
+    frame = as_frame(X)
+    names = list(frame.columns)
+    windows = Windows.of(frame, window, dt, run)
+    label = windows.layout.run_column if run is None else run
+    positions = input_columns(names, len(names), inputs, label, roles)
+    lines = read_lines(forcing, period)
+    several = len(positions) > 1
+    if len(positions) > len(lines):
+        raise ValueError(
+            f"{len(positions)} responses, from the inputs {[names[p] for p in positions]}, need as "
+            f"many forcing functions, but there {'is' if len(lines) == 1 else 'are'} {len(lines)}. "
+            "Name fewer inputs=[...], or insert another forcing function on lines of its own."
+        )
+    short = [name for name, part in lines.items() if part.omega.size < 2]
+    if several and short:
+        raise ValueError(
+            f"The forcing function {short[0]!r} has one line, and between the lines of each the "
+            "signals are interpolated; it needs two or more."
+        )
+    columns = positions + [_signal_column(names, name, roles) for name in lines if several]
+    table = frame.iloc[:, columns].copy()
+    table.insert(len(positions), "", column_or_1d(y), allow_duplicates=True)
+    output = str(getattr(y, "name", None) or "u")
+    table.columns = [*(names[p] for p in positions), output, *lines][: table.shape[1]]
+    spectra = _Spectra(windows, windows.numbers(table), lines)
+    common = {
+        "omega": spectra.omega,
+        "runs": windows.layout.labels,
+        "output": output,
+    }
+    coherence = spectra.coherence(len(positions))
+    if not several:
+        E, U = spectra.at_lines[:, 0], spectra.at_lines[:, 1]
+        response, covariance = spectra.ratio()
+        return FrequencyResponse(
+            response=response,
+            input=str(names[positions[0]]),
+            covariance=covariance,
+            coherence=coherence[:, 0],
+            coefficients=(E, U),
+            **common,
+        )
+    spectra.check_excitation(len(positions) + 1)
+    solved = spectra.solve(len(positions))
+    lost = np.isnan(solved).any(axis=(0, 1))
+    if lost.any():
+        warnings.warn(
+            f"{int(lost.sum())} of {lost.size} lines lie outside the range of another forcing "
+            f"function and are NaN: {spectra.omega[lost].round(3).tolist()} rad/s.",
+            UserWarning,
+            stacklevel=2,
+        )
+    return {
+        str(names[p]): FrequencyResponse(
+            response=solved[:, i], input=str(names[p]), coherence=coherence[:, i], **common
+        )
+        for i, p in enumerate(positions)
+    }
+
+
+def _signal_column(names: list[Any], name: Any, roles: dict | None) -> int:
+    """Column that holds the signal of a forcing function."""
+    if name in names:
+        return names.index(name)
+    by_role = [i for i, column in enumerate(names) if (roles or {}).get(column) == name]
+    if len(by_role) != 1:
+        raise ValueError(
+            f"The signal of the forcing function {name!r} is needed to tell several inputs apart, "
+            f"but X has no column of that name; its columns are {names}. Name the keys of forcing "
+            "after the columns of X, or give roles={column: key}."
+        )
+    return by_role[0]
+
+
+class _Spectra:
+    """Fourier coefficients of some channels at the lines of forcing functions, run by run.
+
+    Channels are the inputs, the output, and then the forcing functions if they are needed.
+    """
+
+    def __init__(self, windows: Windows, values: np.ndarray, lines: dict[Any, Lines]) -> None:
+        self.layout, self.lines, dt = windows.layout, lines, windows.layout.dt
+        at_lines, beside, strongest = [], [], []
+        for number, rows in enumerate(windows.rows):
+            n_samples = rows.stop - rows.start
+            transform = np.fft.rfft(values[rows], axis=0).T * (2 / n_samples)
+            own = all_bins(lines, windows, number)
+            bins = np.concatenate(list(own.values()))
+            order = np.argsort(bins)
+            strongest.append(np.abs(transform).max(axis=1))
+            at_lines.append(transform[:, bins[order]])
+            beside.append(transform[:, _neighbours(bins[order], (n_samples - 1) // 2)])
+        function = np.concatenate([np.full(own[name].size, i) for i, name in enumerate(own)])
+        self.function = function[order]
+        self.omega = 2 * np.pi * bins[order] / (n_samples * dt)
+        self.strongest = np.array(strongest)  # (n_runs, n_channels)
+        self.at_lines = np.array(at_lines)  # (n_runs, n_channels, n_lines)
+        self.beside = np.array(beside)  # (n_runs, n_channels, n_lines, n_neighbours)
+
+    def coherence(self, n_inputs: int) -> np.ndarray:
+        """Shares of power explained, of each input times the output."""
+        remnant = np.mean(np.abs(self.beside[:, : n_inputs + 1]) ** 2, axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = 1 - remnant / np.abs(self.at_lines[:, : n_inputs + 1]) ** 2
+        share = np.maximum(share, 0.0)
+        return share[:, :-1] * share[:, -1:]
+
+    def ratio(self) -> tuple[np.ndarray, np.ndarray]:
+        """Response from the only input, and the covariance of its real and imaginary parts."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            response = self.at_lines[:, 1] / self.at_lines[:, 0]
+            remnant = self.beside[:, 1] - response[..., None] * self.beside[:, 0]
+            variance = np.mean(np.abs(remnant) ** 2, axis=-1) / np.abs(self.at_lines[:, 0]) ** 2
+        return response, variance[..., None, None] / 2 * np.eye(2)
+
+    def check_excitation(self, first: int) -> None:
+        """Refuse a forcing function, in the channels from ``first`` on, that lacks a line."""
+        for i, (name, part) in enumerate(self.lines.items()):
+            own = np.abs(self.at_lines[:, first + i, self.function == i])
+            absent = np.argwhere(own <= ABSENT * self.strongest[:, first + i, None])
+            if absent.size:
+                run, line = absent[0]
+                raise ValueError(
+                    f"The column of the forcing function {name!r} has no power at its line "
+                    f"{part.omega[line]:.6g} rad/s in run {self.layout.labels[run]!r}. Is it "
+                    "the right column, and are these its frequencies?"
+                )
+
+    def solve(self, n_inputs: int) -> np.ndarray:
+        """Responses from several inputs, of shape (n_runs, n_inputs, n_lines)."""
+        n_runs, n_functions = len(self.at_lines), self.function.max() + 1
+        equations = np.empty((n_runs, self.omega.size, n_functions, n_inputs + 1), dtype=complex)
+        for i in range(n_functions):
+            own = self.function == i
+            signals = self.at_lines[:, : n_inputs + 1, own]
+            ratios = signals / self.at_lines[:, n_inputs + 1 + i, own][:, None]
+            filled = _interpolate(self.omega[own], ratios, self.omega)
+            equations[:, :, i] = np.moveaxis(filled, 1, 2)
+        solved = np.full((n_runs, self.omega.size, n_inputs), np.nan, dtype=complex)
+        known = np.isfinite(equations).all(axis=(2, 3))
+        A, b = equations[known][..., :-1], equations[known][..., -1:]
+        solved[known] = (np.linalg.pinv(A) @ b)[..., 0]
+        return np.moveaxis(solved, 2, 1)
+
+
+def _neighbours(bins: np.ndarray, last: int) -> np.ndarray:
+    """The nearest bins without excitation of each line, of shape (n_lines, N_NEIGHBOURS)."""
+    free = np.setdiff1d(np.arange(1, last + 1), bins)
+    if free.size < N_NEIGHBOURS:
+        raise ValueError(
+            f"The window has {free.size} bins without excitation; {N_NEIGHBOURS} are needed to "
+            "tell remnant from signal. Use a longer window."
+        )
+    order = np.argsort(np.abs(free - bins[:, None]), axis=1, kind="stable")
+    return free[order[:, :N_NEIGHBOURS]]
+
+
+def _interpolate(omega: np.ndarray, ratios: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Closed-loop responses (..., n_lines) at other frequencies; NaN outside their range."""
+    flat = ratios.reshape(-1, omega.size)
+    result = np.full((len(flat), wanted.size), np.nan, dtype=complex)
+    inside = (wanted >= omega[0] * (1 - 1e-9)) & (wanted <= omega[-1] * (1 + 1e-9))
+    at = wanted[inside]
+    for row, values in zip(result, flat, strict=True):
+        delay = aligning_delay(omega, values)
+        phase = unwrapped(omega, values, delay) + omega * delay
+        curve = CubicSpline(np.log(omega), np.log(np.abs(values)) + 1j * phase)
+        row[inside] = np.exp(curve(np.log(at)) - 1j * at * delay)
+    result[:, np.searchsorted(wanted, omega * (1 - 1e-9))] = flat
+    return result.reshape(*ratios.shape[:-1], wanted.size)

@@ -1,0 +1,373 @@
+"""Bode plots: frequency responses of operators and open loops, with their uncertainty."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.ticker import MaxNLocator
+from scipy.stats import norm
+
+from ..frequency import FrequencyResponse
+from ..frequency.arx import taken_apart
+from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
+
+GREEN, PURPLE, ORANGE, SKY = "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+COLOURS = (BLACK, VERMILLION, BLUE, GREEN, PURPLE, ORANGE, SKY)
+SYMBOLS = "osD^vPX"
+MAX_MARKERS = 40  # responses with more lines than this are curves
+N_POINTS = 300
+HIGHEST = 60.0  # rad/s, of continuous-time models
+LOWEST_PHASE = -540.0  # deg; below it a curve is only the delay, which turns without end
+
+
+class BodeDisplay:
+    """Magnitude and phase over frequency, of one or several frequency responses.
+
+    Responses at no more than 40 lines are markers with error bars, others curves with bands. The
+    runs of a response that holds several are averaged, and the bars are those of the mean. The
+    intervals of the magnitude are symmetric on its logarithmic axis. The phase axis ends at -540
+    degrees or the lowest marker.
+
+    Make it with :meth:`from_responses` or :meth:`from_estimator`.
+
+    Parameters
+    ----------
+    responses : dict {label: FrequencyResponse}
+        What to draw, each of shape (n_lines,).
+    view : {"operator", "open_loop"}, default="operator"
+        ``"open_loop"`` marks crossover frequency and phase margin.
+    confidence : float, default=0.95
+        Of the intervals, for normally distributed errors.
+
+    Attributes
+    ----------
+    axes_ : ndarray of Axes, shape (2,)
+        Magnitude and phase.
+    figure_ : Figure
+        The figure that holds them.
+    magnitude_, phase_ : dict {label: Line2D}
+        The curves or markers.
+    intervals_ : dict {label: list of artists}
+        Bands or error bars, of magnitude and phase.
+    nyquist_ : dict {label: float}
+        Nyquist frequencies that are marked, in rad/s.
+    crossover_ : DataFrame or None
+        Crossover frequency and phase margin by label, in the open-loop view.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skhoid import HumanOperator
+    >>> from skhoid.frequency import FrequencyResponse
+    >>> from skhoid.plotting.bode import BodeDisplay
+    >>> omega = np.geomspace(0.1, 30, 200)
+    >>> operators = {
+    ...     f"T_L = {T_L} s": FrequencyResponse.of(HumanOperator(T_L=T_L), omega)
+    ...     for T_L in (0.4, 1.2)
+    ... }
+    >>> display = BodeDisplay.from_responses(operators)
+    >>> display.axes_[1].get_ylabel()
+    'phase, deg'
+    """
+
+    def __init__(
+        self,
+        *,
+        responses: Mapping[str, FrequencyResponse],
+        view: str = "operator",
+        confidence: float = 0.95,
+    ) -> None:
+        self.responses = responses
+        self.view = view
+        self.confidence = confidence
+
+    @classmethod
+    def from_responses(
+        cls,
+        responses: Any,
+        *,
+        controlled_element: Any = None,
+        view: str = "operator",
+        confidence: float = 0.95,
+        ax: Any = None,
+    ) -> BodeDisplay:
+        """Draw frequency responses.
+
+        Parameters
+        ----------
+        responses : FrequencyResponse, list of them, or dict {label: FrequencyResponse}
+            In a list each goes by its ``label``, or by its signals.
+        controlled_element : ControlledElement or None, default=None
+            Multiplies every response, for ``view="open_loop"``. None takes them as they are.
+        view : {"operator", "open_loop"}, default="operator"
+            ``"open_loop"`` marks crossover frequency and phase margin.
+        confidence : float, default=0.95
+            Of the intervals, for normally distributed errors.
+        ax : sequence of two Axes or None, default=None
+            Where to draw. None makes a figure.
+
+        Returns
+        -------
+        display : BodeDisplay
+        """
+        if controlled_element is not None and view == "operator":
+            raise ValueError(
+                "controlled_element makes open loops of the responses; say view='open_loop' too."
+            )
+        named = {}
+        for label, response in _named(responses).items():
+            if not isinstance(response, FrequencyResponse):
+                raise TypeError(
+                    f"BodeDisplay draws FrequencyResponse; {label!r} is a "
+                    f"{type(response).__name__}. FrequencyResponse.of(model, omega) makes one."
+                )
+            if controlled_element is not None:
+                response = response * controlled_element
+            if response.response.ndim == 2:
+                n_runs = len(response.response)
+                if n_runs > 1:
+                    response = response.mean(standard_error=True)
+                    label = f"{label}, mean of {n_runs} runs"
+                else:
+                    response = response.select_run(response.labels[0])
+            named[label] = response
+        return cls(responses=named, view=view, confidence=confidence).plot(ax)
+
+    @classmethod
+    def from_estimator(
+        cls,
+        model: Any,
+        omega: Any = None,
+        *,
+        controlled_element: Any = None,
+        input: str | None = None,
+        label: str | None = None,
+        compare: Any = None,
+        confidence: float = 0.95,
+        ax: Any = None,
+    ) -> BodeDisplay:
+        """Draw the frequency response of a fitted ARX model, alone or in a pipeline or search.
+
+        Parameters
+        ----------
+        model : fitted estimator
+            As :meth:`FrequencyResponse.of <skhoid.frequency.FrequencyResponse.of>` takes it.
+        omega : array-like of shape (n_lines,) or None, default=None
+            Frequencies in rad/s. None means 300 from 0.1 rad/s to Nyquist (60 rad/s without one).
+        controlled_element : ControlledElement or None, default=None
+            Draws the open loop with it instead of the operator.
+        input : str or None, default=None
+            Name of the input of a model with several.
+        label : str or None, default=None
+            Name in the legend. None means the name of the class.
+        compare : FrequencyResponse, list or dict of them, or None, default=None
+            Other responses of the operator, drawn first.
+        confidence : float, default=0.95
+            Of the intervals, for normally distributed errors.
+        ax : sequence of two Axes or None, default=None
+            Where to draw. None makes a figure.
+
+        Returns
+        -------
+        display : BodeDisplay
+        """
+        _, last = taken_apart(model)
+        if omega is None:
+            highest = np.pi / last.dt_ if hasattr(last, "dt_") else HIGHEST
+            omega = np.geomspace(min(0.1, highest / 100), highest, N_POINTS)
+        found = FrequencyResponse.of(model, omega, input=input)
+        named = {} if compare is None else _named(compare)
+        return cls.from_responses(
+            {**named, label or type(last).__name__: found},
+            controlled_element=controlled_element,
+            view="operator" if controlled_element is None else "open_loop",
+            confidence=confidence,
+            ax=ax,
+        )
+
+    def plot(self, ax: Any = None) -> BodeDisplay:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : sequence of two Axes or None, default=None
+            Where to draw magnitude and phase. None makes a figure.
+
+        Returns
+        -------
+        self : BodeDisplay
+        """
+        if self.view not in ("operator", "open_loop"):
+            raise ValueError(f"view must be 'operator' or 'open_loop'; got {self.view!r}.")
+        if not 0 < self.confidence < 1:
+            raise ValueError(f"confidence must lie between 0 and 1; got {self.confidence!r}.")
+        if ax is None:
+            _, ax = plt.subplots(2, 1, sharex=True, figsize=(6.4, 7.0), layout="constrained")
+        self.axes_ = np.array(given_axes(ax, (2,), "magnitude and phase"), dtype=object)
+        self.figure_ = self.axes_[0].figure
+        self.magnitude_: dict[str, Any] = {}
+        self.phase_: dict[str, Any] = {}
+        self.intervals_: dict[str, list[Any]] = {}
+        top, bottom = self.axes_
+        for panel in (top, bottom):
+            panel.set_xscale("log")
+            panel.grid(alpha=0.3)
+        top.set_yscale("log")
+        bottom.yaxis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
+        if self.view == "open_loop":
+            top.axhline(1.0, color=GREY, lw=0.8)
+            bottom.axhline(-180.0, color=GREY, lw=0.8)
+        reference = self._phase_reference()
+        for number, (label, response) in enumerate(self.responses.items()):
+            self._draw(number, label, response, reference)
+        self._limit()
+        self._draw_nyquist()
+        self.crossover_ = self._draw_crossovers() if self.view == "open_loop" else None
+        first = next(iter(self.responses.values()))
+        top.set_ylabel(with_unit("magnitude", first.unit))
+        bottom.set_ylabel("phase, deg")
+        bottom.set_xlabel("frequency, rad/s")
+        if ax is None or top.get_shared_x_axes().joined(top, bottom):
+            top.tick_params(labelbottom=False)
+        # Above the panel, where no error bar runs.
+        top.legend(
+            loc="lower left",
+            bbox_to_anchor=(0, 1.01),
+            borderaxespad=0,
+            frameon=False,
+            title=self._what_intervals_are(),
+            alignment="left",
+        )
+        return self
+
+    def _phase_reference(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The best known curve, towards which sparse and noisy responses unwrap."""
+        curves = [r for r in self.responses.values() if r.omega.size > MAX_MARKERS]
+        if not curves:
+            return None
+        known = [r for r in curves if r.delay is not None]
+        curve = (known or curves)[0]
+        finite = np.isfinite(curve.phase)
+        return curve.omega[finite], curve.phase[finite]
+
+    def _draw(self, number: int, label: str, response: FrequencyResponse, reference: Any) -> None:
+        colour = COLOURS[number % len(COLOURS)]
+        omega, magnitude, phase = response.omega, response.magnitude, response.phase
+        if reference is not None:
+            nearest = np.interp(np.log(omega), np.log(reference[0]), reference[1])
+            turns = np.round((phase - nearest) / 360)
+            # A curve moves as a whole; markers, which may be noise, each on its own.
+            phase = phase - 360 * (turns if self._sparse(response) else np.nanmedian(turns))
+        z = norm.ppf(0.5 + self.confidence / 2)
+        bounds = []
+        if response.magnitude_sd is not None and response.phase_sd is not None:
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                factor = np.exp(z * response.magnitude_sd / magnitude)
+                bounds.append((magnitude / factor, magnitude * factor))
+            spread = np.minimum(z * response.phase_sd, 180.0)
+            bounds.append((phase - spread, phase + spread))
+        self.intervals_[label] = []
+        lines = []
+        for panel, values, bound in zip(
+            self.axes_, (magnitude, phase), bounds or (None, None), strict=True
+        ):
+            if self._sparse(response):
+                style = {"ls": "none", "marker": SYMBOLS[number % len(SYMBOLS)], "ms": 5}
+                if bound is not None:
+                    bars = panel.vlines(omega, *bound, color=colour, lw=1.2, alpha=0.6)
+                    self.intervals_[label].append(bars)
+            else:
+                style = {"ls": "-", "lw": 1.4}
+                if bound is not None:
+                    band = panel.fill_between(omega, *bound, color=colour, alpha=0.2, lw=0)
+                    self.intervals_[label].append(band)
+            lines += panel.plot(omega, values, color=colour, label=label, **style)
+        self.magnitude_[label], self.phase_[label] = lines
+
+    @staticmethod
+    def _sparse(response: FrequencyResponse) -> bool:
+        return response.omega.size <= MAX_MARKERS
+
+    def _limit(self) -> None:
+        """Keep the responses in view, whatever the size of their intervals."""
+        for panel, lines in zip(self.axes_, (self.magnitude_, self.phase_), strict=True):
+            values = np.concatenate([line.get_ydata() for line in lines.values()])
+            values = values[np.isfinite(values)]
+            if values.size == 0:
+                continue
+            low, high = values.min(), values.max()
+            if panel is self.axes_[0]:
+                panel.set_ylim(low / 2.5, high * 2.5)
+            else:
+                low = max(low, min(LOWEST_PHASE, self._lowest_marker()))
+                panel.set_ylim(90 * np.floor(low / 90 - 0.1), 90 * np.ceil(high / 90 + 0.1))
+
+    def _lowest_marker(self) -> float:
+        phases = [line.get_ydata() for line in self.phase_.values() if line.get_marker() != "None"]
+        return float(np.nanmin(np.concatenate(phases), initial=0.0)) if phases else 0.0
+
+    def _draw_nyquist(self) -> None:
+        self.nyquist_ = {k: r.nyquist for k, r in self.responses.items() if r.nyquist is not None}
+        for frequency in sorted(set(self.nyquist_.values())):
+            for panel in self.axes_:
+                panel.axvline(frequency, color=GREY, ls="--", lw=1.0)
+            self.axes_[1].annotate(
+                "Nyquist",
+                (frequency, 0.97),
+                xycoords=("data", "axes fraction"),
+                xytext=(-3, 0),
+                textcoords="offset points",
+                rotation=90,
+                ha="right",
+                va="top",
+                fontsize="small",
+                color=GREY,
+            )
+
+    def _draw_crossovers(self) -> Any:
+        rows = {}
+        top, bottom = self.axes_
+        for number, (label, response) in enumerate(self.responses.items()):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # the legend says it
+                rows[label] = response.crossover().iloc[0]
+            omega_c, margin = rows[label]
+            colour = COLOURS[number % len(COLOURS)]
+            if np.isnan(omega_c):
+                bottom.plot([], [], color=colour, ls="none", label="no crossover")
+                continue
+            for panel in (top, bottom):
+                panel.axvline(omega_c, color=colour, ls=":", lw=1.0)
+            bottom.plot(
+                [omega_c, omega_c],
+                [-180.0, -180.0 + margin],
+                color=colour,
+                lw=3.0,
+                alpha=0.6,
+                solid_capstyle="butt",
+                label=f"$\\omega_c$ = {omega_c:.2f} rad/s, $\\varphi_m$ = {margin:.0f}°",
+            )
+        handles, labels = bottom.get_legend_handles_labels()
+        shown = [(h, t) for h, t in zip(handles, labels, strict=True) if t not in self.responses]
+        bottom.legend(*zip(*shown, strict=True), loc="lower left")
+        return pd.DataFrame(rows).T
+
+    def _what_intervals_are(self) -> str | None:
+        return f"{100 * self.confidence:g} % intervals" if any(self.intervals_.values()) else None
+
+
+def _named(responses: Any) -> dict[str, FrequencyResponse]:
+    """Responses by label."""
+    if isinstance(responses, FrequencyResponse):
+        responses = [responses]
+    if not isinstance(responses, Mapping):
+        labels = [getattr(r, "label", None) or f"response {i}" for i, r in enumerate(responses, 1)]
+        responses = dict(zip(labels, responses, strict=True))
+    if not responses:
+        raise ValueError("There are no responses to draw.")
+    return {str(label): response for label, response in responses.items()}

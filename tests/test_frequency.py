@@ -1,0 +1,742 @@
+"""Frequency responses: exact cases, the thesis's numbers, and the statistics of Appendix H.
+
+Numbers with a name (fc.C1.remnant_free) are entries of the reference file facts.json, held to the
+tolerance given there.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from closed_loop import MULTIPLES, PERIOD, ZOH_100HZ, simulate
+from scipy.optimize import brentq
+from scipy.signal import freqz
+from sklearn.exceptions import NotFittedError
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from skhoid import (
+    ARXRegressor,
+    ControlledElement,
+    Decimator,
+    DelayShift,
+    HumanOperator,
+    RunInTrimmer,
+    Sigmoid,
+)
+from skhoid.frequency import (
+    FrequencyResponse,
+    arx_response,
+    arx_response_covariance,
+    auto_psd,
+    crossover_path,
+    fourier_coefficients,
+)
+
+DT = 0.01
+LINES = 2 * np.pi * MULTIPLES / PERIOD
+TARGET = SimpleNamespace(omega=LINES, multiples=MULTIPLES, period=PERIOD)
+OPERATOR = {"C1": HumanOperator(), "C2": HumanOperator(K_e=0.07, T_L=1.2)}
+ELEMENT = {"C1": ControlledElement(90.0, 6.0), "C2": ControlledElement(30.0, 0.2)}
+
+
+def recording(runs, names=("e",), dt=DT, start=0.0):
+    """DataFrame and Series of runs given as (channels, output)."""
+    tables, outputs = [], []
+    for label, (channels, u) in runs.items():
+        index = pd.MultiIndex.from_product(
+            [[label], start + dt * np.arange(len(u))], names=["run", "time"]
+        )
+        tables.append(pd.DataFrame(np.column_stack(channels), index=index, columns=list(names)))
+        outputs.append(pd.Series(u, index=index, name="u"))
+    return pd.concat(tables), pd.concat(outputs)
+
+
+def periodic(response, multiples, n_samples=400, period=4.0, gain=1.0):
+    """Steady state of exp(j phase) at the lines through a response."""
+    t = period / n_samples * np.arange(n_samples)
+    omega = 2 * np.pi * np.asarray(multiples) / period
+    waves = np.exp(1j * (np.outer(t, omega) + 0.7 * np.arange(omega.size) ** 2))
+    return gain * (waves * response(omega)).real.sum(axis=1)
+
+
+# Fourier coefficients
+
+
+@pytest.mark.parametrize(
+    ("state", "magnitude_error", "phase_error"),
+    [
+        (
+            "C1",  # fc.C1.remnant_free
+            "-0.0072929 -0.0073400 -0.0074503 -0.0077169 -0.0082913 "
+            "-0.0086701 -0.0065866 0.0078109 0.0100462 -0.0038281",
+            "-0.0575525 -0.0954383 -0.1508615 -0.2375381 -0.3686053 "
+            "-0.4879841 -0.5971930 -1.0831293 -4.2027437 -4.6522794",
+        ),
+        (
+            "C2",  # fc.C2.remnant_free
+            "-0.0327291 -0.0210103 -0.0144598 -0.0110515 -0.0086788 "
+            "-0.0058594 0.0001211 0.0133880 0.0023374 -0.0016822",
+            "1.5282152 1.2577268 0.8738737 0.5188889 0.2197118 "
+            "-0.0112525 -0.3604914 -1.3996396 -4.1758957 -4.7056224",
+        ),
+    ],
+)
+def test_remnant_free_estimates_of_the_thesis(state, magnitude_error, phase_error):
+    window = simulate(state).last()
+    found = fourier_coefficients(window.e[:, None], window.u, forcing=TARGET, dt=DT)
+    ratio = found.response[0] / OPERATOR[state].frequency_response(LINES)
+    expected = [np.array(text.split(), dtype=float) for text in (magnitude_error, phase_error)]
+    np.testing.assert_allclose(np.abs(ratio) - 1, expected[0], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(np.degrees(np.angle(ratio)), expected[1], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(found.coherence, 1.0)
+    assert np.all(found.magnitude_sd < 1e-12)
+    truth = FrequencyResponse.of(OPERATOR[state], LINES)
+    assert np.all(np.abs(found.phase - truth.phase) < 5)
+
+
+def test_one_input_is_exact_in_every_run_window_and_period():
+    operator = HumanOperator().frequency_response
+    multiples = [2, 3, 7]
+    waves = {
+        label: ([np.tile(periodic(np.ones_like, multiples, gain=gain), 3)], gain)
+        for label, gain in (("a", 1.0), ("b", 2.0))
+    }
+    u = periodic(operator, multiples)
+    X, y = recording({k: (channels, np.tile(gain * u, 3)) for k, (channels, gain) in waves.items()})
+    omega = 2 * np.pi * np.array(multiples) / 4
+    for window in (None, (0.0, 4.0), (1.0, 9.0), (8.0, 12.0)):
+        found = fourier_coefficients(X, y, forcing=omega[::-1], window=window)
+        np.testing.assert_allclose(found.omega, omega)
+        np.testing.assert_allclose(found.response, [operator(omega)] * 2, rtol=1e-10)
+    assert found.runs == ["a", "b"]
+    assert (found.input, found.output) == ("e", "u")
+    split = {"f_t": omega[:2], "f_d": omega[2:]}  # two functions, one input: lines side by side
+    both = fourier_coefficients(X, y, forcing=split)
+    np.testing.assert_allclose(both.response, found.response)
+
+
+def test_containers_and_run_columns_agree():
+    e, u = periodic(np.ones_like, [1, 5]), periodic(HumanOperator().frequency_response, [1, 5])
+    X, y = recording({"a": ([e], u), "b": ([e], 2 * u)})
+    omega = 2 * np.pi * np.array([1, 5]) / 4
+    expected = fourier_coefficients(X, y, forcing=omega).response
+    plain = X.reset_index().drop(columns="time")
+    by_column = fourier_coefficients(plain, y.to_numpy(), forcing=omega, run="run", dt=DT)
+    np.testing.assert_array_equal(by_column.response, expected)
+    assert by_column.labels == ["a", "b"]
+    array = np.column_stack([np.repeat([0, 1], 400), X["e"]])
+    by_array = fourier_coefficients(array, y.to_numpy(), forcing=omega, run=0, inputs=[1], dt=DT)
+    np.testing.assert_array_equal(by_array.response, expected)
+    trimmed = RunInTrimmer(run_in=1.0).fit_transform(
+        recording({"a": ([np.r_[e[-100:], e]], np.r_[u[-100:], u])})[0]
+    )
+    y_trimmed = np.r_[u[-100:], u]
+    after_run_in = fourier_coefficients(trimmed, y_trimmed, forcing=omega)
+    np.testing.assert_allclose(after_run_in.response, expected[:1])
+
+
+def test_window_must_hold_whole_periods():
+    e = np.zeros(1000)
+    X, y = recording({"late": ([e], e)})
+    with pytest.raises(ValueError, match=r"'late' the line at 1.5708 rad/s completes 2.5") as info:
+        fourier_coefficients(X, y, forcing=2 * np.pi * np.array([1, 3]) / 4)
+    assert "longest window in the run that fits lasts 8 s (800 samples)" in str(info.value)
+    with pytest.raises(ValueError, match=r"base period of 4 s .* lasts 8 s"):
+        fourier_coefficients(X, y, forcing=[2 * np.pi], period=4.0)
+    with pytest.raises(ValueError, match="No window fits in the run's 10 s"):
+        fourier_coefficients(X, y, forcing=[2 * np.pi / 4, 0.1])
+    with pytest.raises(ValueError, match="below the Nyquist frequency of 314"):
+        fourier_coefficients(X, y, forcing=[2 * np.pi * 50])
+    with pytest.raises(ValueError, match=r"from 0 to 9.99 s, has no row"):
+        fourier_coefficients(X, y, forcing=[2 * np.pi], window=(20.0, 24.0))
+    with pytest.raises(ValueError, match="window must be"):
+        fourier_coefficients(X, y, forcing=[2 * np.pi], window=(4.0, 1.0))
+
+
+def test_missing_samples_are_named():
+    e = periodic(np.ones_like, [1])
+    X, y = recording({1: ([e], e), 2: ([e], e)})
+    holed = y.copy()
+    holed.iloc[450] = np.nan
+    with pytest.raises(ValueError, match=r"'u' is nan in run 2, t = 0.5 s \(row 450\)"):
+        fourier_coefficients(X, holed, forcing=[np.pi / 2])
+    whole = fourier_coefficients(X, holed, forcing=[2 * np.pi], window=(1.0, 2.0))
+    assert whole.response.shape == (2, 1)
+    keep = np.arange(800) != 100
+    with pytest.raises(ValueError, match=r"A gap ends at run 1, t = 1.01 s"):
+        fourier_coefficients(X[keep], y[keep], forcing=[np.pi / 2])
+    marked = Decimator(factor=2).fit_transform(X)
+    with pytest.raises(ValueError, match="comes from a Decimator"):
+        fourier_coefficients(marked, y, forcing=[np.pi / 2])
+
+
+def test_wrong_forcing_functions_are_refused():
+    e = periodic(np.ones_like, [1])
+    X, y = recording({1: ([e, e], e)}, names=("e", "x"))
+    both = {"inputs": ["e", "x"]}
+    with pytest.raises(ValueError, match=r"2 responses, .*'x'.* there is 1"):
+        fourier_coefficients(X, y, forcing=[2 * np.pi], **both)
+    with pytest.raises(ValueError, match=r"6.28319 rad/s .*'f_d' is also in 'f_t'"):
+        fourier_coefficients(X, y, forcing={"f_t": [2 * np.pi], "f_d": [2 * np.pi]})
+    with pytest.raises(ValueError, match="is given twice"):
+        fourier_coefficients(X, y, forcing=[2 * np.pi, 2 * np.pi])
+    pair = {"f_t": np.pi * np.array([1, 2]), "f_d": np.pi * np.array([1.5, 2.5])}
+    with pytest.raises(ValueError, match="no column of that name"):
+        fourier_coefficients(X, y, forcing=pair, **both)
+    with pytest.raises(ValueError, match="'f_t' has one line"):
+        fourier_coefficients(X, y, forcing=pair | {"f_t": [np.pi]}, **both)
+    X.columns = ["f_t", "f_d"]
+    with pytest.raises(ValueError, match=r"'f_t' has no power at its line 3\.14159 rad/s in run 1"):
+        fourier_coefficients(X, y, forcing=pair, inputs=["f_t", "f_d"])
+    with pytest.raises(ValueError, match="4 bins without excitation"):
+        fourier_coefficients(X, y, forcing=[2 * np.pi / 0.12], window=(0.0, 0.12), inputs=["f_t"])
+    for forcing in ([], [-1.0], [[1.0, 2.0]]):
+        with pytest.raises(ValueError, match="positive numbers"):
+            fourier_coefficients(X, y, forcing=forcing)
+    with pytest.raises(ValueError, match="empty dict"):
+        fourier_coefficients(X, y, forcing={})
+
+
+# Several inputs
+
+N_T = np.array([6, 13, 27, 41, 53, 73, 103, 139, 194, 229])
+N_D = np.array([5, 11, 23, 37, 51, 71, 101, 137, 171, 226])
+
+
+def to_x(omega):
+    """A second response, from the controlled element's output."""
+    s = 1j * omega
+    muscle = 11.25**2 / (s**2 + 2 * 0.35 * 11.25 * s + 11.25**2)
+    return -0.03 * (1 + 0.2 * s) * np.exp(-0.2 * s) * muscle
+
+
+def pursuit_like(remnant=0.0, seed=0, n_samples=8192):
+    """e, x, f_t, f_d and u of u = H_e e + H_x x + n, x = H_CE (u + f_d), periodic over 81.92 s."""
+    rng = np.random.default_rng(seed)
+    F_t, F_d, N = np.zeros((3, n_samples // 2 + 1), dtype=complex)
+    base = 2 * np.pi / PERIOD
+    omega = base * np.arange(1, n_samples // 2 + 1)
+    for F, multiples in ((F_t, N_T), (F_d, N_D)):
+        fall = 1 / (1 + multiples * base)
+        F[multiples] = n_samples / 2 * fall * np.exp(2j * np.pi * rng.uniform(size=10))
+    white = rng.standard_normal((2, omega.size)) / (1 + 0.06j * omega)
+    N[1:] = remnant * np.sqrt(n_samples) * (white[0] + 1j * white[1])
+    H_e, H_x = HumanOperator().frequency_response(omega), to_x(omega)
+    H_c = ControlledElement().frequency_response(omega)
+    U, E, X = np.zeros((3, n_samples // 2 + 1), dtype=complex)
+    loop = 1 + (H_e - H_x) * H_c
+    U[1:] = (H_e * F_t[1:] + (H_x - H_e) * H_c * F_d[1:] + N[1:]) / loop
+    X[1:] = H_c * (U[1:] + F_d[1:])
+    E[1:] = F_t[1:] - X[1:]
+    return [np.fft.irfft(S, n_samples) for S in (E, X, F_t, F_d, U)]
+
+
+FORCING = {
+    "f_t": SimpleNamespace(omega=2 * np.pi * N_T / PERIOD, period=PERIOD),
+    "f_d": SimpleNamespace(omega=2 * np.pi * N_D / PERIOD, period=PERIOD),
+}
+
+
+def test_two_responses_from_interleaved_lines():
+    *channels, u = pursuit_like()
+    X, y = recording({1: (channels, u)}, names=("e", "x", "f_t", "f_d"))
+    with pytest.warns(UserWarning, match=r"2 of 20 lines lie outside .*\[0.383, 17.564\] rad/s"):
+        found = fourier_coefficients(X, y, forcing=FORCING, inputs=["e", "x"])
+    assert list(found) == ["e", "x"]
+    omega = found["e"].omega
+    np.testing.assert_allclose(omega, 2 * np.pi * np.sort([*N_T, *N_D]) / PERIOD)
+    error = np.abs(found["e"].response[0] / HumanOperator().frequency_response(omega) - 1)
+    assert np.nanmedian(error) < 0.003
+    assert np.nanmax(error) < 0.02
+    error = np.abs(found["x"].response[0] / to_x(omega) - 1)
+    assert np.nanmedian(error) < 0.02
+    assert np.nanmax(error) < 0.25
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(error)), [0, 19])
+    assert found["e"].covariance is None
+    np.testing.assert_allclose(found["x"].coherence, 1.0)
+
+
+def test_forcing_functions_go_by_name_or_role():
+    *channels, u = pursuit_like()
+    X, y = recording({1: (channels, u)}, names=("e", "x", "f_t", "disturbance"))
+    with pytest.warns(UserWarning, match="outside"):
+        found = fourier_coefficients(
+            X, y, forcing=FORCING, inputs=["x", "e"], roles={"disturbance": "f_d"}
+        )
+    assert list(found) == ["x", "e"]
+
+
+def test_two_responses_under_remnant():
+    """Mean of 20 runs, at lines the remnant does not drown: within 3 standard errors plus 3 %."""
+    runs = {}
+    for seed in range(20):
+        *channels, u = pursuit_like(remnant=0.05, seed=seed)
+        runs[seed] = (channels, u)
+    X, y = recording(runs, names=("e", "x", "f_t", "f_d"))
+    with pytest.warns(UserWarning, match="outside"):
+        found = fourier_coefficients(X, y, forcing=FORCING, inputs=["e", "x"])
+    mean = found["e"].mean(standard_error=True)
+    truth = HumanOperator().frequency_response(mean.omega)
+    error = np.abs(mean.response - truth)[1:-1]
+    assert np.all(error < 3 * mean.complex_sd[1:-1] + 0.03 * np.abs(truth[1:-1]))
+    assert np.median(mean.complex_sd[1:-1] / np.abs(truth[1:-1])) < 0.05
+
+
+# The statistics of Appendix H
+
+
+class Ensemble:
+    """100 runs with second-order remnant of intensity 0.15 (K_n of Table G.1)."""
+
+    def __init__(self, state, gain):
+        runs = [
+            simulate(state, remnant_gain=gain, remnant_order=2, rng=seed, periods=3).last()
+            for seed in range(100)
+        ]
+        X, y = recording({i: ([r.e], r.u) for i, r in enumerate(runs)})
+        self.truth = FrequencyResponse.of(OPERATOR[state], LINES)
+        self.fourier = fourier_coefficients(X, y, forcing=TARGET)
+        models = [ARXRegressor(na=2, nb=2, nk=29, dt=DT).fit(r.e[:, None], r.u) for r in runs]
+        fitted = [FrequencyResponse.of(model, LINES) for model in models]
+        self.stated_sd = np.sqrt(np.mean([f.magnitude_sd**2 for f in fitted], axis=0))
+        self.models = FrequencyResponse(LINES, [f.response for f in fitted])
+
+
+@pytest.fixture(scope="module")
+def ensemble():
+    return Ensemble("C1", 0.016)
+
+
+def check_against_appendix(ensemble, bias, sd_rel, ratio, lines=slice(None)):
+    mean = ensemble.fourier.mean()
+    error = mean.magnitude / ensemble.truth.magnitude - 1
+    np.testing.assert_allclose(error[lines], np.array(bias)[lines], atol=0.1)
+    spread = mean.complex_sd / mean.magnitude
+    np.testing.assert_allclose(spread[lines], np.array(sd_rel)[lines], atol=0.1)
+    actual = ensemble.models.magnitude.std(axis=0, ddof=1)
+    np.testing.assert_allclose(ensemble.stated_sd / actual, ratio, atol=0.2)
+
+
+def test_appendix_i_of_c1(ensemble):
+    check_against_appendix(
+        ensemble,  # appI.FC.C1_0.15, appI.H9_over_ensemble.C1_0.15
+        [-0.035, -0.024, -0.007, -0.004, -0.018, -0.003, -0.01, 0.007, 0.026, -0.02],
+        [0.197, 0.127, 0.097, 0.085, 0.086, 0.087, 0.086, 0.092, 0.166, 0.178],
+        [0.78, 0.781, 0.785, 0.797, 0.825, 0.832, 0.813, 0.8, 0.898, 0.877],
+    )
+
+
+@pytest.mark.slow
+def test_appendix_i_of_c2():
+    check_against_appendix(
+        Ensemble("C2", 0.039),  # appI.FC.C2_0.15, appI.H9_over_ensemble.C2_0.15
+        [-0.836, -0.61, -0.22, 0.005, -0.002, -0.009, -0.002, 0.008, 0.019, -0.013],
+        [4.915, 3.26, 1.288, 0.38, 0.143, 0.06, 0.053, 0.145, 0.184, 0.193],
+        [0.79, 0.791, 0.796, 0.815, 0.846, 0.84, 0.827, 0.842, 0.988, 0.874],
+        lines=slice(4, None),  # below, a few runs decide the mean of a ratio
+    )
+
+
+def test_variance_from_neighbouring_bins_is_the_actual_one(ensemble):
+    """Twelve degrees of freedom and 100 runs: the ratio of sds has a sd of about 0.08."""
+    fourier = ensemble.fourier
+    stated = np.sqrt(np.mean(fourier.magnitude_sd**2, axis=0))
+    ratio = stated / fourier.magnitude.std(axis=0, ddof=1)
+    assert np.all((ratio > 0.75) & (ratio < 1.35)), ratio
+    stated = np.sqrt(np.mean(fourier.phase_sd**2, axis=0))
+    ratio = stated / (fourier.phase - ensemble.truth.phase).std(axis=0, ddof=1)
+    assert np.all((ratio > 0.75) & (ratio < 1.35)), ratio
+
+
+def test_coherence_of_a_run_is_that_of_the_ensemble(ensemble):
+    single = np.median(ensemble.fourier.coherence, axis=0)
+    np.testing.assert_allclose(single, ensemble.fourier.mean().coherence, atol=0.03)
+
+
+def test_phases_of_a_noisy_ensemble_unwrap(ensemble):
+    assert np.all(np.abs(ensemble.fourier.phase - ensemble.truth.phase) < 120)
+
+
+def test_ensemble_statistics_by_hand():
+    response = FrequencyResponse([1.0, 2.0], [[1 + 1j, 2], [3 + 2j, 2j], [2 + 3j, -2]])
+    mean = response.mean()
+    np.testing.assert_allclose(mean.response, [2 + 2j, 2j / 3])  # H.1, H.2
+    np.testing.assert_allclose(mean.magnitude[0], np.sqrt(8))  # H.3
+    np.testing.assert_allclose(mean.phase[0], 45.0)  # H.4
+    np.testing.assert_allclose(mean.covariance[0], [[1.0, 0.5], [0.5, 1.0]])  # H.5, H.6 squared
+    np.testing.assert_allclose(mean.complex_sd, [np.sqrt(2), np.sqrt(4 + 4 / 3)])  # H.7
+    np.testing.assert_allclose(mean.complex_phase_sd, [np.degrees(np.arctan(0.5)), 180.0])  # H.8
+    np.testing.assert_allclose(mean.magnitude_sd[0], np.sqrt(1.5))  # along (1, 1)
+    np.testing.assert_allclose(mean.phase_sd[0], np.degrees(np.sqrt(0.5 / 8)))  # across
+    error = response.mean(standard_error=True)
+    np.testing.assert_allclose(error.covariance, mean.covariance / 3)
+    alone = FrequencyResponse([1.0], [[1j]]).mean()
+    assert alone.covariance is None
+    assert alone.magnitude_sd is None
+    assert alone.complex_phase_sd is None
+
+
+def test_mean_of_coefficients_and_coherence():
+    rng = np.random.default_rng(0)
+    E = 1.0 + 0.3 * rng.standard_normal((50, 2)) + 0.3j * rng.standard_normal((50, 2))
+    U = (1 - 2j) * E + 0.2 * (rng.standard_normal((50, 2)) + 1j * rng.standard_normal((50, 2)))
+    response = FrequencyResponse([1.0, 2.0], U / E, coefficients=(E, U))
+    mean = response.mean(average="coefficients", standard_error=True)
+    np.testing.assert_allclose(mean.response, U.mean(axis=0) / E.mean(axis=0))
+    expected_sd = np.sqrt(2) * 0.2 / np.abs(E.mean(axis=0)) / np.sqrt(50)
+    np.testing.assert_allclose(mean.complex_sd, expected_sd, rtol=0.3)
+    cross = np.abs((U * E.conj()).mean(axis=0)) ** 2
+    power = (np.abs(U) ** 2).mean(axis=0) * (np.abs(E) ** 2).mean(axis=0)
+    np.testing.assert_allclose(mean.coherence, cross / power)
+    doubled = (response * np.array([2.0, 2j])).mean()
+    np.testing.assert_allclose(doubled.coherence, mean.coherence)
+    with pytest.raises(ValueError, match="average must be"):
+        response.mean(average="phase")
+    with pytest.raises(ValueError, match="needs the Fourier coefficients"):
+        FrequencyResponse([1.0], [[1.0], [2.0]]).mean(average="coefficients")
+    with pytest.raises(ValueError, match="single response"):
+        mean.mean()
+
+
+# Propagation of covariances
+
+
+def sampled(rng, n=200_000):
+    """A response with a covariance at two lines, and samples of it."""
+    mean = np.array([1.0 + 0.5j, -0.4 + 0.8j])
+    covariance = 1e-4 * np.array([[[2.0, 0.7], [0.7, 1.0]], [[1.0, -0.9], [-0.9, 3.0]]])
+    parts = [
+        rng.multivariate_normal([m.real, m.imag], C, n)
+        for m, C in zip(mean, covariance, strict=True)
+    ]
+    samples = np.array([p[:, 0] + 1j * p[:, 1] for p in parts]).T
+    return FrequencyResponse([1.0, 2.0], mean, covariance=covariance), samples
+
+
+def assert_covers(response, samples):
+    """Stated standard deviations against those of samples: 1 % for 2e5 draws, and curvature."""
+    np.testing.assert_allclose(response.magnitude_sd, np.abs(samples).std(axis=0), rtol=0.02)
+    turn = np.degrees(np.angle(samples / response.response))
+    np.testing.assert_allclose(response.phase_sd, turn.std(axis=0), rtol=0.02)
+
+
+def test_covariances_are_propagated():
+    rng = np.random.default_rng(3)
+    first, a = sampled(rng)
+    second, b = sampled(rng)
+    factor = np.array([2.0 - 1j, 0.5j])
+    assert_covers(first, a)
+    assert_covers(first * factor, a * factor)
+    assert_covers(factor * first, a * factor)
+    assert_covers(first * second, a * b)
+    assert_covers(first.closed_loop(), a / (1 + a))
+    both = FrequencyResponse(first.omega, [first.response] * 2)
+    assert (both * second).covariance.shape == (2, 2, 2, 2)
+
+
+def test_products_chain_signals_and_keep_what_holds():
+    operator = FrequencyResponse.of(OPERATOR["C1"], LINES)
+    open_loop = operator * ELEMENT["C1"]
+    reverse = ELEMENT["C1"] * operator
+    expected = operator.response * ELEMENT["C1"].frequency_response(LINES)
+    for loop in (open_loop, reverse, operator * FrequencyResponse.of(ELEMENT["C1"], LINES)):
+        np.testing.assert_allclose(loop.response, expected)
+        assert (loop.input, loop.output, loop.delay) == ("e", "x", 0.28)
+    np.testing.assert_allclose((2 * operator).magnitude, 2 * operator.magnitude)
+    np.testing.assert_allclose(open_loop.closed_loop().response, expected / (1 + expected))
+    with pytest.raises(ValueError, match="different lines"):
+        operator * FrequencyResponse.of(ELEMENT["C1"], LINES[1:])
+    with pytest.raises(ValueError, match="different runs"):
+        FrequencyResponse([1.0], [[1], [2]]) * FrequencyResponse([1.0], [[1], [2]], runs=[1, 2])
+    with pytest.raises(TypeError):
+        operator * "gain"
+
+
+# Phase
+
+
+def test_sparse_lines_unwrap_like_dense_ones():
+    """Between the last two lines of Table I the operator turns by 167 or 170 degrees."""
+    for operator in OPERATOR.values():
+        dense = np.sort([*np.geomspace(0.01, 20, 2000), *LINES])
+        phase = np.degrees(np.unwrap(np.angle(operator.frequency_response(dense))))
+        expected = phase[np.searchsorted(dense, LINES)]
+        known = FrequencyResponse.of(operator, LINES)
+        unknown = FrequencyResponse(LINES, known.response)
+        late = unknown * np.exp(-0.2j * LINES)  # plain unwrapping would slip
+        for found in (
+            known.phase,
+            unknown.phase,
+            unknown.unwrapped_phase(delay=0.3),
+            unknown.unwrapped_phase(reference=operator),
+            late.phase + np.degrees(0.2 * LINES),
+        ):
+            np.testing.assert_allclose(found, expected, atol=1e-9)
+        assert np.max(np.abs(late.unwrapped_phase(delay=0.0) - late.phase)) > 300
+
+
+def test_lowest_line_is_within_half_a_turn_and_lost_lines_stay_lost():
+    response = FrequencyResponse([1.0, 2.0, 3.0], [np.nan, -1.0, 1j], delay=0.0)
+    np.testing.assert_allclose(response.phase, [np.nan, 180.0, 90.0])
+    assert np.isnan(FrequencyResponse([1.0], [[np.nan], [np.nan]]).phase).all()
+
+
+# Crossover
+
+
+@pytest.mark.parametrize(
+    ("state", "omega_c", "margin", "exact"),
+    [  # crossover.state1.*, crossover.state2.*
+        ("C1", 1.5339807878856413, 77.02746126928065, (1.563485140863052, 76.66834431239965)),
+        ("C2", 2.761165418194154, 22.691603793291648, (2.7479645785248255, 22.90174352638533)),
+    ],
+)
+def test_crossover_of_the_thesis(state, omega_c, margin, exact):
+    multiples = 2 * np.pi / PERIOD * np.arange(1, 300)
+    loop = FrequencyResponse.of(OPERATOR[state], multiples) * ELEMENT[state]
+    read = loop.crossover(interpolate=False)
+    assert read["omega_c"].item() == pytest.approx(omega_c, abs=0.002)
+    assert read["phase_margin"].item() == pytest.approx(margin, abs=0.05)
+    between = loop.crossover()
+    assert between["omega_c"].item() == pytest.approx(exact[0], abs=0.001)
+    assert between["phase_margin"].item() == pytest.approx(exact[1], abs=0.01)
+    at_lines = (FrequencyResponse.of(OPERATOR[state], LINES) * ELEMENT[state]).crossover()
+    np.testing.assert_allclose(at_lines.to_numpy()[0], exact, rtol=0.025)
+
+
+def test_crossover_is_the_last_downward_one():
+    response = FrequencyResponse([1.0, 2.0, 4.0, 8.0, 16.0], [[4, 0.5, 2, -0.5j, 0.1], [1] * 5])
+    with pytest.warns(UserWarning, match="1 of 2 responses have no crossover"):
+        table = response.crossover()
+    np.testing.assert_allclose(table["omega_c"], [4 * np.sqrt(2), np.nan])
+    assert table["phase_margin"].notna().tolist() == [True, False]
+
+
+def test_crossover_path_against_root_finding():
+    n = 600
+    time = np.linspace(0.0, 81.92, n)
+    weight = Sigmoid(0, 1, rate=0.5, time=40.96)(time)[:, None]
+    theta = (1 - weight) * ZOH_100HZ["C1"] + weight * np.array(ZOH_100HZ["C2"])
+    theta[100] = np.nan
+    element = ControlledElement(
+        Sigmoid(90, 30, rate=0.5, time=40.96), Sigmoid(6, 0.2, rate=0.5, time=40.96)
+    )
+    path = crossover_path(theta, DT, 29, element, time=time)
+    assert path.index.name == "time"
+    assert np.flatnonzero(path["omega_c"].isna()).tolist() == [100]
+    for k in range(0, n, 40):
+
+        def loop(w, k=k):
+            operator = arx_response(theta[k], [w], DT, na=2, nk=29)[0]
+            return operator * element.frequency_response(w, time[k])
+
+        exact = brentq(lambda w: np.log(np.abs(loop(w))), 0.3, 12.0, xtol=1e-13)
+        assert path["omega_c"].iloc[k] == pytest.approx(exact, rel=1e-9)
+        margin = np.degrees(np.angle(-loop(exact)))
+        assert path["phase_margin"].iloc[k] == pytest.approx(margin, abs=1e-6)
+
+
+def test_crossover_path_says_what_does_not_cross():
+    theta = [ZOH_100HZ["C1"]] * 3
+    with pytest.warns(UserWarning, match="2 of 3 instants have no crossover"):
+        path = crossover_path(
+            theta, DT, 29, ControlledElement(Sigmoid(90, 0, rate=1e3, time=0.005), 6.0)
+        )
+    assert path["omega_c"].notna().tolist() == [True, False, False]
+    np.testing.assert_allclose(path.index, [0, 0.01, 0.02])
+    with pytest.raises(ValueError, match="one for each"):
+        crossover_path(theta, DT, 29, ELEMENT["C1"], time=[0.0])
+    with pytest.raises(ValueError, match="shape"):
+        crossover_path(theta[0], DT, 29, ELEMENT["C1"])
+
+
+# ARX models
+
+
+@pytest.mark.parametrize(("na", "nb"), [(2, 2), (0, 3), (3, 1)])
+def test_arx_response_is_that_of_the_polynomials(na, nb):
+    rng = np.random.default_rng(na)
+    theta = 0.2 * rng.standard_normal(na + nb)
+    omega = np.linspace(0.5, np.pi / DT, 20)
+    b = np.r_[np.zeros(3), theta[na:]]
+    expected = freqz(b, np.r_[1, theta[:na]], omega * DT)[1] * np.exp(-0.2j * omega)
+    found = arx_response(theta, omega, DT, na=na, nk=3, delay=0.2)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    path = arx_response([[theta, theta]] * 4, omega, DT, na=na, nk=3, delay=0.2)
+    np.testing.assert_array_equal(path, np.broadcast_to(found, (4, 2, 20)))
+    assert np.isnan(arx_response(theta, [400.0], DT, na=na)).all()
+
+
+def test_arx_covariance_is_that_of_finite_differences():
+    theta, omega = np.array(ZOH_100HZ["C1"]), LINES
+    A = np.random.default_rng(0).standard_normal((4, 4))
+    P = A @ A.T * 1e-8
+    step = 1e-6
+    slopes = [
+        (
+            arx_response(theta + d, omega, DT, na=2, nk=29)
+            - arx_response(theta - d, omega, DT, na=2, nk=29)
+        )
+        / (2 * step)
+        for d in step * np.eye(4)
+    ]
+    J = np.stack([np.real(slopes), np.imag(slopes)], axis=0).transpose(2, 0, 1)
+    found = arx_response_covariance(theta, P, omega, DT, na=2, nk=29)
+    np.testing.assert_allclose(found, J @ P @ J.transpose(0, 2, 1), rtol=1e-5)
+    path = arx_response_covariance([theta] * 3, [P] * 3, omega, DT, na=2, nk=29)
+    np.testing.assert_allclose(path, np.broadcast_to(found, (3, 10, 2, 2)))
+    with pytest.raises(ValueError, match="none is left for the input"):
+        arx_response([0.1, 0.2], omega, DT, na=2)
+
+
+@pytest.fixture(scope="module")
+def two_inputs():
+    rng = np.random.default_rng(5)
+    e, x = rng.standard_normal((2, 2, 1500))
+    u = np.zeros((2, 1500))
+    for k in range(12, 1500):
+        u[:, k] = 0.8 * u[:, k - 1] + 0.3 * e[:, k - 12] - 0.1 * x[:, k - 2] + 0.4
+    u += 0.01 * rng.standard_normal(u.shape)
+    runs = {i: ([e[i], x[i]], u[i]) for i in range(2)}
+    return recording(runs, names=("e", "x"))
+
+
+def test_response_of_a_model_with_two_inputs(two_inputs):
+    X, y = two_inputs
+    model = ARXRegressor(na=1, nb=[1, 2], nk=[12, 2], inputs=["e", "x"], fit_intercept=True).fit(
+        X, y
+    )
+    omega = np.array([1.0, 10.0, 300.0, 320.0])
+    systems = model.to_transfer_function()
+    for name in ("e", "x"):
+        found = FrequencyResponse.of(model, omega, input=name)
+        _, expected = systems[name].freqresp(omega[:3] * DT)
+        np.testing.assert_allclose(found.response[:3], expected, rtol=1e-9)
+        assert np.isnan(found.response[3])
+        assert (found.input, found.output, found.dt) == (name, "u", 0.01)
+        assert found.nyquist == pytest.approx(100 * np.pi)
+        assert np.all(found.magnitude_sd[:3] > 0)
+    assert FrequencyResponse.of(model, omega, input="e").delay == pytest.approx(0.12)
+    with pytest.raises(ValueError, match=r"say which one with input="):
+        FrequencyResponse.of(model, omega)
+    with pytest.raises(ValueError, match="'z' is not an input"):
+        FrequencyResponse.of(model, omega, input="z")
+
+
+def test_response_of_pipelines_and_searches(two_inputs):
+    X, y = two_inputs
+    omega = LINES
+    pipeline = make_pipeline(DelayShift(0.12), RunInTrimmer(run_in=0.5), ARXRegressor(na=1, nb=1))
+    shifted = FrequencyResponse.of(pipeline.fit(X, y), omega)
+    alone = FrequencyResponse.of(pipeline[-1], omega)
+    np.testing.assert_allclose(shifted.response, alone.response * np.exp(-0.12j * omega))
+    np.testing.assert_allclose(shifted.magnitude_sd, alone.magnitude_sd)
+    assert shifted.delay == pytest.approx(0.12)
+    grid = {"delayshift__delay": [0.12]}
+    search = GridSearchCV(pipeline, grid, cv=2).fit(X, y)
+    np.testing.assert_allclose(FrequencyResponse.of(search, omega).response, shifted.response)
+    other = make_pipeline(DelayShift(0.12), ARXRegressor(na=1, nb=1, nk=2, inputs=["x"])).fit(X, y)
+    assert FrequencyResponse.of(other, omega).delay == pytest.approx(0.02)  # only e is shifted
+    coarse = make_pipeline(Decimator(factor=4), DelayShift(0.12), ARXRegressor(na=1, nb=1)).fit(
+        X, y
+    )
+    found = FrequencyResponse.of(coarse, [1.0, 78.0, 79.0])
+    assert found.dt == pytest.approx(0.04)
+    assert np.isnan(found.response).tolist() == [False, False, True]
+    scaled = make_pipeline(
+        StandardScaler().set_output(transform="pandas"), ARXRegressor(na=1, nb=1, nk=12)
+    ).fit(X, y)
+    with pytest.raises(ValueError, match="cannot see through StandardScaler"):
+        FrequencyResponse.of(scaled, omega)
+
+
+def test_what_has_no_frequency_response_is_refused():
+    with pytest.raises(NotFittedError):
+        FrequencyResponse.of(ARXRegressor(), [1.0])
+    with pytest.raises(TypeError, match=r"frequency_response\(omega, t\).*got int"):
+        FrequencyResponse.of(3, [1.0])
+
+
+def test_varying_systems_are_frozen():
+    operator = HumanOperator(K_e=Sigmoid(0.1, 0.2, rate=100.0, time=1.0), T_L=0.0)
+    found = [FrequencyResponse.of(operator, [1e-3], t).magnitude.item() for t in (0.0, 2.0)]
+    np.testing.assert_allclose(found, [0.1, 0.2], rtol=1e-6)
+
+
+# The result object
+
+
+def test_table_labels_and_selection():
+    coherence = np.array([[0.9, 0.8], [0.7, 0.6]])
+    covariance = np.zeros((2, 2, 2, 2)) + np.eye(2)
+    response = FrequencyResponse(
+        [1.0, 2.0], [[1, 1j], [2, 2j]], runs=["a", "b"], coherence=coherence, covariance=covariance
+    )
+    table = response.to_frame()
+    assert table.index.names == ["run", "omega"]
+    assert list(table) == ["magnitude", "phase", "magnitude_sd", "phase_sd", "coherence"]
+    assert table.loc[("b", 2.0), "magnitude"] == 2
+    assert table.loc[("b", 2.0), "phase_sd"] == pytest.approx(np.degrees(0.5))
+    np.testing.assert_array_equal(table["coherence"], coherence.ravel())
+    one = response.select_run("b")
+    assert list(one.to_frame().index.names) == ["omega"]
+    np.testing.assert_array_equal(one.response, [2, 2j])
+    np.testing.assert_array_equal(one.coherence, coherence[1])
+    assert repr(response) == "FrequencyResponse(u/e, runs=2, lines=2, 1 to 2 rad/s)"
+    with pytest.raises(ValueError, match="no run 'c'"):
+        response.select_run("c")
+    assert FrequencyResponse([1.0], [[1.0]], runs=[("S1", 2)]).labels == ["S1/2"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([0.0, 1.0], [1, 1]), "positive frequencies"),
+        (([2.0, 1.0], [1, 1]), "must increase"),
+        (([1.0, 2.0], [1, 1, 1]), r"must be \(2,\) or \(n_runs, 2\)"),
+        (([1.0], [[1]], ["a", "b"]), "names 2 runs"),
+        (([1.0], [1], None, "e", "u", np.eye(2)), "covariance has the shape"),
+    ],
+)
+def test_wrong_shapes_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        FrequencyResponse(*arguments)
+
+
+# Spectra
+
+
+@pytest.mark.parametrize("n_samples", [1000, 1001])
+def test_spectrum_sums_to_the_mean_square(n_samples):
+    rng = np.random.default_rng(0)
+    runs = {i: ([*rng.standard_normal((2, n_samples)) + 0.5], np.zeros(n_samples)) for i in "ab"}
+    X, _ = recording(runs, names=("e", "x"))
+    table = auto_psd(X)
+    spacing = 2 * np.pi / (n_samples * DT)
+    total = table.groupby(["run", "channel"])["psd"].sum() * spacing
+    for (run, channel), power in total.items():
+        assert power == pytest.approx(np.mean(X.loc[run, channel] ** 2), rel=1e-12)
+    assert list(table) == ["run", "channel", "omega", "psd"]
+
+
+def test_spectrum_of_a_sine_is_its_line():
+    t = DT * np.arange(800)
+    X = pd.Series(3 * np.sin(2 * np.pi * t), index=pd.Index(t, name="time"), name="u")
+    table = auto_psd(X, forcing={"f_t": [2 * np.pi], "f_d": [4 * np.pi]}, window=(0.0, 4.0))
+    assert table.loc[table["excited"], "omega"].to_numpy() == pytest.approx([2 * np.pi, 4 * np.pi])
+    spacing = 2 * np.pi / 4
+    np.testing.assert_allclose(table.loc[table["excited"], "psd"] * spacing, [4.5, 0], atol=1e-12)
+    assert table.loc[~table["excited"], "psd"].max() < 1e-12
+    assert set(table["channel"]) == {"u"}
+    with pytest.raises(ValueError, match=r"completes 8\.8 periods"):
+        auto_psd(X, forcing=[2.2 * np.pi], window=(0.0, 8.0))
+
+
+def test_spectrum_of_an_array_with_a_run_column():
+    X = np.column_stack([np.repeat([7, 8], 50), np.ones(100)])
+    table = auto_psd(X, run=0, dt=0.1)
+    assert sorted(set(table["run"])) == [7, 8]
+    assert set(table["channel"]) == {1}
