@@ -15,9 +15,8 @@ from ..pipelines import unwrapped
 from ..preprocessing import Decimator, DelayShift, RunInTrimmer
 from ..runs import input_columns
 from .discretisation import check_dt
-from .fitting import fit_operator
+from .fitting import NAMES, fit_operator
 
-NAMES = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
 FROM_POLES = ("K_e", "T_L", "K_edot", "omega_nm", "zeta_nm")
 UNITS = {"K_e": "", "T_L": "s", "K_edot": "s", "tau_e": "s", "omega_nm": "rad/s", "zeta_nm": ""}
 STEP = 1e-30  # of complex-step derivatives, which have no rounding to balance

@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 from .discretisation import check_dt, check_order, held_filter, pade
 
+NAMES = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
 N_FREQUENCIES = 60
 FILTER = slice(2, 4)  # log omega_nm and log zeta_nm among the fitted parameters
 ZETA = (0.02, 5.0)  # bounds; an estimate on a bound is none
@@ -133,10 +134,9 @@ def fit_operator(
             deviations[row] = _deviations(hold, p, response[row], slopes[row], P[row])
     n_failed = int((np.isnan(table[:, 0]) & np.isfinite(rows).all(axis=1)).sum())
     shape = theta.shape[:-1]
-    names = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
     return (
-        {name: table[:, i].reshape(shape) for i, name in enumerate(names)},
-        {name: deviations[:, i].reshape(shape) for i, name in enumerate(names)},
+        {name: table[:, i].reshape(shape) for i, name in enumerate(NAMES)},
+        {name: deviations[:, i].reshape(shape) for i, name in enumerate(NAMES)},
         misfit.reshape(shape),
         n_failed,
     )

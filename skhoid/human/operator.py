@@ -102,7 +102,17 @@ class HumanOperator:
         return f"HumanOperator({', '.join(parts)})"
 
     def gains(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """K_e and K_edot at the instants ``t`` (s), arrays of its shape."""
+        """K_e and K_edot over time.
+
+        Parameters
+        ----------
+        t : ndarray of shape (n_instants,)
+            Instants in s.
+
+        Returns
+        -------
+        K_e, K_edot : ndarray of shape (n_instants,)
+        """
         return evaluate(self.K_e, t), evaluate(self.rate_gain, t)
 
     @property

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from joblib import Parallel, delayed
-from rich.progress import track as track_progress
 
 from .. import _kernels
 from ..exceptions import UnstableLoopError
@@ -93,6 +92,8 @@ def simulate(
         delayed(block)(runs) for runs in blocks
     )
     if progress:
+        from rich.progress import track as track_progress
+
         done = track_progress(done, description="simulating", total=len(blocks), transient=True)
     signals = np.empty((4, n_runs, n_total - first))
     targets, disturbances = [], []

@@ -92,7 +92,7 @@ def test_batch_models_are_points():
     np.testing.assert_array_equal(display.lines_["c", "K_e"].get_xydata(), [[2, 0.1]])
     (bar,) = display.bands_["c", "K_e"].get_segments()
     np.testing.assert_allclose(bar[:, 1], [0.08, 0.12])
-    assert [tick.get_text() for tick in display.axes_[0].get_xticklabels()] == ["a", "b", "c"]
+    assert [tick.get_text() for tick in display.axes_[-1].get_xticklabels()] == ["a", "b", "c"]
     assert [text.get_text() for text in display.axes_[0].texts] == ["none"]
     np.testing.assert_allclose(display.truth_["K_e"].get_ydata(), 0.09)
 
