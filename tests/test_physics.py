@@ -653,9 +653,9 @@ def test_senseless_functions_of_time(options, message):
         task.simulate()
 
 
-@pytest.mark.parametrize("operator", [None, "me", 3.0, object()], ids=repr)
+@pytest.mark.parametrize("operator", [None, "me", 3.0, ControlledElement()], ids=repr)
 def test_what_is_not_an_operator(operator):
-    with pytest.raises(TypeError, match="operator is a HumanOperator, or a fitted ARXRegressor"):
+    with pytest.raises(TypeError, match=r"CompensatoryTask.*operator.*fitted ARX.*; got"):
         CompensatoryTask(operator=operator, duration=1.0).simulate()
 
 

@@ -523,6 +523,26 @@ def test_fourier_coefficients(state):
     np.testing.assert_allclose(np.angle(ratio, deg=True), phase, rtol=0, atol=1e-5)
 
 
+def test_table_2_from_a_run_without_remnant():
+    """n_k = 29, tau_e = 0.28 s and Table II, to its digits.
+
+    From e alone K_e, T_L, K_edot and tau_e have theirs; omega_nm comes out as 11.24 and zeta_nm as
+    0.343, in step with BIAS_REMNANT_FREE, since e moves between samples. f_t does not.
+    """
+    X, y = make_tracking_runs("C1", 1, channels=["e", "f_t", "x"])
+    search = DelaySearchCV(ARXRegressor(inputs=["e"])).fit(X, y)
+    assert search.best_nk_ == 29
+    from_e = operator_parameters(search).iloc[0]
+    digits = {"K_e": 2, "T_L": 1, "K_edot": 3, "tau_e": 2}
+    table_2 = {"K_e": 0.09, "T_L": 0.4, "K_edot": 0.036, "tau_e": 0.28}
+    assert {name: round(from_e[name], n) for name, n in digits.items()} == table_2
+    model = ARXRegressor(nb=[2, 3], nk=[29, 28], inputs=["f_t", "x"]).fit(X, y)
+    found = operator_parameters(model, input="f_t").iloc[0]
+    digits |= {"omega_nm": 2, "zeta_nm": 2}
+    table_2 |= {"omega_nm": 11.25, "zeta_nm": 0.35}
+    assert {name: round(found[name], n) for name, n in digits.items()} == table_2
+
+
 # Chapter 5 with remnant
 
 

@@ -448,13 +448,13 @@ def test_a_model_has_no_parameters_to_lag_or_perturb():
 def test_models_that_do_not_fit_the_loop():
     X, y = make(channels=["e", "x"], remnant_gain=0.02, random_state=0)
     slow = ARXRegressor(nk=15).fit(*make(sampling_rate=50.0))
-    with pytest.raises(ValueError, match=r"fitted at dt = 0.02 s; .*Use sampling_rate=50"):
+    with pytest.raises(ValueError, match=r"dt = 0.02 s.* sampling_rate=50"):
         make(operator=slow)
     two_inputs = ARXRegressor(nk=29, inputs=["e", "x"]).fit(X, y)
     with pytest.raises(ValueError, match="answers the error e alone"):
         make(operator=two_inputs)
     thinned = make_pipeline(Decimator(factor=2), ARXRegressor(nk=15)).fit(X[["e"]], y)
-    with pytest.raises(ValueError, match=r"Decimator\(factor=2\) has a slower clock"):
+    with pytest.raises(ValueError, match="without decimation"):
         make(operator=thinned)
     with pytest.raises(ValueError, match="not fitted"):
         make(operator=ARXRegressor())

@@ -5,12 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from sklearn.pipeline import Pipeline
-from sklearn.utils.validation import check_is_fitted
 
-from ..pipelines import unwrapped
-from ..preprocessing import Decimator, DelayShift, RunInTrimmer
-from ..runs import input_columns
+from ..arx.channel import ARXChannel
 
 
 def arx_response(
@@ -69,42 +65,44 @@ def arx_response_covariance(
 ) -> np.ndarray:
     """Covariance of the real and imaginary parts of an ARX frequency response.
 
-    By Gauss's approximation with dH/da_i = -H z^-i / A and dH/db_i = z^-(nk+i) e^(-j omega delay)
-    / A: C = J P J' with J the real and imaginary parts of the gradient (Eqs. H.11-H.17).
+        By Gauss's approximation C = J P J', with J the real and imaginary parts of the gradient
+    dH/da_i = -H z^-i / A and dH/db_i = z^-(nk+i) e^(-j omega delay) / A (Eqs. H.11-H.17).
 
-    Parameters
-    ----------
-    theta : array-like of shape (..., n_params)
-        [a_1 ... a_na, b_0 ... b_{nb-1}].
-    covariance : array-like of shape (..., n_params, n_params)
-        Covariance P of ``theta``.
-    omega : array-like of shape (n_lines,)
-        Frequencies in rad/s.
-    dt : float
-        Sampling time of the model in seconds.
-    na : int
-        Number of output lags.
-    nk : int, default=0
-        Input delay in samples.
-    delay : float, default=0.0
-        Further delay in seconds.
+        Parameters
+        ----------
+        theta : array-like of shape (..., n_params)
+            [a_1 ... a_na, b_0 ... b_{nb-1}].
+        covariance : array-like of shape (..., n_params, n_params)
+            Covariance P of ``theta``.
+        omega : array-like of shape (n_lines,)
+            Frequencies in rad/s.
+        dt : float
+            Sampling time of the model in seconds.
+        na : int
+            Number of output lags.
+        nk : int, default=0
+            Input delay in samples.
+        delay : float, default=0.0
+            Further delay in seconds.
 
-    Returns
-    -------
-    C : ndarray of shape (..., n_lines, 2, 2)
-        [[C_1, C_12], [C_12, C_2]] of each line; NaN above the Nyquist frequency.
+        Returns
+        -------
+        C : ndarray of shape (..., n_lines, 2, 2)
+            [[C_1, C_12], [C_12, C_2]] of each line; NaN above the Nyquist frequency.
 
-    References
-    ----------
-    Van Grootheest, thesis, Eqs. H.11-H.17.
+        References
+        ----------
+        Van Grootheest, thesis, Eqs. H.11-H.17.
 
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from skhoid.frequency import arx_response_covariance
-    >>> P = np.diag([1e-4, 1e-6])
-    >>> arx_response_covariance([-0.9, 0.1], P, [1.0, 10.0], dt=0.01, na=1).shape
-    (2, 2, 2)
+        Examples
+        --------
+        >>> import numpy as np
+
+    from ..arx.channel import ARXChannel
+        >>> from skhoid.frequency import arx_response_covariance
+        >>> P = np.diag([1e-4, 1e-6])
+        >>> arx_response_covariance([-0.9, 0.1], P, [1.0, 10.0], dt=0.01, na=1).shape
+        (2, 2, 2)
     """
     theta, omega = np.asarray(theta, dtype=float), _below_nyquist(omega, dt)
     numerator, denominator = _polynomials(theta, omega, dt, na)
@@ -144,64 +142,23 @@ def _polynomials(
     return numerator, 1.0 + denominator
 
 
-def taken_apart(model: Any) -> tuple[list[Any], Any]:
-    """Steps before the last one, and the last, of pipelines and searches."""
-    steps: list[Any] = []
-    model = unwrapped(model)
-    while isinstance(model, Pipeline):
-        steps += [step for _, step in model.steps[:-1]]
-        model = unwrapped(model.steps[-1][1])
-    return steps, model
-
-
-def response_of_model(model: Any, omega: np.ndarray, name: str | None) -> dict[str, Any] | None:
-    """What a FrequencyResponse holds of a fitted ARX model, alone or at the end of a pipeline.
-
-    None if ``model`` is something else.
-    """
-    steps, model = taken_apart(model)
-    if not hasattr(model, "to_transfer_function"):
-        return None
-    check_is_fitted(model)
-    orders, names = model.orders_, model.inputs_
-    if name is None and len(names) > 1:
-        raise ValueError(f"The model has the inputs {names}; say which one with input=.")
-    if name is not None and name not in names:
-        raise ValueError(f"input={name!r} is not an input of the model, which has {names}.")
-    channel = 0 if name is None else names.index(name)
-    first = orders.na + sum(orders.nb[:channel])
-    chosen = [*range(orders.na), *range(first, first + orders.nb[channel])]
-    theta, nk, dt = model.coef_[chosen], orders.nk[channel], model.dt_
-    delay = _shift(steps, model, names[channel], model._columns[channel])
-    covariance = getattr(model, "covariance_", None)
+def response_of_model(model: Any, omega: np.ndarray, name: str | None) -> dict[str, Any]:
+    """What a FrequencyResponse holds of a fitted ARX model, alone or at the end of a pipeline."""
+    arx = ARXChannel.of(model, name, "FrequencyResponse.of")
+    if arx.time is not None:
+        raise ValueError(
+            "The model's parameters vary in time: take arx_response(model.coef_path_, ...) or "
+            "crossover_path of skhoid.frequency."
+        )
+    grid: dict[str, Any] = {"na": arx.na, "nk": arx.nk, "delay": arx.shift}
+    covariance = arx.covariance
     if covariance is not None:
-        covariance = arx_response_covariance(
-            theta, covariance[np.ix_(chosen, chosen)], omega, dt, na=orders.na, nk=nk, delay=delay
-        )
+        covariance = arx_response_covariance(arx.theta, covariance, omega, arx.dt, **grid)
     return {
-        "response": arx_response(theta, omega, dt, na=orders.na, nk=nk, delay=delay),
+        "response": arx_response(arx.theta, omega, arx.dt, **grid),
         "covariance": covariance,
-        "input": names[channel],
-        "output": model._output_name,
-        "delay": nk * dt + delay,
-        "dt": dt,
+        "input": arx.input,
+        "output": arx.output,
+        "delay": arx.delay,
+        "dt": arx.dt,
     }
-
-
-def _shift(steps: list[Any], model: Any, name: str, position: int) -> float:
-    """Delay in seconds that DelayShift steps before a model give one of its inputs."""
-    total = 0.0
-    for step in steps:
-        if step in (None, "passthrough") or isinstance(step, (Decimator, RunInTrimmer)):
-            continue
-        if not isinstance(step, DelayShift):
-            raise ValueError(
-                f"The frequency response of a pipeline cannot see through {type(step).__name__}, "
-                f"which changes the input {name!r}. Take that of its last step, from the "
-                "transformed input: FrequencyResponse.of(pipeline[-1], omega)."
-            )
-        shifted = input_columns(
-            step._names, step.n_features_in_, step.inputs, step._run, step.roles
-        )
-        total += step.delay_ * (position in shifted)
-    return total

@@ -90,7 +90,7 @@ def crossover_path(
     Examples
     --------
     >>> from skhoid import ControlledElement, Sigmoid
-    >>> from skhoid.frequency import crossover_path
+    >>> from skhoid import crossover_path
     >>> theta = [[-1.91212, 0.92427, 0.04428, -0.04318]] * 2
     >>> element = ControlledElement(K_c=Sigmoid(90, 60, rate=0.5, time=40.96), omega_b=6.0)
     >>> crossover_path(theta, 0.01, 29, element, time=[0.0, 81.92]).round(2)

@@ -94,7 +94,7 @@ def fourier_coefficients(
     Examples
     --------
     >>> import numpy as np
-    >>> from skhoid.frequency import fourier_coefficients
+    >>> from skhoid import fourier_coefficients
     >>> omega = 2 * np.pi * np.array([1, 3, 7])  # rad/s; all periods fit in 1 s
     >>> t = 0.01 * np.arange(200)
     >>> e = np.sin(np.outer(t, omega)).sum(axis=1)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..arx.channel import is_arx
 from ..human import ControlledElement, HumanOperator
 from ..runs import run_name
 from .arx import response_of_model
@@ -64,7 +65,7 @@ class FrequencyResponse:
     Examples
     --------
     >>> from skhoid import ControlledElement, HumanOperator
-    >>> from skhoid.frequency import FrequencyResponse
+    >>> from skhoid import FrequencyResponse
     >>> operator = FrequencyResponse.of(HumanOperator(), [0.5, 1.0, 2.0, 4.0])
     >>> operator.magnitude.round(3)
     array([0.092, 0.098, 0.118, 0.187])
@@ -146,9 +147,8 @@ class FrequencyResponse:
         response : FrequencyResponse
         """
         lines = np.atleast_1d(np.asarray(omega, dtype=float))
-        found = response_of_model(system, lines, input)
-        if found is not None:
-            return cls(lines, **found)
+        if is_arx(system):
+            return cls(lines, **response_of_model(system, lines, input))
         if not hasattr(system, "frequency_response"):
             raise TypeError(
                 "FrequencyResponse.of takes an object with frequency_response(omega, t), or a "

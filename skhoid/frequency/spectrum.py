@@ -51,7 +51,7 @@ def auto_psd(
     Examples
     --------
     >>> import numpy as np
-    >>> from skhoid.frequency import auto_psd
+    >>> from skhoid import auto_psd
     >>> t = 0.01 * np.arange(1000)
     >>> table = auto_psd(np.sin(2 * np.pi * t), forcing=[2 * np.pi], dt=0.01)
     >>> spacing = 2 * np.pi / 10

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.utils.validation import check_is_fitted
 
-from ..pipelines import unwrapped
-from ..preprocessing import Decimator, DelayShift, RunInTrimmer
-from ..runs import input_columns
+from ..arx.channel import ARXChannel
 from .discretisation import check_dt
 from .fitting import NAMES, fit_operator
 
@@ -64,8 +59,8 @@ def arx_to_operator(
     Examples
     --------
     >>> from skhoid import HumanOperator
-    >>> from skhoid.human.conversion import arx_to_operator
-    >>> from skhoid.human.discretisation import zoh_parameters
+    >>> from skhoid import arx_to_operator
+    >>> from skhoid import zoh_parameters
     >>> theta = zoh_parameters(HumanOperator(K_e=0.07, T_L=1.2), dt=0.01)
     >>> values, deviations, n_not_complex = arx_to_operator(theta, dt=0.01)
     >>> {name: round(float(value), 6) for name, value in values.items()}
@@ -180,8 +175,8 @@ def operator_parameters(
     >>> import numpy as np
     >>> from scipy.signal import lfilter
     >>> from skhoid import ARXRegressor, HumanOperator
-    >>> from skhoid.human.conversion import operator_parameters
-    >>> from skhoid.human.discretisation import zoh_parameters
+    >>> from skhoid import operator_parameters
+    >>> from skhoid import zoh_parameters
     >>> a1, a2, b0, b1 = zoh_parameters(HumanOperator(), dt=0.01)
     >>> e = np.random.default_rng(0).standard_normal(2000)
     >>> u = lfilter(29 * [0] + [b0, b1], [1, a1, a2], e)
@@ -192,10 +187,10 @@ def operator_parameters(
     """
     if method not in ("poles", "fit"):
         raise ValueError(f"method must be 'poles' or 'fit'; got {method!r}.")
-    arx = IdentifiedOperator.of(model, input)
+    arx = ARXChannel.of(model, input, "operator_parameters")
     misfit: dict[str, Any] = {}
     if method == "poles":
-        values, deviations, n_failed = arx.from_poles()
+        values, deviations, n_failed = _from_poles(arx)
         reason = "have no pair of complex poles"
     else:
         values, deviations, misfit["misfit"], n_failed = fit_operator(
@@ -226,101 +221,22 @@ def operator_parameters(
     return frame
 
 
-@dataclass(frozen=True)
-class IdentifiedOperator:
-    """The response of a fitted ARX model to one input: parameters, or a path of them."""
-
-    theta: np.ndarray
-    covariance: np.ndarray | None
-    na: int
-    dt: float
-    dt_recording: float
-    delay: float
-    time: np.ndarray | None
-
-    @classmethod
-    def of(cls, estimator: Any, channel: str | None) -> IdentifiedOperator:
-        """Read it from a model, alone or at the end of pipelines and searches."""
-        check_is_fitted(estimator)
-        model, steps = unwrapped(estimator), []
-        while hasattr(model, "steps"):
-            steps += [step for _, step in model.steps[:-1]]
-            model = unwrapped(model.steps[-1][1])
-        if not hasattr(model, "to_transfer_function"):
-            raise TypeError(
-                "operator_parameters needs a fitted ARX model, or a pipeline or search that ends "
-                f"in one; got {type(model).__name__}."
-            )
-        orders, chosen = model.orders_, _channel(model, channel)
-        first = orders.na + sum(orders.nb[:chosen])
-        of_input = [*range(orders.na), *range(first, first + orders.nb[chosen])]
-        time = None
-        coefficients = getattr(model, "coef_path_", None)
-        covariance = getattr(model, "covariance_path_", None)
-        if coefficients is None:
-            coefficients, covariance = model.coef_, getattr(model, "covariance_", None)
-        else:
-            time = np.asarray(model.time_path_, dtype=float)
-        if covariance is not None:
-            covariance = np.asarray(covariance)[..., of_input, :][..., of_input]
-        shift = sum(_shifts(steps, model, chosen))
-        factor = 1 if model._mark is None else model._mark.factor
-        return cls(
-            theta=np.asarray(coefficients)[..., of_input],
-            covariance=covariance,
-            na=orders.na,
-            dt=model.dt_,
-            dt_recording=model.dt_ / factor,
-            delay=shift + orders.nk[chosen] * model.dt_,
-            time=time,
+def _from_poles(arx: ARXChannel) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:
+    """Operator parameters by Eqs. 22-23, and the delay."""
+    nb = arx.theta.shape[-1] - arx.na
+    if (arx.na, nb) != (2, 2):
+        raise ValueError(
+            f"method='poles' converts ARX models with na=2 and nb=2; this one has na={arx.na} "
+            f"and nb={nb}. method='fit' converts any orders."
         )
-
-    def from_poles(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:
-        """Operator parameters by Eqs. 22-23, and the delay."""
-        nb = self.theta.shape[-1] - self.na
-        if (self.na, nb) != (2, 2):
-            raise ValueError(
-                f"method='poles' converts ARX models with na=2 and nb=2; this one has na={self.na} "
-                f"and nb={nb}. method='fit' converts any orders."
-            )
-        tau_e = self.delay - self.dt_recording
-        if tau_e < -1e-9:
-            raise ValueError(
-                f"The model's delay is {self.delay:g} s and zero-order hold alone takes "
-                f"{self.dt_recording:g} s, so tau_e would be negative. Give the model a delay "
-                "(nk, or a DelayShift before it; DelaySearchCV finds it)."
-            )
-        values, deviations, n_not_complex = arx_to_operator(self.theta, self.dt, self.covariance)
-        values["tau_e"] = np.full(self.theta.shape[:-1], max(tau_e, 0.0))
-        deviations["tau_e"] = np.full(self.theta.shape[:-1], np.nan)
-        return values, deviations, n_not_complex
-
-
-def _channel(model: Any, name: str | None) -> int:
-    """Position among the inputs of the model."""
-    names = model.inputs_
-    if name is not None:
-        if name not in names:
-            raise ValueError(f"input={name!r} is not an input of the model, which has {names}.")
-        return names.index(name)
-    errors = [i for i, n in enumerate(names) if (model.roles or {}).get(n, n) == "e"]
-    if len(names) > 1 and len(errors) != 1:
-        raise ValueError(f"The model has the inputs {names}; say which one with input=.")
-    return errors[0] if len(names) > 1 else 0
-
-
-def _shifts(steps: list[Any], model: Any, chosen: int) -> Iterator[float]:
-    """Delays in s that the steps before a model give one of its inputs."""
-    for step in steps:
-        if isinstance(step, DelayShift):
-            shifted = input_columns(
-                step._names, step.n_features_in_, step.inputs, step._run, step.roles
-            )
-            if model._columns[chosen] in shifted:
-                yield step.delay_
-        elif step not in (None, "passthrough") and not isinstance(step, (Decimator, RunInTrimmer)):
-            raise ValueError(
-                f"The pipeline holds a {type(step).__name__}, which changes the input "
-                f"{model.inputs_[chosen]!r} in a way that operator parameters cannot undo. Convert "
-                "its last step alone: operator_parameters(pipeline[-1])."
-            )
+    tau_e = arx.delay - arx.dt_recording
+    if tau_e < -1e-9:
+        raise ValueError(
+            f"The model's delay is {arx.delay:g} s and zero-order hold alone takes "
+            f"{arx.dt_recording:g} s, so tau_e would be negative. Give the model a delay "
+            "(nk, or a DelayShift before it; DelaySearchCV finds it)."
+        )
+    values, deviations, n_not_complex = arx_to_operator(arx.theta, arx.dt, arx.covariance)
+    values["tau_e"] = np.full(arx.theta.shape[:-1], max(tau_e, 0.0))
+    deviations["tau_e"] = np.full(arx.theta.shape[:-1], np.nan)
+    return values, deviations, n_not_complex

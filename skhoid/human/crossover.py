@@ -47,7 +47,7 @@ def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any
     Examples
     --------
     >>> from skhoid import ControlledElement, HumanOperator
-    >>> from skhoid.human.crossover import crossover
+    >>> from skhoid import crossover
     >>> omega_c, phase_margin = crossover(HumanOperator(), ControlledElement())
     >>> round(omega_c, 3), round(phase_margin, 2)
     (1.563, 76.67)

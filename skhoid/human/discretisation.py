@@ -51,7 +51,7 @@ def zoh_parameters(operator: HumanOperator, dt: float, t: Any = 0.0) -> np.ndarr
     Examples
     --------
     >>> from skhoid import HumanOperator
-    >>> from skhoid.human.discretisation import zoh_parameters
+    >>> from skhoid import zoh_parameters
     >>> zoh_parameters(HumanOperator(K_e=0.09, T_L=0.4), dt=0.01).round(4)
     array([-1.9121,  0.9243,  0.0443, -0.0432])
     """
@@ -109,7 +109,7 @@ def delay_samples(operator: HumanOperator, dt: float, *, nearest: bool = False) 
     Examples
     --------
     >>> from skhoid import HumanOperator
-    >>> from skhoid.human.discretisation import delay_samples
+    >>> from skhoid.human import delay_samples
     >>> [delay_samples(HumanOperator(tau_e=0.28), dt) for dt in (0.02, 0.01, 0.005)]
     [15, 29, 57]
     """
@@ -149,7 +149,7 @@ def pade(delay: float, order: int) -> tuple[np.ndarray, np.ndarray]:
 
     Examples
     --------
-    >>> from skhoid.human.discretisation import pade
+    >>> from skhoid.human import pade
     >>> numerator, denominator = pade(0.28, order=1)
     >>> numerator
     array([-0.14,  1.  ])

@@ -93,7 +93,7 @@ def fit_operator(
     Examples
     --------
     >>> from skhoid import HumanOperator
-    >>> from skhoid.human.discretisation import zoh_parameters
+    >>> from skhoid import zoh_parameters
     >>> from skhoid.human.fitting import fit_operator
     >>> theta = zoh_parameters(HumanOperator(), dt=0.01)
     >>> values, _, _, _ = fit_operator(theta, 0.01, na=2, delay=0.29)

@@ -12,8 +12,8 @@ import pandas as pd
 from matplotlib.ticker import MaxNLocator
 from scipy.stats import norm
 
+from ..arx.channel import taken_apart
 from ..frequency import FrequencyResponse
-from ..frequency.arx import taken_apart
 from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
 
 GREEN, PURPLE, ORANGE, SKY = "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
@@ -63,8 +63,8 @@ class BodeDisplay:
     --------
     >>> import numpy as np
     >>> from skhoid import HumanOperator
-    >>> from skhoid.frequency import FrequencyResponse
-    >>> from skhoid.plotting.bode import BodeDisplay
+    >>> from skhoid import FrequencyResponse
+    >>> from skhoid.plotting import BodeDisplay
     >>> omega = np.geomspace(0.1, 30, 200)
     >>> operators = {
     ...     f"T_L = {T_L} s": FrequencyResponse.of(HumanOperator(T_L=T_L), omega)

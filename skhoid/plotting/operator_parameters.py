@@ -77,8 +77,8 @@ class OperatorParametersDisplay:
     >>> import numpy as np
     >>> from scipy.signal import lfilter
     >>> from skhoid import ARXRegressor, HumanOperator
-    >>> from skhoid.human.discretisation import zoh_parameters
-    >>> from skhoid.plotting.operator_parameters import OperatorParametersDisplay
+    >>> from skhoid import zoh_parameters
+    >>> from skhoid.plotting import OperatorParametersDisplay
     >>> a1, a2, b0, b1 = zoh_parameters(HumanOperator(), dt=0.01)
     >>> e = np.random.default_rng(0).standard_normal(2000)
     >>> u = lfilter(29 * [0] + [b0, b1], [1, a1, a2], e)

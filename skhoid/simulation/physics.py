@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from sklearn.pipeline import Pipeline
-from sklearn.utils.validation import check_is_fitted
 
 from .. import _kernels
+from ..arx.channel import ARXChannel, taken_apart
 from ..human import HumanOperator
 from ..human.operator import PURSUIT
 from ..human.variation import evaluate
-from ..pipelines import unwrapped
-from ..preprocessing import Decimator, DelayShift
 
 if TYPE_CHECKING:
     from .loop import CompensatoryTask
@@ -82,37 +79,22 @@ class ARXResponse:
 
     @classmethod
     def of(cls, task: CompensatoryTask) -> ARXResponse:
-        shift, model = 0.0, unwrapped(task.operator)
-        while isinstance(model, Pipeline):
-            for _, step in model.steps[:-1]:
-                if isinstance(step, DelayShift):
-                    shift += step.delay
-                elif isinstance(step, Decimator) and step.factor > 1:
-                    raise ValueError(
-                        f"A model behind Decimator(factor={step.factor}) has a slower clock than "
-                        "the loop. Fit it without decimation to put it back into the loop."
-                    )
-            model = unwrapped(model.steps[-1][1])
-        if not hasattr(model, "to_transfer_function"):
-            raise TypeError(
-                "CompensatoryTask: operator is a HumanOperator, or a fitted ARXRegressor or a "
-                f"Pipeline that ends in one; got {type(model).__name__}."
-            )
-        check_is_fitted(model)
+        channel = ARXChannel.of(task.operator, None, "CompensatoryTask(operator=...)")
         dt = 1 / task.sampling_rate
-        if abs(model.dt_ - dt) > 1e-6 * dt:
+        if abs(channel.dt - dt) > 1e-6 * dt:
             raise ValueError(
-                f"The model was fitted at dt = {model.dt_:g} s; the loop runs at {dt:g} s. "
-                f"Use sampling_rate={1 / model.dt_:g}."
+                f"The model runs at dt = {channel.dt:g} s and the loop at {dt:g} s. Fit it at the "
+                f"rate of the loop, without decimation, or use sampling_rate={1 / channel.dt:g}."
             )
-        orders = model.orders_
-        if len(orders.nb) != 1 or getattr(model, "intercept_", 0.0) != 0.0:
+        _, model = taken_apart(task.operator)
+        intercept = getattr(model, "intercept_", 0.0)
+        if len(model.inputs_) != 1 or intercept:
             raise ValueError(
                 "A model in the loop answers the error e alone, without intercept; this one has "
-                f"the inputs {model.inputs_} and intercept {getattr(model, 'intercept_', 0.0):g}."
+                f"the inputs {model.inputs_} and the intercept {intercept:g}."
             )
-        nk = orders.nk[0] + round(shift / dt)
-        return cls(_kernels.gate(model.coef_[None]), orders.na, nk, nk * dt)
+        nk = channel.nk + round(channel.shift / dt)
+        return cls(_kernels.gate(np.atleast_2d(channel.theta)), channel.na, nk, nk * dt)
 
     @property
     def arguments(self) -> tuple[Any, ...]:

@@ -1,0 +1,124 @@
+"""One input of a fitted ARX model, alone or at the end of pipelines and searches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
+
+from ..pipelines import unwrapped
+from ..preprocessing import Decimator, DelayShift, RunInTrimmer
+from ..runs import input_columns
+
+
+@dataclass(frozen=True)
+class ARXChannel:
+    """The part of an ARX model that answers one input.
+
+    ``theta`` is [a_1 ... a_na, b_0 ...], or a path of them with its ``time``; ``shift`` is the
+    delay in seconds that DelayShift steps add to ``nk``, ``dt_recording`` the sampling time
+    before decimation.
+    """
+
+    theta: np.ndarray
+    covariance: np.ndarray | None
+    na: int
+    nk: int
+    dt: float
+    dt_recording: float
+    shift: float
+    time: np.ndarray | None
+    input: str
+    output: str
+
+    @property
+    def delay(self) -> float:
+        """Total delay in seconds, with the sample that zero-order hold takes."""
+        return self.shift + self.nk * self.dt
+
+    @classmethod
+    def of(cls, estimator: Any, name: str | None, purpose: str) -> ARXChannel:
+        """Read it; ``purpose`` says in errors what needs the model."""
+        steps, model = taken_apart(estimator)
+        if not is_arx(estimator):
+            if hasattr(model, "fit"):
+                check_is_fitted(model)  # a search without a model yet
+            raise TypeError(
+                f"{purpose} takes a fitted ARX model, or a pipeline or search that ends in one; "
+                f"got {type(model).__name__}."
+            )
+        check_is_fitted(model)
+        orders, chosen = model.orders_, _position(model, name)
+        first = orders.na + sum(orders.nb[:chosen])
+        of_input = [*range(orders.na), *range(first, first + orders.nb[chosen])]
+        theta, time = getattr(model, "coef_path_", None), None
+        covariance = getattr(model, "covariance_path_", None)
+        if theta is None:
+            theta, covariance = model.coef_, getattr(model, "covariance_", None)
+        else:
+            time = np.asarray(model.time_path_, dtype=float)
+        if covariance is not None:
+            covariance = np.asarray(covariance)[..., of_input, :][..., of_input]
+        return cls(
+            theta=np.asarray(theta)[..., of_input],
+            covariance=covariance,
+            na=orders.na,
+            nk=orders.nk[chosen],
+            dt=model.dt_,
+            dt_recording=model.dt_ / (1 if model._mark is None else model._mark.factor),
+            shift=_shift(steps, model, chosen, purpose),
+            time=time,
+            input=model.inputs_[chosen],
+            output=model._output_name,
+        )
+
+
+def is_arx(estimator: Any) -> bool:
+    """Whether it is an ARX model, alone or at the end of pipelines and searches."""
+    return hasattr(taken_apart(estimator)[1], "to_transfer_function")
+
+
+def taken_apart(estimator: Any) -> tuple[list[Any], Any]:
+    """Steps before the last one, and the last."""
+    steps: list[Any] = []
+    model = unwrapped(estimator)
+    while isinstance(model, Pipeline):
+        steps += [step for _, step in model.steps[:-1]]
+        model = unwrapped(model.steps[-1][1])
+    return steps, model
+
+
+def _position(model: Any, name: str | None) -> int:
+    names = model.inputs_
+    if name is not None:
+        if name not in names:
+            raise ValueError(f"input={name!r} is not an input of the model, which has {names}.")
+        return names.index(name)
+    if len(names) == 1:
+        return 0
+    errors = [i for i, n in enumerate(names) if (model.roles or {}).get(n, n) == "e"]
+    if len(errors) != 1:
+        raise ValueError(f"The model has the inputs {names}; say which one with input=.")
+    return errors[0]
+
+
+def _shift(steps: list[Any], model: Any, chosen: int, purpose: str) -> float:
+    """Delay in seconds that the steps before a model give one of its inputs."""
+    total = 0.0
+    for step in steps:
+        if step in (None, "passthrough") or isinstance(step, (Decimator, RunInTrimmer)):
+            continue
+        if not isinstance(step, DelayShift):
+            raise ValueError(
+                f"{purpose} cannot see through {type(step).__name__}, which changes the input "
+                f"{model.inputs_[chosen]!r}. Take the last step of the pipeline alone, "
+                "pipeline[-1], and its transformed input."
+            )
+        shifted = input_columns(
+            step._names, step.n_features_in_, step.inputs, step._run, step.roles
+        )
+        total += step.delay_ * (model._columns[chosen] in shifted)
+    return total
