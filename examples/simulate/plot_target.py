@@ -54,7 +54,7 @@ for ax in axes:
 # %%
 # The densities times the spacing of the bins add up to the variance that Table I is scaled for.
 # Most of it stands in the three lowest lines; the upper three, where the neuromuscular system
-# shows, together hold less than a permille and a half of it.
+# shows, together hold about a thousandth of it.
 
 spacing = 2 * np.pi / PERIOD  # rad/s
 power = lines["psd"].to_numpy() * spacing
@@ -74,6 +74,7 @@ crests = pd.Series([target.crest_factor() for target in drawn])
 calm = f_t.with_random_phases(0, max_crest_factor=2.5)
 disturbance = f_t.interleaved(scale=0.3, random_state=0)
 print(f"crest factors of 200 draws: {crests.min():.2f} to {crests.max():.2f}")
+print(f"crest factor of a draw that may have 2.5 at most: {calm.crest_factor():.2f}")
 print(f"lines of the disturbance: {disturbance.multiples}")
 
 fig, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True, layout="constrained")
