@@ -2,9 +2,10 @@
 
 It shares no code with the package. Parameters are numbers or functions of time (s). The operator is
 Eq. D.3: two neuromuscular filters side by side, with the gains at their inputs, and the delay at
-the output. The controlled element is Eqs. D.6-D.11 with K_c first: v' = K_c u - omega_b v, x' = v.
-The remnant filter is a cascade of lags (Eq. D.4) or the neuromuscular filter (Eq. D.5), with the
-gain first. All of it is integrated together by fourth-order Runge-Kutta; forcing functions and
+the output; where the muscle itself varies, it is one that is pushed by omega² K_e e and by the rate
+of omega² K_edot e. The controlled element is Eqs. D.6-D.11 with K_c first: v' = K_c u - omega_b v,
+x' = v. The remnant filter is a cascade of lags (Eq. D.4) or the neuromuscular filter (Eq. D.5), with
+the gain first. All of it is integrated together by fourth-order Runge-Kutta; forcing functions and
 white noise are held over the step.
 """
 
@@ -16,23 +17,15 @@ def at(parameter, t):
     return float(parameter(np.asarray(t))) if callable(parameter) else float(parameter)
 
 
-def neuromuscular(position, rate, force, omega, zeta, observer):
-    """Time derivatives of the two states of omega² / (s² + 2 zeta omega s + omega²).
-
-    The second state is the rate of the first. With ``observer`` it is the rate plus
-    2 zeta omega times the position, which differs only where omega or zeta vary in time.
-    """
-    if observer:
-        return rate - 2 * zeta * omega * position, omega**2 * (force - position)
+def neuromuscular(position, rate, force, omega, zeta):
+    """Time derivatives of the two states of omega² / (s² + 2 zeta omega s + omega²)."""
     return rate, omega**2 * (force - position) - 2 * zeta * omega * rate
 
 
-def differentiator(first, second, force, omega, zeta, observer):
-    """The same for omega² s / (s² + 2 zeta omega s + omega²)."""
-    if observer:  # the output is the first state
-        damped = omega**2 * force - 2 * zeta * omega * first
-        return second + damped, -(omega**2) * first
-    return neuromuscular(first, second, force, omega, zeta, False)  # the output is the second
+def one_muscle(position, momentum, direct, lead, omega, zeta):
+    """y'' + 2 zeta omega y' + omega² y = omega² direct + d/dt (omega² lead), which may vary."""
+    rate = momentum + omega**2 * lead
+    return rate, omega**2 * (direct - position) - 2 * zeta * omega * rate
 
 
 def runge_kutta(derivative, state, dt):
@@ -77,7 +70,7 @@ def simulate(
     T_n=0.06,
     remnant_muscle=(11.25, 0.35),
     closed=True,
-    observer=False,
+    varying_muscle=False,
     step=runge_kutta,
 ):
     """Simulate one run from rest; sample k is at (k + begin) / rate.
@@ -94,8 +87,7 @@ def simulate(
     delay = tau_e * rate
 
     def operator_output(state):
-        position, _, first, second = state[:4]
-        return position + (first if observer else second)
+        return state[0] + (0.0 if varying_muscle else state[3])
 
     def remnant_of(state):
         return state[6] if order == "nm" else state[5 + order]
@@ -132,17 +124,20 @@ def simulate(
             display = at(shown, t)
             direct = at(K_e, t) * e + display * (at(K_t, t) * f_t[k] + at(K_x, t) * x)
             lead = at(K_edot, t) * e + display * (at(K_tdot, t) * f_t[k] + at(K_xdot, t) * x)
-            muscle = at(omega_nm, t), at(zeta_nm, t), observer
-            d_operator = [
-                *neuromuscular(position, speed, direct, *muscle),
-                *differentiator(first, second, lead, *muscle),
-            ]
+            muscle = at(omega_nm, t), at(zeta_nm, t)
+            if varying_muscle:
+                d_operator = [*one_muscle(position, speed, direct, lead, *muscle), 0.0, 0.0]
+            else:
+                d_operator = [
+                    *neuromuscular(position, speed, direct, *muscle),
+                    *neuromuscular(first, second, lead, *muscle),
+                ]
             n = remnant_of(state) if closed else 0.0
             stick = delayed(k, part) + n + f_d[k]
             d_element = [v, at(K_c, t) * stick - at(omega_b, t) * v]
             source = at(K_n, t) * strength * white[k]
             if order == "nm":
-                d_remnant = neuromuscular(*lags, source, *remnant_muscle, False)
+                d_remnant = neuromuscular(*lags, source, *remnant_muscle)
             else:
                 d_remnant = [(a - b) / T_n for a, b in zip([source, *lags[:-1]], lags, strict=True)]
             return [*d_operator, *d_element, *d_remnant]

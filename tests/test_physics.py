@@ -609,7 +609,7 @@ def test_senseless_tasks(options, message):
 @pytest.mark.parametrize(
     ("options", "what"),
     [
-        ({"sampling_rate": 10.0}, r"neuromuscular mode \(omega_nm\) of 11.25 rad/s"),
+        ({"sampling_rate": 10.0}, r"neuromuscular mode \(omega_nm, zeta_nm\) of 11.25 rad/s"),
         ({"operator": HumanOperator(omega_nm=60.0)}, r"neuromuscular mode .* of 60 rad/s"),
         (
             {"controlled_element": ControlledElement(1.0, 100.0)},
@@ -691,3 +691,43 @@ def test_phases_of_a_function_cannot_be_drawn():
 def test_remnant_of_unknown_gain_cannot_be_simulated():
     with pytest.raises(ValueError, match="is not known yet: tune_remnant"):
         CompensatoryTask(remnant=Remnant(intensity=0.1)).simulate()
+
+
+@pytest.mark.parametrize(
+    "operator",
+    [
+        HumanOperator(zeta_nm=20.0),
+        HumanOperator(omega_nm=lambda t: 400.0 + 0 * t),
+        HumanOperator(zeta_nm=lambda t: np.where(t < 0.5, 0.35, 20.0)),
+    ],
+    ids=["overdamped", "function", "in between"],
+)
+def test_fast_muscles_need_a_faster_clock(operator):
+    with pytest.raises(ValueError, match="100 Hz is too slow for the neuromuscular mode"):
+        CompensatoryTask(operator=operator, duration=1.0, run_in=0.0).simulate()
+
+
+@pytest.mark.parametrize("order", [2.0, True, [2], 0, "NM"])
+def test_remnant_orders_that_are_none(order):
+    with pytest.raises(ValueError, match="order is 1, 2, 3, 4 or 'nm'"):
+        Remnant(order=order, gain=0.1)
+
+
+def test_lines_above_nyquist_are_refused():
+    with pytest.raises(ValueError, match="not below Nyquist"):
+        Multisine(multiples=[6000], amplitudes=[1], phases=[0]).sample(0, 100, 100.0)
+
+
+def test_functions_of_time_must_take_arrays():
+    def scalar_only(t):
+        return 0.09 if t < 10 else 0.08
+
+    for function in (scalar_only, lambda t: t[:3]):
+        operator = HumanOperator(K_e=function)
+        with pytest.raises(ValueError, match="must take an array of instants"):
+            CompensatoryTask(operator=operator, duration=1.0, run_in=0.0).simulate()
+
+
+def test_the_default_target_has_a_short_name():
+    assert repr(Multisine()) == "Multisine()"
+    assert "period=40.0" in repr(Multisine(period=40.0))

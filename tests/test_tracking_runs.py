@@ -412,7 +412,10 @@ def grid_search(scoring):
     [
         ({"condition": "C7"}, "Unknown condition 'C7'.*Did you mean 'C6'"),
         ({"n_runs": 0}, "n_runs is a whole number, at least 1; got 0"),
-        ({"channels": "e"}, r"channels is a list of some of \['e', 'x', 'f_t', 'dist'\]; got 'e'"),
+        (
+            {"channels": "e"},
+            r"channels is a list of some of \['e', 'x', 'f_t', 'dist'\], each once; got 'e'",
+        ),
         ({"channels": []}, "channels is a list"),
         ({"channels": ["e", "f_d"]}, "channels is a list"),
         ({"remnant_intensity": 15}, "15 percent is 0.15"),
@@ -475,9 +478,7 @@ def test_models_that_do_not_fit_the_loop():
 @pytest.mark.parametrize("duration", [4.0, 0.5])
 def test_constant_loops_that_are_unstable(condition, operator, duration):
     """Also where the run is too short to tell by its own error."""
-    message = (
-        r"unstable: after a pulse its error grows by a factor e every [\d.]+ s. Lower .*\(K_e\)"
-    )
+    message = r"unstable: its error grows by a factor e every [\d.]+ s. Lower .*\(K_e\)"
     with pytest.raises(UnstableLoopError, match=message):
         make(condition, operator=operator, duration=duration)
 
@@ -506,13 +507,13 @@ def test_an_unstable_model_in_the_loop():
 
 def test_a_loop_that_varies_and_stays_unstable_long():
     """The operator of C2 keeps controlling the element of C1, for 200 s."""
-    with pytest.raises(UnstableLoopError, match=r"in run 0 the error passed .* by t = \d+\.\d+ s"):
+    with pytest.raises(UnstableLoopError, match=r"without remnant its error passes .* by t = \d+"):
         make("C6", adaptation_lag=200.0, duration=300.0, n_runs=1)
 
 
 def test_a_gain_that_grows_without_end():
     operator = HumanOperator(K_e=Sigmoid(0.09, 2.0, rate=1.0, time=2.0))
-    with pytest.raises(UnstableLoopError, match=r"in run 0 .* Lower the operator's gain"):
+    with pytest.raises(UnstableLoopError, match=r"without remnant .* Lower the operator's gain"):
         make("C1", operator=operator, duration=30.0)
 
 
@@ -533,3 +534,41 @@ def test_the_operator_of_c1_can_control_the_element_of_c2():
     )
     late, _ = make("C4", adaptation_lag=60.0, duration=81.92)
     assert late["e"].abs().max() < 3 * X["e"].abs().max()
+
+
+def test_random_phases_of_many_runs_without_a_disturbance():
+    X, _ = make_tracking_runs(
+        "C1", 17, channels=["f_t", "dist"], random_phases=True, duration=2.0, run_in=0.0
+    )
+    assert X["dist"].eq(0).all()
+    assert len({tuple(X.loc[run, "f_t"].iloc[:3]) for run in range(17)}) == 17
+
+
+def test_a_loop_so_unstable_that_it_overflows():
+    with pytest.raises(UnstableLoopError, match="Lower the operator's gain"):
+        make_tracking_runs("C1", operator=HumanOperator(K_e=30.0), duration=0.6, run_in=0.0)
+
+
+def test_open_loop_has_the_intensity_wanted():
+    """200 runs: the mean of P_n has a standard deviation of about 0.0015."""
+    X, y, truth = make_tracking_runs(
+        "C2", 200, remnant_intensity=0.2, open_loop=True, random_state=3, return_truth=True
+    )
+    P_n = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()
+    assert P_n.mean() == pytest.approx(0.2, abs=0.02)
+
+
+def test_a_task_brings_its_own_parameters():
+    task = CompensatoryTask(duration=4.0, run_in=0.0)
+    X, _ = make_tracking_runs(task, 1)
+    assert len(X) == 400
+    with pytest.raises(ValueError, match="A whole task has its own sampling_rate, duration"):
+        make_tracking_runs(task, 1, sampling_rate=200.0, duration=2.0)
+
+
+@pytest.mark.parametrize("condition", ["C3", "C6"])
+def test_table_needs_a_name(condition):
+    with pytest.raises(ValueError, match="needs the name of a condition"):
+        make_tracking_runs(
+            tracking_condition(condition), remnant_gain="table", remnant_intensity=0.1
+        )

@@ -18,6 +18,7 @@ from skhoid import (
     mixed_condition,
     tune_remnant,
 )
+from skhoid.simulation.engine import simulate
 
 TRANSITIONS = {"C3": ("C1", "C2"), "C4": ("C1", "C2"), "C5": ("C2", "C1"), "C6": ("C2", "C1")}
 
@@ -215,7 +216,7 @@ def test_a_loop_that_is_unstable():
 
 
 def test_noise_of_another_shape():
-    with pytest.raises(ValueError, match=r"noise must have a row for each of 10 runs"):
+    with pytest.raises(ValueError, match=r"n_realisations=10 and noise with 3 rows"):
         tune_remnant(wanting("C1"), noise=np.zeros((3, 7)))
 
 
@@ -241,3 +242,26 @@ def test_gains_of_table_g1(order, condition, intensity, gain, tolerance, random_
     task = wanting(condition, intensity, order, run_in=None)
     found = tune_remnant(task, random_state=random_state).remnant.gain
     assert found == pytest.approx(gain, abs=tolerance)
+
+
+def test_transitions_that_are_not_over_in_the_window():
+    """K_n lies between the gains for the parameters before and after the whole transition."""
+    late = mixed_condition("C1", "C2", Sigmoid(0, 1, rate=0.5, time=81.92))
+    wanted = Remnant(order=2, intensity=0.15)
+    tuned = tune_remnant(CompensatoryTask.of_condition(late, remnant=wanted), random_state=1)
+    ends = [
+        tune_remnant(CompensatoryTask.of_condition(name, remnant=wanted), random_state=1)
+        for name in ("C1", "C2")
+    ]
+    gain = tuned.remnant.gain
+    assert (gain.initial, gain.final) == tuple(end.remnant.gain for end in ends)
+    assert float(gain(81.92)) == pytest.approx(np.mean([end.remnant.gain for end in ends]))
+
+
+def test_weights_that_come_back_give_a_constant_gain():
+    there_and_back = mixed_condition("C1", "C2", lambda t: np.exp(-(((t - 40) / 10) ** 2)))
+    task = CompensatoryTask.of_condition(there_and_back, remnant=Remnant(order=2, intensity=0.15))
+    tuned = tune_remnant(task, random_state=2)
+    assert isinstance(tuned.remnant.gain, float)
+    found = simulate(tuned, 10, random_state=2, stream=1).intensity().mean()
+    assert found == pytest.approx(0.15, abs=1e-9)

@@ -44,8 +44,8 @@ for ax in axes:
 _ = axes[0].legend()
 
 # %%
-# The two are one at first and again at the end. In between, in the wake of the transition, u differs
-# by as much as it varies.
+# The two are one at first and again at the end. In between, in the wake of the transition, the
+# difference in u is as large as u itself.
 
 difference = (runs["C3"][1] - runs["C4"][1]).loc[0]
 shown = difference.loc[30.72:51.2]
@@ -73,11 +73,11 @@ from skhoid.plotting import TrackingDisplay
 
 def draw(pair, window):
     """Error, output and control of two conditions, on the same scales."""
-    fig, axes = plt.subplots(
+    _, axes = plt.subplots(
         3, 2, figsize=(7.6, 5.2), sharex=True, sharey="row", layout="constrained"
     )
     for name, column in zip(pair, axes.T, strict=True):
-        X, y, truth = runs[name]
+        X, y, _ = runs[name]
         units = dict.fromkeys(["e", "x", "u"], "deg")
         options = {"window": window, "units": units, "ax": column}
         transition = None if name in ("C1", "C2") else T_M
@@ -137,7 +137,7 @@ for name, (X, y, _) in runs.items():
 print(pd.DataFrame(rows).T.round(3).to_string())
 
 # %%
-# The error tells nothing: its spread hardly depends on the dynamics, because the operator adapts. The
-# control output does, since it more than doubles with 1/s². But whether the change was slow or sudden
-# is a matter of a few seconds in which the two differ by less than the signal itself. To see more
-# than that takes a model whose parameters vary.
+# The error tells nothing: its spread hardly depends on the dynamics, because the operator adapts.
+# The control output does, since it more than doubles with 1/s². But whether the change was slow or
+# sudden shows for a few seconds only, and only against a run of the other kind. To see more in a
+# single run takes a model whose parameters vary.

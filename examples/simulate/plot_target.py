@@ -52,13 +52,15 @@ for ax in axes:
     ax.grid(alpha=0.3)
 
 # %%
-# The densities times the spacing of the bins add up to the variance that Table I is scaled for.
+# The densities times the spacing of the bins add up to the variance that Table I is scaled for (the
+# thesis divides by n - 1).
 # Most of it stands in the three lowest lines; the upper three, where the neuromuscular system
 # shows, together hold about a thousandth of it.
 
 spacing = 2 * np.pi / PERIOD  # rad/s
 power = lines["psd"].to_numpy() * spacing
-print(f"variance {power.sum():.4f} deg², crest factor {f_t.crest_factor():.2f}")
+print(f"power of the lines {power.sum():.4f} deg², variance of the samples {target.var():.4f} deg²")
+print(f"crest factor {f_t.crest_factor():.2f}")
 print(f"three lowest lines {100 * power[:3].sum() / power.sum():.1f} %")
 print(f"three highest lines {100 * power[-3:].sum() / power.sum():.2f} %")
 

@@ -21,9 +21,10 @@ N_PHYSICS = 9
 def _rates(z0, z1, x, v, r0, r1, r2, r3, f_t, d, f_d, w, p, q, closed):
     """Time derivatives of operator (z), controlled element (x, v) and remnant filter (r)."""
     n = q[6] * r0 + q[7] * r1 + q[8] * r2 + q[9] * r3
+    rate = z1 + p[3] * f_t + p[5] * x
     return (
-        z1 - p[0] * z0 + p[3] * f_t + p[5] * x,
-        -p[1] * z0 + p[2] * f_t + p[4] * x,
+        rate,
+        p[2] * f_t + p[4] * x - p[1] * z0 - p[0] * rate,
         v,
         p[6] * (d + closed * n + f_d) - p[7] * v,
         q[0] * r0 + q[1] * r1 + q[2] * p[8] * w,

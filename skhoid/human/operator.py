@@ -19,7 +19,8 @@ class HumanOperator:
 
     H(s, t) = K_e(t) [T_L(t) s + 1] exp(-s tau_e) H_nm(s) from the error e to the control output
     u, with H_nm(s) = omega_nm² / (s² + 2 zeta_nm omega_nm s + omega_nm²). Gains that vary in time
-    act before the neuromuscular filter (Eq. D.3).
+    act before the neuromuscular filter (Eq. D.3): before its delay the output y follows
+    y'' + 2 zeta_nm omega_nm y' + omega_nm² y = omega_nm² K_e e + d/dt (omega_nm² K_edot e).
 
     Parameters
     ----------

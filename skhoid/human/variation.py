@@ -46,8 +46,21 @@ class Sigmoid:
         check_positive(self, "rate")
 
     def __call__(self, t: Any) -> np.ndarray:
-        progress = expit(self.rate * (np.asarray(t, dtype=float) - self.time))
-        return self.initial + (self.final - self.initial) * progress
+        return along(self, self.progress(t))
+
+    def progress(self, t: Any) -> np.ndarray:
+        """How much of the transition has happened, 0 to 1.
+
+        Parameters
+        ----------
+        t : array-like of shape (n_instants,)
+            Instants in s.
+
+        Returns
+        -------
+        progress : ndarray of shape (n_instants,)
+        """
+        return expit(self.rate * (np.asarray(t, dtype=float) - self.time))
 
 
 @dataclass(frozen=True)
@@ -76,7 +89,21 @@ class Step:
         check_finite(self, "initial", "final", "time")
 
     def __call__(self, t: Any) -> np.ndarray:
-        return np.where(np.asarray(t, dtype=float) >= self.time, self.final, self.initial)
+        return along(self, self.progress(t))
+
+    def progress(self, t: Any) -> np.ndarray:
+        """How much of the transition has happened, 0 or 1.
+
+        Parameters
+        ----------
+        t : array-like of shape (n_instants,)
+            Instants in s.
+
+        Returns
+        -------
+        progress : ndarray of shape (n_instants,)
+        """
+        return np.where(np.asarray(t, dtype=float) >= self.time, 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -111,9 +138,21 @@ class Ramp:
             )
 
     def __call__(self, t: Any) -> np.ndarray:
-        return np.interp(
-            np.asarray(t, dtype=float), [self.start, self.end], [self.initial, self.final]
-        )
+        return along(self, self.progress(t))
+
+    def progress(self, t: Any) -> np.ndarray:
+        """How much of the transition has happened, 0 to 1.
+
+        Parameters
+        ----------
+        t : array-like of shape (n_instants,)
+            Instants in s.
+
+        Returns
+        -------
+        progress : ndarray of shape (n_instants,)
+        """
+        return np.interp(np.asarray(t, dtype=float), [self.start, self.end], [0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -173,12 +212,22 @@ class Product:
         return evaluate(self.first, t) * evaluate(self.second, t)
 
 
+def along(transition: Any, progress: np.ndarray) -> np.ndarray:
+    """Values of a Sigmoid, Step or Ramp that has progressed so far."""
+    return (1.0 - progress) * transition.initial + progress * transition.final
+
+
 def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
     """Values at the instants ``t`` (s) of a number or a function of time."""
     if not callable(parameter):
         return np.full(t.shape, float(parameter))
-    values = np.asarray(parameter(t), dtype=float)
-    return np.broadcast_to(values, t.shape)
+    try:
+        return np.broadcast_to(np.asarray(parameter(t), dtype=float), t.shape)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"The function of time {parameter!r} must take an array of instants in s and return as "
+            f"many numbers, or one; with {t.size} instants it failed: {error}"
+        ) from error
 
 
 def mix(first: Parameter, second: Parameter, weight: Parameter) -> Parameter:
@@ -193,13 +242,13 @@ def mix(first: Parameter, second: Parameter, weight: Parameter) -> Parameter:
     return Mixture(first, second, weight)
 
 
-def transition_of(*parameters: Parameter) -> Parameter | None:
+def transition_of(*parameters: Parameter | None) -> Sigmoid | Step | Ramp | None:
     """How far along (0 to 1) the first of the parameters with one transition is; None if none."""
     for parameter in parameters:
         if isinstance(parameter, (Sigmoid, Step, Ramp)) and parameter.initial != parameter.final:
             return replace(parameter, initial=0.0, final=1.0)
-        if isinstance(parameter, Mixture) and callable(parameter.weight):
-            return parameter.weight
+        if isinstance(parameter, Mixture) and isinstance(parameter.weight, (Sigmoid, Step, Ramp)):
+            return transition_of(parameter.weight)
     return None
 
 

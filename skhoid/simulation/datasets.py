@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,18 @@ from .remnant import Remnant
 from .tuning import tune_remnant
 
 CHANNELS = {"e": "e", "x": "x", "f_t": "f_t", "dist": "f_d"}
+# of the parameters of make_tracking_runs that a task has, too
+DEFAULTS: dict[str, Any] = {
+    "sampling_rate": 100.0,
+    "duration": 81.92,
+    "run_in": None,
+    "target": None,
+    "disturbance": None,
+    "display": "compensatory",
+    "operator": None,
+    "controlled_element": None,
+    "transport": None,
+}
 VARYING = ("K_e", "T_L", "K_edot", "omega_nm", "zeta_nm", *PURSUIT)
 
 
@@ -58,8 +71,9 @@ def make_tracking_runs(
     ----------
     condition : {"C1", ..., "C6"}, Condition or CompensatoryTask, default="C1"
         What is controlled and by whom, see :func:`tracking_condition` and
-        :func:`mixed_condition`. A whole task replaces all parameters from ``sampling_rate`` to
-        ``controlled_element``, and ``transport``.
+        :func:`mixed_condition`. A whole task brings its sampling rate, duration, run-in, forcing
+        functions, display, operator, controlled element and transport, which must then not be
+        given.
     n_runs : int, default=5
         Number of runs; they differ in remnant and, where asked, in phases.
     remnant_intensity : float, default=0.0
@@ -142,26 +156,36 @@ def make_tracking_runs(
     (29, [-1.9121, 0.9243, 0.0443, -0.0432])
     """
     unknown = [name for name in channels if name not in CHANNELS]
-    if unknown or isinstance(channels, str) or not channels:
-        raise ValueError(f"channels is a list of some of {list(CHANNELS)}; got {channels!r}.")
-    if isinstance(condition, CompensatoryTask):
-        task = condition
-    else:
-        options = {"target": target, "operator": operator, "controlled_element": controlled_element}
-        task = CompensatoryTask.of_condition(
-            condition,
-            disturbance=disturbance,
-            display=display,
-            duration=duration,
-            run_in=run_in,
-            sampling_rate=sampling_rate,
-            transport=transport,
-            **{name: value for name, value in options.items() if value is not None},
+    if unknown or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
+        raise ValueError(
+            f"channels is a list of some of {list(CHANNELS)}, each once; got {channels!r}."
         )
+    given = {
+        "sampling_rate": sampling_rate,
+        "duration": duration,
+        "run_in": run_in,
+        "target": target,
+        "disturbance": disturbance,
+        "display": display,
+        "operator": operator,
+        "controlled_element": controlled_element,
+        "transport": transport,
+    }
+    defaults = signature(make_tracking_runs).parameters
+    given = {name: value for name, value in given.items() if value is not defaults[name].default}
+    if not isinstance(condition, CompensatoryTask):
+        task = CompensatoryTask.of_condition(condition, **given)
+    elif given:
+        raise ValueError(
+            f"A whole task has its own {', '.join(given)}: change the task "
+            "(dataclasses.replace), or give a condition."
+        )
+    else:
+        task = condition
     task = _adapted(task, adaptation_lag, dict(perturbation or {}))
     task = _with_remnant(task, condition, remnant_intensity, remnant_order, remnant_gain)
     if task.remnant is not None and task.remnant.gain is None:
-        task = tune_remnant(task, random_state=random_state, n_jobs=n_jobs)
+        task = tune_remnant(task, random_state=random_state, open_loop=open_loop, n_jobs=n_jobs)
     record = task.simulate(
         n_runs,
         random_state=random_state,
@@ -220,6 +244,11 @@ def _with_remnant(
     if isinstance(gain, str):
         if gain != "table":
             raise ValueError(f"remnant_gain is K_n, a function of time or 'table'; got {gain!r}.")
+        if not isinstance(condition, str):
+            raise ValueError(
+                "remnant_gain='table' needs the name of a condition of the thesis; "
+                "Remnant.from_table(name, intensity) in a task of your own."
+            )
         return replace(task, remnant=Remnant.from_table(condition, intensity, order))
     if gain is not None:
         if intensity:

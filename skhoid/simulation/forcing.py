@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -78,6 +78,11 @@ class Multisine:
             raise ValueError(f"Multisine: period must be positive, in s; got {self.period!r}.")
         object.__setattr__(self, "multiples", tuple(int(n) for n in self.multiples))
 
+    def __repr__(self) -> str:
+        shown = {f.name: getattr(self, f.name) for f in fields(self)}
+        parts = [f"{f.name}={shown[f.name]!r}" for f in fields(self) if shown[f.name] != f.default]
+        return f"Multisine({', '.join(parts)})"
+
     @property
     def omega(self) -> np.ndarray:
         """Excited frequencies in rad/s, in the order of ``multiples``."""
@@ -103,6 +108,12 @@ class Multisine:
         -------
         f : ndarray of shape (n_samples,)
         """
+        if self.omega.max() >= np.pi * sampling_rate:
+            raise ValueError(
+                f"Multisine: the line at {self.omega.max():.4g} rad/s is not below Nyquist, "
+                f"{np.pi * sampling_rate:.4g} rad/s at {sampling_rate:g} Hz. Sample faster, or "
+                "leave it out."
+            )
         k = np.arange(first, first + n_samples)
         period = self.period * sampling_rate
         whole = round(period)
@@ -132,7 +143,7 @@ class Multisine:
 
         Parameters
         ----------
-        random_state : int, RandomState instance or None, default=None
+        random_state : int, RandomState, Generator or None, default=None
             Source of the phases.
         max_crest_factor : float or None, default=None
             Draw until the crest factor is at most this, 1000 times at most.
@@ -146,7 +157,8 @@ class Multisine:
         ValueError
             If no draw reaches the crest factor.
         """
-        random = check_random_state(random_state)
+        is_new = isinstance(random_state, np.random.Generator)
+        random = random_state if is_new else check_random_state(random_state)
         lowest = np.inf
         for _ in range(1 if max_crest_factor is None else 1000):
             drawn = replace(self, phases=tuple(random.uniform(-np.pi, np.pi, len(self.phases))))
@@ -172,7 +184,7 @@ class Multisine:
             Distance of the new lines from these, in multiples of the base frequency.
         scale : float, default=1.0
             Factor on the amplitudes.
-        random_state : int, RandomState instance or None, default=None
+        random_state : int, RandomState, Generator or None, default=None
             Source of the phases.
 
         Returns
@@ -190,6 +202,8 @@ class Multisine:
         >>> Multisine().interleaved(random_state=0).multiples
         (4, 6, 9, 14, 23, 35, 54, 87, 140, 230)
         """
+        if offset != int(offset):
+            raise ValueError(f"Multisine.interleaved: offset is a whole number; got {offset!r}.")
         multiples = tuple(n + int(offset) for n in self.multiples)
         shared = sorted(set(multiples) & set(self.multiples))
         if shared:

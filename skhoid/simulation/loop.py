@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ..arx.channel import is_arx
 from ..human import ControlledElement, HumanOperator
-from ..human.variation import Parameter, check_finite, check_positive
+from ..human.variation import Parameter, check_positive
 from .conditions import Condition, tracking_condition
 from .engine import simulate
 from .forcing import Multisine
-from .physics import DISPLAYS, Delay, check_rate
+from .physics import DISPLAYS, parameters_of, physics_rows, response_of
 from .record import TrackingRecord
 from .remnant import Remnant
 
@@ -96,7 +97,11 @@ class CompensatoryTask:
                     f"or a function of time; got {self.display!r}."
                 )
             if not isinstance(self.display, str):
-                check_finite(self, "display")
+                check_positive(self, "display", zero=True)
+                if self.display > 1:
+                    raise ValueError(
+                        f"CompensatoryTask: display is at most 1 (pursuit); got {self.display!r}."
+                    )
         if self.transport not in (None, "held", "interpolated"):
             raise ValueError(
                 "CompensatoryTask: transport is 'held', 'interpolated' or None; got "
@@ -107,9 +112,24 @@ class CompensatoryTask:
                 f"CompensatoryTask: {self.duration} s at {self.sampling_rate} Hz are fewer than "
                 "two samples."
             )
-        if isinstance(self.operator, HumanOperator):
-            check_rate(self)
-            Delay.of(self)
+        wanted: dict[str, Any] = {
+            "controlled_element": ControlledElement,
+            "remnant": (Remnant, type(None)),
+        }
+        for name, kind in wanted.items():
+            if not isinstance(getattr(self, name), kind):
+                raise TypeError(
+                    f"CompensatoryTask: {name} must be a {name.title().replace('_', '')}; got "
+                    f"{getattr(self, name)!r}."
+                )
+        if not isinstance(self.operator, HumanOperator) and not is_arx(self.operator):
+            raise TypeError(
+                "CompensatoryTask: operator is a HumanOperator, or a fitted ARX model (or a "
+                f"pipeline or search that ends in one); got {type(self.operator).__name__}."
+            )
+        if self.is_constant:
+            physics_rows(self)
+        response_of(self)
 
     @classmethod
     def of_condition(cls, condition: str | Condition, **options: Any) -> CompensatoryTask:
@@ -143,6 +163,11 @@ class CompensatoryTask:
         if self.run_in is None:
             return RUN_IN_WINDOWS * self.n_samples
         return round(self.run_in * self.sampling_rate)
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether no parameter varies in time."""
+        return not any(callable(p) for p in parameters_of(self).values())
 
     def at(self, t: float) -> CompensatoryTask:
         """The task with the parameters it has at one instant.

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import _kernels
 from ..arx.channel import ARXChannel, taken_apart
-from ..human import HumanOperator
+from ..human import HumanOperator, Ramp, Sigmoid, Step
 from ..human.operator import PURSUIT
-from ..human.variation import evaluate
+from ..human.variation import along, evaluate
 
 if TYPE_CHECKING:
     from .loop import CompensatoryTask
@@ -29,7 +29,6 @@ class Delay:
     samples: int
     weights: np.ndarray
     delay_time: float
-    constant: bool = True
 
     @classmethod
     def of(cls, task: CompensatoryTask) -> Delay:
@@ -75,7 +74,6 @@ class ARXResponse:
     na: int
     nk: int
     delay_time: float
-    constant: bool = True
 
     @classmethod
     def of(cls, task: CompensatoryTask) -> ARXResponse:
@@ -106,22 +104,29 @@ def response_of(task: CompensatoryTask) -> Delay | ARXResponse:
     return Delay.of(task) if isinstance(task.operator, HumanOperator) else ARXResponse.of(task)
 
 
-def physics_rows(task: CompensatoryTask) -> np.ndarray:
-    """Rows of physics every half step, or one where nothing varies; see ``_kernels.loop``."""
+def parameters_of(task: CompensatoryTask) -> dict[str, Any]:
+    """Numbers and functions of time that the loop depends on."""
     element, remnant = task.controlled_element, task.remnant
     display = DISPLAYS[task.display] if isinstance(task.display, str) else task.display
     parameters: dict[str, Any] = {"K_c": element.K_c, "omega_b": element.omega_b}
-    parameters["K_n"] = 0.0 if remnant is None else remnant.gain
+    parameters["K_n"] = 0.0 if remnant is None or remnant.gain is None else remnant.gain
     if isinstance(task.operator, HumanOperator):
         lead = "T_L" if task.operator.K_edot is None else "K_edot"
         names = ["K_e", lead, "omega_nm", "zeta_nm", *PURSUIT]
         parameters |= {name: getattr(task.operator, name) for name in names} | {"display": display}
-    constant = not any(callable(p) for p in parameters.values())
+    return parameters
+
+
+def physics_rows(task: CompensatoryTask) -> np.ndarray:
+    """Rows of physics every half step, or one where nothing varies; see ``_kernels.loop``."""
+    parameters = parameters_of(task)
     n_steps = task.n_run_in + task.n_samples
-    half_steps = np.arange(1 if constant else 2 * n_steps + 1)
+    half_steps = np.arange(1 if task.is_constant else 2 * n_steps + 1)
     t = (half_steps / 2 - task.n_run_in) / task.sampling_rate
-    # Constants stay scalars, which broadcast.
-    p = {name: _checked(name, value, t) for name, value in parameters.items()}
+    # Constants stay scalars, which broadcast; parameters with one transition share its progress.
+    progress: dict[Any, np.ndarray] = {}
+    p = {name: _checked(name, value, t, progress) for name, value in parameters.items()}
+    _check_rate(task, p)
     rows = np.zeros((t.size, _kernels.loop.N_PHYSICS))
     rows[:, 6], rows[:, 7], rows[:, 8] = p["K_c"], p["omega_b"], p["K_n"]
     if isinstance(task.operator, HumanOperator):
@@ -137,16 +142,22 @@ def physics_rows(task: CompensatoryTask) -> np.ndarray:
     return rows
 
 
-def _checked(name: str, parameter: Any, t: np.ndarray) -> Any:
+def _checked(name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]) -> Any:
     if not callable(parameter):
         return float(parameter)
-    values = evaluate(parameter, t)
+    if isinstance(parameter, (Sigmoid, Step, Ramp)):
+        key = replace(parameter, initial=0.0, final=1.0)
+        if key not in progress:
+            progress[key] = key.progress(t)
+        values = along(parameter, progress[key])
+    else:
+        values = evaluate(parameter, t)
     wrong = ~np.isfinite(values)
     if name not in SIGNED:
-        wrong |= values < 0
+        wrong |= values <= 0 if name in ("omega_nm", "zeta_nm") else values < 0
     if wrong.any():
         i = int(np.flatnonzero(wrong)[0])
-        what = "finite" if name in SIGNED else "finite and not negative"
+        what = "finite" if name in SIGNED else "finite and positive"
         raise ValueError(
             f"CompensatoryTask: {name} is {values[i]:g} at t = {t[i]:g} s (0 is the beginning of "
             f"the measurement window); it must be {what}, in the run-in too."
@@ -154,19 +165,21 @@ def _checked(name: str, parameter: Any, t: np.ndarray) -> Any:
     return values
 
 
-def check_rate(task: CompensatoryTask) -> None:
-    """Refuse a step too long for the fastest constant physics."""
-    operator, element, remnant = task.operator, task.controlled_element, task.remnant
-    modes = {
-        "neuromuscular mode (omega_nm)": operator.omega_nm,
-        "controlled element (omega_b)": element.omega_b,
-    }
-    if remnant is not None:
+def _check_rate(task: CompensatoryTask, p: dict[str, Any]) -> None:
+    """Refuse a step too long for the fastest mode."""
+    modes = {"controlled element (omega_b)": np.max(p["omega_b"])}
+    if isinstance(task.operator, HumanOperator):
+        zeta = np.asarray(p["zeta_nm"])
+        fastest = p["omega_nm"] * (zeta + np.sqrt(np.maximum(zeta**2 - 1, 0)))
+        speed = np.where(zeta > 1, fastest, p["omega_nm"])
+        modes["neuromuscular mode (omega_nm, zeta_nm)"] = speed.max()
+    if (remnant := task.remnant) is not None:
         is_nm = isinstance(remnant.order, str)
         modes["remnant filter"] = remnant.omega_nm if is_nm else 1 / remnant.time_constant
-    for what, speed in modes.items():
-        if not callable(speed) and speed > COARSEST * task.sampling_rate:
-            raise ValueError(
-                f"CompensatoryTask: {task.sampling_rate:g} Hz is too slow for the {what} of "
-                f"{speed:g} rad/s. Use sampling_rate={np.ceil(speed / COARSEST):g} Hz or more."
-            )
+    what = max(modes, key=lambda name: modes[name])
+    if modes[what] > COARSEST * task.sampling_rate:
+        raise ValueError(
+            f"CompensatoryTask: {task.sampling_rate:g} Hz is too slow for the {what} of "
+            f"{modes[what]:.4g} rad/s. Use sampling_rate={np.ceil(modes[what] / COARSEST):g} Hz or "
+            "more."
+        )

@@ -71,6 +71,8 @@ class Remnant:
     zeta_nm: float = 0.35
 
     def __post_init__(self) -> None:
+        if not isinstance(self.order, (str, int, np.integer)) or isinstance(self.order, bool):
+            raise ValueError(f"Remnant: order is 1, 2, 3, 4 or 'nm'; got {self.order!r}.")
         if self.order not in ORDERS:
             raise ValueError(f"Remnant: order is 1, 2, 3, 4 or 'nm'; got {self.order!r}.")
         if (self.intensity is None) == (self.gain is None):

@@ -17,6 +17,7 @@ from .loop import CompensatoryTask
 # Relative standard error of the gain above which realisations no longer determine it.
 LARGEST_ERROR = 0.5
 DOUBTFUL, MANY = 0.1, 100  # above such an error, so many realisations judge
+EVER = 1e9  # s: before and after any transition
 STREAM = 1  # of random numbers, apart from those of the runs
 
 
@@ -26,6 +27,7 @@ def tune_remnant(
     n_realisations: int = 10,
     random_state: Any = None,
     noise: Any = None,
+    open_loop: bool = False,
     n_jobs: int | None = None,
     progress: bool = False,
 ) -> CompensatoryTask:
@@ -34,8 +36,8 @@ def tune_remnant(
     The mean of P_n = var(n) / var(u) in the measurement window, over realisations of the noise,
     equals ``task.remnant.intensity``. The loop is linear, so u is the sum of the answer to the
     forcing functions and K_n times the answer to the noise: each is simulated once, and the root is
-    that of an explicit function of K_n. Where parameters follow one transition, K_n follows it
-    too, between the gains for the parameters at its two ends, as in conditions C3-C6.
+    that of an explicit function of K_n. Where parameters follow a Sigmoid, Step or Ramp, K_n
+    follows it too, between the gains for the parameters at its two ends, as in conditions C3-C6.
 
     Parameters
     ----------
@@ -47,6 +49,8 @@ def tune_remnant(
         Source of the noise, different from that of runs simulated with the same number.
     noise : array of shape (n_realisations, n_run_in + n_samples) or None, default=None
         White noise of unit variance instead.
+    open_loop : bool, default=False
+        For runs in which the remnant does not go round the loop.
     n_jobs : int or None, default=None
         Number of threads, as in joblib.
     progress : bool, default=False
@@ -71,6 +75,14 @@ def tune_remnant(
     0.016
     """
     remnant = task.remnant
+    if isinstance(n_realisations, bool) or int(n_realisations) != n_realisations:
+        raise ValueError(f"n_realisations is a whole number; got {n_realisations!r}.")
+    if n_realisations < 1 or (noise is not None and len(np.atleast_2d(noise)) != n_realisations):
+        rows = "" if noise is None else f" and noise with {len(np.atleast_2d(noise))} rows"
+        raise ValueError(
+            f"tune_remnant needs at least one realisation, and noise with a row for each; got "
+            f"n_realisations={n_realisations}{rows}."
+        )
     if remnant is None or remnant.intensity is None:
         raise ValueError(
             "tune_remnant needs a task whose remnant has a wanted intensity: "
@@ -79,6 +91,7 @@ def tune_remnant(
     options = {
         "random_state": entropy_of(random_state),
         "noise": noise,
+        "open_loop": open_loop,
         "n_jobs": n_jobs,
         "progress": progress,
     }
@@ -93,8 +106,7 @@ def tune_remnant(
     elif transition is None:
         gain = _constant_gain(task, n_realisations, options)
     else:
-        ends = (-task.n_run_in / task.sampling_rate, task.duration)
-        begin, end = (_constant_gain(task.at(t), n_realisations, options) for t in ends)
+        begin, end = (_constant_gain(task.at(t), n_realisations, options) for t in (-EVER, EVER))
         gain = mix(begin, end, transition)
     return replace(task, remnant=replace(remnant, intensity=None, gain=gain))
 

@@ -1,2 +1,3 @@
 import matplotlib as mpl
+
 mpl.use("Agg")
