@@ -61,7 +61,7 @@ def kernel_calls(task: CompensatoryTask) -> dict[str, tuple[Callable[[], object]
     white = 10 * np.random.default_rng(0).standard_normal((n, _kernels.loop.MANY))
     assert task.remnant is not None
     rest = (
-        physics_rows(task), task.remnant.filter_coefficients(), *response_of(task).arguments,
+        *physics_rows(task), task.remnant.filter_coefficients(), *response_of(task).arguments,
         1 / task.sampling_rate, 1.0, task.n_run_in, 1e9,
     )  # fmt: skip
     blocks = {width: np.ascontiguousarray(white[:, :width]) for width in (1, 6, 8)}
@@ -90,14 +90,16 @@ class PeerLoop:
 
     def __init__(self, task: CompensatoryTask, n_steps: int) -> None:
         assert task.remnant is not None
-        p, q = physics_rows(task).T, task.remnant.filter_coefficients()
+        (rows, begin), q = physics_rows(task), task.remnant.filter_coefficients()
+        p = rows[np.clip(np.arange(2 * n_steps + 1) - 2 * begin, 0, len(rows) - 1)].T
         A, B = np.zeros((p.shape[1], 6, 6)), np.zeros((p.shape[1], 6, 3))
-        A[:, 0, 0], A[:, 0, 1], A[:, 0, 2] = -p[0], 1.0, p[5]
-        A[:, 1, 0], A[:, 1, 2] = -p[1], p[4]
+        A[:, 0, 1], A[:, 0, 2] = 1.0, p[5]
+        A[:, 1, 0], A[:, 1, 1], A[:, 1, 2] = -p[1], -p[0], p[4] - p[0] * p[5]
         A[:, 2, 3] = 1.0
         A[:, 3, 3], A[:, 3, 5] = -p[7], p[6]
         A[:, 4, 4], A[:, 5, 4], A[:, 5, 5] = q[0], q[3], q[4]
-        B[:, 0, 0], B[:, 1, 0], B[:, 3, 1], B[:, 4, 2] = p[3], p[2], p[6], q[2] * p[8]
+        B[:, 0, 0], B[:, 1, 0] = p[3], p[2] - p[0] * p[3]
+        B[:, 3, 1], B[:, 4, 2] = p[6], q[2] * p[8]
         self.A, self.B = A, B
         self.delay = round(task.operator.tau_e * task.sampling_rate)
         self.f_t = task.target.sample(-task.n_run_in, n_steps, task.sampling_rate)

@@ -4,9 +4,9 @@ It shares no code with the package. Parameters are numbers or functions of time 
 Eq. D.3: two neuromuscular filters side by side, with the gains at their inputs, and the delay at
 the output; where the muscle itself varies, it is one that is pushed by omega² K_e e and by the rate
 of omega² K_edot e. The controlled element is Eqs. D.6-D.11 with K_c first: v' = K_c u - omega_b v,
-x' = v. The remnant filter is a cascade of lags (Eq. D.4) or the neuromuscular filter (Eq. D.5), with
-the gain first. All of it is integrated together by fourth-order Runge-Kutta; forcing functions and
-white noise are held over the step.
+x' = v. The remnant filter is a cascade of lags (Eq. D.4) or the neuromuscular filter (Eq. D.5),
+with the gain first. All of it is integrated together by fourth-order Runge-Kutta; forcing functions
+and white noise are held over the step.
 """
 
 import numpy as np

@@ -559,7 +559,7 @@ def test_one_lane_and_eight_give_the_same_bits(kind):
     n = task.n_run_in + task.n_samples
     f_t, f_d, white = (np.ascontiguousarray(rng.standard_normal((n, 8))) for _ in range(3))
     rest = (
-        physics_rows(task), task.remnant.filter_coefficients(), *response_of(task).arguments,
+        *physics_rows(task), task.remnant.filter_coefficients(), *response_of(task).arguments,
         0.01, 1.0, 20, 1e9,
     )  # fmt: skip
     many, lost = _kernels.loop.track_many(f_t, f_d, white, *rest)

@@ -551,7 +551,7 @@ def test_a_loop_so_unstable_that_it_overflows():
 
 def test_open_loop_has_the_intensity_wanted():
     """200 runs: the mean of P_n has a standard deviation of about 0.0015."""
-    X, y, truth = make_tracking_runs(
+    _, y, truth = make_tracking_runs(
         "C2", 200, remnant_intensity=0.2, open_loop=True, random_state=3, return_truth=True
     )
     P_n = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()

@@ -9,6 +9,8 @@ plot, and is a higher VAF a better model?
 The figures are those of Figs. 5.11, 5.13 and F.2 of the thesis, with the VAFs of Table 5.3.
 """
 
+# sphinx_gallery_thumbnail_number = 2
+
 # %%
 # Without remnant
 # ---------------
@@ -45,7 +47,7 @@ _ = BodeDisplay.from_estimator(model, omega, label="ARX[2, 2, 28]", compare=comp
 # Remnant of first order with P_n = 0.15, and the models that the thesis finds the most suitable at
 # each decimation factor (Table 5.3). :class:`skhoid.Decimator` filters the signals (F) or only
 # thins them (NF); then the first half fits and the second one judges. Two figures of merit, as
-# means of twenty runs: the VAF, and the relative error of the response at the target's lines.
+# means of ten runs: the VAF, and the relative error of the response at the target's lines.
 
 import pandas as pd
 
@@ -65,13 +67,13 @@ def fit_and_judge(X, y, factor, method):
 
 
 remnant = Remnant(order=1, gain=0.0201507, time_constant=0.2)
-X, y = make_tracking_runs(CompensatoryTask(remnant=remnant, **chapter_5), 20, random_state=7)
+X, y = make_tracking_runs(CompensatoryTask(remnant=remnant, **chapter_5), 10, random_state=7)
 lines = Multisine().omega
 truth = HumanOperator().frequency_response(lines)
 models, rows = {}, []
 for factor in ORDERS:
     for method in METHODS:
-        for run in range(20):
+        for run in range(10):
             fitted, vaf = fit_and_judge(X.loc[[run]], y.loc[[run]], factor, method)
             models.setdefault((factor, method), fitted)
             misfit = FrequencyResponse.of(fitted, lines).response / truth - 1
@@ -81,8 +83,8 @@ results = pd.DataFrame(rows, columns=["d", "orders", "method", "VAF, %", "error,
 print(results.pivot_table(index=["d", "orders"], columns="method").round(1).to_string())
 
 # %%
-# The first of these runs in Bode plots, against the operator and its Fourier coefficients. A model
-# ends at its Nyquist frequency.
+# The first of these runs in Bode plots, with 95 % intervals, against the operator and its Fourier
+# coefficients. A model ends at its Nyquist frequency.
 
 import matplotlib.pyplot as plt
 

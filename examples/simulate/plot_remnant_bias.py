@@ -148,7 +148,7 @@ print(
 # ---------------------
 # One run of each filter, at P_n = 0.15 and with the true delay: the frequency response of the
 # model in C1 and in C2 against that of the operator under zero-order hold, and below it the weight
-# |A|² with which least squares judges its misfit.
+# :math:`|A|^2` with which least squares judges its misfit.
 
 from skhoid import FrequencyResponse
 from skhoid.frequency import arx_response

@@ -5,8 +5,8 @@ over them become vector instructions: ``track_many`` has eight lanes, ``track_on
 
 A row of ``physics`` holds 2 zeta omega_nm; omega_nm^2; the gains times omega_nm^2 on f_t, on its
 rate, on x and on its rate; K_c; omega_b; K_n. Rows are half a step apart, as Runge-Kutta asks for
-the middle of the step; a single row holds for all time. ``remnant`` holds the coefficients of the
-remnant filter, see ``_rates``.
+the middle of the step, from sample ``begin`` on; the first and the last hold before and after.
+``remnant`` holds the coefficients of the remnant filter, see ``_rates``.
 """
 
 from __future__ import annotations
@@ -45,7 +45,21 @@ def _tracker(lanes):
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def track(
-        f_t, f_d, white, physics, remnant, delay, weights, arx, na, nk, dt, closed, first, bound
+        f_t,
+        f_d,
+        white,
+        physics,
+        begin,
+        remnant,
+        delay,
+        weights,
+        arx,
+        na,
+        nk,
+        dt,
+        closed,
+        first,
+        bound,
     ):
         """Simulate runs of a tracking task from rest by fourth-order Runge-Kutta.
 
@@ -68,7 +82,7 @@ def _tracker(lanes):
         length = max(na, nk + nb) + 1 if is_arx else delay + 3
         responses = np.zeros((length, lanes))  # rings
         errors = np.zeros((length, lanes))
-        stride = 2 if physics.shape[0] > 1 else 0
+        last = physics.shape[0] - 1
         q = remnant
         q = (q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], q[8], q[9])
         half, sixth = dt / 2, dt / 6
@@ -117,9 +131,10 @@ def _tracker(lanes):
                 for j in range(n_runs):
                     if lost[j] < 0 and not abs(s[F_T + j] - s[X + j]) <= bound:
                         lost[j] = k
-            i = k * stride
-            p0, pm = _row(physics, i), _row(physics, i + stride // 2)
-            p1 = _row(physics, i + stride)
+            i = 2 * (k - begin)
+            p0 = _row(physics, min(max(i, 0), last))
+            pm = _row(physics, min(max(i + 1, 0), last))
+            p1 = _row(physics, min(max(i + 2, 0), last))
             for j in range(lanes):
                 z0, z1, x, v = s[Z0 + j], s[Z1 + j], s[X + j], s[V + j]
                 r0, r1, r2, r3 = s[R0 + j], s[R1 + j], s[R2 + j], s[R3 + j]

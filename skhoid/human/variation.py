@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
+SATURATED = 40.0  # exp(-40) is below rounding
 Parameter = float | Callable[[np.ndarray], np.ndarray]
 
 
@@ -250,6 +251,34 @@ def transition_of(*parameters: Parameter | None) -> Sigmoid | Step | Ramp | None
         if isinstance(parameter, Mixture) and isinstance(parameter.weight, (Sigmoid, Step, Ramp)):
             return transition_of(parameter.weight)
     return None
+
+
+def span(*parameters: Parameter) -> tuple[float, float]:
+    """Times in s before and after which none of the parameters changes any more, to rounding."""
+    begins, ends = [np.inf], [-np.inf]
+    for p in parameters:
+        if isinstance(p, Sigmoid):
+            begin, end = p.time - SATURATED / p.rate, p.time + SATURATED / p.rate
+        elif isinstance(p, Step):
+            begin, end = p.time, p.time
+        elif isinstance(p, Ramp):
+            begin, end = p.start, p.end
+        elif isinstance(p, Mixture):
+            begin, end = span(p.first, p.second, p.weight)
+        elif isinstance(p, Product):
+            begin, end = span(p.first, p.second)
+        elif isinstance(p, Shifted):
+            begin, end = span(p.function)
+            begin, end = begin + p.lag, end + p.lag
+            extra = span(p.extra)
+            begin, end = min(begin, extra[0]), max(end, extra[1])
+        elif callable(p):
+            begin, end = -np.inf, np.inf
+        else:
+            continue
+        begins.append(begin)
+        ends.append(end)
+    return min(begins), max(ends)
 
 
 def check_finite(owner: Any, *names: str) -> None:

@@ -57,7 +57,8 @@ def simulate(
     given_noise = None if noise is None else _given_noise(noise, int(n_runs), n_total)
     entropy = entropy_of(random_state)
     response, physics = response_of(task), physics_rows(task)
-    _check_stability(task, physics, response)
+    if task.is_constant:
+        _check_stability(task, physics, response)
     filter_ = np.zeros(10) if remnant is None else remnant.filter_coefficients()
     forcing = {name: None if random_phases else _forcing(task, name) for name in STREAMS}
 
@@ -78,32 +79,38 @@ def simulate(
             for name, shared in forcing.items()
         )
         track = _kernels.loop.track_one if len(runs) == 1 else _kernels.loop.track_many
-        out, _ = track(
+        out, lost = track(
             f_t,
             f_d,
             white,
-            physics,
+            *physics,
             filter_,
             *response.arguments,
             1 / rate,
             0.0 if open_loop else 1.0,
             first,
-            np.inf,
+            np.inf if task.is_constant else _bound(f_t),
         )
-        return out, f_t[first:].T, f_d[first:].T
+        return out, lost, f_t[first:].T, f_d[first:].T
 
     many = _kernels.loop.MANY
     blocks = [range(i, min(i + many, n_runs)) for i in range(0, n_runs, many)]
-    done = Parallel(n_jobs=n_jobs, prefer="threads", return_as="generator")(
-        delayed(block)(runs) for runs in blocks
-    )
+    done: Any = map(block, blocks)
+    if n_jobs not in (None, 1) and len(blocks) > 1:
+        done = Parallel(n_jobs=n_jobs, prefer="threads", return_as="generator")(
+            delayed(block)(runs) for runs in blocks
+        )
     if progress:
         from rich.progress import track as track_progress
 
         done = track_progress(done, description="simulating", total=len(blocks), transient=True)
     signals = np.empty((4, n_runs, n_total - first))
     targets, disturbances = [], []
-    for runs, (out, f_t, f_d) in zip(blocks, done, strict=True):
+    suspected = False
+    for runs, (out, lost, f_t, f_d) in zip(blocks, done, strict=True):
+        if (lost >= 0).any() and not suspected:
+            suspected = True
+            _check_growth(task, physics, response)
         if not np.isfinite(out[:, -1]).all():
             raise UnstableLoopError(f"The loop is unstable: its signals overflow. {ADVICE}")
         signals[:, runs.start : runs.stop] = out.transpose(0, 2, 1)
@@ -114,6 +121,11 @@ def simulate(
     f_t, f_d = np.concatenate(targets[:n_drawn]), np.concatenate(disturbances[:n_drawn])
     e, u, x, n = signals
     return TrackingRecord(time=time, e=e, u=u, x=x, n=n, f_t=f_t, f_d=f_d)
+
+
+def _bound(f_t: np.ndarray) -> float:
+    """The error above which a loop that varies is suspected; without target none is."""
+    return float(LOST * np.abs(f_t).max()) or np.inf
 
 
 def _generator(entropy: int, stream: int, run: int) -> np.random.Generator:
@@ -172,45 +184,59 @@ def _given_noise(noise: Any, n_runs: int, n_total: int) -> np.ndarray:
     return noise
 
 
-def _check_stability(
-    task: CompensatoryTask, physics: np.ndarray, response: Delay | ARXResponse
-) -> None:
-    """Raise if the loop is unstable: by its answer to a pulse, or without remnant if it varies."""
-    rate = task.sampling_rate
-    if physics.shape[0] == 1:
-        f_t = np.zeros((round((60.0 + 40 * response.delay_time) * rate), 1))
-        f_t[0] = 1.0
-        f_d = np.zeros_like(f_t)
-        bound = np.inf
-    else:
-        f_t, f_d = (_forcing(task, name) for name in STREAMS)
-        bound = LOST * (np.abs(f_t).max() or np.inf)
+def _without_remnant(
+    task: CompensatoryTask,
+    physics: tuple[np.ndarray, int],
+    response: Delay | ARXResponse,
+    f_t: np.ndarray,
+    f_d: np.ndarray,
+    bound: float,
+) -> tuple[np.ndarray, int]:
+    """Error of a run without remnant, and about where it exceeds ``bound``, or -1."""
     (e, *_), lost = _kernels.loop.track_one(
         f_t,
         f_d,
         np.zeros_like(f_t),
-        physics,
+        *physics,
         np.zeros(10),
         *response.arguments,
-        1 / rate,
+        1 / task.sampling_rate,
         1.0,
         0,
         bound,
     )
-    if lost[0] >= 0:
-        t = (lost[0] - task.n_run_in) / rate
+    return np.abs(e[:, 0]), int(lost[0])
+
+
+def _check_stability(
+    task: CompensatoryTask, physics: tuple[np.ndarray, int], response: Delay | ARXResponse
+) -> None:
+    """Raise if the answer of constant dynamics to a pulse of the target grows."""
+    pulse = np.zeros((round((60.0 + 40 * response.delay_time) * task.sampling_rate), 1))
+    pulse[0] = 1.0
+    e, _ = _without_remnant(task, physics, response, pulse, np.zeros_like(pulse), np.inf)
+    third = e.size // 3
+    early, late = e[third : 2 * third].max(), e[2 * third :].max()
+    if not late <= max(early * (1 + 1e-6), 1e-9):  # NaN too
+        growing = third / task.sampling_rate
+        time = growing / np.log(late / early) if np.isfinite(late) else 0.0
+        raise UnstableLoopError(
+            f"The loop is unstable: its error grows by a factor e every {time:.2g} s. {ADVICE}"
+        )
+
+
+def _check_growth(
+    task: CompensatoryTask, physics: tuple[np.ndarray, int], response: Delay | ARXResponse
+) -> None:
+    """Raise if dynamics that vary make the error large even without remnant."""
+    f_t, f_d = (_forcing(task, name) for name in STREAMS)
+    _, lost = _without_remnant(task, physics, response, f_t, f_d, _bound(f_t))
+    if lost >= 0:
+        t = (lost - task.n_run_in) / task.sampling_rate
         raise UnstableLoopError(
             f"The loop is unstable: without remnant its error passes {LOST:g} times the target by "
             f"t = {t:.2f} s (0 is the beginning of the measurement window). {ADVICE}"
         )
-    if physics.shape[0] == 1:
-        third = len(e) // 3
-        early, late = np.abs(e[third : 2 * third]).max(), np.abs(e[2 * third :]).max()
-        if not late <= max(early * (1 + 1e-6), 1e-9):  # NaN too
-            time = third / rate / np.log(late / early) if np.isfinite(late) else 0.0
-            raise UnstableLoopError(
-                f"The loop is unstable: its error grows by a factor e every {time:.2g} s. {ADVICE}"
-            )
 
 
 def entropy_of(random_state: Any) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -114,12 +115,11 @@ class Multisine:
                 f"{np.pi * sampling_rate:.4g} rad/s at {sampling_rate:g} Hz. Sample faster, or "
                 "leave it out."
             )
-        k = np.arange(first, first + n_samples)
         period = self.period * sampling_rate
         whole = round(period)
-        if abs(period - whole) > 1e-9 * period or n_samples <= whole:
-            return self(k / sampling_rate)
-        return self(np.arange(whole) / sampling_rate)[k % whole]
+        if abs(period - whole) > 1e-9 * period or n_samples < whole:
+            return self(np.arange(first, first + n_samples) / sampling_rate)
+        return np.resize(np.roll(_one_period(self, whole), -first), n_samples)
 
     def crest_factor(self, sampling_rate: float = 100.0) -> float:
         """Peak over root mean square, in one period.
@@ -214,3 +214,8 @@ class Multisine:
         amplitudes = tuple(scale * a for a in self.amplitudes)
         second = replace(self, multiples=multiples, amplitudes=amplitudes)
         return second.with_random_phases(random_state)
+
+
+@lru_cache(maxsize=16)
+def _one_period(multisine: Multisine, n_samples: int) -> np.ndarray:
+    return multisine(np.arange(n_samples) * (multisine.period / n_samples))

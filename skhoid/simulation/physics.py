@@ -11,7 +11,7 @@ from .. import _kernels
 from ..arx.channel import ARXChannel, taken_apart
 from ..human import HumanOperator, Ramp, Sigmoid, Step
 from ..human.operator import PURSUIT
-from ..human.variation import along, evaluate
+from ..human.variation import along, evaluate, span
 
 if TYPE_CHECKING:
     from .loop import CompensatoryTask
@@ -117,12 +117,21 @@ def parameters_of(task: CompensatoryTask) -> dict[str, Any]:
     return parameters
 
 
-def physics_rows(task: CompensatoryTask) -> np.ndarray:
-    """Rows of physics every half step, or one where nothing varies; see ``_kernels.loop``."""
+def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
+    """Rows of physics every half step while something varies, and the sample they begin at.
+
+    See ``_kernels.loop``.
+    """
     parameters = parameters_of(task)
     n_steps = task.n_run_in + task.n_samples
-    half_steps = np.arange(1 if task.is_constant else 2 * n_steps + 1)
-    t = (half_steps / 2 - task.n_run_in) / task.sampling_rate
+    varies = np.array(span(*parameters.values())) * task.sampling_rate + task.n_run_in
+    if varies[0] > varies[1]:  # never
+        varies = np.zeros(2)
+    # A sample more on each side, for what jumps between two.
+    begin = int(np.clip(np.floor(varies[0]) - 1, 0, n_steps))
+    end = int(np.clip(np.ceil(varies[1]) + 1, begin, n_steps))
+    half_steps = np.arange(1 if task.is_constant else 2 * (end - begin) + 1)
+    t = (half_steps / 2 + begin - task.n_run_in) / task.sampling_rate
     # Constants stay scalars, which broadcast; parameters with one transition share its progress.
     progress: dict[Any, np.ndarray] = {}
     p = {name: _checked(name, value, t, progress) for name, value in parameters.items()}
@@ -139,7 +148,7 @@ def physics_rows(task: CompensatoryTask) -> np.ndarray:
         rows[:, 3] = stiffness * (K_edot + shown * p["K_tdot"])
         rows[:, 4] = stiffness * (shown * p["K_x"] - K_e)
         rows[:, 5] = stiffness * (shown * p["K_xdot"] - K_edot)
-    return rows
+    return rows, begin
 
 
 def _checked(name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]) -> Any:
