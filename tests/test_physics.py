@@ -636,7 +636,7 @@ def test_sampling_that_is_too_slow(options, what):
             r"K_c is -0.005 at t = 2.005 s",
         ),
         ({"operator": HumanOperator(K_e=Step(0.1, -0.1, 1.0))}, "K_e is -0.1 at t = 1 s"),
-        ({"operator": HumanOperator(T_L=Step(-0.5, 0.4, 0.0))}, "T_L is -0.5 at t = -0.5 s"),
+        ({"operator": HumanOperator(T_L=Step(-0.5, 0.4, 0.0))}, r"T_L is -0.5 at t = -0.0\d s"),
         ({"operator": HumanOperator(K_edot=lambda t: np.nan)}, "K_edot is nan at t = -0.5 s"),
         ({"operator": HumanOperator(zeta_nm=Step(0.3, -0.3, 2))}, "zeta_nm is -0.3 at t = 2 s"),
         ({"operator": HumanOperator(K_x=lambda t: np.inf)}, "K_x is inf .* must be finite, in"),
