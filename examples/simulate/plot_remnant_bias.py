@@ -6,7 +6,7 @@ An ARX model takes the noise in u to be white noise filtered by 1/A, with the sa
 operator's own dynamics. Real remnant has a colour of its own. How far off are the delay and the
 parameters, for five remnant filters?
 
-The figures are those of Figs. 9, 10 and 11 of the thesis in a smaller form: condition C1, 30 runs
+The figures are those of Figs. 9, 10 and 11 of the thesis in a smaller form: condition C1, 25 runs
 instead of 100, three intensities instead of seven.
 """
 
@@ -33,14 +33,14 @@ from skhoid import (
     zoh_parameters,
 )
 
-DT, NK, N_RUNS = 0.01, 29, 30
+DT, NK, N_RUNS = 0.01, 29, 25
 FILTERS = (1, 2, 3, 4, "nm")
 INTENSITIES = (0.05, 0.15, 0.30)
 NAMES = ["a1", "a2", "b0", "b1"]
 truth = zoh_parameters(tracking_condition("C1").operator, DT)
 
 model = ARXRegressor(nk=NK, dt=DT)
-search = DelaySearchCV(ARXRegressor(dt=DT), nk=range(20, 41))
+search = DelaySearchCV(ARXRegressor(dt=DT), nk=range(23, 40))
 rows = []
 with threadpool_limits(1):
     for order in FILTERS:
@@ -75,22 +75,20 @@ TITLES = {order: f"$H_n^{{{order}}}$" for order in FILTERS}
 
 def boxes(ax, column, delay, width, shift=0.0, filled=True):
     """A box for every filter at every intensity."""
-    for i, P_n in enumerate(INTENSITIES):
-        for j, order in enumerate(FILTERS):
-            chosen = (results["P_n"] == P_n) & (results["filter"] == order)
-            values = results.loc[chosen & (results["delay"] == delay), column]
-            box = ax.boxplot(
-                values,
-                positions=[i + 0.17 * (j - 2) + shift],
-                widths=width,
-                manage_ticks=False,
-                patch_artist=True,
-                flierprops={"marker": ".", "ms": 2, "mec": COLORS[order]},
-            )
-            box["boxes"][0].set_facecolor((COLORS[order], 0.4) if filled else "white")
-            box["boxes"][0].set_edgecolor(COLORS[order])
-            plt.setp(box["whiskers"] + box["caps"], color=COLORS[order])
-            plt.setp(box["medians"], color=COLORS[order], lw=2)
+    chosen = results[results["delay"] == delay].groupby(["filter", "P_n"])[column]
+    for j, order in enumerate(FILTERS):
+        box = ax.boxplot(
+            [chosen.get_group((order, P_n)) for P_n in INTENSITIES],
+            positions=np.arange(len(INTENSITIES)) + 0.17 * (j - 2) + shift,
+            widths=width,
+            manage_ticks=False,
+            patch_artist=True,
+            flierprops={"marker": ".", "ms": 2, "mec": COLORS[order]},
+        )
+        face = (COLORS[order], 0.4) if filled else "white"
+        plt.setp(box["boxes"], facecolor=face, edgecolor=COLORS[order])
+        plt.setp(box["whiskers"] + box["caps"], color=COLORS[order])
+        plt.setp(box["medians"], color=COLORS[order], lw=2)
     ax.set_xticks(range(len(INTENSITIES)), [f"{P_n:.2f}" for P_n in INTENSITIES])
 
 

@@ -65,44 +65,42 @@ def arx_response_covariance(
 ) -> np.ndarray:
     """Covariance of the real and imaginary parts of an ARX frequency response.
 
-        By Gauss's approximation C = J P J', with J the real and imaginary parts of the gradient
+    By Gauss's approximation C = J P J', with J the real and imaginary parts of the gradient
     dH/da_i = -H z^-i / A and dH/db_i = z^-(nk+i) e^(-j omega delay) / A (Eqs. H.11-H.17).
 
-        Parameters
-        ----------
-        theta : array-like of shape (..., n_params)
-            [a_1 ... a_na, b_0 ... b_{nb-1}].
-        covariance : array-like of shape (..., n_params, n_params)
-            Covariance P of ``theta``.
-        omega : array-like of shape (n_lines,)
-            Frequencies in rad/s.
-        dt : float
-            Sampling time of the model in seconds.
-        na : int
-            Number of output lags.
-        nk : int, default=0
-            Input delay in samples.
-        delay : float, default=0.0
-            Further delay in seconds.
+    Parameters
+    ----------
+    theta : array-like of shape (..., n_params)
+        [a_1 ... a_na, b_0 ... b_{nb-1}].
+    covariance : array-like of shape (..., n_params, n_params)
+        Covariance P of ``theta``.
+    omega : array-like of shape (n_lines,)
+        Frequencies in rad/s.
+    dt : float
+        Sampling time of the model in seconds.
+    na : int
+        Number of output lags.
+    nk : int, default=0
+        Input delay in samples.
+    delay : float, default=0.0
+        Further delay in seconds.
 
-        Returns
-        -------
-        C : ndarray of shape (..., n_lines, 2, 2)
-            [[C_1, C_12], [C_12, C_2]] of each line; NaN above the Nyquist frequency.
+    Returns
+    -------
+    C : ndarray of shape (..., n_lines, 2, 2)
+        [[C_1, C_12], [C_12, C_2]] of each line; NaN above the Nyquist frequency.
 
-        References
-        ----------
-        Van Grootheest, thesis, Eqs. H.11-H.17.
+    References
+    ----------
+    Van Grootheest, thesis, Eqs. H.11-H.17.
 
-        Examples
-        --------
-        >>> import numpy as np
-
-    from ..arx.channel import ARXChannel
-        >>> from skhoid.frequency import arx_response_covariance
-        >>> P = np.diag([1e-4, 1e-6])
-        >>> arx_response_covariance([-0.9, 0.1], P, [1.0, 10.0], dt=0.01, na=1).shape
-        (2, 2, 2)
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skhoid.frequency import arx_response_covariance
+    >>> P = np.diag([1e-4, 1e-6])
+    >>> arx_response_covariance([-0.9, 0.1], P, [1.0, 10.0], dt=0.01, na=1).shape
+    (2, 2, 2)
     """
     theta, omega = np.asarray(theta, dtype=float), _below_nyquist(omega, dt)
     numerator, denominator = _polynomials(theta, omega, dt, na)

@@ -76,9 +76,9 @@ def fourier_coefficients(
     -----
     Several periods in a window are averaged. The remnant N = U - H E is read from the six nearest
     bins without excitation, with H of the line, and gives the covariance of real and
-    imaginary parts, mean|N|^2 / (2 |E|^2) each (one input only). The coherence of a run is
-    (1 - mean|E|^2 / |E(line)|^2) (1 - mean|U|^2 / |U(line)|^2), the means over the same bins and
-    each factor at least 0: the shares of the powers of input and output that the forcing
+    imaginary parts, ``mean|N|^2 / (2 |E|^2)`` each (one input only). The coherence of a run is
+    ``(1 - mean|E|^2 / |E(line)|^2) (1 - mean|U|^2 / |U(line)|^2)``, the means over the same
+    bins and each factor at least 0: the shares of the powers of input and output that the forcing
     functions explain. The estimate can be trusted where it is near 1.
 
     Fourier transforms of inputs and output are brought to the lines of another forcing function by

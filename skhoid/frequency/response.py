@@ -175,7 +175,7 @@ class FrequencyResponse:
 
     @property
     def magnitude(self) -> np.ndarray:
-        """|H|, of the shape of ``response`` (Eq. H.3)."""
+        """``|H|``, of the shape of ``response`` (Eq. H.3)."""
         return np.abs(self.response)
 
     @property
@@ -185,7 +185,7 @@ class FrequencyResponse:
 
     @property
     def magnitude_sd(self) -> np.ndarray | None:
-        """Standard deviation of |H| by Eq. H.9, or None without a covariance."""
+        """Standard deviation of ``|H|`` by Eq. H.9, or None without a covariance."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return self._sd(self.response / self.magnitude)
 
@@ -208,7 +208,7 @@ class FrequencyResponse:
 
     @property
     def complex_phase_sd(self) -> np.ndarray | None:
-        """Angle in degrees that ``complex_sd`` spans, arctan(sd / |H|) or 180 (Eq. H.8)."""
+        """Angle in degrees that ``complex_sd`` spans, ``arctan(sd / |H|)`` or 180 (Eq. H.8)."""
         if self.complex_sd is None:
             return None
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -300,7 +300,7 @@ class FrequencyResponse:
             and imaginary parts, so that :attr:`complex_sd` is Eq. H.7, :attr:`complex_phase_sd` is
             Eq. H.8, and :attr:`magnitude_sd` and :attr:`phase_sd` are Eqs. H.9 and H.10. Its
             ``coherence``, where Fourier coefficients are known, is that of the ensemble,
-            |mean(U E*)|^2 / (mean(|U|^2) mean(|E|^2)). Both are None for a single run.
+            ``|mean(U E*)|^2 / (mean(|U|^2) mean(|E|^2))``. Both are None for a single run.
         """
         if self.response.ndim == 1:
             raise ValueError("mean() averages over runs, and this is a single response.")
@@ -360,13 +360,13 @@ class FrequencyResponse:
         """Crossover frequency and phase margin of an open loop.
 
         The crossover is the last downward one: between the highest pair of neighbouring lines of
-        which the lower has |H| >= 1 and the upper |H| < 1.
+        which the lower has ``|H| >= 1`` and the upper ``|H| < 1``.
 
         Parameters
         ----------
         interpolate : bool, default=True
-            Interpolate log |H| and the phase, without the delay's part, linearly in log omega.
-            False takes that line of the pair where \\|H\\| is nearest 1, as the thesis reads
+            Interpolate ``log |H|`` and the phase, without the delay's part, linearly in log omega.
+            False takes that line of the pair where ``|H|`` is nearest 1, as the thesis reads
             its own (Eqs. 5.9-5.10) at multiples of 2 pi / T_m.
 
         Returns

@@ -15,7 +15,7 @@ GRID = np.linspace(np.log(1e-3), np.log(1e3), 400)
 def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any, Any]:
     """Crossover frequency and phase margin of operator and controlled element.
 
-    omega_c solves |H_OL(j omega_c)| = 1 with H_OL = H_HO H_CE, to rounding; the phase margin is
+    omega_c solves ``|H_OL(j omega_c)| = 1`` with H_OL = H_HO H_CE, to rounding; the phase margin is
     180 deg plus the phase of H_OL there (Eqs. 5.9-5.10, which are read on multiples of 2 pi / T_m).
 
     Parameters
