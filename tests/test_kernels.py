@@ -1,5 +1,9 @@
 """Compiled loops and array code against their naive twins."""
 
+import os
+import subprocess
+import sys
+
 import naive
 import numpy as np
 import pytest
@@ -222,3 +226,16 @@ def test_newey_west_with_rows_left_out():
     rows = np.delete(np.arange(210), np.arange(5, 210, 21))
     twin = naive.newey_west(scores, rows, n_lags(200))
     np.testing.assert_allclose(newey_west(scores, rows, np.array([0])), twin, rtol=1e-12)
+
+
+def test_loops_compiled_in_different_processes_are_not_confused(tmp_path):
+    """One process compiles the loop of one run, another that of many, a third uses both."""
+    simulate = "CompensatoryTask(duration=1.0, run_in=0.0).simulate({}).u.shape"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    for runs in ([1], [20], [1, 20]):
+        shapes = ", ".join(simulate.format(n) for n in runs)
+        code = f"from skhoid import CompensatoryTask; print([{shapes}])"
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd="/"
+        )
+        assert done.stdout.strip() == str([(n, 100) for n in runs]), done.stderr

@@ -43,7 +43,6 @@ def _tracker(lanes):
     Z0, Z1, X, V, R0, R1, R2, R3 = range(0, 8 * lanes, lanes)
     F_T, F_D, W, BEGIN, MIDDLE, END = range(8 * lanes, 14 * lanes, lanes)
 
-    @njit(cache=True, nogil=True, error_model="numpy")
     def track(
         f_t,
         f_d,
@@ -165,7 +164,9 @@ def _tracker(lanes):
                 s[R3 + j] = r3 + sixth * (k1[7] + 2 * (k2[7] + k3[7]) + k4[7])
         return out, lost
 
-    return track
+    # Cached functions of one name from different processes would be mistaken for each other.
+    track.__name__ = track.__qualname__ = f"track_{lanes}"
+    return njit(cache=True, nogil=True, error_model="numpy")(track)
 
 
 MANY = 8

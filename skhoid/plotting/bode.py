@@ -316,6 +316,8 @@ class BodeDisplay:
         for frequency in sorted(set(self.nyquist_.values())):
             for panel in self.axes_:
                 panel.axvline(frequency, color=GREY, ls="--", lw=1.0)
+            if frequency < max(self.nyquist_.values()):
+                continue  # the others stand below it, their lines say enough
             self.axes_[1].annotate(
                 "Nyquist",
                 (frequency, 0.97),
@@ -327,6 +329,7 @@ class BodeDisplay:
                 va="top",
                 fontsize="small",
                 color=GREY,
+                annotation_clip=True,
             )
 
     def _draw_crossovers(self) -> Any:

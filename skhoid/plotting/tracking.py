@@ -14,8 +14,8 @@ from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
 NAMES = {
     "e": "error e",
     "x": "output x",
-    "f_t": "target f_t",
-    "dist": "disturbance f_d",
+    "f_t": "target $f_t$",
+    "dist": "disturbance $f_d$",
     "u": "control u",
     "n": "remnant n",
 }
@@ -59,7 +59,7 @@ class TrackingDisplay:
     >>> X, y = make_tracking_runs("C3", n_runs=2, channels=["e", "x"])
     >>> display = TrackingDisplay.from_runs(X, y, window=(30.72, 51.2))
     >>> [ax.get_ylabel() for ax in display.axes_]
-    ['error e', 'output x', 'control u']
+    ['error e, deg', 'output x, deg', 'control u, deg']
     """
 
     def __init__(
@@ -134,7 +134,8 @@ class TrackingDisplay:
         }
         response = None
         if truth is not None:
-            response = truth.u_without_remnant.to_numpy().reshape(n_runs, -1)[0, shown]
+            if truth.remnant.any():
+                response = truth.u_without_remnant.to_numpy().reshape(n_runs, -1)[0, shown]
             transition = transition_time(truth.parameters) if transition is None else transition
         units = units or {**X.attrs.get("units", {}), **y.attrs.get("units", {})}
         display = cls(

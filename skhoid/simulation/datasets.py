@@ -127,6 +127,7 @@ def make_tracking_runs(
     -------
     X : DataFrame of shape (n_runs * n_samples, n_channels)
         With the row index levels ``run`` (from 0) and ``time`` (s; the window begins at 0).
+        ``X.attrs["units"]`` are deg for the conditions and the target of the thesis.
     y : Series of shape (n_runs * n_samples,)
         Control output ``u``.
     truth : Bunch
@@ -201,6 +202,9 @@ def make_tracking_runs(
         {c: _rows(getattr(record, CHANNELS[c]), n_runs) for c in channels}, index=index
     )
     y = pd.Series(record.u.ravel(), index=index, name="u")
+    if isinstance(condition, str) and target is None:  # Tables I and II
+        X.attrs["units"] = dict.fromkeys(channels, "deg")
+        y.attrs["units"] = {"u": "deg"}
     if not return_truth:
         return X, y
     return X, y, _truth(task, record, index)

@@ -23,12 +23,12 @@ def runs():
 
 def test_panels_hold_the_first_run(runs):
     X, y, truth = runs
-    display = TrackingDisplay.from_runs(X, y, truth=truth, units={"e": "deg"})
+    display = TrackingDisplay.from_runs(X, y, truth=truth)
     assert [ax.get_ylabel() for ax in display.axes_] == [
         "error e, deg",
-        "output x",
-        "target f_t",
-        "control u",
+        "output x, deg",
+        "target $f_t$, deg",
+        "control u, deg",
     ]
     for name in ("e", "x", "f_t"):
         np.testing.assert_array_equal(display.lines_[name].get_ydata(), X.loc[0, name])
