@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import secrets
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -156,7 +157,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--runs", type=_at_least_one, default=5, metavar="N", help="number of runs (default: 5)")
     add("--remnant", type=float, default=0.0, metavar="P", help="P_n, such as 0.15 (default: 0)")
     add("--remnant-order", default="2", metavar="M", help="1, 2, 3, 4 or nm (default: 2)")
-    add("--channels", nargs="+", default=["e"], metavar="NAME", help="e, x, f_t (default: e)")
+    add("--channels", nargs="+", default=["e"], metavar="NAME", help="e, x, f_t, dist (default: e)")
     add("--rate", type=float, default=100.0, metavar="HZ", help="sampling rate (default: 100)")
     add("--random-phases", action="store_true", help="new phases of the target in each run")
     add("--open-loop", action="store_true", help="remnant does not go round the loop")
@@ -172,6 +173,7 @@ def _simulate(options: argparse.Namespace) -> int:
     from . import make_tracking_runs, write_runs
 
     order = options.remnant_order
+    seed = secrets.randbelow(2**31) if options.seed is None else options.seed
     path = Path(options.out)
     if path.exists() and not options.overwrite:
         raise ValueError(f"{path} exists; choose another name, or --overwrite.")
@@ -184,13 +186,13 @@ def _simulate(options: argparse.Namespace) -> int:
         sampling_rate=options.rate,
         random_phases=options.random_phases,
         open_loop=options.open_loop,
-        random_state=options.seed,
+        random_state=seed,
         return_truth=True,
         progress=sys.stdout.isatty(),
     )
     write_runs(X, y, path, overwrite=options.overwrite)
     runs = "1 run" if options.runs == 1 else f"{options.runs} runs"
-    print(f"{path}: {runs} of {options.condition.upper()}, {len(X)} rows at {options.rate:g} Hz")
+    print(f"{path}: {runs} of {options.condition.upper()}, {len(X)} rows at {options.rate:g} Hz, seed {seed}")
     if options.remnant:
         by_run = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()
         print(
@@ -207,9 +209,9 @@ def _simulate(options: argparse.Namespace) -> int:
         display.figure_.savefig(options.picture, dpi=120)
         print(f"picture: {options.picture}")
     column = "" if path.suffix.lower() == ".mat" else " --run run"
-    channels = " ".join(options.channels)
+    channel = "e" if "e" in options.channels else options.channels[0]
     print(
-        f"next: skhoid identify {path} --input {channels} --output u --time time{column} "
+        f"next: skhoid identify {path} --input {channel} --output u --time time{column} "
         "--keep-means"
     )
     return 0

@@ -140,7 +140,7 @@ class FrequencyResponse:
         t : float, default=0.0
             Time in s at which a varying system is frozen.
         input : str or None, default=None
-            Name of the input of a model with several.
+            Name of the input of a model with several, or of a HumanOperator: "e", "f_t" or "x".
 
         Returns
         -------
@@ -154,12 +154,18 @@ class FrequencyResponse:
                 "FrequencyResponse.of takes an object with frequency_response(omega, t), or a "
                 f"fitted ARX model, alone or in a pipeline; got {type(system).__name__}."
             )
+        if isinstance(system, HumanOperator):
+            name = "e" if input is None else input
+            response = system.frequency_response(lines, t, name)
+            return cls(lines, response, delay=system.tau_e, input=name)
+        if input is not None:
+            raise ValueError(
+                f"A {type(system).__name__} has one input; input={input!r} is for an operator or "
+                "a model with several."
+            )
         element = isinstance(system, ControlledElement)
         names: dict[str, Any] = {"input": "u", "output": "x"} if element else {}
-        if input is not None:
-            names["input"] = input
-        delay = system.tau_e if isinstance(system, HumanOperator) else 0.0
-        return cls(lines, system.frequency_response(lines, t), delay=delay, **names)
+        return cls(lines, system.frequency_response(lines, t), delay=0.0, **names)
 
     @property
     def labels(self) -> list[Any]:

@@ -10,7 +10,8 @@ import numpy as np
 from .controlled_element import check_parameters, frozen
 from .variation import Parameter, Product, check_finite, check_positive, evaluate
 
-PURSUIT = ("K_t", "K_tdot", "K_x", "K_xdot")
+PURSUIT_GAINS = {"f_t": ("K_t", "K_tdot"), "x": ("K_x", "K_xdot")}
+PURSUIT = tuple(name for names in PURSUIT_GAINS.values() for name in names)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,8 +143,8 @@ class HumanOperator:
         names = ("K_e", given, "omega_nm", "zeta_nm", *PURSUIT)
         return HumanOperator(tau_e=self.tau_e, **frozen(self, t, *names))
 
-    def frequency_response(self, omega: Any, t: float = 0.0) -> np.ndarray:
-        """Response to the error, H(j omega), with parameters frozen at ``t``.
+    def frequency_response(self, omega: Any, t: float = 0.0, input: str = "e") -> np.ndarray:
+        """Response H(j omega) to an input, with parameters frozen at ``t``.
 
         Parameters
         ----------
@@ -151,13 +152,21 @@ class HumanOperator:
             Frequencies in rad/s.
         t : float, default=0.0
             Time in s.
+        input : {"e", "f_t", "x"}, default="e"
+            Error, or what a pursuit display shows beside it. As e = f_t - x, identified responses
+            to e and x alone are H_e + H_ft and H_x + H_ft.
 
         Returns
         -------
         H : ndarray of complex, shape (n_frequencies,)
         """
         s = 1j * np.asarray(omega, dtype=float)
-        K_e, K_edot = (float(gain) for gain in self.gains(np.asarray(t, dtype=float)))
+        if input == "e":
+            K, K_dot = (float(gain) for gain in self.gains(np.asarray(t, dtype=float)))
+        elif input in PURSUIT_GAINS:
+            K, K_dot = frozen(self, t, *PURSUIT_GAINS[input]).values()
+        else:
+            raise ValueError(f"input is 'e', or 'f_t' or 'x' of a pursuit display; got {input!r}.")
         w, zeta = frozen(self, t, "omega_nm", "zeta_nm").values()
         muscle = w**2 / (s**2 + 2 * zeta * w * s + w**2)
-        return (K_edot * s + K_e) * np.exp(-s * self.tau_e) * muscle
+        return (K_dot * s + K) * np.exp(-s * self.tau_e) * muscle

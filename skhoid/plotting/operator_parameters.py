@@ -29,6 +29,7 @@ MARGIN = 0.12  # of the range, above and below
 EXACT = 1e-9  # s; a delay known better is no estimate
 CROWDED = 50  # letters in one row of labels
 DEVIATION = "± 1 standard deviation"
+FINE = 1000  # instants at which a true operator is drawn
 
 
 class OperatorParametersDisplay:
@@ -102,7 +103,7 @@ class OperatorParametersDisplay:
         ----------
         model : fitted model, pipeline or search, or dict of them by label
             See ``operator_parameters``.
-        truth : HumanOperator, DataFrame or None, default=None
+        truth : HumanOperator, DataFrame, Series or None, default=None
             True values, see :meth:`from_frame`.
         ax : sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`.
@@ -127,9 +128,10 @@ class OperatorParametersDisplay:
         ----------
         frame : DataFrame, or dict of them by label
             Results of ``operator_parameters``.
-        truth : HumanOperator, DataFrame or None, default=None
-            True values: an operator, whose functions of time are evaluated at the instants, or a
-            frame with columns of the same names, over ``time`` or in one row.
+        truth : HumanOperator, DataFrame, Series or None, default=None
+            True values: an operator, whose functions of time are evaluated, or a frame with
+            columns of the same names, such as the ``truth.parameters`` of make_tracking_runs, or a
+            row of one.
         ax : sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`.
 
@@ -333,23 +335,35 @@ def _central(values: np.ndarray) -> tuple[float, float]:
 
 
 def _truth(truth: Any, frames: dict[str, pd.DataFrame]) -> pd.DataFrame | None:
-    """True values at the instants of the estimates."""
-    if truth is None or isinstance(truth, pd.DataFrame):
+    """True values over the times of the estimates, or in one row where they do not vary."""
+    if isinstance(truth, pd.Series):
+        truth = truth.to_frame().T
+    times = [table.index.to_numpy(dtype=float) for table in frames.values() if _over_time(table)]
+    varying = (
+        "The truth varies in time and no estimate does, so its values have no place here. Give it "
+        "at one instant: truth=operator.at(t), or truth=frame.loc[t]."
+    )
+    if truth is None:
+        return None
+    if isinstance(truth, pd.DataFrame):
+        truth = truth[[name for name in NAMES if name in truth]]
+        if (truth == truth.iloc[0]).all(axis=None):
+            return truth[:1].reset_index(drop=True)
+        if not times:
+            raise ValueError(varying)
         return truth
     if not isinstance(truth, HumanOperator):
         raise TypeError(
-            f"truth must be a HumanOperator or a DataFrame; got {type(truth).__name__}."
+            "truth must be a HumanOperator, a DataFrame or a row of one; got "
+            f"{type(truth).__name__}."
         )
-    times = [table.index.to_numpy(dtype=float) for table in frames.values() if _over_time(table)]
+    index = pd.Index([0])
     if times:
-        index = pd.Index(np.unique(np.concatenate(times)), name="time")
+        instants = np.concatenate(times)
+        fine = np.linspace(instants.min(), instants.max(), FINE)
+        index = pd.Index(np.union1d(instants, fine), name="time")
     elif any(callable(getattr(truth, name)) for name in NAMES):
-        raise ValueError(
-            "The true operator varies in time and no estimate does, so its values have no place "
-            "here. Give it at one instant: truth=operator.at(t)."
-        )
-    else:
-        index = pd.Index([0])
+        raise ValueError(varying)
     instants = index.to_numpy(dtype=float)
     K_e, K_edot = truth.gains(instants)
     with np.errstate(divide="ignore", invalid="ignore"):

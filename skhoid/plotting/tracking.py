@@ -136,7 +136,8 @@ class TrackingDisplay:
         if truth is not None:
             if truth.remnant.any():
                 response = truth.u_without_remnant.to_numpy().reshape(n_runs, -1)[0, shown]
-            transition = transition_time(truth.parameters) if transition is None else transition
+            element = truth.parameters[["K_c", "omega_b"]]
+            transition = transition_time(element) if transition is None else transition
         units = units or {**X.attrs.get("units", {}), **y.attrs.get("units", {})}
         display = cls(
             time=time[shown], signals=signals, response=response, transition=transition, units=units
@@ -184,7 +185,7 @@ class TrackingDisplay:
 
 
 def transition_time(parameters: pd.DataFrame) -> float | None:
-    """Where parameters over time change most between two instants; None where they do not."""
+    """Where parameters change most between two instants, in s; None where they do not."""
     change = parameters.diff().abs() / (parameters.max() - parameters.min()).replace(0.0, np.nan)
     total = change.max(axis=1)
     return float(total.idxmax()) if total.max() > 0 else None

@@ -133,7 +133,8 @@ def make_tracking_runs(
     truth : Bunch
         Only with ``return_truth``: ``u_without_remnant`` and ``remnant`` (Series like y);
         ``parameters``, a DataFrame over time of K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm, K_c,
-        omega_b, K_n; ``arx_parameters``, one of a1, a2, b0, b1 under zero-order hold; ``nk``, the
+        omega_b, K_n, and of gains of a pursuit display that are not 0; ``arx_parameters``, one of
+        a1, a2, b0, b1 under zero-order hold (not with such gains); ``nk``, the
         delay that belongs to them, to the nearest sample; ``task``. What concerns the operator's
         physics is missing where the operator is a fitted model.
 
@@ -158,8 +159,9 @@ def make_tracking_runs(
     """
     unknown = [name for name in channels if name not in CHANNELS]
     if unknown or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
+        hint = " The disturbance f_d is the channel 'dist'." if "f_d" in channels else ""
         raise ValueError(
-            f"channels is a list of some of {list(CHANNELS)}, each once; got {channels!r}."
+            f"channels is a list of some of {list(CHANNELS)}, each once; got {channels!r}.{hint}"
         )
     given = {
         "sampling_rate": sampling_rate,
@@ -281,8 +283,12 @@ def _truth(task: CompensatoryTask, record: TrackingRecord, index: pd.MultiIndex)
         parameters = {"K_e": K_e, "T_L": T_L, "K_edot": K_edot, "tau_e": operator.tau_e}
         for name in ("omega_nm", "zeta_nm"):
             parameters[name] = evaluate(getattr(operator, name), record.time)
-        theta = zoh_parameters(operator, 1 / task.sampling_rate, record.time)
-        truth.arx_parameters = pd.DataFrame(theta, index=t, columns=["a1", "a2", "b0", "b1"])
+        pursuit = [name for name in PURSUIT if getattr(operator, name) != 0.0]
+        for name in pursuit:
+            parameters[name] = evaluate(getattr(operator, name), record.time)
+        if not pursuit:
+            theta = zoh_parameters(operator, 1 / task.sampling_rate, record.time)
+            truth.arx_parameters = pd.DataFrame(theta, index=t, columns=["a1", "a2", "b0", "b1"])
         truth.nk = delay_samples(operator, 1 / task.sampling_rate, nearest=True)
     parameters |= {
         name: evaluate(getattr(element, name), record.time) for name in ("K_c", "omega_b")

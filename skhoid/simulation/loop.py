@@ -7,6 +7,7 @@ from typing import Any
 
 from ..arx.channel import is_arx
 from ..human import ControlledElement, HumanOperator
+from ..human.operator import PURSUIT
 from ..human.variation import Parameter, check_positive
 from .conditions import Condition, tracking_condition
 from .engine import simulate
@@ -127,6 +128,13 @@ class CompensatoryTask:
                 "CompensatoryTask: operator is a HumanOperator, or a fitted ARX model (or a "
                 f"pipeline or search that ends in one); got {type(self.operator).__name__}."
             )
+        if self.display != "compensatory" and isinstance(self.operator, HumanOperator):
+            shown = [getattr(self.operator, name) for name in PURSUIT]
+            if self.display != 0.0 and not any(callable(gain) or gain for gain in shown):
+                raise ValueError(
+                    "CompensatoryTask: the display shows target and output, but the operator has "
+                    "no gains on them: give it K_t, K_tdot, K_x or K_xdot."
+                )
         if self.is_constant:
             physics_rows(self)
         response_of(self)

@@ -77,19 +77,19 @@ class ARXResponse:
 
     @classmethod
     def of(cls, task: CompensatoryTask) -> ARXResponse:
+        _, model = taken_apart(task.operator)
+        inputs, intercept = getattr(model, "inputs_", ["e"]), getattr(model, "intercept_", 0.0)
+        if len(inputs) != 1 or intercept:
+            raise ValueError(
+                f"A model in the loop answers the error e alone, without intercept; this one has "
+                f"the inputs {inputs} and the intercept {intercept:g}. Fit one with inputs=['e']."
+            )
         channel = ARXChannel.of(task.operator, None, "CompensatoryTask(operator=...)")
         dt = 1 / task.sampling_rate
         if abs(channel.dt - dt) > 1e-6 * dt:
             raise ValueError(
                 f"The model runs at dt = {channel.dt:g} s and the loop at {dt:g} s. Fit it at the "
                 f"rate of the loop, without decimation, or use sampling_rate={1 / channel.dt:g}."
-            )
-        _, model = taken_apart(task.operator)
-        intercept = getattr(model, "intercept_", 0.0)
-        if len(model.inputs_) != 1 or intercept:
-            raise ValueError(
-                "A model in the loop answers the error e alone, without intercept; this one has "
-                f"the inputs {model.inputs_} and the intercept {intercept:g}."
             )
         nk = channel.nk + round(channel.shift / dt)
         return cls(_kernels.gate(np.atleast_2d(channel.theta)), channel.na, nk, nk * dt)

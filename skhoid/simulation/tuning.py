@@ -127,9 +127,9 @@ def _constant_gain(task: CompensatoryTask, n_realisations: int, options: dict[st
         f"The remnant goes round the loop, so that P_n tends to {curve.limit:.3f} as K_n grows "
         f"(mean of {curve.of_noise.size} realisations). Ask for less, or give the remnant a gain."
     )
-    if root is None:
+    if root is None and wanted >= curve.limit:
         raise RemnantIntensityError(f"No gain gives P_n = {wanted}. {advice}")
-    if error > LARGEST_ERROR:
+    if root is None or error > LARGEST_ERROR:
         raise RemnantIntensityError(
             f"P_n = {wanted} is too close to what the loop can reach: {n_realisations} "
             f"realisations do not determine its gain. {advice}"

@@ -65,8 +65,11 @@ def test_truth_of_an_operator_is_evaluated_at_the_instants():
     display = OperatorParametersDisplay.from_frame(path(), truth=TRANSITION)
     time = path().index
     K_e, K_edot = TRANSITION.gains(time.to_numpy())
-    np.testing.assert_array_equal(display.truth_["K_e"].get_xdata(), time)
-    np.testing.assert_allclose(display.truth_["T_L"].get_ydata(), K_edot / K_e)
+    drawn = display.truth_["K_e"].get_xdata()
+    at = np.searchsorted(drawn, time)
+    np.testing.assert_array_equal(drawn[at], time)
+    assert np.diff(drawn).max() < 0.01 * np.ptp(time)  # a step stays one between estimates
+    np.testing.assert_allclose(display.truth_["T_L"].get_ydata()[at], K_edot / K_e)
     np.testing.assert_allclose(display.truth_["omega_nm"].get_ydata(), 11.25)
 
 
@@ -162,7 +165,7 @@ def test_refusals():
         OperatorParametersDisplay.from_frame({"a": [1]})
     with pytest.raises(ValueError, match="no column 'T_L'"):
         OperatorParametersDisplay.from_frame(table().drop(columns="T_L"))
-    with pytest.raises(TypeError, match="truth must be a HumanOperator or a DataFrame; got dict"):
+    with pytest.raises(TypeError, match="truth must be a HumanOperator, a DataFrame or a row of one; got dict"):
         OperatorParametersDisplay.from_frame(table(), truth={})
     with pytest.raises(ValueError, match=r"truth=operator\.at\(t\)"):
         OperatorParametersDisplay.from_frame(table(), truth=TRANSITION)
