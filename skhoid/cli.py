@@ -192,7 +192,10 @@ def _simulate(options: argparse.Namespace) -> int:
     )
     write_runs(X, y, path, overwrite=options.overwrite)
     runs = "1 run" if options.runs == 1 else f"{options.runs} runs"
-    print(f"{path}: {runs} of {options.condition.upper()}, {len(X)} rows at {options.rate:g} Hz, seed {seed}")
+    print(
+        f"{path}: {runs} of {options.condition.upper()}, {len(X)} rows at {options.rate:g} Hz, "
+        f"seed {seed}"
+    )
     if options.remnant:
         by_run = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()
         print(

@@ -731,3 +731,14 @@ def test_functions_of_time_must_take_arrays():
 def test_the_default_target_has_a_short_name():
     assert repr(Multisine()) == "Multisine()"
     assert "period=40.0" in repr(Multisine(period=40.0))
+
+
+@pytest.mark.parametrize("name", ["e", "f_t", "x"])
+def test_responses_of_a_pursuit_operator(name):
+    operator = HumanOperator(K_e=0.07, K_edot=0.03, K_t=0.02, K_tdot=0.01, K_x=-0.03, K_xdot=-0.02)
+    gains = {"e": (0.07, 0.03), "f_t": (0.02, 0.01), "x": (-0.03, -0.02)}[name]
+    alone = HumanOperator(K_e=1.0, T_L=0.0).frequency_response(OMEGA)
+    expected = (gains[0] + gains[1] * 1j * OMEGA) * alone
+    np.testing.assert_allclose(operator.frequency_response(OMEGA, input=name), expected)
+    with pytest.raises(ValueError, match="input is 'e', or 'f_t' or 'x'"):
+        operator.frequency_response(OMEGA, input="q")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..arx.channel import ARXChannel
+from ..arx.response import response_and_gradient
 
 
 def arx_response(
@@ -47,10 +48,8 @@ def arx_response(
     >>> abs(arx_response([-0.9, 0.1], [0.0, 10.0], dt=0.01, na=1)).round(3)
     array([1.   , 0.726])
     """
-    omega = _below_nyquist(omega, dt)
-    numerator, denominator = _polynomials(np.asarray(theta, dtype=float), omega, dt, na)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return numerator / denominator * np.exp(-1j * omega * (nk * dt + delay))
+    omega, theta = _below_nyquist(omega, dt), np.asarray(theta, dtype=float)
+    return response_and_gradient(theta, omega, dt, na, nk * dt + delay)[0]
 
 
 def arx_response_covariance(
@@ -102,14 +101,8 @@ def arx_response_covariance(
     >>> arx_response_covariance([-0.9, 0.1], P, [1.0, 10.0], dt=0.01, na=1).shape
     (2, 2, 2)
     """
-    theta, omega = np.asarray(theta, dtype=float), _below_nyquist(omega, dt)
-    numerator, denominator = _polynomials(theta, omega, dt, na)
-    z = np.exp(-1j * omega * dt)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        lag = np.exp(-1j * omega * (nk * dt + delay)) / denominator
-        slopes = [-numerator / denominator * lag * z**i for i in range(1, na + 1)]
-    slopes += [lag * z**i for i in range(theta.shape[-1] - na)]
-    gradient = np.stack(slopes, axis=-1)
+    omega, theta = _below_nyquist(omega, dt), np.asarray(theta, dtype=float)
+    _, gradient = response_and_gradient(theta, omega, dt, na, nk * dt + delay)
     parts = np.stack([gradient.real, gradient.imag], axis=-2)
     P = np.asarray(covariance, dtype=float)[..., None, :, :]
     return parts @ P @ np.swapaxes(parts, -1, -2)
@@ -118,26 +111,6 @@ def arx_response_covariance(
 def _below_nyquist(omega: Any, dt: float) -> np.ndarray:
     omega = np.asarray(omega, dtype=float)
     return np.where(omega * dt <= np.pi * (1 + 1e-9), omega, np.nan)
-
-
-def _polynomials(
-    theta: np.ndarray, omega: np.ndarray, dt: float, na: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """B and A in powers of z^-1, of shape (..., n_lines)."""
-    z = np.exp(-1j * omega * dt)
-    b, a = theta[..., na:], theta[..., :na]
-    if b.shape[-1] == 0:
-        raise ValueError(
-            f"theta holds {theta.shape[-1]} parameters, of which na={na} are of the output; none "
-            "is left for the input. Give [a_1 ... a_na, b_0 ... b_{nb-1}] on the last axis."
-        )
-    numerator = np.zeros(np.broadcast_shapes((*theta.shape[:-1], 1), z.shape), dtype=complex)
-    denominator = np.zeros_like(numerator)
-    for i in range(b.shape[-1] - 1, -1, -1):
-        numerator = numerator * z + b[..., i, None]
-    for i in range(na - 1, -1, -1):
-        denominator = (denominator + a[..., i, None]) * z
-    return numerator, 1.0 + denominator
 
 
 def response_of_model(model: Any, omega: np.ndarray, name: str | None) -> dict[str, Any]:

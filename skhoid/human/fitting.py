@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from ..arx.response import response_and_gradient
 from .discretisation import check_dt, check_order, held_filter, pade
 
 NAMES = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
@@ -112,7 +113,7 @@ def fit_operator(
     omega = _frequencies(band, dt)
     hold = OperatorUnderHold(omega, delay, dt if dt_recording is None else dt_recording, pade_order)
     rows = np.atleast_2d(theta)
-    response, slopes = _arx(rows, omega, dt, na, delay)
+    response, slopes = response_and_gradient(rows, omega, dt, na, delay)
     P = None
     if covariance is not None:
         P = np.broadcast_to(np.asarray(covariance, dtype=float), (*rows.shape, rows.shape[-1]))
@@ -259,16 +260,3 @@ def _frequencies(band: tuple[float, float], dt: float) -> np.ndarray:
             f"of the model's sampling time {dt:g} s. Give a lower one, or decimate less."
         )
     return np.geomspace(low, high, N_FREQUENCIES)
-
-
-def _arx(
-    theta: np.ndarray, omega: np.ndarray, dt: float, na: int, delay: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Responses (n, n_frequencies) of ARX parameters, and their derivatives to them."""
-    n_b = theta.shape[1] - na
-    lags = np.exp(-1j * np.outer(omega, dt * np.arange(max(na + 1, n_b))))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        own = np.exp(-1j * omega * delay) / (1 + theta[:, :na] @ lags[:, 1 : na + 1].T)
-        response = own * (theta[:, na:] @ lags[:, :n_b].T)
-    to_a = -(response * own * np.exp(1j * omega * delay))[..., None] * lags[:, 1 : na + 1]
-    return response, np.concatenate([to_a, own[..., None] * lags[:, :n_b]], axis=-1)

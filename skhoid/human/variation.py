@@ -248,6 +248,10 @@ def transition_of(*parameters: Parameter | None) -> Sigmoid | Step | Ramp | None
     for parameter in parameters:
         if isinstance(parameter, (Sigmoid, Step, Ramp)) and parameter.initial != parameter.final:
             return replace(parameter, initial=0.0, final=1.0)
+        if isinstance(parameter, Shifted) and (own := transition_of(parameter.function)):
+            if isinstance(own, Ramp):
+                return replace(own, start=own.start + parameter.lag, end=own.end + parameter.lag)
+            return replace(own, time=own.time + parameter.lag)
         if isinstance(parameter, Mixture) and isinstance(parameter.weight, (Sigmoid, Step, Ramp)):
             return transition_of(parameter.weight)
     return None

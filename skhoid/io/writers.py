@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import pandas as pd
@@ -74,6 +73,8 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
         raise FileExistsError(f"{path} exists. Choose another name, or overwrite=True.")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"The folder {path.parent} of {path} does not exist.")
+    if not isinstance(X, pd.DataFrame):
+        raise TypeError(f"X must be a DataFrame with run and time in its index; got {type(X)}.")
     check_alignment(X, y)
     if not isinstance(y, pd.Series) or y.name is None or y.name in X.columns:
         raise ValueError(
@@ -83,14 +84,12 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
     layout = read_layout(X)
     table = X.assign(**{str(y.name): y})
     table.attrs = {}
-    handle, temporary = tempfile.mkstemp(suffix=path.suffix, dir=path.parent)
-    os.close(handle)
+    temporary = path.with_name(f".{path.stem}-{uuid4().hex}{path.suffix}")
     try:
-        write(table, layout, Path(temporary))
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
+        write(table, layout, temporary)
+        temporary.replace(path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
     return path
 
@@ -114,16 +113,16 @@ def _write_mat(table: pd.DataFrame, layout: Any, path: Path) -> None:
             "Runs of different length or times do not fit into one matrix a channel: write a .csv "
             "or .parquet file, or one .mat file for each run."
         )
+    odd = [name for name in map(str, table.columns) if name == "time" or name.startswith("_")]
+    if odd:
+        raise ValueError(
+            f"A .mat file cannot hold the channel {odd[0]!r}: 'time' is taken, and names do not "
+            "begin with an underscore. Rename it, or write another format."
+        )
     matrices = {"time": times[0][:, None]}
     for name in table.columns:
         matrices[str(name)] = table[name].to_numpy().reshape(len(times), -1).T
     savemat(path, matrices)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 _WRITERS: dict[str, Callable[[pd.DataFrame, Any, Path], None]] = {

@@ -336,6 +336,7 @@ def _central(values: np.ndarray) -> tuple[float, float]:
 
 def _truth(truth: Any, frames: dict[str, pd.DataFrame]) -> pd.DataFrame | None:
     """True values over the times of the estimates, or in one row where they do not vary."""
+    truth = getattr(truth, "parameters", truth)  # the third result of make_tracking_runs
     if isinstance(truth, pd.Series):
         truth = truth.to_frame().T
     times = [table.index.to_numpy(dtype=float) for table in frames.values() if _over_time(table)]

@@ -101,7 +101,7 @@ class TrackingDisplay:
             Third result of :func:`skhoid.make_tracking_runs`: draws the response without remnant
             too, and marks the instant at which the controlled element changes.
         window : tuple of float or None, default=None
-            Begin and end of the times to draw, in s.
+            Begin and end of the times to draw, in s; the end is left out.
         transition : float or None, default=None
             Instant to mark, in s; known from ``truth`` where it is given.
         units : dict or None, default=None
@@ -123,7 +123,7 @@ class TrackingDisplay:
             )
         table = X.assign(**{str(y.name or "y"): y})
         begin, end = (-np.inf, np.inf) if window is None else window
-        shown = (time >= begin) & (time <= end)
+        shown = (time >= begin) & (time < end)
         if not shown.any():
             raise ValueError(
                 f"window={window} holds no sample; the runs go from {time[0]:g} to {time[-1]:g} s."

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -22,19 +23,7 @@ from .remnant import Remnant
 from .tuning import tune_remnant
 
 CHANNELS = {"e": "e", "x": "x", "f_t": "f_t", "dist": "f_d"}
-# of the parameters of make_tracking_runs that a task has, too
-DEFAULTS: dict[str, Any] = {
-    "sampling_rate": 100.0,
-    "duration": 81.92,
-    "run_in": None,
-    "target": None,
-    "disturbance": None,
-    "display": "compensatory",
-    "operator": None,
-    "controlled_element": None,
-    "transport": None,
-}
-VARYING = ("K_e", "T_L", "K_edot", "omega_nm", "zeta_nm", *PURSUIT)
+VARYING = ("K_e", "K_edot", "omega_nm", "zeta_nm", *PURSUIT)
 
 
 def make_tracking_runs(
@@ -94,8 +83,8 @@ def make_tracking_runs(
     keep_run_in : float, default=0.0
         Also return so much of it, in s, at negative time.
     target, disturbance : Multisine, callable, array or None, default=None
-        Forcing functions; None means Table I for the target, and no disturbance. For one that
-        changes within the run see :class:`Mixture`.
+        Forcing functions; None means Table I for the target, and no disturbance; 0.0 is none. For
+        one that changes within the run see :class:`Mixture`.
     random_phases : bool, default=False
         Draw new phases for each run.
     display : {"compensatory", "pursuit"}, float or callable, default="compensatory"
@@ -105,9 +94,11 @@ def make_tracking_runs(
     controlled_element : ControlledElement or None, default=None
         Replaces that of the condition.
     adaptation_lag : float, default=0.0
-        The operator's parameters follow so much later, in s, than the controlled element's.
+        The operator's parameters follow so much later, in s, than the controlled element's; an
+        operator that anticipates has a negative lag.
     perturbation : dict or None, default=None
-        ``{parameter of the operator: number or function of time}``, added to the parameter.
+        ``{"K_e", "K_edot", "omega_nm", "zeta_nm" or a gain of a pursuit display: number or
+        function of time}``, added to the parameter.
     open_loop : bool, default=False
         The remnant is added to u but does not go round the loop (Eq. G.1).
     transport : {"held", "interpolated"} or None, default=None
@@ -175,7 +166,7 @@ def make_tracking_runs(
         "transport": transport,
     }
     defaults = signature(make_tracking_runs).parameters
-    given = {name: value for name, value in given.items() if value is not defaults[name].default}
+    given = {name: value for name, value in given.items() if not _is(value, defaults[name].default)}
     if not isinstance(condition, CompensatoryTask):
         task = CompensatoryTask.of_condition(condition, **given)
     elif given:
@@ -188,7 +179,9 @@ def make_tracking_runs(
     task = _adapted(task, adaptation_lag, dict(perturbation or {}))
     task = _with_remnant(task, condition, remnant_intensity, remnant_order, remnant_gain)
     if task.remnant is not None and task.remnant.gain is None:
-        task = tune_remnant(task, random_state=random_state, open_loop=open_loop, n_jobs=n_jobs)
+        task = tune_remnant(
+            task, random_state=random_state, open_loop=open_loop, n_jobs=n_jobs, progress=progress
+        )
     record = task.simulate(
         n_runs,
         random_state=random_state,
@@ -212,6 +205,10 @@ def make_tracking_runs(
     return X, y, _truth(task, record, index)
 
 
+def _is(value: Any, default: Any) -> bool:
+    return value is default or (np.isscalar(value) and value == default)
+
+
 def _rows(signal: np.ndarray, n_runs: int) -> np.ndarray:
     return np.broadcast_to(signal, (n_runs, signal.shape[1])).ravel()
 
@@ -228,12 +225,16 @@ def _adapted(
             "adaptation_lag and perturbation change the parameters of a HumanOperator; the "
             f"operator is a {type(operator).__name__}."
         )
-    known = [name for name in VARYING if getattr(operator, name) is not None]
-    unknown = [name for name in perturbation if name not in known]
+    unknown = [name for name in perturbation if name not in VARYING]
     if unknown:
-        raise ValueError(f"perturbation: no parameter {unknown} to add to; there are {known}.")
+        raise ValueError(
+            f"perturbation: no parameter {unknown} to add to; there are {list(VARYING)}."
+        )
+    if not isinstance(lag, Real) or not np.isfinite(lag):
+        raise ValueError(f"adaptation_lag is a time in s; got {lag!r}.")
+    operator = replace(operator, T_L=None, K_edot=operator.rate_gain)
     changed: dict[str, Any] = {}
-    for name in known:
+    for name in VARYING:
         value = getattr(operator, name)
         if callable(value) or name in perturbation:
             changed[name] = Shifted(value, float(lag), perturbation.get(name, 0.0))

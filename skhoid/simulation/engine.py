@@ -18,7 +18,8 @@ from .record import TrackingRecord
 if TYPE_CHECKING:
     from .loop import CompensatoryTask
 
-LOST = 1e3  # times the target: such an error is no tracking
+LOST = 1e3  # times the forcing functions: such an error is no tracking
+UNFORCED = 1e9  # the same where remnant alone moves the loop
 ADVICE = (
     "Lower the operator's gain (K_e) or its delay, give it more lead (T_L), or shorten the time "
     "for which its gains do not fit the controlled element."
@@ -48,7 +49,7 @@ def simulate(
             f"The gain of {remnant!r} is not known yet: tune_remnant(task) returns the task with "
             "the gain for this intensity."
         )
-    kept = round(keep_run_in * rate)
+    kept = round(keep_run_in * rate) if np.isfinite(keep_run_in) else -1
     if not 0 <= kept <= task.n_run_in:
         raise ValueError(
             f"keep_run_in is from 0 to the run-in of {task.n_run_in / rate:g} s; got {keep_run_in}."
@@ -89,7 +90,7 @@ def simulate(
             1 / rate,
             0.0 if open_loop else 1.0,
             first,
-            np.inf if task.is_constant else _bound(f_t),
+            np.inf if task.is_constant else _bound(f_t, f_d),
         )
         return out, lost, f_t[first:].T, f_d[first:].T
 
@@ -123,9 +124,10 @@ def simulate(
     return TrackingRecord(time=time, e=e, u=u, x=x, n=n, f_t=f_t, f_d=f_d)
 
 
-def _bound(f_t: np.ndarray) -> float:
-    """The error above which a loop that varies is suspected; without target none is."""
-    return float(LOST * np.abs(f_t).max()) or np.inf
+def _bound(f_t: np.ndarray, f_d: np.ndarray) -> float:
+    """The error above which a loop that varies is suspected to be unstable."""
+    forcing = max(np.abs(f_t).max(), 100 * np.abs(f_d).max())
+    return float(LOST * forcing) or UNFORCED
 
 
 def _generator(entropy: int, stream: int, run: int) -> np.random.Generator:
@@ -155,10 +157,10 @@ def _forcing(task: CompensatoryTask, name: str) -> np.ndarray:
         return np.zeros((n_total, 1))
     if isinstance(given, Multisine):
         f = given.sample(-task.n_run_in, n_total, task.sampling_rate)
-    elif callable(given):
+    elif callable(given) or np.isscalar(given):
         f = evaluate(given, np.arange(-task.n_run_in, task.n_samples) / task.sampling_rate)
     else:
-        f = np.asarray(given, dtype=float)
+        f = given.values
     if f.shape != (n_total,):
         raise ValueError(
             f"The {name} must have {n_total} samples ({task.n_run_in} of the run-in and "
@@ -212,17 +214,23 @@ def _check_stability(
     task: CompensatoryTask, physics: tuple[np.ndarray, int], response: Delay | ARXResponse
 ) -> None:
     """Raise if the answer of constant dynamics to a pulse of the target grows."""
-    pulse = np.zeros((round((60.0 + 40 * response.delay_time) * task.sampling_rate), 1))
-    pulse[0] = 1.0
-    e, _ = _without_remnant(task, physics, response, pulse, np.zeros_like(pulse), np.inf)
-    third = e.size // 3
-    early, late = e[third : 2 * third].max(), e[2 * third :].max()
-    if not late <= max(early * (1 + 1e-6), 1e-9):  # NaN too
+    times = []
+    for patience in (1, 10, 100):  # a slow loop first answers, and dies out later
+        n_samples = round(patience * (60.0 + 40 * response.delay_time) * task.sampling_rate)
+        pulse = np.zeros((n_samples, 1))
+        pulse[0] = 1.0
+        e, _ = _without_remnant(task, physics, response, pulse, np.zeros_like(pulse), np.inf)
+        third = e.size // 3
+        early, late = e[third : 2 * third].max(), e[2 * third :].max()
+        if late <= max(early * (1 + 1e-6), 1e-9):  # not NaN
+            return
         growing = third / task.sampling_rate
-        time = growing / np.log(late / early) if np.isfinite(late) else 0.0
-        raise UnstableLoopError(
-            f"The loop is unstable: its error grows by a factor e every {time:.2g} s. {ADVICE}"
-        )
+        times.append(growing / np.log(late / early) if np.isfinite(late) else 0.0)
+        if not np.isfinite(late):
+            break
+    raise UnstableLoopError(
+        f"The loop is unstable: its error grows by a factor e every {times[0]:.2g} s. {ADVICE}"
+    )
 
 
 def _check_growth(
@@ -230,13 +238,15 @@ def _check_growth(
 ) -> None:
     """Raise if dynamics that vary make the error large even without remnant."""
     f_t, f_d = (_forcing(task, name) for name in STREAMS)
-    _, lost = _without_remnant(task, physics, response, f_t, f_d, _bound(f_t))
+    _, lost = _without_remnant(task, physics, response, f_t, f_d, _bound(f_t, f_d))
     if lost >= 0:
         t = (lost - task.n_run_in) / task.sampling_rate
         raise UnstableLoopError(
             f"The loop is unstable: without remnant its error passes {LOST:g} times the target by "
             f"t = {t:.2f} s (0 is the beginning of the measurement window). {ADVICE}"
         )
+    if not (f_t.any() or f_d.any()):
+        raise UnstableLoopError(f"The loop is unstable: remnant alone moves it off. {ADVICE}")
 
 
 def entropy_of(random_state: Any) -> int:

@@ -121,18 +121,21 @@ class Multisine:
             return self(np.arange(first, first + n_samples) / sampling_rate)
         return np.resize(np.roll(_one_period(self, whole), -first), n_samples)
 
-    def crest_factor(self, sampling_rate: float = 100.0) -> float:
+    def crest_factor(self, sampling_rate: float | None = None) -> float:
         """Peak over root mean square, in one period.
 
         Parameters
         ----------
-        sampling_rate : float, default=100.0
-            Rate in Hz at which the peak is looked for.
+        sampling_rate : float or None, default=None
+            Rate in Hz at which the peak is looked for; None means 100 Hz, or 20 times the highest
+            line if that is more.
 
         Returns
         -------
         crest_factor : float
         """
+        if sampling_rate is None:
+            sampling_rate = max(100.0, 20 * self.omega.max() / (2 * np.pi))
         f = self(np.arange(round(self.period * sampling_rate)) / sampling_rate)
         return float(np.abs(f).max() / np.sqrt(np.mean(f**2)))
 
@@ -214,6 +217,23 @@ class Multisine:
         amplitudes = tuple(scale * a for a in self.amplitudes)
         second = replace(self, multiples=multiples, amplitudes=amplitudes)
         return second.with_random_phases(random_state)
+
+
+class Samples:
+    """A forcing function given by its samples, as a value that can be compared."""
+
+    def __init__(self, values: Any) -> None:
+        self.values = np.array(values, dtype=float)
+        self.values.flags.writeable = False
+
+    def __repr__(self) -> str:
+        return f"Samples({self.values.size})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Samples) and np.array_equal(self.values, other.values)
+
+    def __hash__(self) -> int:
+        return hash(self.values.tobytes())
 
 
 @lru_cache(maxsize=16)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any
+
+import numpy as np
 
 from ..arx.channel import is_arx
 from ..human import ControlledElement, HumanOperator
@@ -11,7 +14,7 @@ from ..human.operator import PURSUIT
 from ..human.variation import Parameter, check_positive
 from .conditions import Condition, tracking_condition
 from .engine import simulate
-from .forcing import Multisine
+from .forcing import Multisine, Samples
 from .physics import DISPLAYS, parameters_of, physics_rows, response_of
 from .record import TrackingRecord
 from .remnant import Remnant
@@ -113,31 +116,41 @@ class CompensatoryTask:
                 f"CompensatoryTask: {self.duration} s at {self.sampling_rate} Hz are fewer than "
                 "two samples."
             )
-        wanted: dict[str, Any] = {
-            "controlled_element": ControlledElement,
-            "remnant": (Remnant, type(None)),
-        }
-        for name, kind in wanted.items():
-            if not isinstance(getattr(self, name), kind):
-                raise TypeError(
-                    f"CompensatoryTask: {name} must be a {name.title().replace('_', '')}; got "
-                    f"{getattr(self, name)!r}."
-                )
-        if not isinstance(self.operator, HumanOperator) and not is_arx(self.operator):
-            raise TypeError(
-                "CompensatoryTask: operator is a HumanOperator, or a fitted ARX model (or a "
-                f"pipeline or search that ends in one); got {type(self.operator).__name__}."
-            )
-        if self.display != "compensatory" and isinstance(self.operator, HumanOperator):
-            shown = [getattr(self.operator, name) for name in PURSUIT]
-            if self.display != 0.0 and not any(callable(gain) or gain for gain in shown):
-                raise ValueError(
-                    "CompensatoryTask: the display shows target and output, but the operator has "
-                    "no gains on them: give it K_t, K_tdot, K_x or K_xdot."
-                )
+        self._check_parts()
         if self.is_constant:
             physics_rows(self)
         response_of(self)
+
+    def _check_parts(self) -> None:
+        if not isinstance(self.controlled_element, ControlledElement):
+            raise TypeError(
+                "CompensatoryTask: controlled_element is a ControlledElement; got "
+                f"{self.controlled_element!r}."
+            )
+        if not isinstance(self.remnant, (Remnant, type(None))):
+            raise TypeError(f"CompensatoryTask: remnant is a Remnant; got {self.remnant!r}.")
+        for name in ("target", "disturbance"):
+            given = getattr(self, name)
+            if isinstance(given, (np.ndarray, list, tuple)):
+                object.__setattr__(self, name, Samples(given))
+            elif not (callable(given) or given is None or isinstance(given, (Samples, Real))):
+                raise TypeError(
+                    f"CompensatoryTask: {name} is a Multisine, a function of time, an array, a "
+                    f"number or None; got {given!r}."
+                )
+        if not isinstance(self.operator, HumanOperator):
+            if not is_arx(self.operator):
+                raise TypeError(
+                    "CompensatoryTask: operator is a HumanOperator, or a fitted ARX model (or a "
+                    f"pipeline or search that ends in one); got {type(self.operator).__name__}."
+                )
+            return
+        gains = [getattr(self.operator, name) for name in PURSUIT]
+        if self.display == "pursuit" and not any(callable(gain) or gain for gain in gains):
+            raise ValueError(
+                "CompensatoryTask: a pursuit display shows target and output, and the operator has "
+                "no gains on them: give it K_t, K_tdot, K_x or K_xdot."
+            )
 
     @classmethod
     def of_condition(cls, condition: str | Condition, **options: Any) -> CompensatoryTask:

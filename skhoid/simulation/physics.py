@@ -53,7 +53,7 @@ class Delay:
         if samples < 1:
             raise ValueError(
                 f"CompensatoryTask: tau_e = {tau} s is less than one sample at {rate:g} Hz, too "
-                "short to interpolate. Use a higher sampling rate, or tau_e = 0."
+                "short to interpolate. Use a higher sampling rate, or transport='held'."
             )
         if part <= 0.5:
             middle = [0.0, 0.5 + part, 0.5 - part]
@@ -79,17 +79,34 @@ class ARXResponse:
     def of(cls, task: CompensatoryTask) -> ARXResponse:
         _, model = taken_apart(task.operator)
         inputs, intercept = getattr(model, "inputs_", ["e"]), getattr(model, "intercept_", 0.0)
-        if len(inputs) != 1 or intercept:
+        named = getattr(model, "_names", None) is not None
+        role = (getattr(model, "roles", None) or {}).get(inputs[0], inputs[0])
+        if len(inputs) != 1 or intercept or (named and role != "e"):
             raise ValueError(
                 f"A model in the loop answers the error e alone, without intercept; this one has "
                 f"the inputs {inputs} and the intercept {intercept:g}. Fit one with inputs=['e']."
             )
+        if task.display != "compensatory" or task.transport is not None:
+            raise ValueError(
+                "display and transport are those of a HumanOperator; the operator is a "
+                f"{type(model).__name__}, which brings its own delay and sees e alone."
+            )
         channel = ARXChannel.of(task.operator, None, "CompensatoryTask(operator=...)")
+        if channel.time is not None:
+            raise ValueError(
+                "The model's parameters vary in time; only constant models can be put into the "
+                "loop."
+            )
         dt = 1 / task.sampling_rate
+        if abs(channel.dt_recording - channel.dt) > 1e-6 * dt:
+            raise ValueError(
+                f"The model is fitted on decimated recordings (dt = {channel.dt:g} s, of "
+                f"{channel.dt_recording:g} s); fit it without the Decimator for the loop."
+            )
         if abs(channel.dt - dt) > 1e-6 * dt:
             raise ValueError(
                 f"The model runs at dt = {channel.dt:g} s and the loop at {dt:g} s. Fit it at the "
-                f"rate of the loop, without decimation, or use sampling_rate={1 / channel.dt:g}."
+                f"rate of the loop, or use sampling_rate={1 / channel.dt:g}."
             )
         nk = channel.nk + round(channel.shift / dt)
         return cls(_kernels.gate(np.atleast_2d(channel.theta)), channel.na, nk, nk * dt)
@@ -164,9 +181,12 @@ def _checked(name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.nd
     wrong = ~np.isfinite(values)
     if name not in SIGNED:
         wrong |= values <= 0 if name in ("omega_nm", "zeta_nm") else values < 0
+    if name == "display":
+        wrong |= values > 1
     if wrong.any():
         i = int(np.flatnonzero(wrong)[0])
         what = "finite" if name in SIGNED else "finite and positive"
+        what += ", at most 1" if name == "display" else ""
         raise ValueError(
             f"CompensatoryTask: {name} is {values[i]:g} at t = {t[i]:g} s (0 is the beginning of "
             f"the measurement window); it must be {what}, in the run-in too."

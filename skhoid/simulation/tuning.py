@@ -36,8 +36,9 @@ def tune_remnant(
     The mean of P_n = var(n) / var(u) in the measurement window, over realisations of the noise,
     equals ``task.remnant.intensity``. The loop is linear, so u is the sum of the answer to the
     forcing functions and K_n times the answer to the noise: each is simulated once, and the root is
-    that of an explicit function of K_n. Where parameters follow a Sigmoid, Step or Ramp, K_n
-    follows it too, between the gains for the parameters at its two ends, as in conditions C3-C6.
+    that of an explicit function of K_n. Where the operator's gains follow a Sigmoid,
+    Step or Ramp, or else the controlled element, K_n follows it too, between the gains for the
+    parameters at its two ends, as in conditions C3-C6. In other cases K_n is constant.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ def tune_remnant(
     gains = (
         (operator.K_e, operator.T_L, operator.K_edot) if isinstance(operator, HumanOperator) else ()
     )
-    transition = transition_of(element.K_c, element.omega_b, *gains)
+    transition = transition_of(*gains, element.K_c, element.omega_b)
     gain: Any
     if remnant.intensity == 0:
         gain = 0.0

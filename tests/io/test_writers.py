@@ -83,3 +83,12 @@ def test_errors_say_what_to_do(runs, tmp_path):
     with pytest.raises(ValueError, match="one matrix a channel"):
         write_runs(X[:-1], y[:-1], tmp_path / "runs.mat")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["time", "_e"])
+def test_names_that_matlab_loses_are_refused(runs, tmp_path, name):
+    X, y = runs
+    with pytest.raises(ValueError, match=f"cannot hold the channel '{name}'"):
+        write_runs(X.rename(columns={"x": name}), y, tmp_path / "runs.mat")
+    with pytest.raises(TypeError, match="must be a DataFrame"):
+        write_runs(X.to_numpy(), y, tmp_path / "runs.mat")

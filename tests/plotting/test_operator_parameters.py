@@ -165,7 +165,9 @@ def test_refusals():
         OperatorParametersDisplay.from_frame({"a": [1]})
     with pytest.raises(ValueError, match="no column 'T_L'"):
         OperatorParametersDisplay.from_frame(table().drop(columns="T_L"))
-    with pytest.raises(TypeError, match="truth must be a HumanOperator, a DataFrame or a row of one; got dict"):
+    with pytest.raises(
+        TypeError, match="truth must be a HumanOperator, a DataFrame or a row of one; got dict"
+    ):
         OperatorParametersDisplay.from_frame(table(), truth={})
     with pytest.raises(ValueError, match=r"truth=operator\.at\(t\)"):
         OperatorParametersDisplay.from_frame(table(), truth=TRANSITION)

@@ -52,7 +52,7 @@ def test_window(runs):
     X, y, truth = runs
     display = TrackingDisplay.from_runs(X, y, truth=truth, window=(30.72, 51.2))
     time = display.lines_["u"].get_xdata()
-    assert (time[0], time[-1]) == (30.72, 51.2)
+    assert (time[0], time[-1]) == (30.72, 51.19)
     with pytest.raises(ValueError, match="holds no sample"):
         TrackingDisplay.from_runs(X, y, window=(100, 110))
 
