@@ -76,7 +76,8 @@ def fourier_coefficients(
     -----
     Several periods in a window are averaged. The remnant N = U - H E is read from the six nearest
     bins without excitation, with H of the line, and gives the covariance of real and
-    imaginary parts, ``mean|N|^2 / (2 |E|^2)`` each (one input only). The coherence of a run is
+    imaginary parts, ``mean|N|^2 / (2 |E|^2)`` each; with several inputs it is propagated through
+    the equations. The coherence of a run, with one input, is
     ``(1 - mean|E|^2 / |E(line)|^2) (1 - mean|U|^2 / |U(line)|^2)``, the means over the same
     bins and each factor at least 0: the shares of the powers of input and output that the forcing
     functions explain. The estimate can be trusted where it is near 1.
@@ -134,8 +135,8 @@ def fourier_coefficients(
         "omega": spectra.omega,
         "runs": windows.layout.labels,
         "output": output,
+        "dof": 2 * N_NEIGHBOURS,
     }
-    coherence = spectra.coherence(len(positions))
     if not several:
         E, U = spectra.at_lines[:, 0], spectra.at_lines[:, 1]
         response, covariance = spectra.ratio()
@@ -143,12 +144,12 @@ def fourier_coefficients(
             response=response,
             input=str(names[positions[0]]),
             covariance=covariance,
-            coherence=coherence[:, 0],
+            coherence=spectra.coherence(),
             coefficients=(E, U),
             **common,
         )
     spectra.check_excitation(len(positions) + 1)
-    solved = spectra.solve(len(positions))
+    solved, variance = spectra.solve(len(positions))
     lost = np.isnan(solved).any(axis=(0, 1))
     if lost.any():
         warnings.warn(
@@ -159,7 +160,10 @@ def fourier_coefficients(
         )
     return {
         str(names[p]): FrequencyResponse(
-            response=solved[:, i], input=str(names[p]), coherence=coherence[:, i], **common
+            response=solved[:, i],
+            input=str(names[p]),
+            covariance=variance[:, i, :, None, None] / 2 * np.eye(2),
+            **common,
         )
         for i, p in enumerate(positions)
     }
@@ -204,13 +208,12 @@ class _Spectra:
         self.at_lines = np.array(at_lines)  # (n_runs, n_channels, n_lines)
         self.beside = np.array(beside)  # (n_runs, n_channels, n_lines, n_neighbours)
 
-    def coherence(self, n_inputs: int) -> np.ndarray:
-        """Shares of power explained, of each input times the output."""
-        remnant = np.mean(np.abs(self.beside[:, : n_inputs + 1]) ** 2, axis=-1)
+    def coherence(self) -> np.ndarray:
+        """Shares of power explained, of the only input times the output."""
+        remnant = np.mean(np.abs(self.beside[:, :2]) ** 2, axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = 1 - remnant / np.abs(self.at_lines[:, : n_inputs + 1]) ** 2
-        share = np.maximum(share, 0.0)
-        return share[:, :-1] * share[:, -1:]
+            share = 1 - remnant / np.abs(self.at_lines[:, :2]) ** 2
+        return np.maximum(share, 0.0).prod(axis=1)
 
     def ratio(self) -> tuple[np.ndarray, np.ndarray]:
         """Response from the only input, and the covariance of its real and imaginary parts."""
@@ -233,21 +236,44 @@ class _Spectra:
                     "the right column, and are these its frequencies?"
                 )
 
-    def solve(self, n_inputs: int) -> np.ndarray:
-        """Responses from several inputs, of shape (n_runs, n_inputs, n_lines)."""
+    def solve(self, n_inputs: int) -> tuple[np.ndarray, np.ndarray]:
+        """Responses from several inputs, (n_runs, n_inputs, n_lines), and their variances.
+
+        Each forcing function F gives an equation U/F = H_1 E_1/F + H_2 E_2/F + N/F at every line,
+        interpolated between its own. The remnant N is read beside the lines and propagated.
+        """
         n_runs, n_functions = len(self.at_lines), self.function.max() + 1
         equations = np.empty((n_runs, self.omega.size, n_functions, n_inputs + 1), dtype=complex)
         for i in range(n_functions):
             own = self.function == i
             signals = self.at_lines[:, : n_inputs + 1, own]
-            ratios = signals / self.at_lines[:, n_inputs + 1 + i, own][:, None]
+            ratios = signals / self._forcing(i, n_inputs)[:, None]
             filled = _interpolate(self.omega[own], ratios, self.omega)
             equations[:, :, i] = np.moveaxis(filled, 1, 2)
         solved = np.full((n_runs, self.omega.size, n_inputs), np.nan, dtype=complex)
         known = np.isfinite(equations).all(axis=(2, 3))
-        A, b = equations[known][..., :-1], equations[known][..., -1:]
-        solved[known] = (np.linalg.pinv(A) @ b)[..., 0]
-        return np.moveaxis(solved, 2, 1)
+        inverse = np.full((n_runs, self.omega.size, n_inputs, n_functions), np.nan, dtype=complex)
+        inverse[known] = np.linalg.pinv(equations[known][..., :-1])
+        solved[known] = (inverse[known] @ equations[known][..., -1:])[..., 0]
+        responses = np.moveaxis(solved, 2, 1)
+        remnant = self.beside[:, n_inputs] - np.einsum(
+            "rik,rikn->rkn", responses, self.beside[:, :n_inputs]
+        )
+        power = np.mean(np.abs(remnant) ** 2, axis=-1)
+        noise = np.empty((n_runs, self.omega.size, n_functions))
+        for i in range(n_functions):
+            own = self.function == i
+            share = np.log(power[:, own] / np.abs(self._forcing(i, n_inputs)) ** 2)
+            for run, row in enumerate(share):
+                some = np.isfinite(row)
+                at = np.log(self.omega)
+                noise[run, :, i] = np.exp(np.interp(at, at[own][some], row[some]))
+        variance = np.einsum("rkif,rkf->rik", np.abs(inverse) ** 2, noise)
+        return responses, variance
+
+    def _forcing(self, i: int, n_inputs: int) -> np.ndarray:
+        """Fourier coefficients of a forcing function at its own lines, (n_runs, n_own)."""
+        return self.at_lines[:, n_inputs + 1 + i, self.function == i]
 
 
 def _neighbours(bins: np.ndarray, last: int) -> np.ndarray:

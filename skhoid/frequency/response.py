@@ -47,6 +47,9 @@ class FrequencyResponse:
         Unit of the magnitude.
     label : str or None, default=None
         Name in pictures.
+    dof : int or None, default=None
+        Degrees of freedom of a covariance estimated from few numbers; intervals are then those of
+        Student's t.
 
     See Also
     --------
@@ -88,6 +91,7 @@ class FrequencyResponse:
     dt: float | None = None
     unit: str | None = None
     label: str | None = None
+    dof: int | None = None
 
     # NumPy arrays hand the product over to __rmul__.
     __array_ufunc__ = None
@@ -340,6 +344,7 @@ class FrequencyResponse:
             covariance=covariance,
             coherence=coherence,
             coefficients=None,
+            dof=n_runs - 1,
         )
 
     def to_frame(self) -> pd.DataFrame:
@@ -443,6 +448,7 @@ class FrequencyResponse:
             total = added if own is None else own + added
             product = replace(product, covariance=total, coherence=None, coefficients=None)
         known = [d for d in (self.dt, other.dt) if d is not None]
+        freedom = [d for d in (self.dof, other.dof) if d is not None]
         return replace(
             product,
             runs=self.runs if self.response.ndim == 2 else other.runs,
@@ -450,6 +456,7 @@ class FrequencyResponse:
             output=second.output if chained else self.output,
             delay=None if None in delays else sum(d for d in delays if d is not None),
             dt=max(known, default=None),
+            dof=min(freedom, default=None),
             unit=None,
         )
 

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.ticker import MaxNLocator
-from scipy.stats import norm
+from scipy.stats import t as student
 
 from ..arx.channel import taken_apart
 from ..frequency import FrequencyResponse
@@ -263,7 +263,8 @@ class BodeDisplay:
             turns = np.round((phase - nearest) / 360)
             # A curve moves as a whole; markers, which may be noise, each on its own.
             phase = phase - 360 * (turns if self._sparse(response) else np.nanmedian(turns))
-        z = norm.ppf(0.5 + self.confidence / 2)
+        freedom = np.inf if response.dof is None else max(response.dof, 1)
+        z = student.ppf(0.5 + self.confidence / 2, freedom)
         bounds = []
         if response.magnitude_sd is not None and response.phase_sd is not None:
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

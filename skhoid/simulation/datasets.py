@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -214,7 +213,7 @@ def _rows(signal: np.ndarray, n_runs: int) -> np.ndarray:
 
 
 def _adapted(
-    task: CompensatoryTask, lag: float, perturbation: dict[str, Parameter]
+    task: CompensatoryTask, lag: Any, perturbation: dict[str, Parameter]
 ) -> CompensatoryTask:
     """The operator's parameters later than the controlled element's, or perturbed."""
     if not lag and not perturbation:
@@ -230,7 +229,7 @@ def _adapted(
         raise ValueError(
             f"perturbation: no parameter {unknown} to add to; there are {list(VARYING)}."
         )
-    if not isinstance(lag, Real) or not np.isfinite(lag):
+    if isinstance(lag, str) or not np.isscalar(lag) or not np.isfinite(lag):
         raise ValueError(f"adaptation_lag is a time in s; got {lag!r}.")
     operator = replace(operator, T_L=None, K_edot=operator.rate_gain)
     changed: dict[str, Any] = {}

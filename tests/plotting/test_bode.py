@@ -2,6 +2,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.stats import norm
+from scipy.stats import t as student
 from sklearn.pipeline import make_pipeline
 
 from skhoid import ARXRegressor, ControlledElement, DelayShift, HumanOperator
@@ -49,7 +50,7 @@ def test_curves_and_markers_are_the_responses(operator, measured):
     assert markers.get_linestyle() == "None"
     assert list(display.magnitude_) == ["model", "data, mean of 4 runs"]
     assert display.intervals_["model"] == []
-    z = norm.ppf(0.975)
+    z = student.ppf(0.975, 3)  # the spread of four runs
     bars, phase_bars = display.intervals_["data, mean of 4 runs"]
     ends = np.array(bars.get_segments())[:, :, 1]
     factor = np.exp(z * mean.magnitude_sd / mean.magnitude)
