@@ -26,6 +26,7 @@ from skhoid import (
     Multisine,
     RunInTrimmer,
     Sigmoid,
+    crossover,
     make_tracking_runs,
 )
 from skhoid.frequency import (
@@ -555,7 +556,7 @@ def test_crossover_path_against_root_finding():
     element = ControlledElement(
         Sigmoid(90, 30, rate=0.5, time=40.96), Sigmoid(6, 0.2, rate=0.5, time=40.96)
     )
-    path = crossover_path(theta, DT, 29, element, time=time)
+    path = crossover_path(theta, element, dt=DT, nk=29, time=time)
     assert path.index.name == "time"
     assert np.flatnonzero(path["omega_c"].isna()).tolist() == [100]
     for k in range(0, n, 40):
@@ -572,16 +573,29 @@ def test_crossover_path_against_root_finding():
 
 def test_crossover_path_says_what_does_not_cross():
     theta = [ZOH_100HZ["C1"]] * 3
+    fading = ControlledElement(Sigmoid(90, 0, rate=1e3, time=0.005), 6.0)
     with pytest.warns(UserWarning, match="2 of 3 instants have no crossover"):
-        path = crossover_path(
-            theta, DT, 29, ControlledElement(Sigmoid(90, 0, rate=1e3, time=0.005), 6.0)
-        )
+        path = crossover_path(theta, fading, dt=DT, nk=29)
     assert path["omega_c"].notna().tolist() == [True, False, False]
     np.testing.assert_allclose(path.index, [0, 0.01, 0.02])
     with pytest.raises(ValueError, match="one for each"):
-        crossover_path(theta, DT, 29, ELEMENT["C1"], time=[0.0])
+        crossover_path(theta, ELEMENT["C1"], dt=DT, nk=29, time=[0.0])
     with pytest.raises(ValueError, match="shape"):
-        crossover_path(theta[0], DT, 29, ELEMENT["C1"])
+        crossover_path(theta[0], ELEMENT["C1"], dt=DT, nk=29)
+    with pytest.raises(ValueError, match="needs dt"):
+        crossover_path(theta, ELEMENT["C1"])
+
+
+def test_crossover_path_of_a_model():
+    X, y = make_tracking_runs("C1", 1, duration=20.0, run_in=10.0)
+    model = make_pipeline(DelayShift(0.29), ARXRegressor()).fit(X, y)
+    found = crossover_path(model, ELEMENT["C1"], time=[0.0, 5.0])
+    expected = crossover_path(
+        [model[-1].coef_] * 2, ELEMENT["C1"], dt=DT, nk=0, delay=0.29, time=[0.0, 5.0]
+    )
+    pd.testing.assert_frame_equal(found, expected)
+    exact = crossover(HumanOperator(), ELEMENT["C1"])
+    np.testing.assert_allclose(found.iloc[0], exact, rtol=0.03)
 
 
 # ARX models

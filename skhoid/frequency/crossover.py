@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..arx.channel import ARXChannel, is_arx
 from ..human import ControlledElement
 from ..human.variation import evaluate
 from .arx import arx_response
@@ -47,10 +48,10 @@ def phase_margin(response: Any) -> Any:
 
 def crossover_path(
     theta: Any,
-    dt: float,
-    nk: int,
     controlled_element: ControlledElement,
     *,
+    dt: float | None = None,
+    nk: int | None = None,
     na: int = 2,
     delay: float = 0.0,
     time: Any = None,
@@ -63,14 +64,16 @@ def crossover_path(
 
     Parameters
     ----------
-    theta : array-like of shape (n_instants, n_params)
-        [a_1 ... a_na, b_0 ... b_{nb-1}] of the operator at each instant.
-    dt : float
-        Sampling time of the model in seconds.
-    nk : int
-        Input delay in samples.
+    theta : array-like of shape (n_instants, n_params), or fitted ARX model
+        [a_1 ... a_na, b_0 ... b_{nb-1}] of the operator at each instant. A model, alone or at the
+        end of a pipeline or search, brings its parameters over time, or its constant ones for
+        each of ``time``, and what follows after the controlled element.
     controlled_element : ControlledElement
         Evaluated at the same instants.
+    dt : float or None, default=None
+        Sampling time of the model in seconds; needed with an array.
+    nk : int or None, default=None
+        Input delay in samples; needed with an array.
     na : int, default=2
         Number of output lags.
     delay : float, default=0.0
@@ -93,12 +96,19 @@ def crossover_path(
     >>> from skhoid import crossover_path
     >>> theta = [[-1.91212, 0.92427, 0.04428, -0.04318]] * 2
     >>> element = ControlledElement(K_c=Sigmoid(90, 60, rate=0.5, time=40.96), omega_b=6.0)
-    >>> crossover_path(theta, 0.01, 29, element, time=[0.0, 81.92]).round(2)
+    >>> crossover_path(theta, element, dt=0.01, nk=29, time=[0.0, 81.92]).round(2)
            omega_c  phase_margin
     time
     0.00      1.57         75.94
     81.92     0.96         82.65
     """
+    if is_arx(theta):
+        arx = ARXChannel.of(theta, None, "crossover_path")
+        dt, nk, na, delay = arx.dt, arx.nk, arx.na, arx.shift
+        time = arx.time if arx.time is not None else [0.0] if time is None else time
+        theta = np.broadcast_to(arx.theta, (len(time), arx.theta.shape[-1]))
+    if dt is None or nk is None:
+        raise ValueError("An array of parameters needs dt (s) and nk (samples) of its model.")
     theta = np.asarray(theta, dtype=float)
     if theta.ndim != 2:
         raise ValueError(f"theta must have the shape (n_instants, n_params); got {theta.shape}.")

@@ -229,7 +229,7 @@ def _adapted(
         raise ValueError(
             f"perturbation: no parameter {unknown} to add to; there are {list(VARYING)}."
         )
-    if isinstance(lag, str) or not np.isscalar(lag) or not np.isfinite(lag):
+    if not isinstance(lag, (int, float, np.number)) or not np.isfinite(lag):
         raise ValueError(f"adaptation_lag is a time in s; got {lag!r}.")
     operator = replace(operator, T_L=None, K_edot=operator.rate_gain)
     changed: dict[str, Any] = {}
