@@ -589,7 +589,7 @@ def test_task_at_an_instant():
         ({"display": "pursuite"}, "display is 'compensatory', 'pursuit', .*got 'pursuite'"),
         ({"transport": "hold"}, "transport is 'held', 'interpolated' or None; got 'hold'"),
         ({"duration": 0.005}, "0.005 s at 100.0 Hz are fewer than two samples"),
-        ({"duration": 0.2, "run_in": 0.05}, "delay tau_e = 0.28 s is longer than the run of 0.25"),
+        ({"duration": 0.2, "run_in": 0.05}, "delay tau_e = 0.28 s is longer than the run of 0.2"),
         (
             {"operator": HumanOperator(tau_e=0.285), "transport": "held"},
             "is 28.5 samples at 100 Hz",

@@ -101,7 +101,7 @@ class BodeDisplay:
         Parameters
         ----------
         responses : FrequencyResponse, list of them, or dict {label: FrequencyResponse}
-            In a list each goes by its ``label``, or by its signals.
+            In a list each goes by its ``label``, or by its place.
         controlled_element : ControlledElement or None, default=None
             Multiplies every response, for ``view="open_loop"``. None takes them as they are.
         view : {"operator", "open_loop"}, default="operator"
@@ -166,7 +166,7 @@ class BodeDisplay:
         label : str or None, default=None
             Name in the legend. None means the name of the class.
         compare : FrequencyResponse, list or dict of them, or None, default=None
-            Other responses of the operator, drawn first.
+            Other responses of the operator, or models of it, drawn first.
         confidence : float, default=0.95
             Of the intervals, for normally distributed errors.
         ax : sequence of two Axes or None, default=None
@@ -181,7 +181,12 @@ class BodeDisplay:
             highest = np.pi / last.dt_ if hasattr(last, "dt_") else HIGHEST
             omega = np.geomspace(min(0.1, highest / 100), highest, N_POINTS)
         found = FrequencyResponse.of(model, omega, input=input)
-        named = {} if compare is None else _named(compare)
+        named = {
+            name: other
+            if isinstance(other, FrequencyResponse)
+            else FrequencyResponse.of(other, omega)
+            for name, other in ({} if compare is None else _named(compare)).items()
+        }
         return cls.from_responses(
             {**named, label or type(last).__name__: found},
             controlled_element=controlled_element,

@@ -18,7 +18,7 @@ from .record import TrackingRecord
 if TYPE_CHECKING:
     from .loop import CompensatoryTask
 
-LOST = 1e3  # times the forcing functions: such an error is no tracking
+LOST = 1e2  # times the forcing functions: such an error is no tracking
 UNFORCED = 1e9  # the same where remnant alone moves the loop
 ADVICE = (
     "Lower the operator's gain (K_e) or its delay, give it more lead (T_L), or shorten the time "

@@ -208,15 +208,22 @@ class Multisine:
         if offset != int(offset):
             raise ValueError(f"Multisine.interleaved: offset is a whole number; got {offset!r}.")
         multiples = tuple(n + int(offset) for n in self.multiples)
-        shared = sorted(set(multiples) & set(self.multiples))
-        if shared:
+        if shared := shared_lines(self.multiples, int(offset)):
+            free = next(
+                d for d in range(1, 2 + max(self.multiples)) if not shared_lines(self.multiples, d)
+            )
             raise ValueError(
                 f"Multisine.interleaved: with offset={offset} the lines {shared} are those of the "
-                "first forcing function; choose another offset."
+                f"first forcing function; the smallest offset that keeps them apart is {free}."
             )
         amplitudes = tuple(scale * a for a in self.amplitudes)
         second = replace(self, multiples=multiples, amplitudes=amplitudes)
         return second.with_random_phases(random_state)
+
+
+def shared_lines(multiples: tuple[int, ...], offset: int) -> list[int]:
+    """Lines that would fall on others when shifted."""
+    return sorted({n + offset for n in multiples} & set(multiples))
 
 
 class Samples:

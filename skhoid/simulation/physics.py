@@ -34,10 +34,10 @@ class Delay:
     def of(cls, task: CompensatoryTask) -> Delay:
         tau, rate = task.operator.tau_e, task.sampling_rate
         exact = tau * rate
-        if exact >= task.n_run_in + task.n_samples:
+        if exact >= task.n_samples:
             raise ValueError(
                 f"CompensatoryTask: the delay tau_e = {tau} s is longer than the run of "
-                f"{(task.n_run_in + task.n_samples) / rate:g} s."
+                f"{task.n_samples / rate:g} s."
             )
         whole = abs(exact - round(exact)) <= 1e-6
         held = task.transport == "held" or (task.transport is None and whole)

@@ -158,3 +158,10 @@ def test_wrong_arguments_are_refused(operator):
         BodeDisplay.from_responses({"operator": HumanOperator()})
     with pytest.raises(ValueError, match="no responses"):
         BodeDisplay.from_responses([])
+
+
+def test_models_to_compare_with_are_evaluated(model):
+    display = BodeDisplay.from_estimator(model, compare={"true": HumanOperator()})
+    line = display.magnitude_["true"]
+    expected = np.abs(HumanOperator().frequency_response(line.get_xdata()))
+    np.testing.assert_allclose(line.get_ydata(), expected)
