@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import cont2discrete
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, StandardScaler
 from synthetic import DT, arx_runs, as_table, run_time, stretches_of
@@ -23,7 +22,6 @@ from skhoid import (
     RunIndexError,
     RunInTrimmer,
     ShortRunError,
-    VAFScorer,
     resample_runs,
     vaf_score,
 )
@@ -389,41 +387,10 @@ def test_decimating_twice_is_refused():
 
 # The thesis's figures
 
-VAF_ZOH_C1 = {  # facts.json F2.vaf_zoh.C1.d<factor>, Table F.2
-    1: 99.91038847706466,
-    2: 99.89664911554709,
-    4: 99.71400734914224,
-    8: 98.91851588143481,
-    16: 96.52348913838019,
-}
-
-
-def zoh_parameters(state, dt):
-    K_e, T_L = {"C1": (0.09, 0.4), "C2": (0.07, 1.2)}[state]
-    omega2 = 11.25**2
-    b, a, _ = cont2discrete(([K_e * T_L * omega2, K_e * omega2], [1, 2 * 0.35 * 11.25, omega2]), dt)
-    return np.concatenate([a[1:], b.ravel()[1:]])
-
 
 @pytest.fixture(scope="module")
 def monte_carlo_recording():
     return as_table(cl.simulate("C1"))
-
-
-@pytest.mark.parametrize("factor", VAF_ZOH_C1)
-def test_vaf_of_the_zoh_model_on_thinned_signals(monte_carlo_recording, factor):
-    X, y = monte_carlo_recording
-    pipe = make_pipeline(
-        RunInTrimmer(measurement_time=81.92),
-        Decimator(factor, method="downsample"),
-        DelayShift(0.29),
-        ARXRegressor(),
-    ).fit(X, y)
-    pipe[-1].coef_ = zoh_parameters("C1", factor * DT)
-    found = VAFScorer(rate="model")(pipe, X, y)
-    assert found == pytest.approx(VAF_ZOH_C1[factor], abs=1e-9)
-    # At full rate it is the interpolated prediction that is judged.
-    assert pipe.score(X, y) == pytest.approx(found, abs=0.15)
 
 
 def test_where_the_free_run_starts():
@@ -437,70 +404,6 @@ def test_where_the_free_run_starts():
     assert from_middle == pytest.approx(98.9605, abs=5e-5)
     search = OrderSearchCV(ARXRegressor(nk=28), na=[2], nb=[2]).fit(X, y)
     assert search.best_score_ == pytest.approx(from_start, abs=1e-9)
-
-
-TABLE_5_3 = [  # facts.json T53.d<factor>.<F|NF>.<orders>.matlab_noise
-    (1, True, (2, 2, 28), 77.3841255063502),
-    (2, False, (2, 2, 14), 77.91735885577296),
-    (2, True, (2, 2, 14), 78.52315899698613),
-    (4, False, (2, 2, 7), 79.03448465850782),
-    (4, True, (2, 2, 7), 80.46962644343347),
-    (8, False, (3, 4, 4), 82.59683293261465),
-    (8, True, (3, 4, 4), 83.94147129556255),
-    (16, False, (3, 4, 2), 83.56049100990116),
-    (16, True, (3, 4, 2), 86.0133464657566),
-]
-# K_n is known to six digits.
-TABLE_5_3_TOLERANCE = 5e-5
-
-
-@pytest.fixture(scope="module")
-def chapter_5_recording():
-    path = SHARED / "reference" / "chapter5_noise.npz"
-    if not path.exists():
-        pytest.skip(f"the noise of Chapter 5 is not at {path}")
-    white = np.load(path)["white_noise"]
-    physics = np.array([*cl.STATES["C1"], cl.OMEGA_NM, cl.ZETA_NM, 0.2])
-    f_t = cl.target(white.size)
-    noise = 0.0201507 * white / np.sqrt(DT)
-    e, u, x, n = cl._run(f_t, noise, physics, 1, 28, DT, True)
-    window = cl.Recording(e, u, x, f_t, n).last()
-    return as_table(window)
-
-
-def test_score_of_the_preliminary_loop_with_remnant(chapter_5_recording):
-    X, _ = chapter_5_recording
-    score = np.var(X["e"]) / np.var(X["f_t"])
-    assert score == pytest.approx(0.1722, abs=5e-5)  # thesis, Section 5.2.2
-
-
-@pytest.mark.parametrize(("factor", "filtered", "orders", "expected"), TABLE_5_3)
-def test_table_5_3(chapter_5_recording, factor, filtered, orders, expected):
-    """Fitted on the first half of the window, run from its start, scored on its second half.
-
-    Filtered and thinned signals are judged, as the thesis does.
-    """
-    X, y = chapter_5_recording
-    decimator = Decimator(factor, method="ideal" if filtered else "downsample").fit(X)
-    marked = decimator.transform(X)
-    if filtered and factor > 1:
-        # The thesis filters the whole window, and halves it afterwards.
-        measured = naive_brick_wall(y.to_numpy(), factor)[::factor]
-        e = marked["e"].to_numpy()[::factor, None]
-        half = measured.size // 2
-        model = ARXRegressor(*orders).fit(e[:half], measured[:half])
-        found = vaf_score(measured[half:], model.predict(e)[half:])
-    else:
-        half = 4096
-        model = ARXRegressor(*orders).fit(marked.iloc[:half], y.iloc[:half])
-        found = VAFScorer(rate="model", window=(half * DT, np.inf))(model, marked, y)
-    assert found == pytest.approx(expected, abs=TABLE_5_3_TOLERANCE)
-
-
-def naive_brick_wall(signal, factor):
-    spectrum = np.fft.fft(signal)
-    frequency = np.abs(np.fft.fftfreq(signal.size))
-    return np.fft.ifft(np.where(frequency < 0.5 / factor, spectrum, 0)).real
 
 
 def test_remnant_free_delay_after_decimation(monte_carlo_recording):

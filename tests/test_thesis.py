@@ -402,11 +402,8 @@ def chapter_5_task():
 
 @pytest.fixture(scope="module")
 def chapter_5_runs(chapter_5_task):
-    """The run of Figs. 5.5-5.8."""
-    path = REFERENCE / "chapter5_noise.npz"
-    if not path.exists():
-        pytest.skip(f"the noise of Chapter 5 is not at {path}")
-    noise = np.load(path)["white_noise"][None]
+    """The run of Figs. 5.5-5.8: rng(110); randn(1, 81920)."""
+    noise = randn(110, (1, 81920))
     return make_tracking_runs(chapter_5_task, 1, channels=["e", "f_t"], noise=noise)
 
 
@@ -544,6 +541,13 @@ def test_table_2_from_a_run_without_remnant():
 
 
 # Chapter 5 with remnant
+
+
+def test_noise_of_chapter_5():
+    path = REFERENCE / "chapter5_noise.npz"
+    if not path.exists():
+        pytest.skip(f"the noise of Chapter 5 is not at {path}")
+    np.testing.assert_array_equal(randn(110, (1, 81920))[0], np.load(path)["white_noise"])
 
 
 def test_remnant_gain_of_chapter_5(chapter_5_task):
