@@ -16,7 +16,7 @@ from .loop import CompensatoryTask
 
 # Relative standard error of the gain above which realisations no longer determine it.
 LARGEST_ERROR = 0.5
-DOUBTFUL, MANY = 0.1, 100  # above such an error, so many realisations judge
+DOUBTFUL, MANY = 0.1, 400  # above such an error, so many realisations judge
 EVER = 1e9  # s: before and after any transition
 STREAM = 1  # of random numbers, apart from those of the runs
 
