@@ -26,6 +26,16 @@ def final_step(estimator: Any) -> tuple[str, Any]:
     return "", estimator
 
 
+def taken_apart(estimator: Any) -> tuple[list[Any], Any]:
+    """Steps before the model at the end of searches and pipelines, and the model."""
+    steps: list[Any] = []
+    model = unwrapped(estimator)
+    while isinstance(model, Pipeline):
+        steps += [step for _, step in model.steps[:-1]]
+        model = unwrapped(model.steps[-1][1])
+    return steps, model
+
+
 def reach_model(estimator: Any, X: Any) -> tuple[Any, Any]:
     """The fitted model at the end of searches and pipelines, and what they pass to it."""
     estimator = unwrapped(estimator)

@@ -65,8 +65,8 @@ def _tracker(lanes):
         f_t, f_d and white noise, of shape (n_samples, 1 or n_runs), are held over the step. The
         operator's output is its own state ``delay`` samples ago, combined by ``weights`` (for the
         beginning, middle and end of the step) from the samples before, at and after it. Where
-        ``arx`` has columns (a_1 ... b_0 ...; one row, or one a sample) it is the ARX response
-        to e instead, held over the step. With ``closed`` = 0 the remnant is added to u but does
+        ``arx`` (a_1 ... b_0 ...) is not empty it is the ARX response to e instead, held over the
+        step. With ``closed`` = 0 the remnant is added to u but does
         not reach the controlled element.
 
         Returns e, u, x, n of shape (4, n_samples - first, n_runs), and for each run about where its
@@ -76,13 +76,13 @@ def _tracker(lanes):
         out = np.empty((4, n_samples - first, n_runs))
         lost = np.full(n_runs, -1)
         s = np.zeros(14 * lanes)
-        is_arx = arx.shape[1] > 0
-        nb = arx.shape[1] - na
+        is_arx = arx.size > 0
+        nb = arx.size - na
         length = max(na, nk + nb) + 1 if is_arx else delay + 3
         responses = np.zeros((length, lanes))  # rings
         errors = np.zeros((length, lanes))
         last = physics.shape[0] - 1
-        q = remnant
+        q = remnant  # as scalars, which no store to another array can change
         q = (q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], q[8], q[9])
         half, sixth = dt / 2, dt / 6
         for k in range(n_samples):
@@ -92,18 +92,17 @@ def _tracker(lanes):
                 s[F_D + j] = f_d[k, j % f_d.shape[1]]
                 s[W + j] = white[k, j]
             if is_arx:
-                row = k if arx.shape[0] > 1 else 0
                 for j in range(lanes):
                     errors[now, j] = s[F_T + j] - s[X + j]
                     s[BEGIN + j] = 0.0
                 for i in range(na):
                     past = (k - 1 - i) % length
                     for j in range(lanes):
-                        s[BEGIN + j] -= arx[row, i] * responses[past, j]
+                        s[BEGIN + j] -= arx[i] * responses[past, j]
                 for i in range(nb):
                     past = (k - nk - i) % length
                     for j in range(lanes):
-                        s[BEGIN + j] += arx[row, na + i] * errors[past, j]
+                        s[BEGIN + j] += arx[na + i] * errors[past, j]
                 for j in range(lanes):
                     responses[now, j] = s[BEGIN + j]
                     s[MIDDLE + j] = s[BEGIN + j]

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from ..pipelines import unwrapped
+from ..pipelines import taken_apart
 from ..preprocessing import Decimator, DelayShift, RunInTrimmer
 from ..runs import input_columns
 
@@ -43,7 +42,7 @@ class ARXChannel:
     def of(cls, estimator: Any, name: str | None, purpose: str) -> ARXChannel:
         """Read it; ``purpose`` says in errors what needs the model."""
         steps, model = taken_apart(estimator)
-        if not is_arx(estimator):
+        if not _has_arx_form(model):
             if hasattr(model, "fit"):
                 check_is_fitted(model)  # a search without a model yet
             raise TypeError(
@@ -78,17 +77,11 @@ class ARXChannel:
 
 def is_arx(estimator: Any) -> bool:
     """Whether it is an ARX model, alone or at the end of pipelines and searches."""
-    return hasattr(taken_apart(estimator)[1], "to_transfer_function")
+    return _has_arx_form(taken_apart(estimator)[1])
 
 
-def taken_apart(estimator: Any) -> tuple[list[Any], Any]:
-    """Steps before the last one, and the last."""
-    steps: list[Any] = []
-    model = unwrapped(estimator)
-    while isinstance(model, Pipeline):
-        steps += [step for _, step in model.steps[:-1]]
-        model = unwrapped(model.steps[-1][1])
-    return steps, model
+def _has_arx_form(model: Any) -> bool:
+    return hasattr(model, "to_transfer_function")
 
 
 def _position(model: Any, name: str | None) -> int:

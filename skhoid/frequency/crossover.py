@@ -10,6 +10,7 @@ import pandas as pd
 
 from ..arx.channel import ARXChannel, is_arx
 from ..human import ControlledElement
+from ..human.crossover import phase_margin
 from ..human.variation import evaluate
 from .arx import arx_response
 
@@ -17,7 +18,7 @@ BLOCK = 2048  # instants at a time, for memory
 N_HALVINGS = 40
 
 
-def crossover(
+def crossover_at_lines(
     omega: np.ndarray, response: np.ndarray, delay: float, interpolate: bool
 ) -> tuple[float, float]:
     """Crossover frequency (rad/s) and phase margin (deg) of one open loop at lines."""
@@ -39,11 +40,6 @@ def crossover(
     turn = np.angle(rest[1] / rest[0])
     phase = np.angle(rest[0]) + part * turn - at * delay
     return float(at), float(phase_margin(np.exp(1j * phase)))
-
-
-def phase_margin(response: Any) -> Any:
-    """Angle from the negative real axis in degrees, in (-180, 180]."""
-    return np.degrees(np.angle(-response))
 
 
 def crossover_path(

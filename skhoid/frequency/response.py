@@ -12,7 +12,7 @@ from ..arx.channel import is_arx
 from ..human import ControlledElement, HumanOperator
 from ..runs import run_name
 from .arx import response_of_model
-from .crossover import crossover, warn_no_crossover
+from .crossover import crossover_at_lines, warn_no_crossover
 from .phase import aligning_delay, unwrapped
 
 
@@ -386,7 +386,7 @@ class FrequencyResponse:
             One row per run. NaN, with a warning, where a run does not cross.
         """
         rows = [
-            crossover(self.omega, values, self._delay(), interpolate)
+            crossover_at_lines(self.omega, values, self._delay(), interpolate)
             for values in np.atleast_2d(self.response)
         ]
         table = pd.DataFrame(

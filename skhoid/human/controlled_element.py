@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .variation import Parameter, check_positive, evaluate
+from .checks import check_parameters
+from .variation import Parameter, frozen
 
 
 @dataclass(frozen=True)
@@ -77,16 +78,3 @@ class ControlledElement:
         K_c, omega_b = frozen(self, t, "K_c", "omega_b").values()
         with np.errstate(divide="ignore", invalid="ignore"):
             return K_c / (s * (s + omega_b))
-
-
-def check_parameters(owner: Any, *names: str) -> None:
-    """Raise unless these parameters are functions, or zero or positive numbers."""
-    for name in names:
-        if not callable(getattr(owner, name)):
-            check_positive(owner, name, zero=True)
-
-
-def frozen(owner: Any, t: float, *names: str) -> dict[str, float]:
-    """The parameters at one instant, as numbers."""
-    instant = np.array([float(t)])
-    return {name: float(evaluate(getattr(owner, name), instant)[0]) for name in names}

@@ -87,4 +87,9 @@ def _at(operator: Any, controlled_element: Any, t: float) -> tuple[float, float]
         return np.nan, np.nan
     low, high = GRID[falling[-1]], GRID[falling[-1] + 1]
     root = brentq(log_gain, low, high, xtol=1e-14, rtol=8.9e-16)
-    return float(np.exp(root)), float(np.degrees(np.angle(-open_loop(root))))
+    return float(np.exp(root)), float(phase_margin(open_loop(root)))
+
+
+def phase_margin(response: Any) -> Any:
+    """Angle of an open loop from the negative real axis in degrees, in (-180, 180]."""
+    return np.degrees(np.angle(-response))

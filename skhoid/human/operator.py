@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from .controlled_element import check_parameters, frozen
-from .variation import Parameter, Product, check_finite, check_positive, evaluate
+from .checks import check_finite, check_parameters, check_positive
+from .variation import Parameter, Product, evaluate, frozen
 
 PURSUIT_GAINS = {"f_t": ("K_t", "K_tdot"), "x": ("K_x", "K_xdot")}
 PURSUIT = tuple(name for names in PURSUIT_GAINS.values() for name in names)
@@ -84,11 +84,8 @@ class HumanOperator:
         if callable(self.tau_e):
             raise ValueError("HumanOperator: tau_e is a constant; a function of time was given.")
         check_positive(self, "tau_e", zero=True)
-        given = "T_L" if self.K_edot is None else "K_edot"
-        check_parameters(self, "K_e", given, "omega_nm", "zeta_nm")
-        for name in ("omega_nm", "zeta_nm"):
-            if not callable(getattr(self, name)):
-                check_positive(self, name)
+        check_parameters(self, "K_e", "T_L" if self.K_edot is None else "K_edot")
+        check_parameters(self, "omega_nm", "zeta_nm", zero=False)
         for name in PURSUIT:
             if not callable(getattr(self, name)):
                 check_finite(self, name)
@@ -127,6 +124,40 @@ class HumanOperator:
             return Product(self.K_e, self.T_L)
         return float(f"{self.K_e * self.T_L:.15g}")  # 0.036, not 0.036000000000000004
 
+    @property
+    def adaptable(self) -> dict[str, Parameter]:
+        """The parameters that may vary in time, as they were given."""
+        lead = "T_L" if self.K_edot is None else "K_edot"
+        names = ("K_e", lead, "omega_nm", "zeta_nm", *PURSUIT)
+        return {name: getattr(self, name) for name in names}
+
+    def with_rate_gain(self) -> HumanOperator:
+        """The same operator, given by K_edot.
+
+        Returns
+        -------
+        operator : HumanOperator
+        """
+        return replace(self, T_L=None, K_edot=self.rate_gain)
+
+    def over_time(self, t: np.ndarray) -> dict[str, np.ndarray]:
+        """K_e, T_L, K_edot, tau_e, omega_nm and zeta_nm at instants.
+
+        Parameters
+        ----------
+        t : ndarray of shape (n_instants,)
+            Instants in s.
+
+        Returns
+        -------
+        values : dict of ndarray of shape (n_instants,)
+        """
+        K_e, K_edot = self.gains(t)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            T_L = K_edot / K_e if self.T_L is None else evaluate(self.T_L, t)
+        values = {"K_e": K_e, "T_L": T_L, "K_edot": K_edot, "tau_e": evaluate(self.tau_e, t)}
+        return values | {name: evaluate(getattr(self, name), t) for name in ("omega_nm", "zeta_nm")}
+
     def at(self, t: float) -> HumanOperator:
         """The operator frozen at one instant.
 
@@ -139,9 +170,7 @@ class HumanOperator:
         -------
         operator : HumanOperator
         """
-        given = "T_L" if self.K_edot is None else "K_edot"
-        names = ("K_e", given, "omega_nm", "zeta_nm", *PURSUIT)
-        return HumanOperator(tau_e=self.tau_e, **frozen(self, t, *names))
+        return HumanOperator(tau_e=self.tau_e, **frozen(self, t, *self.adaptable))
 
     def frequency_response(self, omega: Any, t: float = 0.0, input: str = "e") -> np.ndarray:
         """Response H(j omega) to an input, with parameters frozen at ``t``.
@@ -167,6 +196,10 @@ class HumanOperator:
             K, K_dot = frozen(self, t, *PURSUIT_GAINS[input]).values()
         else:
             raise ValueError(f"input is 'e', or 'f_t' or 'x' of a pursuit display; got {input!r}.")
-        w, zeta = frozen(self, t, "omega_nm", "zeta_nm").values()
-        muscle = w**2 / (s**2 + 2 * zeta * w * s + w**2)
+        muscle = neuromuscular(s, *frozen(self, t, "omega_nm", "zeta_nm").values())
         return (K_dot * s + K) * np.exp(-s * self.tau_e) * muscle
+
+
+def neuromuscular(s: np.ndarray, omega_nm: float, zeta_nm: float) -> np.ndarray:
+    """H_nm(s) of Eq. 4."""
+    return omega_nm**2 / (s**2 + 2 * zeta_nm * omega_nm * s + omega_nm**2)

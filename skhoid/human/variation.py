@@ -9,12 +9,81 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
+from .checks import check_finite, check_positive
+
+INSTANTS = ("time", "start", "end")  # parameters of transitions that are times
 SATURATED = 40.0  # exp(-40) is below rounding
 Parameter = float | Callable[[np.ndarray], np.ndarray]
+Span = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Sigmoid:
+class Transition:
+    """What :class:`Sigmoid`, :class:`Step` and :class:`Ramp` share: values before and after."""
+
+    initial: float
+    final: float
+
+    def __call__(self, t: Any) -> np.ndarray:
+        return self.along(self.progress(t))
+
+    def along(self, progress: np.ndarray) -> np.ndarray:
+        """Values where so much of the transition has happened.
+
+        Parameters
+        ----------
+        progress : ndarray of shape (n_instants,)
+            From :meth:`progress`.
+
+        Returns
+        -------
+        values : ndarray of shape (n_instants,)
+        """
+        return (1.0 - progress) * self.initial + progress * self.final
+
+    def progress(self, t: Any) -> np.ndarray:
+        """How much of the transition has happened, 0 to 1.
+
+        Parameters
+        ----------
+        t : array-like of shape (n_instants,)
+            Instants in s.
+
+        Returns
+        -------
+        progress : ndarray of shape (n_instants,)
+        """
+        return self._progress(np.asarray(t, dtype=float))
+
+    def unit(self) -> Any:
+        """The same transition from 0 to 1.
+
+        Returns
+        -------
+        transition : Transition
+        """
+        return replace(self, initial=0.0, final=1.0)
+
+    def _progress(self, t: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def later(self, lag: float) -> Any:
+        """The same transition at another time.
+
+        Parameters
+        ----------
+        lag : float
+            How much later, in s.
+
+        Returns
+        -------
+        transition : Transition
+        """
+        return replace(self, **{n: getattr(self, n) + lag for n in INSTANTS if hasattr(self, n)})
+
+
+@dataclass(frozen=True)
+class Sigmoid(Transition):
     """Smooth transition between two values (Eq. 2, Fig. 2).
 
     p(t) = p_i + (p_f - p_i) / (1 + exp(-G (t - t_M))).
@@ -37,8 +106,6 @@ class Sigmoid:
     array([90., 60., 30.])
     """
 
-    initial: float
-    final: float
     rate: float
     time: float
 
@@ -46,26 +113,17 @@ class Sigmoid:
         check_finite(self, "initial", "final", "time")
         check_positive(self, "rate")
 
-    def __call__(self, t: Any) -> np.ndarray:
-        return along(self, self.progress(t))
+    def _progress(self, t: np.ndarray) -> np.ndarray:
+        return expit(self.rate * (t - self.time))
 
-    def progress(self, t: Any) -> np.ndarray:
-        """How much of the transition has happened, 0 to 1.
-
-        Parameters
-        ----------
-        t : array-like of shape (n_instants,)
-            Instants in s.
-
-        Returns
-        -------
-        progress : ndarray of shape (n_instants,)
-        """
-        return expit(self.rate * (np.asarray(t, dtype=float) - self.time))
+    @property
+    def changes(self) -> Span:
+        """Times in s before and after which nothing changes, to rounding."""
+        return self.time - SATURATED / self.rate, self.time + SATURATED / self.rate
 
 
 @dataclass(frozen=True)
-class Step:
+class Step(Transition):
     """Sudden transition between two values.
 
     Parameters
@@ -82,33 +140,22 @@ class Step:
     array([0., 1.])
     """
 
-    initial: float
-    final: float
     time: float
 
     def __post_init__(self) -> None:
         check_finite(self, "initial", "final", "time")
 
-    def __call__(self, t: Any) -> np.ndarray:
-        return along(self, self.progress(t))
+    def _progress(self, t: np.ndarray) -> np.ndarray:
+        return np.where(t >= self.time, 1.0, 0.0)
 
-    def progress(self, t: Any) -> np.ndarray:
-        """How much of the transition has happened, 0 or 1.
-
-        Parameters
-        ----------
-        t : array-like of shape (n_instants,)
-            Instants in s.
-
-        Returns
-        -------
-        progress : ndarray of shape (n_instants,)
-        """
-        return np.where(np.asarray(t, dtype=float) >= self.time, 1.0, 0.0)
+    @property
+    def changes(self) -> Span:
+        """Times in s before and after which nothing changes."""
+        return self.time, self.time
 
 
 @dataclass(frozen=True)
-class Ramp:
+class Ramp(Transition):
     """Linear transition between two values (Fig. 3.2).
 
     Parameters
@@ -125,8 +172,6 @@ class Ramp:
     array([0. , 0.5, 1. ])
     """
 
-    initial: float
-    final: float
     start: float
     end: float
 
@@ -138,22 +183,13 @@ class Ramp:
                 f"end={self.end} s. For a sudden change use Step."
             )
 
-    def __call__(self, t: Any) -> np.ndarray:
-        return along(self, self.progress(t))
+    def _progress(self, t: np.ndarray) -> np.ndarray:
+        return np.interp(t, [self.start, self.end], [0.0, 1.0])
 
-    def progress(self, t: Any) -> np.ndarray:
-        """How much of the transition has happened, 0 to 1.
-
-        Parameters
-        ----------
-        t : array-like of shape (n_instants,)
-            Instants in s.
-
-        Returns
-        -------
-        progress : ndarray of shape (n_instants,)
-        """
-        return np.interp(np.asarray(t, dtype=float), [self.start, self.end], [0.0, 1.0])
+    @property
+    def changes(self) -> Span:
+        """Times in s before and after which nothing changes."""
+        return self.start, self.end
 
 
 @dataclass(frozen=True)
@@ -187,6 +223,11 @@ class Mixture:
         first, second, weight = (evaluate(p, t) for p in (self.first, self.second, self.weight))
         return (1.0 - weight) * first + weight * second
 
+    @property
+    def changes(self) -> Span:
+        """Times in s before and after which nothing changes."""
+        return span(self.first, self.second, self.weight)
+
 
 @dataclass(frozen=True)
 class Shifted:
@@ -200,6 +241,12 @@ class Shifted:
         t = np.asarray(t, dtype=float)
         return evaluate(self.function, t - self.lag) + evaluate(self.extra, t)
 
+    @property
+    def changes(self) -> Span:
+        """Times in s before and after which nothing changes."""
+        own, extra = span(self.function), span(self.extra)
+        return min(own[0] + self.lag, extra[0]), max(own[1] + self.lag, extra[1])
+
 
 @dataclass(frozen=True)
 class Product:
@@ -212,10 +259,10 @@ class Product:
         t = np.asarray(t, dtype=float)
         return evaluate(self.first, t) * evaluate(self.second, t)
 
-
-def along(transition: Any, progress: np.ndarray) -> np.ndarray:
-    """Values of a Sigmoid, Step or Ramp that has progressed so far."""
-    return (1.0 - progress) * transition.initial + progress * transition.final
+    @property
+    def changes(self) -> Span:
+        """Times in s before and after which nothing changes."""
+        return span(self.first, self.second)
 
 
 def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
@@ -231,6 +278,12 @@ def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
         ) from error
 
 
+def frozen(owner: Any, t: float, *names: str) -> dict[str, float]:
+    """The parameters at one instant, as numbers."""
+    instant = np.array([float(t)])
+    return {name: float(evaluate(getattr(owner, name), instant)[0]) for name in names}
+
+
 def mix(first: Parameter, second: Parameter, weight: Parameter) -> Parameter:
     """:class:`Mixture`, in its simplest form."""
     if not callable(first) and not callable(second):
@@ -238,68 +291,25 @@ def mix(first: Parameter, second: Parameter, weight: Parameter) -> Parameter:
             return first
         if not callable(weight):
             return (1.0 - weight) * first + weight * second
-        if isinstance(weight, (Sigmoid, Step, Ramp)) and (weight.initial, weight.final) == (0, 1):
+        if isinstance(weight, Transition) and (weight.initial, weight.final) == (0, 1):
             return replace(weight, initial=float(first), final=float(second))
     return Mixture(first, second, weight)
 
 
-def transition_of(*parameters: Parameter | None) -> Sigmoid | Step | Ramp | None:
+def transition_of(*parameters: Parameter | None) -> Any:
     """How far along (0 to 1) the first of the parameters with one transition is; None if none."""
     for parameter in parameters:
-        if isinstance(parameter, (Sigmoid, Step, Ramp)) and parameter.initial != parameter.final:
-            return replace(parameter, initial=0.0, final=1.0)
+        if isinstance(parameter, Transition) and parameter.initial != parameter.final:
+            return parameter.unit()
         if isinstance(parameter, Shifted) and (own := transition_of(parameter.function)):
-            if isinstance(own, Ramp):
-                return replace(own, start=own.start + parameter.lag, end=own.end + parameter.lag)
-            return replace(own, time=own.time + parameter.lag)
-        if isinstance(parameter, Mixture) and isinstance(parameter.weight, (Sigmoid, Step, Ramp)):
+            return own.later(parameter.lag)
+        if isinstance(parameter, Mixture) and isinstance(parameter.weight, Transition):
             return transition_of(parameter.weight)
     return None
 
 
-def span(*parameters: Parameter) -> tuple[float, float]:
+def span(*parameters: Parameter) -> Span:
     """Times in s before and after which none of the parameters changes any more, to rounding."""
-    begins, ends = [np.inf], [-np.inf]
-    for p in parameters:
-        if isinstance(p, Sigmoid):
-            begin, end = p.time - SATURATED / p.rate, p.time + SATURATED / p.rate
-        elif isinstance(p, Step):
-            begin, end = p.time, p.time
-        elif isinstance(p, Ramp):
-            begin, end = p.start, p.end
-        elif isinstance(p, Mixture):
-            begin, end = span(p.first, p.second, p.weight)
-        elif isinstance(p, Product):
-            begin, end = span(p.first, p.second)
-        elif isinstance(p, Shifted):
-            begin, end = span(p.function)
-            begin, end = begin + p.lag, end + p.lag
-            extra = span(p.extra)
-            begin, end = min(begin, extra[0]), max(end, extra[1])
-        elif callable(p):
-            begin, end = -np.inf, np.inf
-        else:
-            continue
-        begins.append(begin)
-        ends.append(end)
+    spans = [getattr(p, "changes", (-np.inf, np.inf)) for p in parameters if callable(p)]
+    begins, ends = zip((np.inf, -np.inf), *spans, strict=True)
     return min(begins), max(ends)
-
-
-def check_finite(owner: Any, *names: str) -> None:
-    """Raise unless these attributes are finite numbers."""
-    for name in names:
-        value = getattr(owner, name)
-        if isinstance(value, (str, bool)) or not np.isscalar(value) or not np.isfinite(value):
-            raise ValueError(
-                f"{type(owner).__name__}: {name} must be a finite number; got {value!r}."
-            )
-
-
-def check_positive(owner: Any, *names: str, zero: bool = False) -> None:
-    """Raise unless these attributes are finite and positive (or zero)."""
-    check_finite(owner, *names)
-    for name in names:
-        value = getattr(owner, name)
-        if value < 0 or (value == 0 and not zero):
-            what = "zero or positive" if zero else "positive"
-            raise ValueError(f"{type(owner).__name__}: {name} must be {what}; got {value!r}.")

@@ -14,6 +14,10 @@ BLACK = "#000000"
 GREY = "#999999"
 BLUE = "#0072B2"
 VERMILLION = "#D55E00"
+GREEN = "#009E73"
+PURPLE = "#CC79A7"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
 
 
 def with_unit(quantity: str, unit: str | None) -> str:

@@ -12,11 +12,21 @@ import pandas as pd
 from matplotlib.ticker import MaxNLocator
 from scipy.stats import t as student
 
-from ..arx.channel import taken_apart
 from ..frequency import FrequencyResponse
-from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
+from ..pipelines import taken_apart
+from ._axes import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    given_axes,
+    with_unit,
+)
 
-GREEN, PURPLE, ORANGE, SKY = "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 COLOURS = (BLACK, VERMILLION, BLUE, GREEN, PURPLE, ORANGE, SKY)
 SYMBOLS = "osD^vPX"
 MAX_MARKERS = 40  # responses with more lines than this are curves

@@ -11,8 +11,18 @@ import pandas as pd
 
 from ..human import HumanOperator
 from ..human.conversion import NAMES, UNITS, operator_parameters
-from ..human.variation import evaluate
-from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
+from ._axes import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    given_axes,
+    with_unit,
+)
 
 SYMBOLS = {
     "K_e": "$K_e$",
@@ -22,7 +32,7 @@ SYMBOLS = {
     "zeta_nm": r"$\zeta_{nm}$",
     "tau_e": r"$\tau_e$",
 }
-COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9", GREY)
+COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, GREY)
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that limits always hold
 FEW = 20  # estimates, below which limits hold all
 MARGIN = 0.12  # of the range, above and below
@@ -366,8 +376,4 @@ def _truth(truth: Any, frames: dict[str, pd.DataFrame]) -> pd.DataFrame | None:
     elif any(callable(getattr(truth, name)) for name in NAMES):
         raise ValueError(varying)
     instants = index.to_numpy(dtype=float)
-    K_e, K_edot = truth.gains(instants)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        T_L = K_edot / K_e
-    others = {name: evaluate(getattr(truth, name), instants) for name in NAMES[3:]}
-    return pd.DataFrame({"K_e": K_e, "T_L": T_L, "K_edot": K_edot, **others}, index=index)
+    return pd.DataFrame(truth.over_time(instants), index=index)

@@ -7,7 +7,6 @@ from difflib import get_close_matches
 from typing import Any
 
 from ..human import ControlledElement, HumanOperator, Sigmoid
-from ..human.operator import PURSUIT
 from ..human.variation import Parameter, mix
 
 # Table II.
@@ -130,9 +129,10 @@ def _mixture(name: str, one: Condition, two: Condition, weight: Parameter) -> Co
             f"The delay cannot vary in time: {one.name} has tau_e = {a.tau_e} s and {two.name} "
             f"{b.tau_e} s."
         )
-    names = ("K_e", "omega_nm", "zeta_nm", *PURSUIT)
-    gains: dict[str, Any] = {n: mix(getattr(a, n), getattr(b, n), weight) for n in names}
-    gains["K_edot"] = mix(a.rate_gain, b.rate_gain, weight)
+    a, b = a.with_rate_gain(), b.with_rate_gain()
+    gains: dict[str, Any] = {
+        name: mix(value, getattr(b, name), weight) for name, value in a.adaptable.items()
+    }
     x, y = one.controlled_element, two.controlled_element
     element = ControlledElement(
         K_c=mix(x.K_c, y.K_c, weight), omega_b=mix(x.omega_b, y.omega_b, weight)

@@ -22,7 +22,6 @@ from .remnant import Remnant
 from .tuning import tune_remnant
 
 CHANNELS = {"e": "e", "x": "x", "f_t": "f_t", "dist": "f_d"}
-VARYING = ("K_e", "K_edot", "omega_nm", "zeta_nm", *PURSUIT)
 
 
 def make_tracking_runs(
@@ -224,19 +223,20 @@ def _adapted(
             "adaptation_lag and perturbation change the parameters of a HumanOperator; the "
             f"operator is a {type(operator).__name__}."
         )
-    unknown = [name for name in perturbation if name not in VARYING]
+    operator = operator.with_rate_gain()
+    parameters = operator.adaptable
+    unknown = [name for name in perturbation if name not in parameters]
     if unknown:
         raise ValueError(
-            f"perturbation: no parameter {unknown} to add to; there are {list(VARYING)}."
+            f"perturbation: no parameter {unknown} to add to; there are {list(parameters)}."
         )
     if not isinstance(lag, (int, float, np.number)) or not np.isfinite(lag):
         raise ValueError(f"adaptation_lag is a time in s; got {lag!r}.")
-    operator = replace(operator, T_L=None, K_edot=operator.rate_gain)
-    changed: dict[str, Any] = {}
-    for name in VARYING:
-        value = getattr(operator, name)
-        if callable(value) or name in perturbation:
-            changed[name] = Shifted(value, float(lag), perturbation.get(name, 0.0))
+    changed: dict[str, Any] = {
+        name: Shifted(value, float(lag), perturbation.get(name, 0.0))
+        for name, value in parameters.items()
+        if callable(value) or name in perturbation
+    }
     return replace(task, operator=replace(operator, **changed))
 
 
@@ -277,12 +277,7 @@ def _truth(task: CompensatoryTask, record: TrackingRecord, index: pd.MultiIndex)
     )
     parameters: dict[str, Any] = {}
     if isinstance(operator, HumanOperator):
-        K_e, K_edot = operator.gains(record.time)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            T_L = K_edot / K_e if operator.T_L is None else evaluate(operator.T_L, record.time)
-        parameters = {"K_e": K_e, "T_L": T_L, "K_edot": K_edot, "tau_e": operator.tau_e}
-        for name in ("omega_nm", "zeta_nm"):
-            parameters[name] = evaluate(getattr(operator, name), record.time)
+        parameters |= operator.over_time(record.time)
         pursuit = [name for name in PURSUIT if getattr(operator, name) != 0.0]
         for name in pursuit:
             parameters[name] = evaluate(getattr(operator, name), record.time)

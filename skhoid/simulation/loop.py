@@ -10,8 +10,9 @@ import numpy as np
 
 from ..arx.channel import is_arx
 from ..human import ControlledElement, HumanOperator
+from ..human.checks import check_positive
 from ..human.operator import PURSUIT
-from ..human.variation import Parameter, check_positive
+from ..human.variation import Parameter
 from .conditions import Condition, tracking_condition
 from .engine import simulate
 from .forcing import Multisine, Samples

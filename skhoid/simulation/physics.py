@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import _kernels
-from ..arx.channel import ARXChannel, taken_apart
-from ..human import HumanOperator, Ramp, Sigmoid, Step
+from ..arx.channel import ARXChannel
+from ..human import HumanOperator
 from ..human.operator import PURSUIT
-from ..human.variation import along, evaluate, span
+from ..human.variation import Transition, evaluate, span
+from ..pipelines import taken_apart
 
 if TYPE_CHECKING:
     from .loop import CompensatoryTask
@@ -63,7 +64,7 @@ class Delay:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        return self.samples, self.weights, np.zeros((1, 0)), 0, 0
+        return self.samples, self.weights, np.zeros(0), 0, 0
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ class ARXResponse:
                 f"rate of the loop, or use sampling_rate={1 / channel.dt:g}."
             )
         nk = channel.nk + round(channel.shift / dt)
-        return cls(_kernels.gate(np.atleast_2d(channel.theta)), channel.na, nk, nk * dt)
+        return cls(_kernels.gate(channel.theta), channel.na, nk, nk * dt)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
@@ -128,9 +129,7 @@ def parameters_of(task: CompensatoryTask) -> dict[str, Any]:
     parameters: dict[str, Any] = {"K_c": element.K_c, "omega_b": element.omega_b}
     parameters["K_n"] = 0.0 if remnant is None or remnant.gain is None else remnant.gain
     if isinstance(task.operator, HumanOperator):
-        lead = "T_L" if task.operator.K_edot is None else "K_edot"
-        names = ["K_e", lead, "omega_nm", "zeta_nm", *PURSUIT]
-        parameters |= {name: getattr(task.operator, name) for name in names} | {"display": display}
+        parameters |= task.operator.adaptable | {"display": display}
     return parameters
 
 
@@ -171,11 +170,11 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
 def _checked(name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]) -> Any:
     if not callable(parameter):
         return float(parameter)
-    if isinstance(parameter, (Sigmoid, Step, Ramp)):
-        key = replace(parameter, initial=0.0, final=1.0)
+    if isinstance(parameter, Transition):
+        key = parameter.unit()
         if key not in progress:
             progress[key] = key.progress(t)
-        values = along(parameter, progress[key])
+        values = parameter.along(progress[key])
     else:
         values = evaluate(parameter, t)
     wrong = ~np.isfinite(values)

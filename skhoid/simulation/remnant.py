@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..human.variation import Parameter, Sigmoid, check_positive, evaluate
+from ..human.checks import check_positive
+from ..human.operator import neuromuscular
+from ..human.variation import Parameter, Sigmoid, evaluate
 
 ORDERS = (1, 2, 3, 4, "nm")
 
@@ -71,9 +73,8 @@ class Remnant:
     zeta_nm: float = 0.35
 
     def __post_init__(self) -> None:
-        if not isinstance(self.order, (str, int, np.integer)) or isinstance(self.order, bool):
-            raise ValueError(f"Remnant: order is 1, 2, 3, 4 or 'nm'; got {self.order!r}.")
-        if self.order not in ORDERS:
+        whole = isinstance(self.order, (str, int, np.integer)) and not isinstance(self.order, bool)
+        if not whole or self.order not in ORDERS:
             raise ValueError(f"Remnant: order is 1, 2, 3, 4 or 'nm'; got {self.order!r}.")
         if (self.intensity is None) == (self.gain is None):
             raise ValueError(
@@ -153,8 +154,7 @@ class Remnant:
         s = 1j * np.asarray(omega, dtype=float)
         K_n = evaluate(self.gain, np.asarray(t, dtype=float))
         if isinstance(self.order, str):
-            w = self.omega_nm
-            return K_n * w**2 / (s**2 + 2 * self.zeta_nm * w * s + w**2)
+            return K_n * neuromuscular(s, self.omega_nm, self.zeta_nm)
         return K_n / (self.time_constant * s + 1) ** self.order
 
     def filter_coefficients(self) -> np.ndarray:
