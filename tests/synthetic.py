@@ -83,3 +83,15 @@ def loop_runs(n_runs, state="C1", *, remnant_gain, periods=2, first_seed=0):
         for i in range(n_runs)
     ]
     return pd.concat([X for X, _ in parts]), pd.concat([y for _, y in parts])
+
+
+def recording(runs, names=("e",), dt=DT, start=0.0):
+    """DataFrame and Series of runs given as (channels, output)."""
+    tables, outputs = [], []
+    for label, (channels, u) in runs.items():
+        index = pd.MultiIndex.from_product(
+            [[label], start + dt * np.arange(len(u))], names=["run", "time"]
+        )
+        tables.append(pd.DataFrame(np.column_stack(channels), index=index, columns=list(names)))
+        outputs.append(pd.Series(u, index=index, name="u"))
+    return pd.concat(tables), pd.concat(outputs)

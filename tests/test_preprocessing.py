@@ -1,7 +1,5 @@
 """Decimator, DelayShift and RunInTrimmer: twins, the way back to full rate, the thesis."""
 
-from pathlib import Path
-
 import closed_loop as cl
 import naive
 import numpy as np
@@ -25,8 +23,6 @@ from skhoid import (
     resample_runs,
     vaf_score,
 )
-
-SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
 def signals(lengths, seed=0, n_columns=2):

@@ -1,0 +1,217 @@
+"""What tracking tasks accept and refuse."""
+
+import numpy as np
+import pytest
+
+from skhoid import (
+    CompensatoryTask,
+    ControlledElement,
+    HumanOperator,
+    Multisine,
+    Ramp,
+    Remnant,
+    Step,
+)
+from skhoid.simulation import Condition
+
+OMEGA = np.geomspace(0.05, 40.0, 30)
+
+# Tasks
+
+
+def test_task_of_a_condition():
+    task = CompensatoryTask.of_condition("C2", duration=10.0, operator=HumanOperator(K_e=0.05))
+    assert task.controlled_element == ControlledElement(30.0, 0.2)
+    assert task.operator.K_e == 0.05
+    own = Condition("mine", ControlledElement(1.0), HumanOperator(tau_e=0.1))
+    assert CompensatoryTask.of_condition(own).operator == own.operator
+    assert CompensatoryTask.of_condition("C1") == CompensatoryTask()
+
+
+@pytest.mark.parametrize(
+    ("duration", "run_in", "rate", "n_samples", "n_run_in"),
+    [
+        (81.92, None, 100.0, 8192, 57344),
+        (81.92, None, 48.0, 3932, 27524),
+        (1.0, 0.0, 100.0, 100, 0),
+        (0.999, 0.5, 100.0, 99, 50),
+        (10.0, 0.25, 64.0, 640, 16),
+    ],
+)
+def test_numbers_of_samples(duration, run_in, rate, n_samples, n_run_in):
+    task = CompensatoryTask(duration=duration, run_in=run_in, sampling_rate=rate)
+    assert (task.n_samples, task.n_run_in) == (n_samples, n_run_in)
+    record = task.simulate()
+    assert record.u.shape == (1, n_samples)
+    np.testing.assert_array_equal(record.time, np.arange(n_samples) / rate)
+
+
+def test_task_at_an_instant():
+    task = CompensatoryTask.of_condition("C4", duration=50.0)
+    assert task.at(0.0).controlled_element == ControlledElement(90.0, 6.0)
+    late = task.at(50.0)
+    assert late.operator.K_edot == pytest.approx(0.084)
+    assert late.controlled_element.K_c == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"display": np.nan}, "display must be a finite number; got nan"),
+        ({"display": True}, "display must be a finite number; got True"),
+        ({"display": "pursuite"}, "display is 'compensatory', 'pursuit', .*got 'pursuite'"),
+        ({"transport": "hold"}, "transport is 'held', 'interpolated' or None; got 'hold'"),
+        ({"duration": 0.005}, "0.005 s at 100.0 Hz are fewer than two samples"),
+        ({"duration": 0.2, "run_in": 0.05}, "delay tau_e = 0.28 s is longer than the run of 0.2"),
+        (
+            {"operator": HumanOperator(tau_e=0.285), "transport": "held"},
+            "is 28.5 samples at 100 Hz",
+        ),
+        ({"operator": HumanOperator(tau_e=0.005)}, "less than one sample at 100 Hz"),
+        (
+            {"operator": HumanOperator(tau_e=0.0), "transport": "interpolated"},
+            "less than one sample",
+        ),
+    ],
+)
+def test_senseless_tasks(options, message):
+    with pytest.raises(ValueError, match="CompensatoryTask: .*" + message):
+        CompensatoryTask(**options)
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ({"sampling_rate": 10.0}, r"neuromuscular mode \(omega_nm, zeta_nm\) of 11.25 rad/s"),
+        ({"operator": HumanOperator(omega_nm=60.0)}, r"neuromuscular mode .* of 60 rad/s"),
+        (
+            {"controlled_element": ControlledElement(1.0, 100.0)},
+            r"controlled element \(omega_b\) of 100 rad/s",
+        ),
+        ({"remnant": Remnant(gain=0.1, time_constant=0.01)}, "remnant filter of 100 rad/s"),
+        ({"remnant": Remnant(order="nm", gain=0.1, omega_nm=90.0)}, "remnant filter of 90 rad/s"),
+    ],
+)
+def test_sampling_that_is_too_slow(options, what):
+    with pytest.raises(ValueError, match="Hz is too slow for the " + what) as caught:
+        CompensatoryTask(**options)
+    advised = float(str(caught.value).split("sampling_rate=")[1].split(" ")[0])
+    CompensatoryTask(**(options | {"sampling_rate": advised}))
+    with pytest.raises(ValueError, match="too slow"):
+        CompensatoryTask(**(options | {"sampling_rate": 0.9 * advised}))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"controlled_element": ControlledElement(lambda t: 2 - t)},
+            r"K_c is -0.005 at t = 2.005 s",
+        ),
+        ({"operator": HumanOperator(K_e=Step(0.1, -0.1, 1.0))}, "K_e is -0.1 at t = 1 s"),
+        ({"operator": HumanOperator(T_L=Step(-0.5, 0.4, 0.0))}, r"T_L is -0.5 at t = -0.0\d s"),
+        ({"operator": HumanOperator(K_edot=lambda t: np.nan)}, "K_edot is nan at t = -0.5 s"),
+        ({"operator": HumanOperator(zeta_nm=Step(0.3, -0.3, 2))}, "zeta_nm is -0.3 at t = 2 s"),
+        ({"operator": HumanOperator(K_x=lambda t: np.inf)}, "K_x is inf .* must be finite, in"),
+        ({"remnant": Remnant(gain=Step(0.1, -0.1, 2))}, "K_n is -0.1 at t = 2 s"),
+        ({"display": Ramp(1, -1, 0, 2)}, "display is -0.005 at t = 1.005 s"),
+        ({"target": lambda t: np.where(t < 1, 0.0, np.nan)}, "target is nan at t = 1 s"),
+        ({"target": np.zeros(7)}, r"target must have 350 samples \(50 of the run-in and 300 of"),
+        ({"disturbance": np.zeros(7)}, "disturbance must have 350 samples"),
+    ],
+)
+def test_senseless_functions_of_time(options, message):
+    task = CompensatoryTask(**({"duration": 3.0, "run_in": 0.5} | options))
+    with pytest.raises(ValueError, match=message):
+        task.simulate()
+
+
+@pytest.mark.parametrize("operator", [None, "me", 3.0, ControlledElement()], ids=repr)
+def test_what_is_not_an_operator(operator):
+    with pytest.raises(TypeError, match=r"CompensatoryTask.*operator.*fitted ARX.*; got"):
+        CompensatoryTask(operator=operator, duration=1.0).simulate()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_runs": 0}, "n_runs is a whole number, at least 1; got 0"),
+        ({"n_runs": True}, "n_runs is a whole number, at least 1; got True"),
+        ({"n_runs": 2.0}, "n_runs is a whole number, at least 1; got 2.0"),
+        ({"keep_run_in": 0.6}, "keep_run_in is from 0 to the run-in of 0.5 s; got 0.6"),
+        ({"keep_run_in": -0.1}, "keep_run_in is from 0"),
+        ({"noise": np.zeros((2, 150))}, r"a row for each of 1 runs and .* 150 .*; got \(2, 150\)"),
+        ({"noise": np.full((1, 150), np.nan)}, "noise is nan in run 0, sample 0"),
+        ({"random_state": -1}, "random_state is a whole number from 0 up, .*; got -1"),
+        ({"random_state": "0"}, "got '0'"),
+        ({"random_state": True}, "got True"),
+    ],
+)
+def test_senseless_arguments_of_simulate(options, message):
+    task = CompensatoryTask(duration=1.0, run_in=0.5, remnant=Remnant(gain=0.02))
+    with pytest.raises(ValueError, match=message):
+        task.simulate(**options)
+
+
+def test_phases_of_a_function_cannot_be_drawn():
+    task = CompensatoryTask(duration=1.0, run_in=0.5, disturbance=lambda t: 0 * t)
+    with pytest.raises(
+        ValueError, match="draws phases of a Multisine; the disturbance is function"
+    ):
+        task.simulate(random_phases=True)
+
+
+def test_remnant_of_unknown_gain_cannot_be_simulated():
+    with pytest.raises(ValueError, match="is not known yet: tune_remnant"):
+        CompensatoryTask(remnant=Remnant(intensity=0.1)).simulate()
+
+
+@pytest.mark.parametrize(
+    "operator",
+    [
+        HumanOperator(zeta_nm=20.0),
+        HumanOperator(omega_nm=lambda t: 400.0 + 0 * t),
+        HumanOperator(zeta_nm=lambda t: np.where(t < 0.5, 0.35, 20.0)),
+    ],
+    ids=["overdamped", "function", "in between"],
+)
+def test_fast_muscles_need_a_faster_clock(operator):
+    with pytest.raises(ValueError, match="100 Hz is too slow for the neuromuscular mode"):
+        CompensatoryTask(operator=operator, duration=1.0, run_in=0.0).simulate()
+
+
+@pytest.mark.parametrize("order", [2.0, True, [2], 0, "NM"])
+def test_remnant_orders_that_are_none(order):
+    with pytest.raises(ValueError, match="order is 1, 2, 3, 4 or 'nm'"):
+        Remnant(order=order, gain=0.1)
+
+
+def test_lines_above_nyquist_are_refused():
+    with pytest.raises(ValueError, match="not below Nyquist"):
+        Multisine(multiples=[6000], amplitudes=[1], phases=[0]).sample(0, 100, 100.0)
+
+
+def test_functions_of_time_must_take_arrays():
+    def scalar_only(t):
+        return 0.09 if t < 10 else 0.08
+
+    for function in (scalar_only, lambda t: t[:3]):
+        operator = HumanOperator(K_e=function)
+        with pytest.raises(ValueError, match="must take an array of instants"):
+            CompensatoryTask(operator=operator, duration=1.0, run_in=0.0).simulate()
+
+
+def test_the_default_target_has_a_short_name():
+    assert repr(Multisine()) == "Multisine()"
+    assert "period=40.0" in repr(Multisine(period=40.0))
+
+
+@pytest.mark.parametrize("name", ["e", "f_t", "x"])
+def test_responses_of_a_pursuit_operator(name):
+    operator = HumanOperator(K_e=0.07, K_edot=0.03, K_t=0.02, K_tdot=0.01, K_x=-0.03, K_xdot=-0.02)
+    gains = {"e": (0.07, 0.03), "f_t": (0.02, 0.01), "x": (-0.03, -0.02)}[name]
+    alone = HumanOperator(K_e=1.0, T_L=0.0).frequency_response(OMEGA)
+    expected = (gains[0] + gains[1] * 1j * OMEGA) * alone
+    np.testing.assert_allclose(operator.frequency_response(OMEGA, input=name), expected)
+    with pytest.raises(ValueError, match="input is 'e', or 'f_t' or 'x'"):
+        operator.frequency_response(OMEGA, input="q")

@@ -1,0 +1,154 @@
+"""Senseless arguments of simulated runs, and unstable loops."""
+
+import numpy as np
+import pytest
+from sklearn.pipeline import make_pipeline
+
+from skhoid import (
+    ARXRegressor,
+    ControlledElement,
+    Decimator,
+    HumanOperator,
+    Sigmoid,
+    UnstableLoopError,
+    make_tracking_runs,
+    mixed_condition,
+    tracking_condition,
+)
+
+
+def make(condition="C1", n_runs=2, **options):
+    """Runs of four seconds after two of run-in."""
+    return make_tracking_runs(condition, n_runs, **({"duration": 4.0, "run_in": 2.0} | options))
+
+
+# Errors
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"condition": "C7"}, "Unknown condition 'C7'.*Did you mean 'C6'"),
+        ({"n_runs": 0}, "n_runs is a whole number, at least 1; got 0"),
+        (
+            {"channels": "e"},
+            r"channels is a list of some of \['e', 'x', 'f_t', 'dist'\], each once; got 'e'",
+        ),
+        ({"channels": []}, "channels is a list"),
+        ({"channels": ["e", "f_d"]}, "channels is a list"),
+        ({"remnant_intensity": 15}, "15 percent is 0.15"),
+        ({"remnant_intensity": -0.1}, "intensity must be zero or positive; got -0.1"),
+        ({"remnant_intensity": 0.1, "remnant_gain": 0.02}, "remnant_intensity or remnant_gain"),
+        ({"remnant_gain": "tabel"}, "'table'; got 'tabel'"),
+        ({"remnant_gain": "table", "remnant_intensity": 0.12}, "Table G.1 has the orders"),
+        ({"remnant_gain": 0.1, "remnant_order": 7}, "order is 1, 2, 3, 4 or 'nm'; got 7"),
+        ({"perturbation": {"K_c": 1.0}}, r"no parameter \['K_c'\] to add to; there are \['K_e'"),
+        ({"perturbation": {"tau_e": 0.1}}, r"no parameter \['tau_e'\]"),
+        ({"perturbation": {"K_e": -1.0}}, r"K_e is -0.91 at t = -2 s"),
+        ({"keep_run_in": 3.0}, "keep_run_in is from 0 to the run-in of 2 s; got 3.0"),
+        ({"sampling_rate": 10.0}, "10 Hz is too slow"),
+        ({"duration": -1.0}, "duration must be positive; got -1.0"),
+        ({"display": "preview"}, "got 'preview'"),
+        ({"random_phases": True, "target": np.sin}, "draws phases of a Multisine; the target is"),
+        ({"noise": np.zeros((2, 5)), "remnant_gain": 0.1}, r"each of 2 runs .* 600 samples"),
+        ({"random_state": -3}, "random_state is a whole number from 0 up"),
+    ],
+)
+def test_senseless_arguments(options, message):
+    with pytest.raises(ValueError, match=message):
+        make(**options)
+
+
+def test_a_model_has_no_parameters_to_lag_or_perturb():
+    model = ARXRegressor(nk=29).fit(*make())
+    for options in ({"adaptation_lag": 1.0}, {"perturbation": {"K_e": 0.1}}):
+        with pytest.raises(ValueError, match="HumanOperator; the operator is a ARXRegressor"):
+            make(operator=model, **options)
+
+
+def test_models_that_do_not_fit_the_loop():
+    X, y = make(channels=["e", "x"], remnant_gain=0.02, random_state=0)
+    slow = ARXRegressor(nk=15).fit(*make(sampling_rate=50.0))
+    with pytest.raises(ValueError, match=r"dt = 0.02 s.* sampling_rate=50"):
+        make(operator=slow)
+    two_inputs = ARXRegressor(nk=29, inputs=["e", "x"]).fit(X, y)
+    with pytest.raises(ValueError, match="answers the error e alone"):
+        make(operator=two_inputs)
+    thinned = make_pipeline(Decimator(factor=2), ARXRegressor(nk=15)).fit(X[["e"]], y)
+    with pytest.raises(ValueError, match="without the Decimator"):
+        make(operator=thinned)
+    with pytest.raises(ValueError, match="not fitted"):
+        make(operator=ARXRegressor())
+
+
+# Unstable loops; every warning is an error here
+
+
+@pytest.mark.parametrize(
+    ("condition", "operator"),
+    [
+        ("C1", HumanOperator(K_e=0.2, T_L=0.4)),
+        ("C1", HumanOperator(K_e=0.9, T_L=0.4)),
+        ("C2", HumanOperator(K_e=0.09, T_L=0.0)),
+        ("C1", HumanOperator(K_e=0.07, T_L=1.2)),  # the operator of C2: a factor e in 4.4 s
+    ],
+)
+@pytest.mark.parametrize("duration", [4.0, 0.5])
+def test_constant_loops_that_are_unstable(condition, operator, duration):
+    """Also where the run is too short to tell by its own error."""
+    message = r"unstable: its error grows by a factor e every [\d.]+ s. Lower .*\(K_e\)"
+    with pytest.raises(UnstableLoopError, match=message):
+        make(condition, operator=operator, duration=duration)
+
+
+@pytest.mark.parametrize("transport", ["held", "interpolated"])
+def test_the_limit_of_stability(transport):
+    """Gain and phase at the crossing of -180 degrees: stable 2 % below, unstable 2 % above."""
+    plain = HumanOperator(K_e=1.0, T_L=0.4)
+    omega = np.linspace(2.0, 12.0, 20001)
+    H = plain.frequency_response(omega) * ControlledElement().frequency_response(omega)
+    H = H * np.exp(-1j * omega * (0.0005 if transport == "held" else 0.0))  # half a sample
+    crossings = np.flatnonzero(np.diff(np.sign(H.imag)) != 0)
+    limit = min(1 / abs(H[k]) for k in crossings if H[k].real < 0)
+    options = {"sampling_rate": 1000.0, "transport": transport, "n_runs": 1}
+    make("C1", operator=HumanOperator(K_e=0.98 * limit, T_L=0.4), **options)
+    with pytest.raises(UnstableLoopError, match="grows by a factor e every"):
+        make("C1", operator=HumanOperator(K_e=1.02 * limit, T_L=0.4), **options)
+
+
+def test_an_unstable_model_in_the_loop():
+    model = ARXRegressor(nk=29).fit(*make())
+    model.coef_ = model.coef_ * np.array([1.0, 1.0, 8.0, 8.0])
+    with pytest.raises(UnstableLoopError, match="grows by a factor e every"):
+        make(operator=model)
+
+
+def test_a_loop_that_varies_and_stays_unstable_long():
+    """The operator of C2 keeps controlling the element of C1, for 200 s."""
+    with pytest.raises(UnstableLoopError, match=r"without remnant its error passes .* by t = \d+"):
+        make("C6", adaptation_lag=200.0, duration=300.0, n_runs=1)
+
+
+def test_a_gain_that_grows_without_end():
+    operator = HumanOperator(K_e=Sigmoid(0.09, 2.0, rate=1.0, time=2.0))
+    with pytest.raises(UnstableLoopError, match=r"without remnant .* Lower the operator's gain"):
+        make("C1", operator=operator, duration=30.0)
+
+
+def test_a_loop_that_is_unstable_for_a_moment_only():
+    """The lag of a person who adapts is simulated, not refused."""
+    X, _ = make("C6", adaptation_lag=10.0, duration=81.92, n_runs=1)
+    assert np.isfinite(X.to_numpy()).all()
+    prompt, _ = make("C6", duration=81.92, n_runs=1)
+    after = (0, slice(41.0, None))
+    assert X.loc[after, "e"].abs().max() > 1.2 * prompt.loc[after, "e"].abs().max()
+
+
+def test_the_operator_of_c1_can_control_the_element_of_c2():
+    """So that any lag in C4 ends in a stable loop."""
+    mixed = mixed_condition("C1", "C2", 0.0)
+    X, _ = make(
+        mixed, controlled_element=tracking_condition("C2").controlled_element, duration=81.92
+    )
+    late, _ = make("C4", adaptation_lag=60.0, duration=81.92)
+    assert late["e"].abs().max() < 3 * X["e"].abs().max()
