@@ -2,10 +2,13 @@
 
 from .arx.batch import ARXRegressor
 from .arx.forgetting import forgetting_factor
+from .arx.recursive import RecursiveARX
+from .arx.recursive_cv import RecursiveARXCV
 from .arx.searches import DelaySearchCV, OrderSearchCV
 from .exceptions import (
     IrregularSamplingError,
     MissingDataWarning,
+    PoorExcitationWarning,
     RankDeficiencyError,
     RemnantIntensityError,
     RunCutWarning,
@@ -62,8 +65,11 @@ __all__ = [
     "Mixture",
     "Multisine",
     "OrderSearchCV",
+    "PoorExcitationWarning",
     "Ramp",
     "RankDeficiencyError",
+    "RecursiveARX",
+    "RecursiveARXCV",
     "Remnant",
     "RemnantIntensityError",
     "RunCutWarning",

@@ -5,6 +5,7 @@ from __future__ import annotations
 __all__ = [
     "IrregularSamplingError",
     "MissingDataWarning",
+    "PoorExcitationWarning",
     "RankDeficiencyError",
     "RemnantIntensityError",
     "RunCutWarning",
@@ -45,6 +46,10 @@ class SamplingJitterWarning(UserWarning):
 
 class MissingDataWarning(UserWarning):
     """Rows with missing values were left out, or held, and counted."""
+
+
+class PoorExcitationWarning(UserWarning):
+    """The data do not determine all parameters; some stay where they were."""
 
 
 class RunCutWarning(UserWarning):

@@ -130,21 +130,31 @@ def vaf_of_rows(
     lost = np.bincount(run, error**2, n_runs)
     power = np.bincount(run, signal**2, n_runs)
     scored = np.bincount(run, minlength=n_runs) > 0
+    value = vaf_of_sums(lost, power, scored, average)
+    return value if average is None else float(value)
+
+
+def vaf_of_sums(
+    lost: np.ndarray, power: np.ndarray, scored: np.ndarray, average: str | None
+) -> np.ndarray:
+    """Unclipped VAF with a finite floor, of sums of squares by run on the first axis.
+
+    ``lost`` are those of the error, for several models on further axes, ``power`` those of the
+    measured output of runs that were ``scored``.
+    """
+    power = np.where(scored, power, np.nan)
     if average == "pooled":
-        lost, power = lost.sum(keepdims=True), power.sum(keepdims=True)
+        lost, power = lost.sum(axis=0, keepdims=True), np.nansum(power, keepdims=True)
     elif average == "mean":
         lost, power = lost[scored], power[scored]
-    else:
-        power[~scored] = np.nan
     if np.any(power == 0):
         raise ValueError(
             "VAF is undefined: the measured output is zero (or, centered, constant) in all scored "
             "rows" + ("." if average == "pooled" else " of a run.")
         )
+    power = power.reshape(-1, *[1] * (lost.ndim - 1))
     values = np.maximum(100.0 * (1.0 - lost / power), VAF_FLOOR)
-    if average is None:
-        return values
-    return float(values.mean())
+    return values if average is None else values.mean(axis=0)
 
 
 def scored_signals(

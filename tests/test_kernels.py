@@ -57,8 +57,9 @@ def run_free(X, stretches, orders, theta, past=None, y0=None):
     known_from = begin if past is None else _kernels.gate(past, np.int64)
     initial = np.zeros((begin.size, max(a.size, 1))) if y0 is None else _kernels.gate(y0)
     found = _kernels.arx.free_run(
-        _kernels.gate(X), begin, end, known_from, _kernels.gate(a), _kernels.gate(b),
-        np.array(orders.nb), np.array(orders.nk), intercept, initial, BOUND,
+        _kernels.gate(X), begin, end, known_from, theta[None].copy(),
+        np.zeros(len(X), dtype=np.int64), orders.na,
+        np.array(orders.nb), np.array(orders.nk), initial, BOUND,
     )  # fmt: skip
     twin = naive.free_run(X, stretches, a, unpadded(orders, b), orders.nk, intercept, past, y0)
     return found, twin
@@ -68,8 +69,9 @@ def run_ahead(y, X, stretches, orders, theta, horizon):
     a, b, intercept = orders.split(theta)
     begin, end = edges(stretches)
     found = _kernels.arx.predict_ahead(
-        _kernels.gate(y), _kernels.gate(X), begin, end, _kernels.gate(a), _kernels.gate(b),
-        np.array(orders.nb), np.array(orders.nk), intercept, horizon, BOUND,
+        _kernels.gate(y), _kernels.gate(X), begin, end, theta[None].copy(),
+        np.zeros(len(X), dtype=np.int64), orders.na,
+        np.array(orders.nb), np.array(orders.nk), horizon, BOUND,
     )  # fmt: skip
     twin = naive.predict_ahead(
         y, X, stretches, a, unpadded(orders, b), orders.nk, intercept, horizon

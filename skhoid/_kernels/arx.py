@@ -1,8 +1,9 @@
 """Simulation and prediction of ARX models, sample by sample.
 
 Common arguments: ``begin``, ``end`` and ``past`` give, for each stretch of rows, where the output
-starts from its initial values, where it ends, and the first row whose inputs are known; ``b`` is
-padded to the longest input polynomial, whose true lengths are ``nb``.
+starts from its initial values, where it ends, and the first row whose inputs are known. Row t has
+the parameters ``theta[at[t]]``: ``na`` output coefficients, ``nb[j]`` of each input, and a constant
+if they have one more.
 """
 
 from __future__ import annotations
@@ -12,34 +13,38 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def free_run(X, begin, end, past, a, b, nb, nk, intercept, y0, bound):
+def free_run(X, begin, end, past, theta, at, na, nb, nk, y0, bound):
     """Simulate Eq. 6 without noise from the inputs alone.
 
     ``y0[s, i]`` is the output ``i + 1`` samples before stretch ``s``. The output is held within
     ``+-bound``, so that an unstable model stays finite.
     """
     out = np.zeros(X.shape[0])
+    constant = na + nb.sum()
     for s in range(begin.size):
         first = begin[s]
         for t in range(first, end[s]):
-            value = intercept
+            now = at[t]
+            value = theta[now, constant] if constant < theta.shape[1] else 0.0
+            entry = na
             for j in range(nb.size):
                 for k in range(nb[j]):
                     row = t - nk[j] - k
                     if row >= past[s]:
-                        value += b[j, k] * X[row, j]
-            for i in range(a.size):
+                        value += theta[now, entry] * X[row, j]
+                    entry += 1
+            for i in range(na):
                 row = t - 1 - i
                 if row >= first:
-                    value -= a[i] * out[row]
+                    value -= theta[now, i] * out[row]
                 else:
-                    value -= a[i] * y0[s, first - 1 - row]
+                    value -= theta[now, i] * y0[s, first - 1 - row]
             out[t] = min(max(value, -bound), bound)
     return out
 
 
 @njit(cache=True, nogil=True)
-def predict_ahead(y, X, begin, end, a, b, nb, nk, intercept, horizon, bound):
+def predict_ahead(y, X, begin, end, theta, at, na, nb, nk, horizon, bound):
     """Predict each row from outputs measured ``horizon`` samples before it, and from all inputs.
 
     Outputs and inputs before a stretch are zero. A missing output is replaced by its one-step
@@ -48,6 +53,7 @@ def predict_ahead(y, X, begin, end, a, b, nb, nk, intercept, horizon, bound):
     known = y.copy()
     out = np.zeros(y.size)
     free = np.zeros(horizon)
+    constant = na + nb.sum()
     for s in range(begin.size):
         first = begin[s]
         for t in range(first, end[s]):
@@ -58,18 +64,21 @@ def predict_ahead(y, X, begin, end, a, b, nb, nk, intercept, horizon, bound):
             for pass_ in range(2 if twice else 1):
                 origin = t if twice and pass_ == 0 else start
                 for r in range(origin, t + 1):
-                    value = intercept
+                    now = at[r]
+                    value = theta[now, constant] if constant < theta.shape[1] else 0.0
+                    entry = na
                     for j in range(nb.size):
                         for k in range(nb[j]):
                             row = r - nk[j] - k
                             if row >= first:
-                                value += b[j, k] * X[row, j]
-                    for i in range(a.size):
+                                value += theta[now, entry] * X[row, j]
+                            entry += 1
+                    for i in range(na):
                         row = r - 1 - i
                         if row >= origin:
-                            value -= a[i] * free[row - origin]
+                            value -= theta[now, i] * free[row - origin]
                         elif row >= first:
-                            value -= a[i] * known[row]
+                            value -= theta[now, i] * known[row]
                     free[r - origin] = min(max(value, -bound), bound)
                 if pass_ == 0:
                     one_step = free[0]

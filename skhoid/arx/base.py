@@ -40,6 +40,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
     roles: dict | None
     dt: float | None
     run: Any
+    n_rows_missing_: int
 
     def _read_X(self, X: Any, *, reset: bool) -> tuple[ModelGrid, np.ndarray]:
         """Read the layout and all columns of X, checked."""
@@ -107,6 +108,38 @@ class BaseARX(RegressorMixin, BaseEstimator):
         )
         check_lengths(grid, self.orders_)
 
+    def _report_missing(
+        self,
+        grid: ModelGrid,
+        inputs: np.ndarray,
+        output: np.ndarray,
+        n_used: int,
+        names: list[str],
+    ) -> None:
+        """Warn of rows left out, unless they only lack a past before the run (DelayShift)."""
+        if self.n_rows_missing_ == 0:
+            return
+        missing = np.isnan(output) | np.isnan(inputs).any(axis=1)
+        for begin, end in segments(grid):
+            known = np.flatnonzero(~np.isnan(inputs[begin:end]).any(axis=1))
+            if known.size:
+                missing[begin : begin + known[0]] = False
+        n_missing = int(missing.sum())
+        if n_missing:
+            channels = [self._output_name, *names]
+            columns = np.column_stack([output, inputs])[missing]
+            named = [
+                c for c, gap in zip(channels, np.isnan(columns).any(axis=0), strict=True) if gap
+            ]
+            warnings.warn(
+                f"{n_missing} rows of {', '.join(map(repr, named))} are NaN, first "
+                f"{grid.layout.where(grid.full_row(int(np.flatnonzero(missing)[0])))}; "
+                f"{self.n_rows_missing_} rows whose lags need them are left out, "
+                f"{n_used} are used.",
+                MissingDataWarning,
+                stacklevel=5,
+            )
+
     def to_transfer_function(self, backend: str = "scipy") -> Any:
         """Return the discrete-time transfer function from the inputs to the output.
 
@@ -163,7 +196,11 @@ class BaseARX(RegressorMixin, BaseEstimator):
     ) -> np.ndarray:
         """Free run on the grid."""
         stretches = (grid.begin, grid.end, grid.past)
-        return free_run(inputs, stretches, self.orders_, self.coef_, y0)
+        return free_run(inputs, stretches, self.orders_, *self._parameters(grid), y0)
+
+    def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
+        """Sets of parameters, and which of them each row of the grid has."""
+        return self.coef_[None], np.zeros(int(grid.end[-1]), dtype=np.int64)
 
     def predict(self, X: Any) -> np.ndarray:
         """Simulate the output from the inputs alone (free run).
@@ -272,7 +309,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
             _kernels.gate(inputs),
             _kernels.gate(begin, np.int64),
             _kernels.gate(end, np.int64),
-            *_polynomials(self.orders_, self.coef_),
+            *_as_kernels_take(self.orders_, *self._parameters(grid)),
             horizon,
             BOUND,
         )
@@ -286,8 +323,12 @@ class BaseARX(RegressorMixin, BaseEstimator):
             output, raw, grid.begin[grid.measured], grid.end[grid.measured], self.orders_
         )
         errors = np.full(output.size, np.nan)
-        errors[rows] = table[:, -1] - table[:, :-1] @ self.coef_
+        errors[rows] = table[:, -1] - self._fitted(table[:, :-1], rows, grid)
         return errors
+
+    def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
+        """Output that the regressors of grid rows give."""
+        return regressors @ self.coef_
 
     def score(self, X: Any, y: Any) -> float:
         """Score the free run by its VAF in percent, pooled over runs.
@@ -335,24 +376,27 @@ def free_run(
     stretches: tuple[np.ndarray, np.ndarray, np.ndarray],
     orders: Orders,
     theta: np.ndarray,
+    at: np.ndarray,
     y0: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Simulate stretches (begin, end, past), each from ``na`` initial outputs, zero by default."""
+    """Simulate stretches (begin, end, past), each from ``na`` initial outputs, zero by default.
+
+    Row t has the parameters ``theta[at[t]]``.
+    """
     if y0 is None:
         y0 = np.zeros((stretches[0].size, max(orders.na, 1)))
     return _kernels.arx.free_run(
         _kernels.gate(inputs),
         *(_kernels.gate(edge, np.int64) for edge in stretches),
-        *_polynomials(orders, theta),
+        *_as_kernels_take(orders, theta, at),
         _kernels.gate(y0),
         BOUND,
     )
 
 
-def _polynomials(orders: Orders, theta: np.ndarray) -> tuple[Any, ...]:
-    """A, B, their lengths and the intercept, as the kernels take them."""
-    a, b, intercept = orders.split(theta)
-    return (_kernels.gate(a), _kernels.gate(b), np.array(orders.nb), np.array(orders.nk), intercept)
+def _as_kernels_take(orders: Orders, theta: np.ndarray, at: np.ndarray) -> tuple[Any, ...]:
+    theta, at = _kernels.gate(theta), _kernels.gate(at, np.int64)
+    return theta, at, orders.na, np.array(orders.nb), np.array(orders.nk)
 
 
 def _marked(mark: DecimationMark | None) -> str:

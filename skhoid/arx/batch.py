@@ -10,10 +10,9 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 
 from .._sklearn import Interval, StrOptions, fit_context
-from ..exceptions import MissingDataWarning
 from ..preprocessing.grid import ModelGrid
 from ..runs import input_columns
-from .base import BaseARX, check_row_count, segments
+from .base import BaseARX, check_row_count
 from .excitation import rank_error
 from .instruments import estimate
 from .least_squares import Triangle, newey_west
@@ -190,9 +189,8 @@ class ARXRegressor(BaseARX):
         else:
             self._fit_ols(grid, inputs, output, begin, end)
         self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
-        self.a_, b, self.intercept_ = self.orders_.split(self.coef_)
-        rows = [row[:nb] for row, nb in zip(b, self.orders_.nb, strict=True)]
-        self.b_ = rows[0] if len(rows) == 1 else rows
+        self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
+        self.b_ = self.orders_.input_rows(self.coef_)
         return self
 
     def _fit_ols(
@@ -280,38 +278,6 @@ class ARXRegressor(BaseARX):
                 "signals from outside the loop, such as f_t. If it is one, OLS has no bias to cure."
             )
         return positions
-
-    def _report_missing(
-        self,
-        grid: ModelGrid,
-        inputs: np.ndarray,
-        output: np.ndarray,
-        n_used: int,
-        names: list[str],
-    ) -> None:
-        """Warn of rows left out, unless they only lack a past before the run (DelayShift)."""
-        if self.n_rows_missing_ == 0:
-            return
-        missing = np.isnan(output) | np.isnan(inputs).any(axis=1)
-        for begin, end in segments(grid):
-            known = np.flatnonzero(~np.isnan(inputs[begin:end]).any(axis=1))
-            if known.size:
-                missing[begin : begin + known[0]] = False
-        n_missing = int(missing.sum())
-        if n_missing:
-            channels = [self._output_name, *names]
-            columns = np.column_stack([output, inputs])[missing]
-            named = [
-                c for c, gap in zip(channels, np.isnan(columns).any(axis=0), strict=True) if gap
-            ]
-            warnings.warn(
-                f"{n_missing} rows of {', '.join(map(repr, named))} are NaN, first "
-                f"{grid.layout.where(grid.full_row(int(np.flatnonzero(missing)[0])))}; "
-                f"{self.n_rows_missing_} rows whose lags need them are left out, "
-                f"{n_used} are used.",
-                MissingDataWarning,
-                stacklevel=5,
-            )
 
     def _check_rank(self, triangle: Triangle, inputs: np.ndarray, output: np.ndarray) -> None:
         null_space = triangle.null_space()

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+NOMINAL_HORIZON = 256.0  # samples; best over all conditions of the thesis (Section V-B)
 
 
 def forgetting_factor(
@@ -57,3 +61,139 @@ def forgetting_factor(
         )
     forgetting = 1.0 - 1.0 / horizon
     return float(forgetting) if forgetting.ndim == 0 else forgetting
+
+
+@dataclass(frozen=True)
+class Forgetting:
+    """Forgetting as the recursion takes it.
+
+    ``factors`` is λ, of shape (1 or n_instants, 1 or n_params); ``function`` gives it for other
+    times; ``nominal`` is the memory horizon of a variable factor, or 0; ``automatic`` leaves the
+    choice to the data.
+    """
+
+    factors: np.ndarray
+    diagonal: bool = False
+    nominal: float = 0.0
+    automatic: bool = False
+    function: Callable[[np.ndarray], Any] | None = None
+
+    @property
+    def over_time(self) -> bool:
+        return len(self.factors) > 1 or self.function is not None
+
+    @property
+    def value(self) -> Any:
+        """λ in the shape in which users give it."""
+        factors = self.factors
+        if factors.shape[1] == 1:
+            factors = factors[:, 0]
+        return factors if len(factors) > 1 else _plain(factors[0])
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, np.ndarray]:
+        """1 / λ and the ratios of Eq. 20 for the kernel, one lane."""
+        return kernel_arrays(self.factors[:, :, None])
+
+    def with_horizon(self, memory_horizon: float) -> Forgetting:
+        """The same with one memory horizon in samples."""
+        return Forgetting(np.array([[1.0 - 1.0 / memory_horizon]]), self.diagonal)
+
+    def at(self, time: np.ndarray, n_params: int) -> Forgetting:
+        """The same for other instants, if it is a function of time."""
+        if self.function is None:
+            return self
+        factors = _evaluated(self.function, time, n_params)
+        return Forgetting(factors, self.diagonal, function=self.function)
+
+
+def _plain(factors: Any) -> Any:
+    return float(factors) if np.ndim(factors) == 0 else factors
+
+
+def kernel_arrays(factors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """1 / λ and sqrt(λ_k / λ_i) for i < k by columns; λ is (n, 1 or n_params, lanes)."""
+    pairs = [(i, k) for k in range(factors.shape[1]) for i in range(k)] or [(0, 0)]
+    above, column = np.array(pairs).T
+    return 1.0 / factors, np.sqrt(factors[:, column] / factors[:, above])
+
+
+def read_forgetting(
+    forgetting: Any,
+    memory_horizon: Any,
+    memory_time: Any,
+    *,
+    form: str,
+    n_params: int,
+    time: np.ndarray,
+    dt: float,
+) -> Forgetting:
+    """Check forgetting as a user gives it, for the instants ``time`` in seconds."""
+    names = ("forgetting", "memory_horizon", "memory_time")
+    values = (forgetting, memory_horizon, memory_time)
+    given = {n: v for n, v in zip(names, values, strict=True) if v is not None}
+    by_name = isinstance(forgetting, str)
+    if by_name and forgetting not in ("auto", "variable"):
+        raise ValueError(
+            "forgetting is a number λ, one per parameter, an array or function over time, 'auto' "
+            f"or 'variable'; got {forgetting!r}."
+        )
+    if len(given) > 1 + (forgetting == "variable" if by_name else False):
+        raise ValueError(
+            "Give at most one of forgetting (λ), memory_horizon (N0, samples) and memory_time "
+            f"(T0, s); got {', '.join(f'{n}={v!r}' for n, v in given.items())}."
+        )
+    diagonal = form == "diagonal"
+    if by_name and forgetting == "auto":
+        return Forgetting(np.ones((1, 1)), diagonal, automatic=True)
+    if memory_horizon is not None or memory_time is not None:
+        factors = np.asarray(forgetting_factor(memory_horizon, memory_time=memory_time, dt=dt))
+        if factors.shape not in ((), (n_params,)):
+            name = names[1] if memory_horizon is not None else names[2]
+            raise ValueError(
+                f"{name} is one number or one per parameter ({n_params}); got the shape "
+                f"{factors.shape}."
+            )
+        factors = factors.reshape(1, -1)
+    elif by_name or forgetting is None:
+        factors = np.array([[1.0 - 1.0 / NOMINAL_HORIZON if by_name else 1.0]])
+    elif callable(forgetting):
+        factors = _evaluated(forgetting, time, n_params)
+        return Forgetting(factors, diagonal, function=forgetting)
+    else:
+        factors = _in_shape(forgetting, time.size, n_params, "forgetting")
+    if by_name:
+        if factors.size > 1 or factors[0, 0] == 1.0:
+            raise ValueError(
+                "forgetting='variable' takes one finite memory horizon, its mean; got "
+                f"{', '.join(f'{n}={v!r}' for n, v in given.items() if n != 'forgetting')}."
+            )
+        return Forgetting(factors, diagonal, nominal=1.0 / (1.0 - float(factors[0, 0])))
+    return Forgetting(factors, diagonal)
+
+
+def _evaluated(function: Callable[[np.ndarray], Any], time: np.ndarray, n_params: int) -> Any:
+    return _in_shape(function(time.copy()), time.size, n_params, "The function forgetting(t)")
+
+
+def _in_shape(values: Any, n_instants: int, n_params: int, what: str) -> np.ndarray:
+    """λ in the shape (1 or n_instants, 1 or n_params), checked."""
+    factors = np.asarray(values, dtype=np.float64)
+    if factors.ndim == 0:
+        shaped = factors.reshape(1, 1)
+    elif factors.shape == (n_params,) and n_params != 1:
+        shaped = factors.reshape(1, -1)
+    elif factors.shape in ((n_instants,), (n_instants, 1), (n_instants, n_params)):
+        shaped = factors.reshape(n_instants, -1)
+    else:
+        raise ValueError(
+            f"{what} has the shape {factors.shape}. It is a number, one per parameter "
+            f"({n_params},), one per instant ({n_instants},), or both ({n_instants}, {n_params})."
+        )
+    wrong = ~((shaped > 0) & (shaped <= 1))
+    if wrong.any():
+        raise ValueError(
+            f"{what} must be greater than 0 and at most 1; got {shaped[wrong][0]:g}"
+            + (f" at instant {int(np.argwhere(wrong)[0, 0])}." if len(shaped) > 1 else ".")
+        )
+    return np.ascontiguousarray(shaped)

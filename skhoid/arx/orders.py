@@ -50,6 +50,12 @@ class Orders:
             at += nb
         return theta[: self.na], b, float(theta[at]) if self.intercept else 0.0
 
+    def input_rows(self, theta: np.ndarray) -> Any:
+        """b_0 ... of the input, or a list of them for several inputs."""
+        b = self.split(theta)[1]
+        rows = [row[:nb] for row, nb in zip(b, self.nb, strict=True)]
+        return rows[0] if len(rows) == 1 else rows
+
 
 def whole_number(name: str, value: Any, least: int) -> int:
     """Check a whole number that is at least ``least``."""

@@ -140,7 +140,8 @@ class CandidateTable:
         touched = rows if grid.rows is None else rows[grid.rows]
         some = np.add.reduceat(touched, grid.begin) > 0
         stretches = (grid.begin[some], grid.end[some], grid.past[some])
-        free = free_run(self.inputs, stretches, orders, theta)
+        constant = np.zeros(len(self.inputs), dtype=np.int64)
+        free = free_run(self.inputs, stretches, orders, theta[None], constant)
         return grid.to_full_rate(free, rows)
 
 

@@ -1,0 +1,435 @@
+"""Recursive least squares on the instants of aligned runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from .. import _kernels
+from ..preprocessing.grid import ModelGrid
+from .forgetting import Forgetting, kernel_arrays
+from .orders import Orders, regressors
+
+NOTHING = np.empty((0, 0, 0))
+UNUSED = np.empty((0, 0))
+
+
+@dataclass(frozen=True)
+class Instants:
+    """The sampling instants of several runs, aligned by time in the run.
+
+    ``number`` counts samples from time zero for each instant, and is not broken where any run
+    goes on; ``of_row`` and ``run`` say where the rows of the grid belong.
+    """
+
+    number: np.ndarray
+    of_row: np.ndarray
+    run: np.ndarray
+    dt: float
+    n_runs: int
+
+    @classmethod
+    def of(cls, grid: ModelGrid) -> Instants:
+        number = grid_numbers(grid)
+        n_runs = len(grid.layout.labels)
+        rows = np.arange(number.size) if grid.rows is None else grid.rows
+        run = grid.layout.run_of(rows) if n_runs > 1 else np.zeros(number.size, dtype=np.int64)
+        if n_runs == 1:
+            return cls(number, np.arange(number.size), run, grid.dt, 1)
+        unique, of_row = np.unique(number, return_inverse=True)
+        return cls(unique, of_row, run, grid.dt, n_runs)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time in the run in seconds."""
+        return self.number * self.dt
+
+    def __len__(self) -> int:
+        return self.number.size
+
+
+@dataclass(frozen=True)
+class RecursionData:
+    """Recorded runs as the recursion takes them.
+
+    ``signals`` are -y, the inputs and ones where there is an intercept, of shape (n_signals,
+    n_instants, n_runs, 1), and ``target`` is the output where it gives an update; both are NaN
+    where a run has no row.
+    """
+
+    grid: ModelGrid
+    inputs: np.ndarray
+    output: np.ndarray
+    orders: Orders
+    instants: Instants
+    signals: np.ndarray
+    target: np.ndarray
+
+    @property
+    def n_rows_without_lags(self) -> int:
+        """Rows in the run-in or so early in a stretch that their lags are not known."""
+        grid = self.grid
+        lengths = grid.end - grid.begin
+        return int(
+            np.where(grid.measured, np.minimum(lengths, self.orders.first_row), lengths).sum()
+        )
+
+    @classmethod
+    def of(
+        cls, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, orders: Orders
+    ) -> RecursionData:
+        instants = Instants.of(grid)
+        shape = (len(instants), instants.n_runs, 1)
+        signals = np.full((1 + inputs.shape[1] + orders.intercept, *shape), np.nan)
+        target = np.full(shape, np.nan)
+        at = (instants.of_row, instants.run, 0)
+        signals[(0, *at)] = -output
+        for position, column in enumerate(inputs.T):
+            signals[(1 + position, *at)] = column
+        if orders.intercept:
+            signals[-1] = 1.0
+        target[at] = _usable(grid, output, orders)
+        return cls(grid, inputs, output, orders, instants, signals, target)
+
+    def first_window(self, seconds: float, runs: Any = None) -> np.ndarray:
+        """Regressors and output of the first seconds of all runs, or of some."""
+        grid, instants = self.grid, self.instants
+        begin, end = grid.begin[grid.measured], grid.end[grid.measured]
+        of_run = instants.run[begin]
+        starts = np.full(instants.n_runs, np.iinfo(np.int64).max)
+        number = instants.number[instants.of_row]
+        np.minimum.at(starts, of_run, number[begin])
+        n_window = round(seconds / instants.dt)
+        left = np.clip(starts[of_run] + n_window - number[begin], 0, end - begin)
+        chosen = np.ones(begin.size, dtype=bool) if runs is None else np.isin(of_run, runs)
+        return regressors(
+            self.output, self.inputs, begin[chosen], (begin + left)[chosen], self.orders
+        )[0]
+
+    def of_run(self, run: int) -> tuple[np.ndarray, np.ndarray]:
+        """Signals and target of one run."""
+        return (
+            np.ascontiguousarray(self.signals[:, :, run : run + 1]),
+            np.ascontiguousarray(self.target[:, run : run + 1]),
+        )
+
+    def inside(self) -> np.ndarray:
+        """Whether each run goes on at each instant, of shape (n_runs, n_instants)."""
+        instants = self.instants
+        first = np.full(instants.n_runs, len(instants))
+        last = np.full(instants.n_runs, -1)
+        np.minimum.at(first, instants.run, instants.of_row)
+        np.maximum.at(last, instants.run, instants.of_row)
+        at = np.arange(len(instants))
+        return (at >= first[:, None]) & (at <= last[:, None])
+
+
+def grid_numbers(grid: ModelGrid) -> np.ndarray:
+    """Sample number of each row of a grid, counted from time zero."""
+    numbers = grid.layout.sample_numbers()
+    if grid.rows is None or grid.layout.mark is None:
+        return numbers
+    return numbers[grid.rows] // grid.layout.mark.factor
+
+
+def kernel_regressors(orders: Orders) -> tuple[np.ndarray, np.ndarray]:
+    """Signal and lag of each regressor; signals are -y, the inputs, and ones."""
+    signals, lags = [0] * orders.na, list(range(1, orders.na + 1))
+    for position, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        signals += [1 + position] * nb
+        lags += range(nk, nk + nb)
+    if orders.intercept:
+        signals.append(1 + len(orders.nb))
+        lags.append(0)
+    return np.array(signals), np.array(lags)
+
+
+def _usable(grid: ModelGrid, output: np.ndarray, orders: Orders) -> np.ndarray:
+    """Output where all lags lie inside the stretch, elsewhere NaN."""
+    target = np.full(output.size, np.nan)
+    for begin, end, measured in zip(grid.begin, grid.end, grid.measured, strict=True):
+        first = begin + orders.first_row
+        if measured and first < end:
+            target[first:end] = output[first:end]
+    return target
+
+
+def factored(P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """U by columns, above the diagonal, and D of a positive definite P = U D U'."""
+    root = np.linalg.cholesky(P[::-1, ::-1])[::-1, ::-1]
+    scale = np.diag(root)
+    return (root / scale)[_above(len(P))], scale**2
+
+
+def multiplied_out(factors: np.ndarray, n_params: int) -> np.ndarray:
+    """P = U D U' of factors, U by columns and D, on the last axis."""
+    above = _above(n_params)
+    n_above = above[0].size
+    U = np.broadcast_to(np.eye(n_params), (*factors.shape[:-1], n_params, n_params)).copy()
+    U[..., above[0], above[1]] = factors[..., :n_above]
+    P = (U * factors[..., None, n_above:]) @ U.swapaxes(-1, -2)
+    return (P + P.swapaxes(-1, -2)) / 2
+
+
+def _above(n_params: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the entries above the diagonal, by columns."""
+    columns, rows = np.tril_indices(n_params, -1)
+    return rows, columns
+
+
+class State:
+    """Where recursions stand, one a lane: theta, the factors of P, sums and counts."""
+
+    def __init__(self, theta0: np.ndarray, P0: np.ndarray, lanes: int = 1) -> None:
+        self.n_params, self.lanes = theta0.shape[-1], lanes
+        self.buffer = np.zeros(_kernels.recursion.layout(self.n_params)["size"] * lanes)
+        self.rows("theta")[:] = theta0.T if theta0.ndim > 1 else theta0[:, None]
+        self.rows("cap")[:] = _kernels.recursion.LARGEST
+        self.reset(P0)
+
+    def rows(self, name: str) -> np.ndarray:
+        """A quantity of the kernel's layout, of shape (its length, lanes)."""
+        layout = _kernels.recursion.layout(self.n_params)
+        names = list(layout)
+        end = layout[names[names.index(name) + 1]]
+        return self.buffer.reshape(-1, self.lanes)[layout[name] : end]
+
+    def reset(self, P0: np.ndarray) -> None:
+        """Set P back to one matrix, or to one for each lane, and begin to forget anew."""
+        for lane, P in enumerate(P0 if P0.ndim > 2 else [P0] * self.lanes):
+            U, D = factored(P)
+            self.rows("U")[:, lane] = U
+            self.rows("D")[:, lane] = D
+        self.rows("instants")[:] = 0.0
+
+    def set_factor(self, forgetting: float) -> None:
+        """Set the variable forgetting factor of the next instant."""
+        self.rows("inflation")[:] = 1.0 / forgetting
+
+    @property
+    def factors(self) -> np.ndarray:
+        """U by columns and D, of shape (n_factors, lanes)."""
+        return self.buffer.reshape(-1, self.lanes)[: self.n_params * (self.n_params + 1) // 2]
+
+    @property
+    def theta(self) -> np.ndarray:
+        return self.rows("theta")[:, 0].copy()
+
+    @property
+    def P(self) -> np.ndarray:
+        return multiplied_out(self.factors[:, 0], self.n_params)
+
+    def count(self, name: str) -> np.ndarray:
+        """One of the sums and counts of the kernel, by lane."""
+        return self.rows(name)[0]
+
+    def covariance(self, forgetting: Forgetting) -> np.ndarray:
+        """Covariance of theta in the first lane."""
+        factors = forgetting.factors[-1]
+        if forgetting.nominal:
+            factors = 1.0 / self.count("inflation")[:1]
+        weight = spread_weights(factors, self.count("instants")[0])
+        return self.noise_variance * self.P * np.outer(weight, weight)
+
+    @property
+    def noise_variance(self) -> float:
+        """Mean of the squared one-step errors over 1 + phi' P phi; NaN before any update."""
+        updates = self.count("updates").sum()
+        return float(self.count("total").sum() / updates) if updates else np.nan
+
+
+@dataclass
+class Paths:
+    """What recursions leave at each instant; see ``advance`` of the kernel."""
+
+    theta: np.ndarray
+    errors: np.ndarray
+    factors: np.ndarray
+    priors: np.ndarray
+    alphas: np.ndarray
+    used: np.ndarray
+
+    @classmethod
+    def empty(cls, n_instants: int, n_runs: int, state: State, keep: Iterable[str]) -> Paths:
+        n_params, lanes = state.n_params, state.lanes
+        shapes: dict[str, tuple[int, ...]] = {
+            "theta": (n_instants, n_params, lanes),
+            "errors": (n_instants, n_runs, lanes),
+            "factors": (n_instants, n_params * (n_params + 1) // 2, lanes),
+            "priors": (n_instants, n_params * (n_params + 1) // 2, lanes),
+            "alphas": (n_instants, n_runs, lanes),
+            "used": (n_instants, lanes),
+        }
+        return cls(
+            **{
+                name: np.empty(shape if name in keep else (0,) * len(shape))
+                for name, shape in shapes.items()
+            }
+        )
+
+
+def recurse(
+    state: State,
+    signals: np.ndarray,
+    target: np.ndarray,
+    orders: Orders,
+    forgetting: Forgetting,
+    *,
+    inflation: tuple[np.ndarray, np.ndarray] | None = None,
+    resets: np.ndarray | None = None,
+    P0: np.ndarray | None = None,
+    keep: Iterable[str] = ("theta", "errors"),
+) -> Paths:
+    """Run recursions over all instants, from ``state``, which they change.
+
+    ``inflation`` are the kernel's arrays where lanes forget differently; at the instants ``resets``
+    P is set back to ``P0``.
+    """
+    n_instants = signals.shape[1]
+    paths = Paths.empty(n_instants, signals.shape[2], state, keep)
+    advance = _kernels.recursion.recursion(state.n_params, state.lanes)
+    columns, lags = kernel_regressors(orders)
+    inflate, tilt = inflation if inflation is not None else _lanes(forgetting, state.lanes)
+    first = min(orders.first_row, n_instants)
+    before = {
+        "theta": state.rows("theta"),
+        "errors": np.nan,
+        "factors": state.factors,
+        "priors": state.factors,
+        "alphas": np.nan,
+        "used": 1.0 / state.count("inflation") if forgetting.nominal else 1.0,
+    }
+    for name in keep:
+        getattr(paths, name)[:first] = before[name]
+    resets = np.empty(0, dtype=np.int64) if resets is None else resets
+    for begin, end in pairwise([first, *resets[resets > first].tolist(), n_instants]):
+        if begin > first:
+            state.reset(P0)
+        advance(
+            signals, target, columns, lags, begin, end, inflate, tilt, 0, forgetting.diagonal,
+            forgetting.nominal, state.buffer, paths.theta, paths.factors, paths.priors,
+            paths.errors, paths.alphas, paths.used,
+        )  # fmt: skip
+    return paths
+
+
+def _lanes(forgetting: Forgetting, lanes: int) -> tuple[np.ndarray, np.ndarray]:
+    factors = np.repeat(forgetting.factors[:, :, None], lanes, axis=2)
+    return kernel_arrays(factors)
+
+
+@dataclass
+class Recursion:
+    """One recursion over recorded runs: where it ends, and its path, smoothed if wanted.
+
+    ``covariance``, of theta at each instant, and ``used``, the variable forgetting factor, are
+    empty unless wanted.
+    """
+
+    state: State
+    theta: np.ndarray
+    errors: np.ndarray
+    covariance: np.ndarray
+    used: np.ndarray
+
+    @classmethod
+    def run(
+        cls,
+        signals: np.ndarray,
+        target: np.ndarray,
+        start: tuple[np.ndarray, np.ndarray],
+        orders: Orders,
+        forgetting: Forgetting,
+        resets: np.ndarray,
+        smooth: bool,
+        with_covariance: bool,
+    ) -> Recursion:
+        theta0, P0 = start
+        state = State(theta0, P0)
+        keep = ["theta", "errors"]
+        if forgetting.nominal:
+            state.set_factor(float(forgetting.factors[0, 0]))
+            keep.append("used")
+        if smooth or with_covariance:
+            keep.append("factors")
+        if smooth:
+            keep.append("priors")
+        paths = recurse(state, signals, target, orders, forgetting, resets=resets, P0=P0, keep=keep)
+        theta, errors = paths.theta[:, :, 0], paths.errors[:, :, 0]
+        used = paths.used[:, 0] if forgetting.nominal else NOTHING
+        covariance = NOTHING
+        if smooth:
+            theta, covariance = _smoothed(paths, resets, with_covariance)
+        elif with_covariance:
+            covariance = multiplied_out(paths.factors[:, :, 0], theta0.size)
+            factors = used[:, None] if forgetting.nominal else forgetting.factors
+            weight = spread_weights(factors, _instants_so_far(errors, resets)[:, None])
+            covariance *= weight[:, :, None] * weight[:, None, :]
+        covariance *= state.noise_variance
+        return cls(state, theta, errors, covariance, used)
+
+
+def spread_weights(factors: np.ndarray, n_instants: Any) -> np.ndarray:
+    """Square roots of (1 + λ^n) / (1 + λ), which turn P into the covariance of theta over σ².
+
+    It is the sum of the squared weights over the sum of the weights after n instants: 1 for
+    λ = 1, and 1 / (1 + λ) in steady state (Ljung and Söderström 1983).
+    """
+    return np.sqrt((1.0 + factors**n_instants) / (1.0 + factors))
+
+
+def _instants_so_far(errors: np.ndarray, resets: np.ndarray) -> np.ndarray:
+    """Instants with an update since the beginning or the last reset."""
+    count = np.cumsum(~np.isnan(errors).all(axis=1))
+    before = np.concatenate(([0], count))[resets]
+    since = np.searchsorted(resets, np.arange(count.size), side="right")
+    return count - np.concatenate(([0], before))[since]
+
+
+def _smoothed(
+    paths: Paths, resets: np.ndarray, with_covariance: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fixed-interval smoothing of one recursion (Rauch, Tung and Striebel 1965)."""
+    theta = paths.theta[:, :, 0].copy()
+    P = NOTHING
+    if with_covariance:
+        P = multiplied_out(paths.factors[:, :, 0], theta.shape[1])
+    cut = np.zeros(len(theta), dtype=np.bool_)
+    cut[resets] = True
+    factors, priors = (np.ascontiguousarray(f[:, :, 0]) for f in (paths.factors, paths.priors))
+    _kernels.recursion.smooth(theta, P, factors, priors, cut)
+    return theta, P
+
+
+def likelihoods(
+    signals: list[tuple[np.ndarray, np.ndarray]],
+    starts: list[tuple[np.ndarray, np.ndarray]],
+    orders: Orders,
+    forgetting: Forgetting,
+) -> dict[float, float]:
+    """Log-likelihood of the one-step predictions by memory horizon, summed over recursions.
+
+    Each recursion has normal errors of variance σ² (1 + φ'P̄φ) and its own σ² (West and Harrison
+    1997, Section 10.8).
+    """
+    n_instants = max(target.shape[0] for _, target in signals)
+    horizons = [2.0**i for i in range(1, 14) if 2**i <= max(n_instants, 2)] + [np.inf]
+    lanes = _kernels.recursion.MANY
+    factors = np.ones((1, 1, lanes))
+    factors[0, 0, : len(horizons)] = 1.0 - 1.0 / np.array(horizons)
+    total = np.zeros(lanes)
+    for (of_run, target), (theta0, P0) in zip(signals, starts, strict=True):
+        paths = recurse(
+            State(theta0, P0, lanes), of_run, target, orders, forgetting,
+            inflation=kernel_arrays(factors), keep=("errors", "alphas"),
+        )  # fmt: skip
+        known = ~np.isnan(paths.errors[:, :, 0])
+        errors, alphas = paths.errors[known], paths.alphas[known]
+        with np.errstate(divide="ignore"):
+            total -= 0.5 * known.sum() * np.log(2 * np.pi * np.mean(errors**2 / alphas, axis=0))
+        total -= 0.5 * (known.sum() + np.log(alphas).sum(axis=0))
+    return dict(zip(horizons, total.tolist(), strict=False))

@@ -1,0 +1,343 @@
+"""The choice of a memory horizon on validation runs."""
+
+from __future__ import annotations
+
+import warnings
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from .. import _kernels
+from .._sklearn import fit_context
+from ..exceptions import RunCutWarning
+from ..metrics import VAFScorer, scored_rows, vaf_of_rows, vaf_of_sums
+from .base import BOUND
+from .forgetting import Forgetting, kernel_arrays, read_forgetting
+from .recursion import RecursionData, State, kernel_regressors, recurse
+from .recursive import RecursiveARX
+from .searches.folds import folds_of
+
+HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
+
+
+class RecursiveARXCV(RecursiveARX):
+    """Recursive ARX model whose memory horizon is chosen on validation runs.
+
+    All horizons are estimated side by side, in one pass over the data of each fold, and the free
+    run along each path is scored on the runs that are left out (Fig. 13 of the thesis). The best
+    one is fitted on all runs.
+
+    Parameters
+    ----------
+    memory_horizons : sequence of float or of one per parameter, or None, default=None
+        N0 in samples of the fitted grid; an entry such as ``(inf, inf, 256, 256)`` is a Λ. None
+        means 2, 4, ... 8192 and infinity.
+    na, nb, nk, inputs, fit_intercept, forgetting_form, init, init_window, p0
+        As for :class:`RecursiveARX`.
+    parameters, store_covariance, roles, dt, run
+        As for :class:`RecursiveARX`.
+    cv : int, splitter, iterable or None, default=None
+        Folds of whole runs; None leaves out one run at a time. To train on one run and validate on
+        the others, as the thesis does, use ``LeavePGroupsOut(n_runs - 1)``.
+    scoring : VAFScorer or None, default=None
+        How the VAF is taken: run-in, window (the thesis: that of the transition), average.
+    n_jobs : int or None, default=None
+        Threads for the folds.
+
+    Attributes
+    ----------
+    best_memory_horizon_ : float or tuple
+        The entry with the highest mean VAF on validation runs.
+    best_score_ : float
+        That VAF in percent.
+    best_index_ : int
+        Its place in ``cv_results_``.
+    cv_results_ : dict
+        For each entry ``memory_horizon``, ``forgetting`` (λ), ``mean_test_score``,
+        ``std_test_score``, ``split<i>_test_score``, the same for ``train``, ``gain`` over the last
+        infinite horizon (Eqs. 31-32; NaN without one), ``overfit_difference`` and
+        ``overfit_ratio`` of the VAF on training and on validation runs (Eqs. J.1-J.4). VAF is
+        unclipped, at least -1000.
+    n_runs_pooled_ : int
+        Runs that were estimated together in each fold (the fewest). The best horizon is for that
+        many runs; more runs leave less noise, and make shorter horizons better.
+
+    See Also
+    --------
+    skhoid.plotting.MemoryHorizonDisplay : A picture of the trade-off.
+
+    Notes
+    -----
+    ``GridSearchCV`` over ``memory_horizon`` of a :class:`RecursiveARX` gives the same scores.
+    Other attributes are those of :class:`RecursiveARX`.
+
+    Examples
+    --------
+    >>> from skhoid import RecursiveARXCV, VAFScorer, make_tracking_runs
+    >>> X, y = make_tracking_runs("C4", n_runs=4, remnant_intensity=0.1, random_state=0)
+    >>> search = RecursiveARXCV(
+    ...     [16, 64, 256, 1024, float("inf")], nk=29, scoring=VAFScorer(window=(30.72, 51.2))
+    ... ).fit(X, y)
+    >>> search.best_memory_horizon_
+    256.0
+    """
+
+    _parameter_constraints: dict = {
+        name: constraint
+        for name, constraint in RecursiveARX._parameter_constraints.items()
+        if name
+        not in ("forgetting", "memory_horizon", "memory_time", "reset_times", "combine", "smooth")
+    } | {
+        "memory_horizons": "no_validation",
+        "cv": ["cv_object"],
+        "scoring": [VAFScorer, None],
+        "n_jobs": [Integral, None],
+    }
+
+    forgetting = None
+    memory_horizon = None
+    memory_time = None
+    reset_times = None
+    combine = "pooled"
+    smooth = False
+
+    def __init__(
+        self,
+        memory_horizons: Any = None,
+        na: int = 2,
+        nb: Any = 2,
+        nk: Any = 0,
+        *,
+        inputs: Any = None,
+        fit_intercept: bool = False,
+        forgetting_form: str = "joint",
+        init: Any = "ols",
+        init_window: float = 30.72,
+        p0: Any = None,
+        parameters: str = "path",
+        store_covariance: bool = False,
+        cv: Any = None,
+        scoring: VAFScorer | None = None,
+        n_jobs: int | None = None,
+        roles: dict | None = None,
+        dt: float | None = None,
+        run: Any = None,
+    ) -> None:
+        self.memory_horizons = memory_horizons
+        self.na = na
+        self.nb = nb
+        self.nk = nk
+        self.inputs = inputs
+        self.fit_intercept = fit_intercept
+        self.forgetting_form = forgetting_form
+        self.init = init
+        self.init_window = init_window
+        self.p0 = p0
+        self.parameters = parameters
+        self.store_covariance = store_covariance
+        self.cv = cv
+        self.scoring = scoring
+        self.n_jobs = n_jobs
+        self.roles = roles
+        self.dt = dt
+        self.run = run
+
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> RecursiveARXCV:
+        """Score all memory horizons, and fit the best one on all runs.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample; runs and time are read from its index.
+        y : Series or array of shape (n_rows,)
+            Output. NaN means no measurement.
+
+        Returns
+        -------
+        self : RecursiveARXCV
+
+        Raises
+        ------
+        ValueError
+            If there is one run only, or a fold cuts a run.
+        """
+        data = self._read_recursion(X, y)
+        settings = self._settings(data)
+        folds = self._folds(X, y, data)
+        validation = _Validation(self, data, self._read_y(X, y))
+        scored = Parallel(n_jobs=self.n_jobs, prefer="threads")(
+            delayed(validation.scores)(runs, settings) for runs in folds
+        )
+        self.n_runs_pooled_ = min(len(train) for train, _ in folds)
+        self._set_results(settings, np.array(scored))
+        self._fit_recursion(data, settings[self.best_index_])
+        return self
+
+    def _settings(self, data: RecursionData) -> list[Forgetting]:
+        entries = HORIZONS if self.memory_horizons is None else tuple(self.memory_horizons)
+        if not entries:
+            raise ValueError("memory_horizons is empty; name at least one, or None for 2 ... 8192.")
+        self._entries = [tuple(e) if np.ndim(e) else float(e) for e in entries]
+        return [
+            read_forgetting(
+                None,
+                entry,
+                None,
+                form=self.forgetting_form,
+                n_params=self.orders_.n_params,
+                time=data.instants.time,
+                dt=self.dt_,
+            )
+            for entry in self._entries
+        ]
+
+    def _folds(self, X: Any, y: Any, data: RecursionData) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Numbers of the runs to train on and to validate on."""
+        layout = data.grid.layout
+        if len(layout.labels) == 1:
+            raise ValueError(
+                "RecursiveARXCV validates on other runs, and X has one. For a single run use "
+                "RecursiveARX(forgetting='auto'), which goes by one-step predictions."
+            )
+        run = layout.run_of(np.arange(layout.n_rows))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RunCutWarning)
+            try:
+                folds = folds_of(X, y, layout, self.cv)
+            except RunCutWarning as cut:
+                raise ValueError(f"{cut} A path in time cannot be scored within a run.") from None
+        pairs = [(np.unique(run[fold.train]), np.unique(run[fold.test])) for fold in folds]
+        for fold, runs in zip(folds, pairs, strict=True):
+            for mask, of_mask in zip((fold.train, fold.test), runs, strict=True):
+                if mask.sum() != np.isin(run, of_mask).sum():
+                    raise ValueError(
+                        f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs "
+                        "whole ones, as LeaveOneGroupOut and GroupKFold give."
+                    )
+        return pairs
+
+    def _set_results(self, settings: list[Forgetting], scores: np.ndarray) -> None:
+        """Make the table, from scores of shape (n_folds, 2, n_settings): test and train."""
+        test, train = scores.mean(axis=0)
+        results: dict[str, Any] = {
+            "memory_horizon": self._entries,
+            "forgetting": [setting.value for setting in settings],
+        }
+        for kind, values in zip(("test", "train"), scores.swapaxes(0, 1), strict=True):
+            for split, of_split in enumerate(values):
+                results[f"split{split}_{kind}_score"] = of_split
+            results[f"mean_{kind}_score"] = values.mean(axis=0)
+            results[f"std_{kind}_score"] = values.std(axis=0)
+        endless = [i for i, setting in enumerate(settings) if (setting.factors == 1.0).all()]
+        results["gain"] = test - (test[endless[-1]] if endless else np.nan)
+        results["overfit_difference"] = train - test
+        with np.errstate(divide="ignore", invalid="ignore"):
+            results["overfit_ratio"] = np.where(test > 0, train / test, np.nan)
+        self.cv_results_ = results
+        self.best_index_ = int(np.argmax(test))
+        self.best_memory_horizon_ = self._entries[self.best_index_]
+        self.best_score_ = float(test[self.best_index_])
+
+    def _check_streaming(self) -> None:
+        super()._check_streaming()
+        if "coef_" not in vars(self):
+            raise ValueError(
+                "RecursiveARXCV streams only after fit, which chooses the memory horizon."
+            )
+
+
+class _Validation:
+    """Scores all settings on training and validation runs."""
+
+    def __init__(self, search: RecursiveARXCV, data: RecursionData, y: np.ndarray) -> None:
+        self.search, self.data, self.y = search, data, y
+        self.scorer = search.scoring if search.scoring is not None else VAFScorer()
+        if self.scorer.rate == "model":
+            raise ValueError(
+                "A search scores at the full rate; figures of VAFScorer(rate='model') cannot "
+                "choose between models."
+            )
+        layout = data.grid.layout
+        self.keep = scored_rows(layout, self.scorer.run_in, self.scorer.window)
+        self.run = layout.run_of(np.arange(layout.n_rows))
+        self.sums_suffice = data.grid.rows is None and not self.scorer.centered
+        n_rows = data.inputs.shape[0]
+        self.signals = np.ones((data.signals.shape[0], n_rows))
+        self.signals[0] = np.where(self.keep, y, np.nan) if self.sums_suffice else np.nan
+        inputs = search._hold(data.grid, data.inputs)
+        self.signals[1 : 1 + inputs.shape[1]] = inputs.T
+        power = np.where(self.keep & ~np.isnan(y), y, 0.0) ** 2
+        n_runs = data.instants.n_runs
+        self.power = np.bincount(self.run, power, n_runs)
+        self.scored = np.bincount(self.run, self.keep & ~np.isnan(y), n_runs) > 0
+
+    def scores(self, runs: tuple[np.ndarray, np.ndarray], settings: list[Forgetting]) -> np.ndarray:
+        """VAF on validation and on training runs, of shape (2, n_settings)."""
+        train, test = runs
+        data = self.data
+        start = self.search._start(data, train)
+        signals = np.ascontiguousarray(data.signals[:, :, train])
+        target = np.ascontiguousarray(data.target[:, train])
+        scores = np.empty((2, len(settings)))
+        lanes = _kernels.recursion.MANY
+        for first in range(0, len(settings), lanes):
+            block = settings[first : first + lanes]
+            wide = max(setting.factors.shape[1] for setting in block)
+            factors = np.ones((1, wide, lanes))
+            for lane, setting in enumerate(block):
+                factors[:, :, lane] = setting.factors
+            paths = recurse(
+                State(*start, lanes), signals, target, data.orders, block[0],
+                inflation=kernel_arrays(factors), keep=("theta",),
+            )  # fmt: skip
+            for kind, chosen in enumerate((test, train)):
+                vaf = self._vaf(paths.theta, chosen)
+                scores[kind, first : first + lanes] = vaf[: len(block)]
+        return scores
+
+    def _vaf(self, paths: np.ndarray, runs: np.ndarray) -> np.ndarray:
+        """VAF of the free runs along paths of shape (n_instants, n_params, lanes)."""
+        free, lost = zip(*(self._simulate(paths, run) for run in runs), strict=True)
+        if self.sums_suffice:
+            return vaf_of_sums(np.array(lost), self.power[runs], self.scored[runs], self.average)
+        grid = self.data.grid
+        keep = self.keep & np.isin(self.run, runs)
+        simulated = np.zeros((self.signals.shape[1], paths.shape[2]))
+        of_run = self.data.instants.run
+        for run, of_lanes in zip(runs, free, strict=True):
+            simulated[of_run == run] = of_lanes
+        return np.array(
+            [
+                vaf_of_rows(
+                    self.y,
+                    grid.to_full_rate(np.ascontiguousarray(lane)),
+                    keep,
+                    grid.layout,
+                    self.average,
+                    self.scorer.centered,
+                )
+                for lane in simulated.T
+            ]
+        )
+
+    @property
+    def average(self) -> str:
+        return self.scorer.average
+
+    def _simulate(self, paths: np.ndarray, run: int) -> tuple[np.ndarray, np.ndarray]:
+        grid, orders = self.data.grid, self.data.orders
+        chosen = self.data.instants.run[grid.begin] == run
+        follow = _kernels.recursion.free_runs(orders.na, orders.n_params, paths.shape[2])
+        return follow(
+            self.signals,
+            *kernel_regressors(orders),
+            grid.begin[chosen],
+            grid.end[chosen],
+            grid.past[chosen],
+            paths,
+            self.data.instants.of_row,
+            BOUND,
+        )

@@ -1,0 +1,150 @@
+"""A recursion that goes on as rows arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from .. import _kernels
+from ..exceptions import RunIndexError
+from ..runs import GAP, RunLayout, whole_samples
+from .forgetting import Forgetting
+from .orders import Orders, regressors
+from .recursion import RecursionData, State, kernel_regressors
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Rows that follow each other without a break; ``fresh`` if they follow nothing."""
+
+    X: np.ndarray
+    y: np.ndarray
+    time: np.ndarray
+    fresh: bool
+
+
+@dataclass
+class Clock:
+    """Where the last row was: its run and, where rows have an index, its time in seconds."""
+
+    run: Any = None
+    time: float | None = None
+
+    def pieces(
+        self, layout: RunLayout, X: np.ndarray, y: np.ndarray, new_run: bool
+    ) -> Iterator[Piece]:
+        """Cut rows at runs, gaps and run-ins, and note where the last one is."""
+        stretches = layout.stretches
+        for begin, end in zip(stretches[:-1].tolist(), stretches[1:].tolist(), strict=True):
+            run = layout.labels[int(layout.run_of(np.asarray(begin)))]
+            fresh = begin > 0 or new_run or not self._goes_on(run, layout, begin)
+            self.run, self.time = run, float(layout.time[end - 1]) if layout.indexed else None
+            if layout.trimmed is None or not layout.trimmed[begin]:
+                yield Piece(X[begin:end], y[begin:end], layout.time[begin:end], fresh)
+
+    def _goes_on(self, run: Any, layout: RunLayout, row: int) -> bool:
+        if self.run is None or run != self.run:
+            return False
+        if self.time is None or not layout.indexed:
+            return True
+        step = float(layout.time[row]) - self.time
+        if step <= 0:
+            raise RunIndexError(
+                f"The stream goes back in time: {layout.where(row)} follows t = {self.time:.6g} s "
+                "of the same run. Give the rows in order of time; if a new run begins, give it a "
+                "label of its own or say new_run=True."
+            )
+        return step <= GAP * layout.dt
+
+
+class Stream:
+    """A recursion and the rows it needs to go on."""
+
+    def __init__(
+        self,
+        state: State,
+        orders: Orders,
+        columns: list[int],
+        forgetting: Forgetting,
+        P0: np.ndarray,
+        reset_times: np.ndarray,
+        dt: float,
+    ) -> None:
+        self.state, self.forgetting = state, forgetting
+        self.P0, self.reset_times, self.dt = P0, reset_times, dt
+        self.depth = orders.first_row
+        rows = self.depth + _kernels.recursion.CHUNK
+        self._signals = np.full((1 + len(columns) + orders.intercept, rows, 1, 1), np.nan)
+        if orders.intercept:
+            self._signals[-1] = 1.0
+        self._columns = np.array(columns)
+        self._target = np.full((rows, 1, 1), np.nan)
+        self._regressors = kernel_regressors(orders)
+        self.since = np.zeros(1, dtype=np.int64)  # rows without a break
+        self.last_time = -np.inf
+        self._arrays = forgetting.arrays
+        self.plain = forgetting.function is None and reset_times.size == 0
+
+    def go_on_after(self, data: RecursionData) -> None:
+        """Take over the lags at the end of a single run."""
+        grid = data.grid
+        length = int(grid.end[-1] - grid.begin[-1]) if grid.measured[-1] else 0
+        kept = min(length, self.depth)
+        if kept:
+            self._signals[:, self.depth - kept : self.depth] = data.signals[:, -kept:]
+        self.since[0] = length
+        self.last_time = float(data.instants.time[-1])
+
+    def take(self, X: np.ndarray, y: np.ndarray) -> bool:
+        """Take rows that go on; False, and nothing done, if any is infinite."""
+        return _kernels.recursion.stream(self.state.n_params)(
+            X,
+            y,
+            self._columns,
+            self._signals,
+            self._target,
+            *self._regressors,
+            self.depth,
+            *self._arrays,
+            self.forgetting.diagonal,
+            self.forgetting.nominal,
+            self.state.buffer,
+            self.since,
+        )
+
+    def feed(self, piece: Piece, indexed: bool) -> None:
+        """Take a piece, with all that may change at its instants."""
+        if piece.fresh:
+            self.since[0] = 0
+            self.last_time = -np.inf
+        time = piece.time if indexed else (self.since[0] + np.arange(piece.y.size)) * self.dt
+        slack = 1e-6 * self.dt
+        resets = np.searchsorted(time, self.reset_times - slack)
+        due = (self.reset_times - slack > self.last_time) & (resets < time.size)
+        edges = np.unique([0, *resets[due].tolist(), time.size]).tolist()
+        for begin, end in pairwise(edges):
+            if begin in resets[due]:
+                self.state.reset(self.P0)
+            self._arrays = self.forgetting.at(time[begin:end], self.state.n_params).arrays
+            self.take(piece.X[begin:end], piece.y[begin:end])
+        self.last_time = float(time[-1])
+
+
+def first_rows(pieces: list[Piece], columns: list[int], n_rows: int, orders: Orders) -> np.ndarray:
+    """Regressors and output of the first rows of a stream."""
+    X = np.concatenate([piece.X for piece in pieces])[:n_rows, columns]
+    y = np.concatenate([piece.y for piece in pieces])[:n_rows]
+    ends = np.cumsum([piece.y.size for piece in pieces])
+    fresh = np.array([piece.fresh for piece in pieces])
+    starts = (ends - [piece.y.size for piece in pieces])[fresh]
+    begin = starts[starts < n_rows]
+    return regressors(y, X, begin, np.append(begin[1:], n_rows), orders)[0]
+
+
+def window_rows(seconds: float, dt: float) -> int:
+    """Rows of the first window."""
+    return max(round(whole_samples(seconds, dt)), 1)
