@@ -5,6 +5,7 @@ from .arx.forgetting import forgetting_factor
 from .arx.recursive import RecursiveARX
 from .arx.recursive_cv import RecursiveARXCV
 from .arx.searches import DelaySearchCV, OrderSearchCV
+from .ensemble import ensemble_average
 from .exceptions import (
     IrregularSamplingError,
     MissingDataWarning,
@@ -33,6 +34,7 @@ from .human import (
     arx_to_operator,
     crossover,
     operator_parameters,
+    reference_fits,
     zoh_parameters,
 )
 from .io import load_bicycle_rider, load_human_tracking, read_runs, write_runs
@@ -85,6 +87,7 @@ __all__ = [
     "auto_psd",
     "crossover",
     "crossover_path",
+    "ensemble_average",
     "forgetting_factor",
     "fourier_coefficients",
     "load_bicycle_rider",
@@ -93,6 +96,7 @@ __all__ = [
     "mixed_condition",
     "operator_parameters",
     "read_runs",
+    "reference_fits",
     "resample_runs",
     "run_labels",
     "sampling_time",

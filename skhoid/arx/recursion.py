@@ -307,7 +307,7 @@ def recurse(
         getattr(paths, name)[:first] = before[name]
     resets = np.empty(0, dtype=np.int64) if resets is None else resets
     for begin, end in pairwise([first, *resets[resets > first].tolist(), n_instants]):
-        if begin > first:
+        if begin > first and P0 is not None:
             state.reset(P0)
         advance(
             signals, target, columns, lags, begin, end, inflate, tilt, 0, forgetting.diagonal,

@@ -112,7 +112,7 @@ class RecursiveARX(BaseARX):
     log_likelihood_ : dict
         Of the one-step predictions by memory horizon; with ``forgetting="auto"``.
     initial_coef_, initial_covariance_ : ndarray
-        θ0 and P0; with ``combine="average_estimates"`` one for each run.
+        θ0 and P0; with ``combine="average_estimates"`` their means.
     n_updates_ : int
         Updates of θ.
     n_held_ : int
@@ -299,6 +299,7 @@ class RecursiveARX(BaseARX):
 
     def _fit_recursion(self, data: RecursionData, forgetting: Forgetting) -> None:
         """Run the recursion, or one for each run, over data that were read."""
+        check_row_count(int((~np.isnan(data.target)).sum()), 1, data.output, data.grid)
         self._forget_stream()
         each = self.combine == "average_estimates"
         parts = range(data.instants.n_runs) if each else [None]
@@ -340,7 +341,7 @@ class RecursiveARX(BaseARX):
         table = None
         if needs_data(self.init, self.p0):
             table = data.first_window(self.init_window, runs)
-            check_row_count(len(table), 1, data.output, data.grid)
+            check_row_count(len(table), len(self.parameter_names_), data.output, data.grid)
         return start_of(self.init, self.p0, self.parameter_names_, table)
 
     def _resets(self, instants: Instants) -> np.ndarray:
@@ -569,8 +570,8 @@ class RecursiveARX(BaseARX):
 
     def _forget_path(self) -> None:
         for name in ("coef_path_", "time_path_", "covariance_path_", "one_step_errors_"):
-            vars(self).pop(name, None)
+            self.__dict__.pop(name, None)
 
     def _forget_stream(self) -> None:
         for name in ("_stream", "_pending", "_clock"):
-            vars(self).pop(name, None)
+            self.__dict__.pop(name, None)

@@ -80,8 +80,8 @@ class RecursiveARXCV(RecursiveARX):
     >>> search = RecursiveARXCV(
     ...     [16, 64, 256, 1024, float("inf")], nk=29, scoring=VAFScorer(window=(30.72, 51.2))
     ... ).fit(X, y)
-    >>> search.best_memory_horizon_
-    256.0
+    >>> search.best_memory_horizon_, search.n_runs_pooled_
+    (64.0, 3)
     """
 
     _parameter_constraints: dict = {
@@ -177,10 +177,12 @@ class RecursiveARXCV(RecursiveARX):
         return self
 
     def _settings(self, data: RecursionData) -> list[Forgetting]:
-        entries = HORIZONS if self.memory_horizons is None else tuple(self.memory_horizons)
+        entries: tuple[Any, ...] = HORIZONS
+        if self.memory_horizons is not None:
+            entries = tuple(self.memory_horizons)
         if not entries:
             raise ValueError("memory_horizons is empty; name at least one, or None for 2 ... 8192.")
-        self._entries = [tuple(e) if np.ndim(e) else float(e) for e in entries]
+        self._entries: list[Any] = [tuple(e) if np.ndim(e) else float(e) for e in entries]
         return [
             read_forgetting(
                 None,

@@ -62,8 +62,11 @@ def _least_squares(table: np.ndarray, scale: np.ndarray, names: list[str]) -> np
 
 def _given_P0(p0: Any, n_params: int) -> np.ndarray:
     given = np.asarray(p0, dtype=np.float64)
-    shapes = {0: lambda v: v * np.eye(n_params), 1: np.diag, 2: lambda v: v}
-    P0 = shapes[given.ndim](given) if given.ndim in shapes else given
+    P0 = given
+    if given.ndim == 0:
+        P0 = given * np.eye(n_params)
+    elif given.ndim == 1:
+        P0 = np.diag(given)
     if P0.shape != (n_params, n_params):
         raise ValueError(
             f"p0 is a number, {n_params} numbers or a matrix of shape ({n_params}, {n_params}); "

@@ -5,6 +5,7 @@ from .conversion import arx_to_operator, operator_parameters
 from .crossover import crossover
 from .discretisation import delay_samples, pade, zoh_parameters
 from .operator import HumanOperator
+from .reference import reference_fits
 from .variation import Mixture, Ramp, Sigmoid, Step
 
 __all__ = [
@@ -19,5 +20,6 @@ __all__ = [
     "delay_samples",
     "operator_parameters",
     "pade",
+    "reference_fits",
     "zoh_parameters",
 ]
