@@ -186,17 +186,16 @@ class State:
 
     def __init__(self, theta0: np.ndarray, P0: np.ndarray, lanes: int = 1) -> None:
         self.n_params, self.lanes = theta0.shape[-1], lanes
-        self.buffer = np.zeros(_kernels.recursion.layout(self.n_params)["size"] * lanes)
+        offsets = list(_kernels.recursion.layout(self.n_params).items())
+        self._where = {name: slice(begin, end) for (name, begin), (_, end) in pairwise(offsets)}
+        self.buffer = np.zeros(offsets[-1][1] * lanes)
         self.rows("theta")[:] = theta0.T if theta0.ndim > 1 else theta0[:, None]
         self.rows("cap")[:] = _kernels.recursion.LARGEST
         self.reset(P0)
 
     def rows(self, name: str) -> np.ndarray:
         """A quantity of the kernel's layout, of shape (its length, lanes)."""
-        layout = _kernels.recursion.layout(self.n_params)
-        names = list(layout)
-        end = layout[names[names.index(name) + 1]]
-        return self.buffer.reshape(-1, self.lanes)[layout[name] : end]
+        return self.buffer.reshape(-1, self.lanes)[self._where[name]]
 
     def reset(self, P0: np.ndarray) -> None:
         """Set P back to one matrix, or to one for each lane, and begin to forget anew."""
@@ -213,11 +212,13 @@ class State:
     @property
     def factors(self) -> np.ndarray:
         """U by columns and D, of shape (n_factors, lanes)."""
-        return self.buffer.reshape(-1, self.lanes)[: self.n_params * (self.n_params + 1) // 2]
+        return self.buffer.reshape(-1, self.lanes)[: self._where["D"].stop]
 
     @property
     def theta(self) -> np.ndarray:
-        return self.rows("theta")[:, 0].copy()
+        """Parameters in the first lane."""
+        where = self._where["theta"]
+        return self.buffer[where.start * self.lanes : where.stop * self.lanes : self.lanes].copy()
 
     @property
     def P(self) -> np.ndarray:

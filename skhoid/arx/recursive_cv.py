@@ -34,10 +34,24 @@ class RecursiveARXCV(RecursiveARX):
     memory_horizons : sequence of float or of one per parameter, or None, default=None
         N0 in samples of the fitted grid; an entry such as ``(inf, inf, 256, 256)`` is a Λ. None
         means 2, 4, ... 8192 and infinity.
-    na, nb, nk, inputs, fit_intercept, forgetting_form, init, init_window, p0
-        As for :class:`RecursiveARX`.
-    parameters, store_covariance, roles, dt, run
-        As for :class:`RecursiveARX`.
+    na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0
+        Orders and input delay; these and the next seven are those of :class:`RecursiveARX`.
+    inputs : list of column names or positions, or None, default=None
+        Linear inputs.
+    fit_intercept : bool, default=False
+        Add a constant to the regressors.
+    forgetting_form : {"joint", "diagonal"}, default="joint"
+        What one horizon per parameter means.
+    init : {"ols", "zeros"} or array of shape (n_params,), default="ols"
+        θ0.
+    init_window : float, default=30.72
+        Seconds of data for ``init="ols"`` and ``p0=None``.
+    p0 : float, array of shape (n_params,) or (n_params, n_params), or None, default=None
+        P0.
+    parameters : {"path", "last"}, default="path"
+        What predictions of the refitted model use.
+    store_covariance : bool, default=False
+        Keep its ``covariance_path_``.
     cv : int, splitter, iterable or None, default=None
         Folds of whole runs; None leaves out one run at a time. To train on one run and validate on
         the others, as the thesis does, use ``LeavePGroupsOut(n_runs - 1)``.
@@ -45,6 +59,12 @@ class RecursiveARXCV(RecursiveARX):
         How the VAF is taken: run-in, window (the thesis: that of the transition), average.
     n_jobs : int or None, default=None
         Threads for the folds.
+    roles : dict or None, default=None
+        Roles of columns, ``{column: role}``, where names do not tell them.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: 1).
+    run : column name or position, or None, default=None
+        Run column of data without a run index.
 
     Attributes
     ----------

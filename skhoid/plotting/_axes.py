@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,60 @@ GREEN = "#009E73"
 PURPLE = "#CC79A7"
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
+COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, GREY)
+
+LETTERS = 88  # in a row of a legend, of which each handle takes
+HANDLE = 9
 
 
 def with_unit(quantity: str, unit: str | None) -> str:
     return f"{quantity}, {unit}" if unit else quantity
+
+
+def legend_columns(labels: Iterable[str]) -> int:
+    """Columns of a legend with as few rows as fit into a figure of 6.4 inches."""
+    lengths = [len(re.sub(r"[$\\_^{}]", "", label)) + HANDLE for label in labels]
+    for rows in range(1, len(lengths)):
+        columns = -(-len(lengths) // rows)
+        if sum(part.max() for part in np.array_split(lengths, columns)) <= LETTERS:
+            return columns
+    return 1
+
+
+def parameter_symbol(name: str) -> str:
+    """Name of an ARX parameter, such as b0 or b0(e), as mathematics."""
+    found = re.fullmatch(r"([ab])(\d+)(?:\((.*)\))?", name)
+    if found is None:
+        return name
+    letter, number, channel = found.groups()
+    return f"${letter}_{{{number}}}$" + (f" ({channel})" if channel else "")
+
+
+def seconds_axis(panel: Axes, dt: float, label: str) -> Any:
+    """An upper axis in seconds to one in samples."""
+    functions: Any = (lambda samples: samples * dt), (lambda seconds: seconds / dt)
+    axis = panel.secondary_xaxis("top", functions=functions)
+    axis.set_xlabel(label)
+    return axis
+
+
+def note_outside(panel: Axes, values: np.ndarray, corner: tuple[str, str]) -> Any:
+    """Count the values outside the limits, in a corner of the panel; None if there are none."""
+    low, high = panel.get_ylim()
+    shown = values[~np.isnan(values)]
+    outside = int(np.sum((shown < low) | (shown > high)))
+    if not outside:
+        return None
+    return panel.text(
+        {"left": 0.01, "right": 0.99}[corner[1]],
+        {"bottom": 0.04, "top": 0.96}[corner[0]],
+        f"{outside} of {shown.size} outside",
+        transform=panel.transAxes,
+        ha=corner[1],
+        va=corner[0],
+        fontsize="small",
+        bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
+    )
 
 
 def given_axes(ax: Any, allowed: Sequence[int], what: str) -> list[Axes]:

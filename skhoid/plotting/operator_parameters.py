@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
 from ..human import HumanOperator
 from ..human.conversion import NAMES, UNITS, operator_parameters
-from ._axes import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    given_axes,
-    with_unit,
+from ._axes import BLUE, GREY, with_unit
+from ._estimates import (
+    DEVIATION,
+    EstimatesDisplay,
+    check_references,
+    deviation_of,
+    in_one_row,
+    times_of,
 )
 
 SYMBOLS = {
@@ -32,17 +28,12 @@ SYMBOLS = {
     "zeta_nm": r"$\zeta_{nm}$",
     "tau_e": r"$\tau_e$",
 }
-COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, GREY)
-SHOWN = (2.0, 98.0)  # percentiles of the estimates that limits always hold
-FEW = 20  # estimates, below which limits hold all
-MARGIN = 0.12  # of the range, above and below
 EXACT = 1e-9  # s; a delay known better is no estimate
 CROWDED = 50  # letters in one row of labels
-DEVIATION = "± 1 standard deviation"
 FINE = 1000  # instants at which a true operator is drawn
 
 
-class OperatorParametersDisplay:
+class OperatorParametersDisplay(EstimatesDisplay):
     """Operator parameters over time, or of batch models side by side (Figs. 15 and 17).
 
     One panel each for K_e, T_L, K_edot, omega_nm and zeta_nm, with one standard deviation to
@@ -50,8 +41,9 @@ class OperatorParametersDisplay:
     where it varies or has a standard deviation. Where only batch models are given they are
     points, otherwise horizontal lines.
 
-    Limits hold the true values and, of 20 estimates and more, the central 96 %: T_L = K_edot / K_e
-    has no bounds where K_e comes near zero. A note in the panel counts the estimates outside.
+    Limits hold the true values and all estimates, unless those, of 20 and more, take twice the
+    range of their central 96 %: T_L = K_edot / K_e has no bounds where K_e comes near zero. A note
+    in the panel counts the estimates outside.
 
     Make it with :meth:`from_estimator` or :meth:`from_frame`.
 
@@ -61,6 +53,10 @@ class OperatorParametersDisplay:
         Results of ``operator_parameters``, by label.
     truth : DataFrame or None, default=None
         True values in the same columns, over ``time`` or in one row.
+    references : DataFrame or None, default=None
+        Result of :func:`skhoid.reference_fits`, drawn as green levels over its windows.
+    transition_time : float or None, default=None
+        Instant to mark, in s.
 
     Attributes
     ----------
@@ -76,6 +72,8 @@ class OperatorParametersDisplay:
         Standard deviations by (label, parameter): areas, or the bars of points.
     truth_ : dict of Line2D
         True values by parameter.
+    references_ : dict of Line2D
+        References by (window, parameter).
     notes_ : dict of Text
         Counts of estimates outside the panel, by parameter.
 
@@ -99,13 +97,29 @@ class OperatorParametersDisplay:
     ['K_e', 'T_L', 'K_edot', 'omega_nm', 'zeta_nm']
     """
 
-    def __init__(self, *, frames: Mapping[str, pd.DataFrame], truth: Any = None) -> None:
+    def __init__(
+        self,
+        *,
+        frames: Mapping[str, pd.DataFrame],
+        truth: pd.DataFrame | None = None,
+        references: pd.DataFrame | None = None,
+        transition_time: float | None = None,
+    ) -> None:
         self.frames = frames
         self.truth = truth
+        self.references = references
+        self.transition_time = transition_time
 
     @classmethod
     def from_estimator(
-        cls, model: Any, truth: Any = None, *, ax: Any = None, **options: Any
+        cls,
+        model: Any,
+        truth: Any = None,
+        *,
+        references: pd.DataFrame | None = None,
+        transition_time: float | None = None,
+        ax: Any = None,
+        **options: Any,
     ) -> OperatorParametersDisplay:
         """Convert fitted ARX models and draw.
 
@@ -115,6 +129,10 @@ class OperatorParametersDisplay:
             See ``operator_parameters``.
         truth : HumanOperator, DataFrame, Series or None, default=None
             True values, see :meth:`from_frame`.
+        references : DataFrame or None, default=None
+            Result of :func:`skhoid.reference_fits`: batch models of constant parts of the runs.
+        transition_time : float or None, default=None
+            Instant to mark, in s.
         ax : sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`.
         **options : dict
@@ -126,11 +144,19 @@ class OperatorParametersDisplay:
         """
         models = model if isinstance(model, Mapping) else {"estimate": model}
         frames = {label: operator_parameters(m, **options) for label, m in models.items()}
-        return cls.from_frame(frames, truth, ax=ax)
+        return cls.from_frame(
+            frames, truth, references=references, transition_time=transition_time, ax=ax
+        )
 
     @classmethod
     def from_frame(
-        cls, frame: Any, truth: Any = None, *, ax: Any = None
+        cls,
+        frame: Any,
+        truth: Any = None,
+        *,
+        references: pd.DataFrame | None = None,
+        transition_time: float | None = None,
+        ax: Any = None,
     ) -> OperatorParametersDisplay:
         """Draw parameters that have been computed.
 
@@ -142,6 +168,10 @@ class OperatorParametersDisplay:
             True values: an operator, whose functions of time are evaluated, or a frame with
             columns of the same names, such as the ``truth.parameters`` of make_tracking_runs, or a
             row of one.
+        references : DataFrame or None, default=None
+            Result of :func:`skhoid.reference_fits`: batch models of constant parts of the runs.
+        transition_time : float or None, default=None
+            Instant to mark, in s.
         ax : sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`.
 
@@ -154,7 +184,7 @@ class OperatorParametersDisplay:
         TypeError
             If a frame or the truth is something else.
         ValueError
-            If columns are missing, or the truth varies and no estimate does.
+            If columns are missing, or truth or references need times and no estimate varies.
         """
         frames = dict(frame) if isinstance(frame, Mapping) else {"estimate": frame}
         for label, table in frames.items():
@@ -166,7 +196,14 @@ class OperatorParametersDisplay:
             missing = [name for name in NAMES if name not in table]
             if missing:
                 raise ValueError(f"The frame {label!r} has no column {missing[0]!r}.")
-        return cls(frames=frames, truth=_truth(truth, frames)).plot(ax)
+        check_references(references, NAMES, varying=bool(times_of(frames.values())))
+        display = cls(
+            frames=frames,
+            truth=_truth(truth, frames),
+            references=references,
+            transition_time=transition_time,
+        )
+        return display.plot(ax)
 
     def plot(self, ax: Any = None) -> OperatorParametersDisplay:
         """Draw.
@@ -180,33 +217,28 @@ class OperatorParametersDisplay:
         -------
         self : OperatorParametersDisplay
         """
-        tables = list(self.frames.values())
-        self._times = [t.index.to_numpy(dtype=float) for t in tables if _over_time(t)]
-        self.names_ = [name for name in NAMES if name != "tau_e"]
-        if self._delay() is None:
-            self.names_.append("tau_e")
-        n = len(self.names_)
-        own = ax is None
-        if own:
-            size = (6.8, 0.9 + 1.4 * n)
-            _, ax = plt.subplots(n, figsize=size, sharex=True, layout="constrained")
-        self.axes_ = np.array(given_axes(ax, (n,), f"one for each of {', '.join(self.names_)}"))
-        self.figure_ = self.axes_[0].figure
-        self.lines_: dict[tuple[str, str], Any] = {}
-        self.bands_: dict[tuple[str, str], Any] = {}
-        self.truth_: dict[str, Any] = {}
-        self.notes_: dict[str, Any] = {}
+        names = [name for name in NAMES if name != "tau_e"]
+        self._begin([names + ["tau_e"] * (self._delay() is None)], ax)
+        over_time = bool(times_of(self.frames.values()))
         for name, panel in zip(self.names_, self.axes_, strict=True):
             for position, label in enumerate(self.frames):
-                if self._times:
-                    self._draw_over_time(panel, name, label, COLOURS[position % len(COLOURS)])
+                if over_time:
+                    self._draw_over_time(panel, name, position, label)
                 else:
-                    self._draw_point(panel, name, label, position)
-            self._draw_truth(panel, name)
+                    self._draw_point(panel, name, position, label)
+            self._draw_known(panel, name)
             self._limit(panel, name)
             panel.set_ylabel(with_unit(SYMBOLS[name], UNITS[name]), fontsize="large")
             panel.grid(alpha=0.3)
-        self._finish(own)
+        if over_time:
+            for panel in self._bottom:
+                panel.set_xlabel("time, s")
+        else:
+            self._name_points()
+        delay = self._delay()
+        if delay is not None:
+            self.axes_[0].set_title(f"{SYMBOLS['tau_e']} = {delay:.3g} s")
+        self._explain()
         return self
 
     def _delay(self) -> float | None:
@@ -214,36 +246,14 @@ class OperatorParametersDisplay:
         tables = self.frames.values()
         delays = np.concatenate([table["tau_e"] for table in tables])
         delays = delays[np.isfinite(delays)]
-        uncertain = any((_deviation(table, "tau_e") > EXACT).any() for table in tables)
+        uncertain = any((deviation_of(table, "tau_e") > EXACT).any() for table in tables)
         if uncertain or delays.size == 0 or np.ptp(delays) > EXACT:
             return None
         return float(delays[0])
 
-    def _draw_over_time(self, panel: Any, name: str, label: str, colour: str) -> None:
+    def _draw_point(self, panel: Any, name: str, position: int, label: str) -> None:
         table = self.frames[label]
-        time, value, deviation = table.index, table[name].to_numpy(), _deviation(table, name)
-        if not _over_time(table):
-            # A batch model holds over the whole time that others span.
-            time = [min(t.min() for t in self._times), max(t.max() for t in self._times)]
-            value, deviation = np.repeat(value, 2), np.repeat(deviation, 2)
-        dashes = "-" if _over_time(table) else "--"
-        (line,) = panel.plot(time, value, color=colour, lw=1.2, ls=dashes, label=label)
-        self.lines_[label, name] = line
-        if np.isfinite(deviation).any():
-            first = name == self.names_[0] and not self.bands_
-            self.bands_[label, name] = panel.fill_between(
-                time,
-                value - deviation,
-                value + deviation,
-                color=colour,
-                alpha=0.25,
-                lw=0,
-                label=DEVIATION if first else None,
-            )
-
-    def _draw_point(self, panel: Any, name: str, label: str, position: int) -> None:
-        table = self.frames[label]
-        value, deviation = table[name].iloc[0], np.nan_to_num(_deviation(table, name))
+        value, deviation = table[name].iloc[0], np.nan_to_num(deviation_of(table, name))
         point, _, bars = panel.errorbar(
             [position],
             [value],
@@ -262,86 +272,12 @@ class OperatorParametersDisplay:
                 position, 0.5, "none", transform=middle, color=GREY, ha="center", va="center"
             )
 
-    def _draw_truth(self, panel: Any, name: str) -> None:
-        if self.truth is None or name not in self.truth:
-            return
-        values = self.truth[name].to_numpy(dtype=float)
-        if _over_time(self.truth):
-            (line,) = panel.plot(self.truth.index, values, color=BLACK, lw=1.0, label="true")
-        else:
-            line = panel.axhline(values[0], color=BLACK, lw=1.0, label="true")
-        self.truth_[name] = line
-
-    def _limit(self, panel: Any, name: str) -> None:
-        """Limits that hold the truth and all but extreme estimates."""
-        estimates, wanted = [], []
-        for table in self.frames.values():
-            value = table[name].to_numpy(dtype=float)
-            estimates.append(value[~np.isnan(value)])
-            if (finite := value[np.isfinite(value)]).size:
-                deviation = _deviation(table, name)
-                deviation = deviation[np.isfinite(deviation)]
-                typical = float(np.median(deviation)) if deviation.size else 0.0
-                if finite.size >= FEW:
-                    finite = np.clip(finite, *_central(finite))
-                low, high = finite.min(), finite.max()
-                wanted += [low - typical, high + typical]
-        if not wanted:
-            return
-        if name in self.truth_:
-            wanted += [self.truth[name].min(), self.truth[name].max()]
-        low, high = min(wanted), max(wanted)
-        margin = MARGIN * max(high - low, 0.02 * abs(high))
-        panel.set_ylim(low - margin, high + margin)
-        shown = np.concatenate(estimates)
-        outside = int(np.sum((shown < low - margin) | (shown > high + margin)))
-        if outside:
-            self.notes_[name] = panel.text(
-                0.99,
-                0.93,
-                f"{outside} of {shown.size} outside",
-                transform=panel.transAxes,
-                ha="right",
-                va="top",
-                fontsize="small",
-                bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
-            )
-
-    def _finish(self, own: bool) -> None:
-        if self._times:
-            for panel in self.axes_[-1:] if own else self.axes_:
-                panel.set_xlabel("time, s")
-        else:
-            crowded = sum(map(len, self.frames)) > CROWDED
-            slant: dict[str, Any] = {"rotation": 20, "ha": "right"} if crowded else {}
-            for panel in self.axes_:
-                panel.set_xticks(range(len(self.frames)), list(self.frames), **slant)
-                panel.set_xlim(-0.5, len(self.frames) - 0.5)
-        delay = self._delay()
-        if delay is not None:
-            self.axes_[0].set_title(f"{SYMBOLS['tau_e']} = {delay:.3g} s")
-        handles, labels = self.axes_[0].get_legend_handles_labels()
-        if own:
-            self.figure_.align_ylabels(self.axes_)
-            self.figure_.legend(handles, labels, loc="outside lower center", ncols=4)
-        else:
-            self.axes_[0].legend(loc="best")
-
-
-def _over_time(table: pd.DataFrame) -> bool:
-    return bool(table.index.name == "time")
-
-
-def _deviation(table: pd.DataFrame, name: str) -> np.ndarray:
-    if f"sd_{name}" not in table:
-        return np.full(len(table), np.nan)
-    return table[f"sd_{name}"].to_numpy(dtype=float)
-
-
-def _central(values: np.ndarray) -> tuple[float, float]:
-    """Percentiles that are values themselves: between two, an outlier would pull them."""
-    low = np.percentile(values, SHOWN[0], method="higher")
-    return float(low), float(np.percentile(values, SHOWN[1], method="lower"))
+    def _name_points(self) -> None:
+        crowded = sum(map(len, self.frames)) > CROWDED
+        slant: dict[str, Any] = {"rotation": 20, "ha": "right"} if crowded else {}
+        for panel in self.axes_:
+            panel.set_xticks(range(len(self.frames)), list(self.frames), **slant)
+            panel.set_xlim(-0.5, len(self.frames) - 0.5)
 
 
 def _truth(truth: Any, frames: dict[str, pd.DataFrame]) -> pd.DataFrame | None:
@@ -349,7 +285,7 @@ def _truth(truth: Any, frames: dict[str, pd.DataFrame]) -> pd.DataFrame | None:
     truth = getattr(truth, "parameters", truth)  # the third result of make_tracking_runs
     if isinstance(truth, pd.Series):
         truth = truth.to_frame().T
-    times = [table.index.to_numpy(dtype=float) for table in frames.values() if _over_time(table)]
+    times = times_of(frames.values())
     varying = (
         "The truth varies in time and no estimate does, so its values have no place here. Give it "
         "at one instant: truth=operator.at(t), or truth=frame.loc[t]."
@@ -357,10 +293,8 @@ def _truth(truth: Any, frames: dict[str, pd.DataFrame]) -> pd.DataFrame | None:
     if truth is None:
         return None
     if isinstance(truth, pd.DataFrame):
-        truth = truth[[name for name in NAMES if name in truth]]
-        if (truth == truth.iloc[0]).all(axis=None):
-            return truth[:1].reset_index(drop=True)
-        if not times:
+        truth = in_one_row(truth[[name for name in NAMES if name in truth]])
+        if len(truth) > 1 and not times:
             raise ValueError(varying)
         return truth
     if not isinstance(truth, HumanOperator):

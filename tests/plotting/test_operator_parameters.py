@@ -139,6 +139,35 @@ def test_infinite_and_missing_estimates():
     assert np.isfinite(display.axes_[1].get_ylim()).all()
 
 
+def test_limits_hold_all_estimates_where_none_is_far_away():
+    noisy = 0.1 + 0.01 * np.random.default_rng(0).standard_normal(41)
+    display = OperatorParametersDisplay.from_frame(path().assign(K_e=noisy))
+    low, high = display.axes_[0].get_ylim()
+    assert low < noisy.min() < noisy.max() < high
+    assert display.notes_ == {}
+
+
+def test_references_are_levels_over_their_windows():
+    references = pd.DataFrame(
+        {"start": [0.0, 50.0], "stop": [30.0, 80.0], "K_e": [0.09, 0.2], "sd_K_e": [0.01, 0.01]},
+        index=["ini", "fin"],
+    )
+    display = OperatorParametersDisplay.from_frame(
+        path(), references=references, transition_time=40.0
+    )
+    assert list(display.references_) == [("ini", "K_e"), ("fin", "K_e")]
+    line = display.references_["fin", "K_e"]
+    np.testing.assert_array_equal(line.get_xydata(), [[50.0, 0.2], [80.0, 0.2]])
+    assert display.axes_[0].get_ylim()[1] > 0.2
+    (legend,) = display.figure_.legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert texts[2:] == ["batch ± 1 standard deviation", "transition"]
+    with pytest.raises(ValueError, match="no estimate varies in time"):
+        OperatorParametersDisplay.from_frame(table(), references=references)
+    with pytest.raises(ValueError, match="none of the columns K_e, T_L"):
+        OperatorParametersDisplay.from_frame(path(), references=references[["start", "stop"]])
+
+
 def test_from_estimator(model):
     display = OperatorParametersDisplay.from_estimator(model)
     expected = operator_parameters(model)
