@@ -10,6 +10,7 @@ from skhoid import (
     DelaySearchCV,
     DelayShift,
     OrderSearchCV,
+    RecursiveARX,
     RunInTrimmer,
 )
 
@@ -19,10 +20,13 @@ WAIVED = {
     "check_methods_subset_invariance": ROW_ORDER + "; twin: predicting a subset of runs",
 }
 SMALL = ARXRegressor(na=1, nb=1)
+# Not RecursiveARXCV: the checks have one run, and it validates on others.
 ESTIMATORS = [
     SMALL,
     DelaySearchCV(SMALL, nk=[0, 1]),
     OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
+    RecursiveARX(na=1, nb=1, memory_horizon=50, init_window=1000),
+    RecursiveARX(na=1, nb=1, init="zeros", p0=100),
     Decimator(),
     DelayShift(),
     RunInTrimmer(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -110,13 +111,6 @@ class RecursionData:
             self.output, self.inputs, begin[chosen], (begin + left)[chosen], self.orders
         )[0]
 
-    def of_run(self, run: int) -> tuple[np.ndarray, np.ndarray]:
-        """Signals and target of one run."""
-        return (
-            np.ascontiguousarray(self.signals[:, :, run : run + 1]),
-            np.ascontiguousarray(self.target[:, run : run + 1]),
-        )
-
     def inside(self) -> np.ndarray:
         """Whether each run goes on at each instant, of shape (n_runs, n_instants)."""
         instants = self.instants
@@ -185,6 +179,7 @@ class State:
     """Where recursions stand, one a lane: theta, the factors of P, sums and counts."""
 
     def __init__(self, theta0: np.ndarray, P0: np.ndarray, lanes: int = 1) -> None:
+        """Begin with one theta0 and P0, or with one for each lane on the first axis."""
         self.n_params, self.lanes = theta0.shape[-1], lanes
         offsets = list(_kernels.recursion.layout(self.n_params).items())
         self._where = {name: slice(begin, end) for (name, begin), (_, end) in pairwise(offsets)}
@@ -204,6 +199,12 @@ class State:
             self.rows("U")[:, lane] = U
             self.rows("D")[:, lane] = D
         self.rows("instants")[:] = 0.0
+
+    def lane(self, lane: int) -> State:
+        """One of the recursions alone."""
+        alone = copy(self)
+        alone.lanes, alone.buffer = 1, self.buffer.reshape(-1, self.lanes)[:, lane].copy()
+        return alone
 
     def set_factor(self, forgetting: float) -> None:
         """Set the variable forgetting factor of the next instant."""
@@ -337,41 +338,74 @@ class Recursion:
     covariance: np.ndarray
     used: np.ndarray
 
-    @classmethod
-    def run(
-        cls,
+
+@dataclass(frozen=True)
+class Plan:
+    """How to run recursions: with which forgetting and resets, and what to keep."""
+
+    orders: Orders
+    forgetting: Forgetting
+    resets: np.ndarray
+    smooth: bool
+    with_covariance: bool
+
+    def pooled(self, data: RecursionData, start: tuple[np.ndarray, np.ndarray]) -> Recursion:
+        """One recursion over all runs."""
+        return self._run(data.signals, data.target, [start])[0]
+
+    def each(
+        self, data: RecursionData, starts: list[tuple[np.ndarray, np.ndarray]]
+    ) -> list[Recursion]:
+        """One recursion for each run, side by side."""
+        lanes = 1 if self.smooth else _kernels.recursion.MANY
+        found: list[Recursion] = []
+        for first in range(0, len(starts), lanes):
+            block = starts[first : first + lanes]
+            runs = slice(first, first + len(block))
+            signals = np.full((*data.signals.shape[:2], 1, lanes), np.nan)
+            target = np.full((len(data.instants), 1, lanes), np.nan)
+            signals[:, :, 0, : len(block)] = data.signals[:, :, runs, 0]
+            target[:, 0, : len(block)] = data.target[:, runs, 0]
+            idle = [block[0]] * (lanes - len(block))
+            found += self._run(signals, target, block + idle)[: len(block)]
+        return found
+
+    def _run(
+        self,
         signals: np.ndarray,
         target: np.ndarray,
-        start: tuple[np.ndarray, np.ndarray],
-        orders: Orders,
-        forgetting: Forgetting,
-        resets: np.ndarray,
-        smooth: bool,
-        with_covariance: bool,
-    ) -> Recursion:
-        theta0, P0 = start
-        state = State(theta0, P0)
+        starts: list[tuple[np.ndarray, np.ndarray]],
+    ) -> list[Recursion]:
+        theta0, P0 = (np.array(part) for part in zip(*starts, strict=True))
+        state = State(theta0, P0, len(starts))
         keep = ["theta", "errors"]
-        if forgetting.nominal:
-            state.set_factor(float(forgetting.factors[0, 0]))
+        if self.forgetting.nominal:
+            state.set_factor(float(self.forgetting.factors[0, 0]))
             keep.append("used")
-        if smooth or with_covariance:
+        if self.smooth or self.with_covariance:
             keep.append("factors")
-        if smooth:
+        if self.smooth:
             keep.append("priors")
-        paths = recurse(state, signals, target, orders, forgetting, resets=resets, P0=P0, keep=keep)
-        theta, errors = paths.theta[:, :, 0], paths.errors[:, :, 0]
-        used = paths.used[:, 0] if forgetting.nominal else NOTHING
+        paths = recurse(
+            state, signals, target, self.orders, self.forgetting,
+            resets=self.resets, P0=P0, keep=keep,
+        )  # fmt: skip
+        return [self._of_lane(paths, state, lane) for lane in range(len(starts))]
+
+    def _of_lane(self, paths: Paths, states: State, lane: int) -> Recursion:
+        state = states.lane(lane)
+        theta, errors = paths.theta[:, :, lane], paths.errors[:, :, lane]
+        used = paths.used[:, lane] if self.forgetting.nominal else NOTHING
         covariance = NOTHING
-        if smooth:
-            theta, covariance = _smoothed(paths, resets, with_covariance)
-        elif with_covariance:
-            covariance = multiplied_out(paths.factors[:, :, 0], theta0.size)
-            factors = used[:, None] if forgetting.nominal else forgetting.factors
-            weight = spread_weights(factors, _instants_so_far(errors, resets)[:, None])
+        if self.smooth:
+            theta, covariance = _smoothed(paths, self.resets, self.with_covariance)
+        elif self.with_covariance:
+            covariance = multiplied_out(paths.factors[:, :, lane], state.n_params)
+            factors = used[:, None] if self.forgetting.nominal else self.forgetting.factors
+            weight = spread_weights(factors, _instants_so_far(errors, self.resets)[:, None])
             covariance *= weight[:, :, None] * weight[:, None, :]
         covariance *= state.noise_variance
-        return cls(state, theta, errors, covariance, used)
+        return Recursion(state, theta, errors, covariance, used)
 
 
 def spread_weights(factors: np.ndarray, n_instants: Any) -> np.ndarray:
@@ -407,27 +441,32 @@ def _smoothed(
 
 
 def likelihoods(
-    signals: list[tuple[np.ndarray, np.ndarray]],
+    data: RecursionData,
     starts: list[tuple[np.ndarray, np.ndarray]],
-    orders: Orders,
     forgetting: Forgetting,
+    each: bool,
 ) -> dict[float, float]:
     """Log-likelihood of the one-step predictions by memory horizon, summed over recursions.
 
     Each recursion has normal errors of variance σ² (1 + φ'P̄φ) and its own σ² (West and Harrison
     1997, Section 10.8).
     """
-    n_instants = max(target.shape[0] for _, target in signals)
-    horizons = [2.0**i for i in range(1, 14) if 2**i <= max(n_instants, 2)] + [np.inf]
+    horizons = [2.0**i for i in range(1, 14) if 2**i <= max(len(data.instants), 2)] + [np.inf]
     lanes = _kernels.recursion.MANY
     factors = np.ones((1, 1, lanes))
     factors[0, 0, : len(horizons)] = 1.0 - 1.0 / np.array(horizons)
     total = np.zeros(lanes)
-    for (of_run, target), (theta0, P0) in zip(signals, starts, strict=True):
+    for run, start in enumerate(starts):
+        runs = slice(run, run + 1) if each else slice(None)
         paths = recurse(
-            State(theta0, P0, lanes), of_run, target, orders, forgetting,
-            inflation=kernel_arrays(factors), keep=("errors", "alphas"),
-        )  # fmt: skip
+            State(*start, lanes),
+            np.ascontiguousarray(data.signals[:, :, runs]),
+            np.ascontiguousarray(data.target[:, runs]),
+            data.orders,
+            forgetting,
+            inflation=kernel_arrays(factors),
+            keep=("errors", "alphas"),
+        )
         known = ~np.isnan(paths.errors[:, :, 0])
         errors, alphas = paths.errors[known], paths.alphas[known]
         with np.errstate(divide="ignore"):

@@ -14,7 +14,15 @@ from ..preprocessing.grid import ModelGrid
 from .base import BaseARX, check_row_count
 from .forgetting import Forgetting, read_forgetting
 from .orders import Orders
-from .recursion import Instants, Recursion, RecursionData, State, grid_numbers, likelihoods
+from .recursion import (
+    Instants,
+    Plan,
+    Recursion,
+    RecursionData,
+    State,
+    grid_numbers,
+    likelihoods,
+)
 from .start import needs_data, start_of
 from .streaming import Clock, Piece, Stream, first_rows, window_rows
 
@@ -304,19 +312,13 @@ class RecursiveARX(BaseARX):
         each = self.combine == "average_estimates"
         parts = range(data.instants.n_runs) if each else [None]
         starts = [self._start(data, run) for run in parts]
-        signals = [(data.signals, data.target) if r is None else data.of_run(r) for r in parts]
         if forgetting.automatic:
-            self.log_likelihood_ = likelihoods(signals, starts, self.orders_, forgetting)
-            forgetting = forgetting.with_horizon(
-                max(self.log_likelihood_, key=self.log_likelihood_.__getitem__)
-            )
+            self.log_likelihood_ = likelihoods(data, starts, forgetting, each)
+            best = max(self.log_likelihood_, key=self.log_likelihood_.__getitem__)
+            forgetting = forgetting.with_horizon(best)
         resets = self._resets(data.instants)
-        recursions = [
-            Recursion.run(
-                *of_run, start, self.orders_, forgetting, resets, self.smooth, self.store_covariance
-            )
-            for of_run, start in zip(signals, starts, strict=True)
-        ]
+        plan = Plan(self.orders_, forgetting, resets, self.smooth, self.store_covariance)
+        recursions = plan.each(data, starts) if each else [plan.pooled(data, starts[0])]
         errors = np.concatenate([r.errors for r in recursions], axis=1)
         self.one_step_errors_ = errors[data.instants.of_row, data.instants.run]
         self.n_rows_missing_ = int(np.isnan(self.one_step_errors_).sum() - data.n_rows_without_lags)
@@ -329,7 +331,7 @@ class RecursiveARX(BaseARX):
         self.initial_covariance_ = np.mean([P0 for _, P0 in starts], axis=0)
         self._set_forgetting(forgetting, recursions)
         self._set_paths(data, recursions, each)
-        if not each and not forgetting.automatic and data.grid.rows is None:
+        if not each and data.grid.rows is None:
             self._stream = self._new_stream(self._states[0], forgetting, starts[0][1])
             if data.instants.n_runs == 1:
                 self._stream.go_on_after(data)
