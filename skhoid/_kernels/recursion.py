@@ -22,11 +22,12 @@ from numba.extending import register_jitable
 MANY = 16  # lanes; fewer are unrolled before they could be vectorised
 CHUNK = 256  # rows that streaming takes at a time
 
-HELD = 1e10  # D_k max(phi_k^2) up to which factor k is forgotten,
-CLIPPED = 1e4  # and this many times that, from which it is cut back
-LARGEST = 1e150  # D of a regressor that was never excited
-REMEMBERED = 1 - 2.0**-10  # of the largest square, at each excited instant
+HELD = 1e11  # D_k max(phi_k^2) up to which factor k is forgotten,
+CLIPPED = 1e3  # and this many times that, from which it is cut back
+LARGEST = 1e150  # D, whatever the power
+REMEMBERED = 1 - 2.0**-10  # of the largest square, at each instant with a regressor that is not 0
 SHORTEST = 0.5  # variable forgetting factor
+TOO_LARGE = 1e100  # for squares of products
 
 
 def layout(n_params):
@@ -112,8 +113,10 @@ def recursion(n_params, lanes):
                     growth = 1.0 / REMEMBERED if excited else 1.0
                     for k in range(N):
                         p = s[PHI + k * L]
-                        power = s[POWER + k * L] * decay
-                        cap = min(s[CAP + k * L] * growth, LARGEST)
+                        power, cap = s[POWER + k * L], s[CAP + k * L]
+                        if p != 0.0:
+                            power *= decay
+                            cap = min(cap * growth, LARGEST)
                         if p * p > power:
                             power = p * p
                             cap = min(HELD / power, LARGEST)
@@ -146,8 +149,10 @@ def recursion(n_params, lanes):
                         for k in range(N):
                             p = s[PHI + k * L + j]
                             p = p if known else 0.0
-                            power = s[POWER + k * L + j] * decay
-                            cap = min(s[CAP + k * L + j] * growth, LARGEST)
+                            power = s[POWER + k * L + j]
+                            power = power * decay if p != 0.0 else power
+                            cap = s[CAP + k * L + j]
+                            cap = min(cap * growth, LARGEST) if p != 0.0 else cap
                             higher = p * p > power
                             power = p * p if higher else power
                             cap = min(HELD / power, LARGEST) if higher else cap
@@ -167,7 +172,7 @@ def recursion(n_params, lanes):
                                 for i in range(k + 1, N):
                                     u = s[(i * (i - 1) // 2 + k) * L + j]
                                     p += u * u * s[D + i * L + j]
-                                factor = inflate[now, k * wide, j]
+                                factor = inflate[now, k, j] if wide == 1 else s[INFLATION + j]
                                 if factor > 1.0 and p * factor > s[CAP + k * L + j]:
                                     held = 1.0
                                     factor = 1.0
@@ -197,14 +202,17 @@ def recursion(n_params, lanes):
                         for k in range(N):
                             factor = inflate[now, k * wide, j]
                             factor = factor if wide == 1 else s[INFLATION + j]
-                            cap = s[CAP + k * L + j]
                             factor = factor if forget else 1.0
                             d = s[D + k * L + j]
                             grown = d * factor
-                            d = min(grown, max(d, cap))
-                            hold = d < grown
-                            held = 1.0 if hold else held
-                            s[D + k * L + j] = d
+                            hold = grown > max(d, s[CAP + k * L + j])
+                            for i in range(k):
+                                u = s[(k * (k - 1) // 2 + i) * L + j]
+                                tilted = u * tilt[now, (k * (k - 1) // 2 + i) * wide, j]
+                                most = max(u * u * d, s[CAP + i * L + j])
+                                hold = hold | (tilted * tilted * grown > most)
+                            held = 1.0 if hold & forget else held
+                            s[D + k * L + j] = d if hold else grown
                             for i in range(k):
                                 u = s[(k * (k - 1) // 2 + i) * L + j]
                                 tilted = u * tilt[now, (k * (k - 1) // 2 + i) * wide, j]
@@ -234,8 +242,9 @@ def recursion(n_params, lanes):
                         cap = s[CAP + k * L + j]
                         d = s[D + k * L + j]
                         grown = d * factor
-                        d = min(grown, max(d, cap))
-                        held = 1.0 if d < grown else held
+                        hold = grown > max(d, cap)
+                        held = 1.0 if hold else held
+                        d = d if hold else grown
                         g = d * f
                         before = alpha
                         alpha = before + f * g
@@ -265,6 +274,8 @@ def recursion(n_params, lanes):
             for j in range(L):
                 s[TOTAL + j] += s[TOTAL_NOW + j]
                 s[UPDATES + j] += s[UPDATES_NOW + j]
+                idle = (s[UPDATES_NOW + j] > 0.0) & (s[FORGET + j] > 0.0)
+                s[HELDS + j] += 1.0 if idle else 0.0
             if nominal > 0.0:
                 for j in range(L):
                     if s[UPDATES_NOW + j] > 0.0:
@@ -299,15 +310,15 @@ def stream(n_params):
         ``Z`` and ``target`` have room for ``depth`` rows, those that came last, and ``CHUNK`` more;
         ``since[0]`` counts the rows known without a break. Signals of Z are -y, the columns
         ``inputs`` of X, and ones where there is an intercept. Returns False, with nothing done, if
-        a value is infinite.
+        a value is too large.
         """
         empty, unused = np.empty((0, 0, 0)), np.empty((0, 0))
         n_rows, n_columns = X.shape
         for i in range(n_rows):
-            if np.isinf(y[i]):
+            if abs(y[i]) > TOO_LARGE:
                 return False
             for c in range(n_columns):
-                if np.isinf(X[i, c]):
+                if abs(X[i, c]) > TOO_LARGE:
                     return False
         chunk = target.shape[0] - depth
         done = 0
@@ -335,67 +346,102 @@ def stream(n_params):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def smooth(theta, P, factors, priors, cut):
+def smooth(theta, P, factors, priors, diagonal, cut):
     """Smooth a path in place, from its end, with the random walk that forgetting implies.
 
-    With the factors of P after each instant and of its prediction before the next,
-    theta(t) += C (theta(t + 1) - theta(t)) and P(t) += C (P(t + 1) - prior(t + 1)) C' with
-    C = P(t) prior(t + 1)^-1; instants in ``cut`` say nothing about the one before. ``P`` may have
-    size 0.
+    ``factors`` are U and D of P after each instant, ``priors`` those of P + Q after forgetting, at
+    the instant after it. With C = I - Q (P + Q)^-1,
+
+        theta(t) += C (theta(t + 1) - theta(t)),
+        P(t) = (I - C) P(t) (I - C)' + C (P(t + 1) + Q) C'.
+
+    Forgetting by one factor leaves U as it is, so that C = U (D / D_prior) U^-1; with ``diagonal``
+    Q is diagonal. Instants in ``cut`` say nothing about the one before. P may have size 0.
     """
     n_instants, n = theta.shape
     n_above = n * (n - 1) // 2
-    C = np.empty((n, n))
-    work = np.empty(n)
-    change = np.empty((n, n))
+    C, Q, before, after = np.eye(n), np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    x = np.empty(n)
     for t in range(n_instants - 2, -1, -1):
         if cut[t + 1]:
             continue
-        later, now = priors[t + 1], factors[t]
-        for column in range(n):  # C' one column at a time: C x for the unit vectors x
+        u, d, prior = factors[t], factors[t, n_above:], priors[t + 1]
+        _multiply_out(prior, n, after)
+        _multiply_out(u, n, before)
+        if diagonal:
+            Q[:] = 0.0
             for i in range(n):
-                work[i] = 1.0 if i == column else 0.0
+                Q[i, i] = max(after[i, i] - before[i, i], 0.0)
+            u = prior
+        else:
+            for k in range(n):
+                x[k] = max(prior[n_above + k] - d[k], 0.0)
+            for i in range(n):
+                for m in range(n):
+                    value = 0.0
+                    for k in range(max(i, m), n):
+                        value += _entry(u, i, k) * x[k] * _entry(u, m, k)
+                    Q[i, m] = value
+        for column in range(n):
+            for i in range(n):
+                x[i] = 1.0 if i == column else 0.0
             for k in range(n - 1, -1, -1):
                 for i in range(k):
-                    work[i] -= later[k * (k - 1) // 2 + i] * work[k]
-            for i in range(n):
-                work[i] /= later[n_above + i]
-            for k in range(n):
-                for i in range(k):
-                    work[k] -= later[k * (k - 1) // 2 + i] * work[i]
-            for k in range(n - 1, -1, -1):
-                for i in range(k):
-                    work[k] += now[k * (k - 1) // 2 + i] * work[i]
-            for i in range(n):
-                work[i] *= now[n_above + i]
-            for k in range(n):
-                for i in range(k):
-                    work[i] += now[k * (k - 1) // 2 + i] * work[k]
-            for i in range(n):
-                C[i, column] = work[i]
+                    x[i] -= _entry(u, i, k) * x[k]
+            if diagonal:
+                for k in range(n):
+                    x[k] /= prior[n_above + k]
+                for k in range(n):
+                    for i in range(k):
+                        x[k] -= _entry(u, i, k) * x[i]
+                for i in range(n):
+                    C[i, column] = (1.0 if i == column else 0.0) - Q[i, i] * x[i]
+            else:
+                for k in range(n):
+                    x[k] *= d[k] / max(prior[n_above + k], d[k])
+                for k in range(n):
+                    for i in range(k):
+                        x[i] += _entry(u, i, k) * x[k]
+                for i in range(n):
+                    C[i, column] = x[i]
         for i in range(n):
-            work[i] = theta[t + 1, i] - theta[t, i]
+            x[i] = theta[t + 1, i] - theta[t, i]
         for i in range(n):
             for k in range(n):
-                theta[t, i] += C[i, k] * work[k]
+                theta[t, i] += C[i, k] * x[k]
         if P.size == 0:
             continue
         for i in range(n):
-            for k in range(n):
-                change[i, k] = P[t + 1, i, k]
-        for k in range(n):  # less U D U' of the prediction
-            for i in range(k + 1):
-                u = later[k * (k - 1) // 2 + i] if i < k else 1.0
-                for m in range(k + 1):
-                    v = later[k * (k - 1) // 2 + m] if m < k else 1.0
-                    change[i, m] -= u * later[n_above + k] * v
-        for i in range(n):
-            for m in range(n):
+            for m in range(i + 1):
                 value = 0.0
                 for k in range(n):
                     for q in range(n):
-                        value += C[i, k] * change[k, q] * C[m, q]
-                P[t, i, m] += value
+                        value += C[i, k] * (P[t + 1, k, q] + Q[k, q]) * C[m, q]
+                        rest = (1.0 if i == k else 0.0) - C[i, k]
+                        value += rest * before[k, q] * ((1.0 if m == q else 0.0) - C[m, q])
+                after[i, m] = value
+        for i in range(n):
+            for m in range(i + 1):
+                P[t, i, m] = after[i, m]
+                P[t, m, i] = after[i, m]
+
+
+@njit(inline="always")
+def _entry(factors, i, k):
+    """U_ik, on or above the diagonal."""
+    return factors[k * (k - 1) // 2 + i] if i < k else 1.0
+
+
+@njit(inline="always")
+def _multiply_out(factors, n, P):
+    """P = U D U'."""
+    n_above = n * (n - 1) // 2
+    for i in range(n):
+        for m in range(n):
+            value = 0.0
+            for k in range(max(i, m), n):
+                value += _entry(factors, i, k) * factors[n_above + k] * _entry(factors, m, k)
+            P[i, m] = value
 
 
 @cache

@@ -57,7 +57,8 @@ def forgetting_factor(
     horizon = np.asarray(memory_horizon, dtype=float)
     if not (horizon > 1).all():
         raise ValueError(
-            f"A memory horizon must be longer than one sample; got {memory_horizon!r} samples."
+            "A memory horizon must be longer than one sample; got "
+            f"{np.asarray(memory_horizon).tolist()!r} samples."
         )
     forgetting = 1.0 - 1.0 / horizon
     return float(forgetting) if forgetting.ndim == 0 else forgetting
@@ -173,7 +174,15 @@ def read_forgetting(
 
 
 def _evaluated(function: Callable[[np.ndarray], Any], time: np.ndarray, n_params: int) -> Any:
-    return _in_shape(function(time.copy()), time.size, n_params, "The function forgetting(t)")
+    """λ of a function, of which (n_params,) would mean as many instants at times."""
+    values = np.asarray(function(time.copy()), dtype=np.float64)
+    if values.ndim == 0 or len(values) == time.size:
+        values = values if values.ndim != 1 else values[:, None]
+        return _in_shape(values, time.size, n_params, "The function forgetting(t)")
+    raise ValueError(
+        f"The function forgetting(t) returned the shape {values.shape} for {time.size} instants t. "
+        f"It returns a number, or the shape ({time.size},) or ({time.size}, {n_params})."
+    )
 
 
 def _in_shape(values: Any, n_instants: int, n_params: int, what: str) -> np.ndarray:
@@ -181,7 +190,7 @@ def _in_shape(values: Any, n_instants: int, n_params: int, what: str) -> np.ndar
     factors = np.asarray(values, dtype=np.float64)
     if factors.ndim == 0:
         shaped = factors.reshape(1, 1)
-    elif factors.shape == (n_params,) and n_params != 1:
+    elif factors.shape == (n_params,):
         shaped = factors.reshape(1, -1)
     elif factors.shape in ((n_instants,), (n_instants, 1), (n_instants, n_params)):
         shaped = factors.reshape(n_instants, -1)

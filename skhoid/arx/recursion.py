@@ -97,13 +97,18 @@ class RecursionData:
         return cls(grid, inputs, output, orders, instants, signals, target)
 
     def first_window(self, seconds: float, runs: Any = None) -> np.ndarray:
-        """Regressors and output of the first seconds of all runs, or of some."""
+        """Regressors and output of the first seconds of all runs, or of some.
+
+        They count from the first row of a run that is measured and not NaN.
+        """
         grid, instants = self.grid, self.instants
         begin, end = grid.begin[grid.measured], grid.end[grid.measured]
         of_run = instants.run[begin]
-        starts = np.full(instants.n_runs, np.iinfo(np.int64).max)
         number = instants.number[instants.of_row]
-        np.minimum.at(starts, of_run, number[begin])
+        known = np.repeat(grid.measured, grid.end - grid.begin)
+        known &= ~np.isnan(self.output) & ~np.isnan(self.inputs).any(axis=1)
+        starts = np.full(instants.n_runs, number[-1])
+        np.minimum.at(starts, instants.run[known], number[known])
         n_window = round(seconds / instants.dt)
         left = np.clip(starts[of_run] + n_window - number[begin], 0, end - begin)
         chosen = np.ones(begin.size, dtype=bool) if runs is None else np.isin(of_run, runs)
@@ -185,8 +190,8 @@ class State:
         self._where = {name: slice(begin, end) for (name, begin), (_, end) in pairwise(offsets)}
         self.buffer = np.zeros(offsets[-1][1] * lanes)
         self.rows("theta")[:] = theta0.T if theta0.ndim > 1 else theta0[:, None]
-        self.rows("cap")[:] = _kernels.recursion.LARGEST
         self.reset(P0)
+        self.rows("cap")[:] = _kernels.recursion.HELD * self.rows("D")  # until it is excited
 
     def rows(self, name: str) -> np.ndarray:
         """A quantity of the kernel's layout, of shape (its length, lanes)."""
@@ -225,6 +230,11 @@ class State:
     def P(self) -> np.ndarray:
         return multiplied_out(self.factors[:, 0], self.n_params)
 
+    @property
+    def factor(self) -> float:
+        """Variable forgetting factor of the next instant in the first lane."""
+        return float(1.0 / self.rows("inflation")[0, 0])
+
     def count(self, name: str) -> np.ndarray:
         """One of the sums and counts of the kernel, by lane."""
         return self.rows(name)[0]
@@ -233,7 +243,7 @@ class State:
         """Covariance of theta in the first lane."""
         factors = forgetting.factors[-1]
         if forgetting.nominal:
-            factors = 1.0 / self.count("inflation")[:1]
+            factors = np.array([self.factor])
         weight = spread_weights(factors, self.count("instants")[0])
         return self.noise_variance * self.P * np.outer(weight, weight)
 
@@ -398,7 +408,9 @@ class Plan:
         used = paths.used[:, lane] if self.forgetting.nominal else NOTHING
         covariance = NOTHING
         if self.smooth:
-            theta, covariance = _smoothed(paths, self.resets, self.with_covariance)
+            theta, covariance = _smoothed(
+                paths, self.resets, self.forgetting.diagonal, self.with_covariance
+            )
         elif self.with_covariance:
             covariance = multiplied_out(paths.factors[:, :, lane], state.n_params)
             factors = used[:, None] if self.forgetting.nominal else self.forgetting.factors
@@ -426,7 +438,7 @@ def _instants_so_far(errors: np.ndarray, resets: np.ndarray) -> np.ndarray:
 
 
 def _smoothed(
-    paths: Paths, resets: np.ndarray, with_covariance: bool
+    paths: Paths, resets: np.ndarray, diagonal: bool, with_covariance: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fixed-interval smoothing of one recursion (Rauch, Tung and Striebel 1965)."""
     theta = paths.theta[:, :, 0].copy()
@@ -436,7 +448,7 @@ def _smoothed(
     cut = np.zeros(len(theta), dtype=np.bool_)
     cut[resets] = True
     factors, priors = (np.ascontiguousarray(f[:, :, 0]) for f in (paths.factors, paths.priors))
-    _kernels.recursion.smooth(theta, P, factors, priors, cut)
+    _kernels.recursion.smooth(theta, P, factors, priors, diagonal, cut)
     return theta, P
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import _kernels
 from .._sklearn import Interval, StrOptions, fit_context
+from ..exceptions import ShortRunError
 from ..preprocessing.grid import ModelGrid
 from .base import BaseARX, check_row_count
 from .forgetting import Forgetting, read_forgetting
@@ -62,7 +63,8 @@ class RecursiveARX(BaseARX):
         θ0: by ordinary least squares on the first ``init_window`` seconds of each run, zeros, or
         given.
     init_window : float, default=30.72
-        Seconds of data, or what there is, for ``init="ols"`` and ``p0=None``.
+        Seconds of data, or what there is, for ``init="ols"`` and ``p0=None``, from the first row
+        that is not NaN.
     p0 : float, array of shape (n_params,) or (n_params, n_params), or None, default=None
         P0: a number is that times the identity (the thesis: 1), numbers are its diagonal. None
         scales with the data: diag(1 / (w mean φ_i²)) over the init window, worth w = 1 sample
@@ -78,7 +80,9 @@ class RecursiveARX(BaseARX):
         nearest end; or the last θ throughout.
     smooth : bool, default=False
         Smooth the path by also using what comes later (fixed-interval smoothing), with the random
-        walk of the parameters that the forgetting implies. Not for streaming.
+        walk of the parameters that the forgetting implies: their variance grows from P to P / λ,
+        or on the diagonal only. Not with ``"joint"`` forgetting of one λ per parameter, which is
+        no random walk, nor for streaming.
     store_covariance : bool, default=False
         Keep ``covariance_path_``.
     roles : dict or None, default=None
@@ -155,7 +159,7 @@ class RecursiveARX(BaseARX):
 
     P is kept in factors, P = UDU' (Bierman 1977), and stays symmetric and positive definite.
     Information that is not replaced is not forgotten: neither while all regressors are less than
-    1e-5 of what they were, nor, for factor i, while D_i max(φ_i²) exceeds 1e10, the bound on P of
+    3e-6 of what they were, nor, for factor i, while D_i max(φ_i²) exceeds 1e11, the bound on P of
     Salgado, Goodwin and Middleton (1988) in the factors. In data that excite the model neither
     happens; ``n_held_`` counts.
 
@@ -292,7 +296,18 @@ class RecursiveARX(BaseARX):
         grid, inputs, output, _ = self._read_data(X, y)
         self._set_orders(grid)
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        self._check_size(inputs, output)
         return RecursionData.of(grid, inputs, output, self.orders_)
+
+    def _check_size(self, inputs: np.ndarray, output: np.ndarray) -> None:
+        for values in (inputs, output):
+            largest = np.nanmax(np.abs(values), initial=0.0)
+            if largest > _kernels.recursion.TOO_LARGE:
+                raise ValueError(
+                    f"The data hold {largest:g}, a value too large for recursive least squares "
+                    f"(at most {_kernels.recursion.TOO_LARGE:g}). Mark missing values by NaN, or "
+                    "use other units."
+                )
 
     def _read_forgetting(self, time: np.ndarray) -> Forgetting:
         return read_forgetting(
@@ -316,6 +331,11 @@ class RecursiveARX(BaseARX):
             self.log_likelihood_ = likelihoods(data, starts, forgetting, each)
             best = max(self.log_likelihood_, key=self.log_likelihood_.__getitem__)
             forgetting = forgetting.with_horizon(best)
+        if self.smooth and forgetting.factors.shape[1] > 1 and not forgetting.diagonal:
+            raise ValueError(
+                "smooth=True takes the parameters as a random walk, which ΛPΛ with one λ per "
+                "parameter is not. Use one λ, or forgetting_form='diagonal'."
+            )
         resets = self._resets(data.instants)
         plan = Plan(self.orders_, forgetting, resets, self.smooth, self.store_covariance)
         recursions = plan.each(data, starts) if each else [plan.pooled(data, starts[0])]
@@ -329,10 +349,12 @@ class RecursiveARX(BaseARX):
         self._numbers = data.instants.number
         self.initial_coef_ = np.mean([theta0 for theta0, _ in starts], axis=0)
         self.initial_covariance_ = np.mean([P0 for _, P0 in starts], axis=0)
-        self._set_forgetting(forgetting, recursions)
+        used = [r.used for r in recursions]
+        self._set_forgetting(forgetting, np.mean(used, axis=0) if forgetting.nominal else None)
         self._set_paths(data, recursions, each)
         if not each and data.grid.rows is None:
             self._stream = self._new_stream(self._states[0], forgetting, starts[0][1])
+            self._clock = Clock()
             if data.instants.n_runs == 1:
                 self._stream.go_on_after(data)
                 layout = data.grid.layout
@@ -343,7 +365,12 @@ class RecursiveARX(BaseARX):
         table = None
         if needs_data(self.init, self.p0):
             table = data.first_window(self.init_window, runs)
-            check_row_count(len(table), len(self.parameter_names_), data.output, data.grid)
+            if len(table) < len(self.parameter_names_):
+                raise ShortRunError(
+                    f"The first {self.init_window:g} s hold {len(table)} usable rows for "
+                    f"{len(self.parameter_names_)} parameters (n_samples = "
+                    f"{data.grid.layout.n_rows}). Give a longer init_window, or init= and p0=."
+                )
         return start_of(self.init, self.p0, self.parameter_names_, table)
 
     def _resets(self, instants: Instants) -> np.ndarray:
@@ -360,11 +387,9 @@ class RecursiveARX(BaseARX):
             )
         return np.unique(times.astype(np.float64))
 
-    def _set_forgetting(self, forgetting: Forgetting, recursions: list[Recursion]) -> None:
+    def _set_forgetting(self, forgetting: Forgetting, variable: Any) -> None:
         self._forgetting = forgetting
-        self.forgetting_ = forgetting.value
-        if forgetting.nominal:
-            self.forgetting_ = np.mean([r.used for r in recursions], axis=0)
+        self.forgetting_ = variable if forgetting.nominal else forgetting.value
         with np.errstate(divide="ignore"):
             horizon = 1.0 / (1.0 - np.asarray(self.forgetting_))
         self.memory_horizon_ = float(horizon) if horizon.ndim == 0 else horizon
@@ -417,6 +442,8 @@ class RecursiveARX(BaseARX):
 
     @property
     def n_held_(self) -> int:
+        if (self._forgetting.factors == 1.0).all() and not self._forgetting.over_time:
+            return 0
         return int(sum(state.count("held").sum() for state in self._states))
 
     def __sklearn_is_fitted__(self) -> bool:
@@ -480,8 +507,8 @@ class RecursiveARX(BaseARX):
             and not new_run
             and type(X) is np.ndarray
             and type(y) is np.ndarray
-            and X.dtype.char == "d"
-            and y.dtype.char == "d"
+            and X.dtype == np.float64
+            and y.dtype == np.float64
             and X.ndim == 2
             and X.shape[1] == self.n_features_in_
             and X.shape[0] == y.size > 0
@@ -497,7 +524,6 @@ class RecursiveARX(BaseARX):
     @fit_context(prefer_skip_nested_validation=True)
     def _partial_fit(self, X: Any, y: Any, new_run: bool) -> RecursiveARX:
         """The way for all that :meth:`partial_fit` does not take at once."""
-        self._check_streaming()
         stream = vars(self).get("_stream")
         if stream is None and "_pending" not in vars(self):
             grid, _, output, values = self._read_data(X, y)
@@ -515,7 +541,9 @@ class RecursiveARX(BaseARX):
             self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept)
         )
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        self._check_streaming()
         self._simple = self._run is None and not self._indexed and self._names is None
+        self._check_size(values, output)
         values, output = _kernels.gate(values), _kernels.gate(output)
         pieces = list(self._clock.pieces(grid.layout, values, output, new_run))
         if stream is None:
@@ -540,14 +568,22 @@ class RecursiveARX(BaseARX):
         for option, chosen in whole.items():
             if chosen:
                 raise ValueError(f"partial_fit cannot work with {option}, which needs whole runs.")
+        if callable(self.forgetting) or isinstance(self.forgetting, str):
+            return
+        if np.shape(self.forgetting) not in ((), (self.orders_.n_params,)):
+            raise ValueError(
+                f"partial_fit cannot take forgetting as an array of shape "
+                f"{np.shape(self.forgetting)} over instants, whose number is open. Give it as a "
+                "function of the time in the run, in seconds."
+            )
 
     def _started_stream(self) -> Stream | None:
         """A stream from the pending rows, if they suffice."""
         table, n_rows = None, window_rows(self.init_window, self.dt_)
         if needs_data(self.init, self.p0):
-            if sum(piece.y.size for piece in self._pending) < n_rows:
-                return None
             table = first_rows(self._pending, self._columns, n_rows, self.orders_)
+            if table is None:
+                return None
         theta0, P0 = start_of(self.init, self.p0, self.parameter_names_, table)
         forgetting = self._read_forgetting(np.zeros(1))
         state = State(theta0, P0)
@@ -565,14 +601,13 @@ class RecursiveARX(BaseARX):
     def _refresh(self, stream: Stream) -> None:
         """Make attributes say what the stream says."""
         self.coef_ = stream.state.theta
-        if "coef_path_" in vars(self) or "_states" not in vars(self):
-            self._forget_path()
-            self._states, self._last_share = [stream.state], np.ones(1)
-            self._set_forgetting(stream.forgetting, [])
-
-    def _forget_path(self) -> None:
+        settled = "_states" in vars(self) and "coef_path_" not in vars(self)
+        if settled and stream.plain and not stream.forgetting.nominal:
+            return
         for name in ("coef_path_", "time_path_", "covariance_path_", "one_step_errors_"):
             self.__dict__.pop(name, None)
+        self._states, self._last_share = [stream.state], np.ones(1)
+        self._set_forgetting(stream.forgetting, stream.state.factor)
 
     def _forget_stream(self) -> None:
         for name in ("_stream", "_pending", "_clock"):

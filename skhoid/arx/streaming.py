@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
-from ..exceptions import RunIndexError
-from ..runs import GAP, RunLayout, whole_samples
+from ..exceptions import IrregularSamplingError, RunIndexError
+from ..runs import GAP, JITTER_TOLERANCE, RunLayout, whole_samples
 from .forgetting import Forgetting
 from .orders import Orders, regressors
 from .recursion import RecursionData, State, kernel_regressors
@@ -58,6 +58,12 @@ class Clock:
                 "of the same run. Give the rows in order of time; if a new run begins, give it a "
                 "label of its own or say new_run=True."
             )
+        if step <= GAP * layout.dt and abs(step - layout.dt) > JITTER_TOLERANCE * layout.dt:
+            raise IrregularSamplingError(
+                f"The stream leaves its sampling grid: {layout.where(row)} comes {step:.6g} s "
+                f"after the row before it, and the sampling time is {layout.dt:.6g} s. Resample "
+                "the rows, or say new_run=True."
+            )
         return step <= GAP * layout.dt
 
 
@@ -87,7 +93,7 @@ class Stream:
         self.since = np.zeros(1, dtype=np.int64)  # rows without a break
         self.last_time = -np.inf
         self._arrays = forgetting.arrays
-        self.plain = forgetting.function is None and reset_times.size == 0
+        self.plain = not forgetting.over_time and reset_times.size == 0
 
     def go_on_after(self, data: RecursionData) -> None:
         """Take over the lags at the end of a single run."""
@@ -129,20 +135,26 @@ class Stream:
         for begin, end in pairwise(edges):
             if begin in resets[due]:
                 self.state.reset(self.P0)
-            self._arrays = self.forgetting.at(time[begin:end], self.state.n_params).arrays
+            self.forgetting = self.forgetting.at(time[begin:end], self.state.n_params)
+            self._arrays = self.forgetting.arrays
             self.take(piece.X[begin:end], piece.y[begin:end])
         self.last_time = float(time[-1])
 
 
-def first_rows(pieces: list[Piece], columns: list[int], n_rows: int, orders: Orders) -> np.ndarray:
-    """Regressors and output of the first rows of a stream."""
-    X = np.concatenate([piece.X for piece in pieces])[:n_rows, columns]
-    y = np.concatenate([piece.y for piece in pieces])[:n_rows]
+def first_rows(
+    pieces: list[Piece], columns: list[int], n_rows: int, orders: Orders
+) -> np.ndarray | None:
+    """Regressors and output of the first rows of a stream from one that is not NaN, if enough."""
+    X = np.concatenate([piece.X[:, columns] for piece in pieces])
+    y = np.concatenate([piece.y for piece in pieces])
+    known = np.flatnonzero(~np.isnan(y) & ~np.isnan(X).any(axis=1))
+    if known.size == 0 or known[0] + n_rows > y.size:
+        return None
+    end = int(known[0]) + n_rows
     ends = np.cumsum([piece.y.size for piece in pieces])
-    fresh = np.array([piece.fresh for piece in pieces])
-    starts = (ends - [piece.y.size for piece in pieces])[fresh]
-    begin = starts[starts < n_rows]
-    return regressors(y, X, begin, np.append(begin[1:], n_rows), orders)[0]
+    starts = ends - [piece.y.size for piece in pieces]
+    begin = starts[np.array([piece.fresh for piece in pieces]) & (starts < end)]
+    return regressors(y[:end], X[:end], begin, np.append(begin[1:], end), orders)[0]
 
 
 def window_rows(seconds: float, dt: float) -> int:
