@@ -32,12 +32,13 @@ TOO_LARGE = 1e100  # for squares of products
 
 def layout(n_params):
     """Offsets of the quantities in a state buffer, in lanes."""
-    vectors = ["D", "theta", "power", "cap", "phi", "gain", "spare"]
-    numbers = ["error", "alpha", "use", "forget", "inflation"]
+    pairs = n_params * (n_params - 1) // 2
+    vectors = ["D", "theta", "power", "cap", "phi", "gain", "spare", "inflation"]
+    numbers = ["error", "alpha", "use", "forget"]
     numbers += ["total", "updates", "held", "instants", "total_now", "updates_now"]
-    sizes = [n_params * (n_params - 1) // 2] + [n_params] * len(vectors) + [1] * len(numbers)
+    sizes = [pairs] + [n_params] * len(vectors) + [pairs] + [1] * len(numbers)
     offsets = np.concatenate(([0], np.cumsum(sizes))).tolist()
-    return dict(zip(["U", *vectors, *numbers, "size"], offsets, strict=True))
+    return dict(zip(["U", *vectors, "tilt", *numbers, "size"], offsets, strict=True))
 
 
 @cache
@@ -47,7 +48,7 @@ def recursion(n_params, lanes):
     at = {name: offset * lanes for name, offset in layout(n_params).items()}
     D, THETA, POWER, CAP = at["D"], at["theta"], at["power"], at["cap"]
     PHI, GAIN, SPARE, ERROR, ALPHA = at["phi"], at["gain"], at["spare"], at["error"], at["alpha"]
-    USE, FORGET, INFLATION = at["use"], at["forget"], at["inflation"]
+    USE, FORGET, INFLATION, TILT = at["use"], at["forget"], at["inflation"], at["tilt"]
     TOTAL, UPDATES, HELDS, INSTANTS = at["total"], at["updates"], at["held"], at["instants"]
     TOTAL_NOW, UPDATES_NOW = at["total_now"], at["updates_now"]
     N_FACTORS = N * (N + 1) // 2
@@ -74,15 +75,20 @@ def recursion(n_params, lanes):
         wide = 1 if inflate.shape[1] > 1 else 0
         apart = wide == 1 or diagonal or priors.size > 0
         for t in range(begin, end):
-            now = 0 if inflate.shape[0] == 1 else t - offset
+            if t == begin or inflate.shape[0] > 1:
+                now = 0 if inflate.shape[0] == 1 else t - offset
+                if nominal == 0.0:
+                    for k in range(N):
+                        for j in range(L):
+                            s[INFLATION + k * L + j] = inflate[now, k * wide, j]
+                for i in range(N * (N - 1) // 2):
+                    for j in range(L):
+                        s[TILT + i * L + j] = tilt[now, i * wide, j] if wide == 1 else 1.0
             prior_known = False
             for j in range(L):
                 s[FORGET + j] = 1.0
                 s[TOTAL_NOW + j] = 0.0
                 s[UPDATES_NOW + j] = 0.0
-            if nominal == 0.0:
-                for j in range(L):
-                    s[INFLATION + j] = inflate[now, 0, j]
             if used.size > 0:
                 for j in range(L):
                     used[t, j] = 1.0 / s[INFLATION + j]
@@ -149,10 +155,9 @@ def recursion(n_params, lanes):
                         for k in range(N):
                             p = s[PHI + k * L + j]
                             p = p if known else 0.0
-                            power = s[POWER + k * L + j]
-                            power = power * decay if p != 0.0 else power
-                            cap = s[CAP + k * L + j]
-                            cap = min(cap * growth, LARGEST) if p != 0.0 else cap
+                            moved = p != 0.0
+                            power = s[POWER + k * L + j] * (decay if moved else 1.0)
+                            cap = min(s[CAP + k * L + j] * (growth if moved else 1.0), LARGEST)
                             higher = p * p > power
                             power = p * p if higher else power
                             cap = min(HELD / power, LARGEST) if higher else cap
@@ -172,7 +177,7 @@ def recursion(n_params, lanes):
                                 for i in range(k + 1, N):
                                     u = s[(i * (i - 1) // 2 + k) * L + j]
                                     p += u * u * s[D + i * L + j]
-                                factor = inflate[now, k, j] if wide == 1 else s[INFLATION + j]
+                                factor = s[INFLATION + k * L + j]
                                 if factor > 1.0 and p * factor > s[CAP + k * L + j]:
                                     held = 1.0
                                     factor = 1.0
@@ -200,24 +205,23 @@ def recursion(n_params, lanes):
                         s[INSTANTS + j] += 1.0 if forget else 0.0
                         held = 0.0
                         for k in range(N):
-                            factor = inflate[now, k * wide, j]
-                            factor = factor if wide == 1 else s[INFLATION + j]
-                            factor = factor if forget else 1.0
+                            factor = s[INFLATION + k * L + j] if forget else 1.0
                             d = s[D + k * L + j]
                             grown = d * factor
-                            hold = grown > max(d, s[CAP + k * L + j])
+                            over = grown - max(d, s[CAP + k * L + j])
                             for i in range(k):
                                 u = s[(k * (k - 1) // 2 + i) * L + j]
-                                tilted = u * tilt[now, (k * (k - 1) // 2 + i) * wide, j]
+                                tilted = u * s[TILT + (k * (k - 1) // 2 + i) * L + j]
                                 most = max(u * u * d, s[CAP + i * L + j])
-                                hold = hold | (tilted * tilted * grown > most)
+                                over = max(over, tilted * tilted * grown - most)
+                            hold = over > 0.0
+                            move = forget & (over <= 0.0)
                             held = 1.0 if hold & forget else held
                             s[D + k * L + j] = d if hold else grown
                             for i in range(k):
                                 u = s[(k * (k - 1) // 2 + i) * L + j]
-                                tilted = u * tilt[now, (k * (k - 1) // 2 + i) * wide, j]
-                                tilted = u if hold else tilted
-                                s[(k * (k - 1) // 2 + i) * L + j] = tilted if forget else u
+                                ratio = s[TILT + (k * (k - 1) // 2 + i) * L + j]
+                                s[(k * (k - 1) // 2 + i) * L + j] = u * (ratio if move else 1.0)
                         s[HELDS + j] += held
                 if priors.size > 0 and s[FORGET] == 0.0 and not prior_known:
                     prior_known = True
@@ -282,7 +286,8 @@ def recursion(n_params, lanes):
                         mean = s[TOTAL + j] / s[UPDATES + j]
                         latest = s[TOTAL_NOW + j] / s[UPDATES_NOW + j]
                         factor = 1.0 - latest / (mean * nominal) if mean > 0.0 else 1.0
-                        s[INFLATION + j] = 1.0 / max(factor, SHORTEST)
+                        for k in range(N):
+                            s[INFLATION + k * L + j] = 1.0 / max(factor, SHORTEST)
             if path.size > 0:
                 for k in range(N):
                     for j in range(L):

@@ -27,6 +27,15 @@ from .recursion import (
 from .start import needs_data, start_of
 from .streaming import Clock, Piece, Stream, first_rows, window_rows
 
+PATHS = (
+    "coef_path_",
+    "time_path_",
+    "covariance_path_",
+    "coef_paths_",
+    "one_step_errors_",
+    "log_likelihood_",
+)
+
 
 class RecursiveARX(BaseARX):
     """ARX model whose parameters follow the data, by recursive least squares with forgetting.
@@ -323,7 +332,7 @@ class RecursiveARX(BaseARX):
     def _fit_recursion(self, data: RecursionData, forgetting: Forgetting) -> None:
         """Run the recursion, or one for each run, over data that were read."""
         check_row_count(int((~np.isnan(data.target)).sum()), 1, data.output, data.grid)
-        self._forget_stream()
+        self._forget(*PATHS, "_stream", "_pending", "_clock")
         each = self.combine == "average_estimates"
         parts = range(data.instants.n_runs) if each else [None]
         starts = [self._start(data, run) for run in parts]
@@ -604,11 +613,10 @@ class RecursiveARX(BaseARX):
         settled = "_states" in vars(self) and "coef_path_" not in vars(self)
         if settled and stream.plain and not stream.forgetting.nominal:
             return
-        for name in ("coef_path_", "time_path_", "covariance_path_", "one_step_errors_"):
-            self.__dict__.pop(name, None)
+        self._forget(*PATHS)
         self._states, self._last_share = [stream.state], np.ones(1)
         self._set_forgetting(stream.forgetting, stream.state.factor)
 
-    def _forget_stream(self) -> None:
-        for name in ("_stream", "_pending", "_clock"):
+    def _forget(self, *names: str) -> None:
+        for name in names:
             self.__dict__.pop(name, None)
