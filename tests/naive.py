@@ -143,3 +143,164 @@ def newey_west(scores, rows, n_lags):
             if abs(t - at) <= n_lags:
                 total += (1 - abs(t - at) / (n_lags + 1)) * np.outer(s, other)
     return total
+
+
+def measurements(y, X, stretches, numbers, na, nb, nk, intercept=False):
+    """Instants of pooled runs, each the list of its ``(row, phi, u)``, in the order of the runs.
+
+    ``numbers[row]`` is the sample number of a row in its run; an instant is a number that any row
+    has.
+    """
+    phi, output, rows, _ = regressor_rows(y, X, stretches, na, nb, nk, intercept)
+    order = {number: at for at, number in enumerate(sorted(set(numbers)))}
+    instants = [[] for _ in order]
+    for vector, u, row in zip(phi, output, rows, strict=True):
+        instants[order[numbers[row]]].append((int(row), vector, u))
+    return instants
+
+
+def forget(P, factors, form):
+    """Eq. 20, or only the diagonal of P divided by the factors."""
+    root = 1 / np.sqrt(factors)
+    if form == "joint":
+        return P * np.outer(root, root)
+    return P + np.diag(np.diag(P) * (1 / factors - 1))
+
+
+def rls_update(theta, P, phi, u):
+    """Eqs. 11-14 and 18-19, the product of Eq. 19 in the right order; also error and alpha."""
+    error = u - phi @ theta
+    alpha = 1 + phi @ P @ phi
+    gain = P @ phi / alpha
+    P = P - np.outer(gain, phi @ P)
+    return theta + gain * error, (P + P.T) / 2, error, alpha
+
+
+def recursive_least_squares(
+    instants, forgetting, theta0, P0, form="joint", resets=(), dtype=np.longdouble
+):
+    """Eqs. 11-20 instant by instant; an instant without a measurement forgets nothing.
+
+    ``forgetting`` is a number, one per instant, or instants by parameters. At the instants
+    ``resets`` P is P0 again, before forgetting. Returns the paths of theta, of P and of the
+    forgotten P before its update, and ``{row: (error, alpha)}``.
+    """
+    theta, P0 = np.array(theta0, dtype), np.array(P0, dtype)
+    factors = np.array(forgetting, dtype)
+    factors = factors[:, None] if factors.ndim == 1 else factors
+    factors = np.broadcast_to(factors, (len(instants), theta.size))
+    P = P0
+    thetas, Ps, forgotten, errors = [], [], [], {}
+    for t, found in enumerate(instants):
+        if t in resets:
+            P = P0
+        if found:
+            P = forget(P, factors[t], form)
+        forgotten.append(P)
+        for row, phi, u in found:
+            theta, P, error, alpha = rls_update(theta, P, phi.astype(dtype), dtype(u))
+            errors[row] = (error, alpha)
+        thetas.append(theta)
+        Ps.append(P)
+    return np.array(thetas), np.array(Ps), np.array(forgotten), errors
+
+
+def weighted_least_squares(instants, forgetting, theta0, P0, at, negligible=1e-25):
+    """Minimise Eq. 4.21 plus the discounted prior, by QR, for each of the instants ``at``.
+
+    Rows of weight below ``negligible`` are left out.
+    """
+    factors = np.broadcast_to(np.asarray(forgetting, float), len(instants))
+    measured = [bool(found) for found in instants]
+    age = np.cumsum(np.where(measured, np.log(factors), 0.0))  # log of the weight of the prior
+    table = [(t, *phi, u) for t, found in enumerate(instants) for _, phi, u in found]
+    table = np.array(table).reshape(-1, len(theta0) + 2)
+    when = table[:, 0].astype(int)
+    root = np.linalg.inv(np.linalg.cholesky(np.asarray(P0, float)))
+    prior = np.column_stack([root, root @ theta0])
+    thetas = []
+    for t in at:
+        past = table[when <= t]
+        weight = np.exp(age[t] - age[when[when <= t]])
+        rows = (np.sqrt(weight)[:, None] * past[:, 1:])[weight > negligible]
+        R = np.linalg.qr(np.vstack([prior * np.exp(age[t] / 2), rows]), mode="r")
+        p = len(theta0)
+        thetas.append(np.linalg.solve(R[:p, :p], R[:p, p]))
+    return np.array(thetas)
+
+
+def variable_forgetting(instants, horizon, theta0, P0):
+    """Fortescue, Kershenbaum and Ydstie (1981): the larger the error, the more is forgotten.
+
+    Returns the path of theta and the factor of each instant, 1 - 1 / horizon at first.
+    """
+    theta, P = np.array(theta0, float), np.array(P0, float)
+    factor, squares = 1 - 1 / horizon, []
+    thetas, factors = [], []
+    for found in instants:
+        factors.append(factor)
+        P = P / factor if found else P
+        for _, phi, u in found:
+            theta, P, error, alpha = rls_update(theta, P, phi, u)
+            squares.append(error**2 / alpha)
+        if found:
+            latest = np.mean(squares[-len(found) :])
+            factor = max(0.5, 1 - latest / (np.mean(squares) * horizon))
+        thetas.append(theta)
+    return np.array(thetas), np.array(factors)
+
+
+def predictive_log_likelihood(errors):
+    """Of one-step predictions with variances s2 alpha, s2 the one that makes it largest."""
+    squares = [error**2 / alpha for error, alpha in errors]
+    variance = np.mean(squares)
+    terms = [
+        np.log(2 * np.pi * variance * alpha) + square / variance
+        for square, (_, alpha) in zip(squares, errors, strict=True)
+    ]
+    return float(-0.5 * np.sum(terms))
+
+
+def smooth_path(thetas, Ps, forgotten):
+    """Rauch, Tung and Striebel (1965) for a random walk with increments forgotten[t] - Ps[t-1]."""
+    thetas, Ps, forgotten = (np.array(path, float) for path in (thetas, Ps, forgotten))
+    smoothed, covariance = thetas.copy(), Ps.copy()
+    for t in range(len(thetas) - 2, -1, -1):
+        gain = Ps[t] @ np.linalg.inv(forgotten[t + 1])
+        smoothed[t] += gain @ (smoothed[t + 1] - thetas[t])
+        covariance[t] += gain @ (covariance[t + 1] - forgotten[t + 1]) @ gain.T
+    return smoothed, covariance
+
+
+def free_run_along(X, stretches, split, path, nk, past=None, bound=1e100):
+    """Free run, row t with the parameters ``path[t]``; ``split`` makes a, b, intercept of them."""
+    out = np.zeros(len(X))
+    for s, (begin, end) in enumerate(stretches):
+        first_input = begin if past is None else past[s]
+        history = [0.0] * len(split(path[begin])[0])
+        for t in range(begin, end):
+            a, b, intercept = split(path[t])
+            value = one_step(t, history, X, a, b, nk, intercept, first_input)
+            out[t] = max(-bound, min(bound, value))
+            history = [out[t], *history][: len(a)]
+    return out
+
+
+def predict_ahead_along(y, X, stretches, split, path, nk, horizon):
+    """As ``predict_ahead``, row t with the parameters ``path[t]``."""
+    out = np.zeros(len(y))
+    for begin, end in stretches:
+        measured = {}
+
+        def value_at(row, history, begin=begin):
+            a, b, intercept = split(path[row])
+            lags = [history.get(row - 1 - i, 0.0) for i in range(len(a))]
+            return one_step(row, lags, X, a, b, nk, intercept, begin)
+
+        for t in range(begin, end):
+            history = {row: value for row, value in measured.items() if row <= t - horizon}
+            for row in range(max(begin, t - horizon + 1), t + 1):
+                history[row] = value_at(row, history)
+            out[t] = history[t]
+            measured[t] = value_at(t, measured) if np.isnan(y[t]) else float(y[t])
+    return out
