@@ -140,7 +140,12 @@ ERRORS = {
     "smoothing with a joint matrix": (
         lambda: fit(smooth=True, memory_horizon=[np.inf, np.inf, 20, 20]),
         ValueError,
-        ["smooth", "random walk", "forgetting_form='diagonal'"],
+        ["smooth", "random walk", "one λ"],
+    ),
+    "smoothing the diagonal form": (
+        lambda: fit(smooth=True, memory_horizon=20, forgetting_form="diagonal"),
+        ValueError,
+        ["smooth", "forgetting_form='joint'"],
     ),
     "no y": (lambda: fit(y=None), ValueError, ["requires y"]),
     "infinite output": (

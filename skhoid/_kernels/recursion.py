@@ -24,6 +24,7 @@ CHUNK = 256  # rows that streaming takes at a time
 
 HELD = 1e11  # D_k max(phi_k^2) up to which factor k is forgotten,
 CLIPPED = 1e3  # and this many times that, from which it is cut back
+STEEPEST = HELD**2  # U_ik^2 max(phi_i^2) / max(phi_k^2) up to which column k is tilted
 LARGEST = 1e150  # D, whatever the power
 REMEMBERED = 1 - 2.0**-10  # of the largest square, at each instant with a regressor that is not 0
 SHORTEST = 0.5  # variable forgetting factor
@@ -34,7 +35,7 @@ def layout(n_params):
     """Offsets of the quantities in a state buffer, in lanes."""
     pairs = n_params * (n_params - 1) // 2
     vectors = ["D", "theta", "power", "cap", "phi", "gain", "spare", "inflation"]
-    numbers = ["error", "alpha", "use", "forget"]
+    numbers = ["error", "alpha", "use", "forget", "now", "held_now"]
     numbers += ["total", "updates", "held", "instants", "total_now", "updates_now"]
     sizes = [pairs] + [n_params] * len(vectors) + [pairs] + [1] * len(numbers)
     offsets = np.concatenate(([0], np.cumsum(sizes))).tolist()
@@ -51,6 +52,7 @@ def recursion(n_params, lanes):
     USE, FORGET, INFLATION, TILT = at["use"], at["forget"], at["inflation"], at["tilt"]
     TOTAL, UPDATES, HELDS, INSTANTS = at["total"], at["updates"], at["held"], at["instants"]
     TOTAL_NOW, UPDATES_NOW = at["total_now"], at["updates_now"]
+    NOW, HELD_NOW = at["now"], at["held_now"]
     N_FACTORS = N * (N + 1) // 2
 
     def advance(
@@ -147,25 +149,29 @@ def recursion(n_params, lanes):
                             p = s[PHI + k * L + j]
                             known = known & (p == p)
                             excited = excited | (p * p * HELD > s[POWER + k * L + j])
-                        decay = REMEMBERED if known & excited else 1.0
-                        growth = 1.0 / REMEMBERED if known & excited else 1.0
                         use = 2.0 if excited else 1.0
                         s[USE + j] = use if known else 0.0
                         s[ERROR + j] = y if known else 0.0
-                        for k in range(N):
+                    for k in range(N):
+                        above = 0
+                        for j in range(L):
                             p = s[PHI + k * L + j]
-                            p = p if known else 0.0
-                            moved = p != 0.0
-                            power = s[POWER + k * L + j] * (decay if moved else 1.0)
-                            cap = min(s[CAP + k * L + j] * (growth if moved else 1.0), LARGEST)
-                            higher = p * p > power
-                            power = p * p if higher else power
-                            cap = min(HELD / power, LARGEST) if higher else cap
-                            d = s[D + k * L + j]
-                            s[D + k * L + j] = min(d, CLIPPED * cap) if higher else d
+                            p = p if s[USE + j] > 0.0 else 0.0
+                            moved = (p != 0.0) & (s[USE + j] > 1.0)
+                            power = s[POWER + k * L + j] * (REMEMBERED if moved else 1.0)
+                            growth = 1.0 / REMEMBERED if moved else 1.0
                             s[PHI + k * L + j] = p
                             s[POWER + k * L + j] = power
-                            s[CAP + k * L + j] = cap
+                            s[CAP + k * L + j] = min(s[CAP + k * L + j] * growth, LARGEST)
+                            above |= p * p > power
+                        if above:
+                            for j in range(L):
+                                p = s[PHI + k * L + j]
+                                if p * p > s[POWER + k * L + j]:
+                                    cap = min(HELD / (p * p), LARGEST)
+                                    s[POWER + k * L + j] = p * p
+                                    s[CAP + k * L + j] = cap
+                                    s[D + k * L + j] = min(s[D + k * L + j], CLIPPED * cap)
                 if diagonal:
                     for j in range(L):
                         if s[FORGET + j] > 0.0 and s[USE + j] > 1.0:
@@ -203,26 +209,31 @@ def recursion(n_params, lanes):
                         forget = (s[FORGET + j] > 0.0) & (s[USE + j] > 1.0)
                         s[FORGET + j] = 0.0 if forget else s[FORGET + j]
                         s[INSTANTS + j] += 1.0 if forget else 0.0
-                        held = 0.0
-                        for k in range(N):
-                            factor = s[INFLATION + k * L + j] if forget else 1.0
+                        s[NOW + j] = 1.0 if forget else 0.0
+                        s[HELD_NOW + j] = 0.0
+                    for k in range(N):
+                        for j in range(L):
                             d = s[D + k * L + j]
-                            grown = d * factor
-                            over = grown - max(d, s[CAP + k * L + j])
+                            grown = d * s[INFLATION + k * L + j]
+                            cap = s[CAP + k * L + j]
+                            over = grown - max(d, cap)
                             for i in range(k):
                                 u = s[(k * (k - 1) // 2 + i) * L + j]
                                 tilted = u * s[TILT + (k * (k - 1) // 2 + i) * L + j]
-                                most = max(u * u * d, s[CAP + i * L + j])
-                                over = max(over, tilted * tilted * grown - most)
-                            hold = over > 0.0
-                            move = forget & (over <= 0.0)
-                            held = 1.0 if hold & forget else held
-                            s[D + k * L + j] = d if hold else grown
+                                cap_i = s[CAP + i * L + j]
+                                over = max(over, tilted * tilted * grown - max(u * u * d, cap_i))
+                                bound = max(u * u * cap, STEEPEST * cap_i)
+                                over = max(over, tilted * tilted * cap - bound)
+                            move = (over <= 0.0) & (s[NOW + j] > 0.0)
+                            hold = (over > 0.0) & (s[NOW + j] > 0.0)
+                            s[HELD_NOW + j] = 1.0 if hold else s[HELD_NOW + j]
+                            s[D + k * L + j] = grown if move else d
                             for i in range(k):
                                 u = s[(k * (k - 1) // 2 + i) * L + j]
                                 ratio = s[TILT + (k * (k - 1) // 2 + i) * L + j]
                                 s[(k * (k - 1) // 2 + i) * L + j] = u * (ratio if move else 1.0)
-                        s[HELDS + j] += held
+                    for j in range(L):
+                        s[HELDS + j] += s[HELD_NOW + j]
                 if priors.size > 0 and s[FORGET] == 0.0 and not prior_known:
                     prior_known = True
                     for i in range(N_FACTORS):
@@ -351,64 +362,40 @@ def stream(n_params):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def smooth(theta, P, factors, priors, diagonal, cut):
+def smooth(theta, P, factors, priors, cut):
     """Smooth a path in place, from its end, with the random walk that forgetting implies.
 
     ``factors`` are U and D of P after each instant, ``priors`` those of P + Q after forgetting, at
-    the instant after it. With C = I - Q (P + Q)^-1,
+    the instant after it: forgetting by one factor leaves U as it is, and a D that was cut back
+    counts as not forgotten. With C = P (P + Q)^-1
+    = U (D / D_prior) U^-1,
 
         theta(t) += C (theta(t + 1) - theta(t)),
         P(t) = (I - C) P(t) (I - C)' + C (P(t + 1) + Q) C'.
 
-    Forgetting by one factor leaves U as it is, so that C = U (D / D_prior) U^-1; with ``diagonal``
-    Q is diagonal. Instants in ``cut`` say nothing about the one before. P may have size 0.
+    Instants in ``cut`` say nothing about the one before. P may have size 0.
     """
     n_instants, n = theta.shape
     n_above = n * (n - 1) // 2
-    C, Q, before, after = np.eye(n), np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    C, Q, new = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     x = np.empty(n)
     for t in range(n_instants - 2, -1, -1):
         if cut[t + 1]:
             continue
-        u, d, prior = factors[t], factors[t, n_above:], priors[t + 1]
-        _multiply_out(prior, n, after)
-        _multiply_out(u, n, before)
-        if diagonal:
-            Q[:] = 0.0
-            for i in range(n):
-                Q[i, i] = max(after[i, i] - before[i, i], 0.0)
-            u = prior
-        else:
-            for k in range(n):
-                x[k] = max(prior[n_above + k] - d[k], 0.0)
-            for i in range(n):
-                for m in range(n):
-                    value = 0.0
-                    for k in range(max(i, m), n):
-                        value += _entry(u, i, k) * x[k] * _entry(u, m, k)
-                    Q[i, m] = value
+        u, d, prior = factors[t], factors[t, n_above:], priors[t + 1, n_above:]
         for column in range(n):
             for i in range(n):
                 x[i] = 1.0 if i == column else 0.0
             for k in range(n - 1, -1, -1):
                 for i in range(k):
-                    x[i] -= _entry(u, i, k) * x[k]
-            if diagonal:
-                for k in range(n):
-                    x[k] /= prior[n_above + k]
-                for k in range(n):
-                    for i in range(k):
-                        x[k] -= _entry(u, i, k) * x[i]
-                for i in range(n):
-                    C[i, column] = (1.0 if i == column else 0.0) - Q[i, i] * x[i]
-            else:
-                for k in range(n):
-                    x[k] *= d[k] / max(prior[n_above + k], d[k])
-                for k in range(n):
-                    for i in range(k):
-                        x[i] += _entry(u, i, k) * x[k]
-                for i in range(n):
-                    C[i, column] = x[i]
+                    x[i] -= u[k * (k - 1) // 2 + i] * x[k]
+            for k in range(n):
+                x[k] *= d[k] / max(prior[k], d[k])
+            for k in range(n):
+                for i in range(k):
+                    x[i] += u[k * (k - 1) // 2 + i] * x[k]
+            for i in range(n):
+                C[i, column] = x[i]
         for i in range(n):
             x[i] = theta[t + 1, i] - theta[t, i]
         for i in range(n):
@@ -417,36 +404,25 @@ def smooth(theta, P, factors, priors, diagonal, cut):
         if P.size == 0:
             continue
         for i in range(n):
+            for m in range(n):
+                Q[i, m] = 0.0
+                for k in range(max(i, m), n):
+                    left = u[k * (k - 1) // 2 + i] if i < k else 1.0
+                    right = u[k * (k - 1) // 2 + m] if m < k else 1.0
+                    Q[i, m] += left * max(prior[k] - d[k], 0.0) * right
+        for i in range(n):
             for m in range(i + 1):
                 value = 0.0
                 for k in range(n):
+                    rest = (1.0 if i == k else 0.0) - C[i, k]
                     for q in range(n):
                         value += C[i, k] * (P[t + 1, k, q] + Q[k, q]) * C[m, q]
-                        rest = (1.0 if i == k else 0.0) - C[i, k]
-                        value += rest * before[k, q] * ((1.0 if m == q else 0.0) - C[m, q])
-                after[i, m] = value
+                        value += rest * P[t, k, q] * ((1.0 if m == q else 0.0) - C[m, q])
+                new[i, m] = value
         for i in range(n):
             for m in range(i + 1):
-                P[t, i, m] = after[i, m]
-                P[t, m, i] = after[i, m]
-
-
-@njit(inline="always")
-def _entry(factors, i, k):
-    """U_ik, on or above the diagonal."""
-    return factors[k * (k - 1) // 2 + i] if i < k else 1.0
-
-
-@njit(inline="always")
-def _multiply_out(factors, n, P):
-    """P = U D U'."""
-    n_above = n * (n - 1) // 2
-    for i in range(n):
-        for m in range(n):
-            value = 0.0
-            for k in range(max(i, m), n):
-                value += _entry(factors, i, k) * factors[n_above + k] * _entry(factors, m, k)
-            P[i, m] = value
+                P[t, i, m] = new[i, m]
+                P[t, m, i] = new[i, m]
 
 
 @cache

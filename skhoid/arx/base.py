@@ -200,7 +200,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
 
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
         """Sets of parameters, and which of them each row of the grid has."""
-        return self.coef_[None], np.zeros(int(grid.end[-1]), dtype=np.int64)
+        return self.coef_[None], np.zeros(grid.n_rows, dtype=np.int64)
 
     def predict(self, X: Any) -> np.ndarray:
         """Simulate the output from the inputs alone (free run).

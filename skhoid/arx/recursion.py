@@ -87,7 +87,8 @@ class RecursionData:
         shape = (len(instants), instants.n_runs, 1)
         signals = np.full((1 + inputs.shape[1] + orders.intercept, *shape), np.nan)
         target = np.full(shape, np.nan)
-        at = (instants.of_row, instants.run, 0)
+        alone = instants.n_runs == 1
+        at: Any = (slice(None), 0, 0) if alone else (instants.of_row, instants.run, 0)
         signals[(0, *at)] = -output
         for position, column in enumerate(inputs.T):
             signals[(1 + position, *at)] = column
@@ -408,9 +409,7 @@ class Plan:
         used = paths.used[:, lane] if self.forgetting.nominal else NOTHING
         covariance = NOTHING
         if self.smooth:
-            theta, covariance = _smoothed(
-                paths, self.resets, self.forgetting.diagonal, self.with_covariance
-            )
+            theta, covariance = _smoothed(paths, self.resets, self.with_covariance)
         elif self.with_covariance:
             covariance = multiplied_out(paths.factors[:, :, lane], state.n_params)
             factors = used[:, None] if self.forgetting.nominal else self.forgetting.factors
@@ -438,7 +437,7 @@ def _instants_so_far(errors: np.ndarray, resets: np.ndarray) -> np.ndarray:
 
 
 def _smoothed(
-    paths: Paths, resets: np.ndarray, diagonal: bool, with_covariance: bool
+    paths: Paths, resets: np.ndarray, with_covariance: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fixed-interval smoothing of one recursion (Rauch, Tung and Striebel 1965)."""
     theta = paths.theta[:, :, 0].copy()
@@ -448,7 +447,7 @@ def _smoothed(
     cut = np.zeros(len(theta), dtype=np.bool_)
     cut[resets] = True
     factors, priors = (np.ascontiguousarray(f[:, :, 0]) for f in (paths.factors, paths.priors))
-    _kernels.recursion.smooth(theta, P, factors, priors, diagonal, cut)
+    _kernels.recursion.smooth(theta, P, factors, priors, cut)
     return theta, P
 
 

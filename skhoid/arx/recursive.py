@@ -89,9 +89,8 @@ class RecursiveARX(BaseARX):
         nearest end; or the last θ throughout.
     smooth : bool, default=False
         Smooth the path by also using what comes later (fixed-interval smoothing), with the random
-        walk of the parameters that the forgetting implies: their variance grows from P to P / λ,
-        or on the diagonal only. Not with ``"joint"`` forgetting of one λ per parameter, which is
-        no random walk, nor for streaming.
+        walk of the parameters that the forgetting implies: their covariance grows from P to P / λ.
+        It needs one λ for all parameters, and is not for streaming.
     store_covariance : bool, default=False
         Keep ``covariance_path_``.
     roles : dict or None, default=None
@@ -340,10 +339,10 @@ class RecursiveARX(BaseARX):
             self.log_likelihood_ = likelihoods(data, starts, forgetting, each)
             best = max(self.log_likelihood_, key=self.log_likelihood_.__getitem__)
             forgetting = forgetting.with_horizon(best)
-        if self.smooth and forgetting.factors.shape[1] > 1 and not forgetting.diagonal:
+        if self.smooth and (forgetting.factors.shape[1] > 1 or forgetting.diagonal):
             raise ValueError(
-                "smooth=True takes the parameters as a random walk, which ΛPΛ with one λ per "
-                "parameter is not. Use one λ, or forgetting_form='diagonal'."
+                "smooth=True needs one λ for all parameters and forgetting_form='joint': ΛPΛ with "
+                "one λ per parameter is no random walk of the parameters."
             )
         resets = self._resets(data.instants)
         plan = Plan(self.orders_, forgetting, resets, self.smooth, self.store_covariance)
@@ -404,16 +403,20 @@ class RecursiveARX(BaseARX):
         self.memory_horizon_ = float(horizon) if horizon.ndim == 0 else horizon
 
     def _set_paths(self, data: RecursionData, recursions: list[Recursion], each: bool) -> None:
-        inside = data.inside() if each else np.ones((1, len(data.instants)), dtype=bool)
-        share = inside / inside.sum(axis=0)
-        paths = np.stack([r.theta for r in recursions])
-        self.coef_path_ = np.einsum("rt,rtp->tp", share, paths)
-        self._last_share = share[:, -1]
-        if each:
-            self.coef_paths_ = np.where(inside[:, :, None], paths, np.nan)
+        self._last_share = np.ones(1)
+        self.coef_path_ = recursions[0].theta
         if self.store_covariance:
-            covariances = np.stack([r.covariance for r in recursions])
-            self.covariance_path_ = np.einsum("rt,rtpq->tpq", share**2, covariances)
+            self.covariance_path_ = recursions[0].covariance
+        if each:
+            inside = data.inside()
+            share = inside / inside.sum(axis=0)
+            self._last_share = share[:, -1]
+            paths = np.stack([r.theta for r in recursions])
+            self.coef_path_ = np.einsum("rt,rtp->tp", share, paths)
+            self.coef_paths_ = np.where(inside[:, :, None], paths, np.nan)
+            if self.store_covariance:
+                covariances = np.stack([r.covariance for r in recursions])
+                self.covariance_path_ = np.einsum("rt,rtpq->tpq", share**2, covariances)
         last = [r.state.theta for r in recursions]
         self.coef_ = np.einsum("r,rp->p", self._last_share, last)
 
@@ -489,8 +492,8 @@ class RecursiveARX(BaseARX):
         ----------
         X : DataFrame or array of shape (n_rows, n_columns)
             Channels. Runs and gaps are seen from the index, or from the run column. The fast way
-            (about 4 µs a call) is a C-contiguous float64 array; give it the delay as ``nk``, as
-            pipelines have no ``partial_fit``.
+            (about 4 µs a call) is a float64 array; give the delay as ``nk``, as pipelines have no
+            ``partial_fit``.
         y : Series or array of shape (n_rows,)
             Output. NaN means no measurement.
         new_run : bool, default=False
@@ -522,9 +525,9 @@ class RecursiveARX(BaseARX):
             and X.shape[1] == self.n_features_in_
             and X.shape[0] == y.size > 0
             and y.ndim == 1
-            and X.flags.carray
-            and y.flags.carray
-            and stream.take(X, y)
+            and stream.take(
+                X if X.flags.carray else _kernels.gate(X), y if y.flags.carray else _kernels.gate(y)
+            )
         ):
             return self._partial_fit(X, y, new_run)
         self._refresh(stream)

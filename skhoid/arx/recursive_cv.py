@@ -93,6 +93,10 @@ class RecursiveARXCV(RecursiveARX):
     ``GridSearchCV`` over ``memory_horizon`` of a :class:`RecursiveARX` gives the same scores.
     Other attributes are those of :class:`RecursiveARX`.
 
+    Runs of one forcing function share more than the operator: a path of very short memory can
+    learn the response to that very function, and then fails on any other. Where the best horizon
+    is surprisingly short, validate on runs with another target.
+
     Examples
     --------
     >>> from skhoid import RecursiveARXCV, VAFScorer, make_tracking_runs

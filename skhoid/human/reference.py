@@ -52,8 +52,9 @@ def reference_fits(
     references : DataFrame
         One row a window, named ``"ini"``, ``"fin"`` or ``"start-stop"``; columns ``start`` and
         ``stop`` (s), the ARX parameters, and with ``na = nb = 2`` those of the operator as
-        :func:`operator_parameters` names them, each with its standard deviation ``sd_...``. The
-        names of the ARX parameters are in ``attrs["parameter_names"]``.
+        :func:`operator_parameters` names them, each with its standard deviation ``sd_...``; NaN
+        where the poles are not a complex pair. The names of the ARX parameters are in
+        ``attrs["parameter_names"]``.
 
     Raises
     ------
@@ -144,7 +145,9 @@ def _estimates(model: Any, X: Any) -> dict[str, float]:
         found |= {name: value, f"sd_{name}": sd}
     if arx.orders_.na == 2 and arx.orders_.nb == (2,):
         try:
-            operator = operator_parameters(model).iloc[0]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # that there is NaN, as the table says
+                operator = operator_parameters(model).iloc[0]
         except ValueError:  # a delay shorter than the sample that zero-order hold takes
             return found
         for name in NAMES:

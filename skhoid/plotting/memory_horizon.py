@@ -360,8 +360,9 @@ def _joined(results: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
         kinds = list(dict.fromkeys(of_label["ratios"][~infinite])) or [""]
         for ratios in kinds:
             rows = of_label[infinite | (of_label["ratios"] == ratios)]
-            several = len(kinds) > 1 or not label
-            name = ", ".join(filter(None, (str(label), ratios if several else "")))
+            several = len(kinds) > 1
+            kind = ratios if several or not label else ""
+            name = ", ".join(filter(None, (str(label), kind or "one $N_0$" * several)))
             lines.append((name, rows))
     return lines
 

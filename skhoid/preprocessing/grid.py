@@ -51,6 +51,10 @@ class ModelGrid:
             measured[some],
         )
 
+    @property
+    def n_rows(self) -> int:
+        return self.layout.n_rows if self.rows is None else self.rows.size
+
     def thin_inputs(self, X: np.ndarray) -> np.ndarray:
         """Kept rows of inputs, which the Decimator has filtered already."""
         return X if self.rows is None else X[self.rows]

@@ -124,7 +124,7 @@ def test_horizons_of_each_parameter_stand_at_the_shortest(data):
     score = search.cv_results_["mean_test_score"]
     end = display.infinite_
     expected = {
-        "": ([32, 128, end], score[[0, 2, 5]]),
+        "one $N_0$": ([32, 128, end], score[[0, 2, 5]]),
         "(∞, ∞, $N_0$, $N_0$)": ([32, 128, end], score[[1, 3, 5]]),
         "(4 $N_0$, 4 $N_0$, $N_0$, $N_0$)": ([32, end], score[[4, 5]]),
     }
