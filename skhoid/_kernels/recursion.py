@@ -75,7 +75,7 @@ def recursion(n_params, lanes):
         """
         n_runs, shared = Z.shape[2], Z.shape[3] == 1
         wide = 1 if inflate.shape[1] > 1 else 0
-        apart = wide == 1 or diagonal or priors.size > 0
+        apart = wide == 1 or diagonal
         for t in range(begin, end):
             if t == begin or inflate.shape[0] > 1:
                 now = 0 if inflate.shape[0] == 1 else t - offset
@@ -86,7 +86,7 @@ def recursion(n_params, lanes):
                 for i in range(N * (N - 1) // 2):
                     for j in range(L):
                         s[TILT + i * L + j] = tilt[now, i * wide, j] if wide == 1 else 1.0
-            prior_known = False
+            pending = True
             for j in range(L):
                 s[FORGET + j] = 1.0
                 s[TOTAL_NOW + j] = 0.0
@@ -172,12 +172,31 @@ def recursion(n_params, lanes):
                                     s[POWER + k * L + j] = p * p
                                     s[CAP + k * L + j] = cap
                                     s[D + k * L + j] = min(s[D + k * L + j], CLIPPED * cap)
-                if diagonal:
+                if pending and not apart:
                     for j in range(L):
-                        if s[FORGET + j] > 0.0 and s[USE + j] > 1.0:
-                            s[FORGET + j] = 0.0
-                            s[INSTANTS + j] += 1.0
-                            held = 0.0
+                        forget = (s[FORGET + j] > 0.0) & (s[USE + j] > 1.0)
+                        s[FORGET + j] = 0.0 if forget else s[FORGET + j]
+                        s[INSTANTS + j] += 1.0 if forget else 0.0
+                        factor = s[INFLATION + j] if forget else 1.0
+                        held = 0.0
+                        for k in range(N):
+                            d = s[D + k * L + j]
+                            grown = d * factor
+                            hold = grown > max(d, s[CAP + k * L + j])
+                            held = 1.0 if hold else held
+                            s[D + k * L + j] = d if hold else grown
+                        s[HELDS + j] += held
+                elif pending:
+                    for j in range(L):
+                        forget = (s[FORGET + j] > 0.0) & (s[USE + j] > 1.0)
+                        s[FORGET + j] = 0.0 if forget else s[FORGET + j]
+                        s[INSTANTS + j] += 1.0 if forget else 0.0
+                        s[NOW + j] = 1.0 if forget else 0.0
+                        s[HELD_NOW + j] = 0.0
+                    if diagonal:
+                        for j in range(L):
+                            if s[NOW + j] == 0.0:
+                                continue
                             for k in range(N):
                                 p = s[D + k * L + j]
                                 for i in range(k + 1, N):
@@ -185,10 +204,9 @@ def recursion(n_params, lanes):
                                     p += u * u * s[D + i * L + j]
                                 factor = s[INFLATION + k * L + j]
                                 if factor > 1.0 and p * factor > s[CAP + k * L + j]:
-                                    held = 1.0
+                                    s[HELD_NOW + j] = 1.0
                                     factor = 1.0
                                 s[GAIN + k * L + j] = p * (factor - 1.0)
-                            s[HELDS + j] += held
                             for m in range(N):  # P + c e e' (Agee and Turner 1972)
                                 c = s[GAIN + m * L + j]
                                 for i in range(m + 1):
@@ -204,62 +222,47 @@ def recursion(n_params, lanes):
                                         s[SPARE + i * L + j] = rest
                                         s[(k * (k - 1) // 2 + i) * L + j] = u + c * v / d * rest
                                     c *= before / d
-                elif apart:
-                    for j in range(L):
-                        forget = (s[FORGET + j] > 0.0) & (s[USE + j] > 1.0)
-                        s[FORGET + j] = 0.0 if forget else s[FORGET + j]
-                        s[INSTANTS + j] += 1.0 if forget else 0.0
-                        s[NOW + j] = 1.0 if forget else 0.0
-                        s[HELD_NOW + j] = 0.0
-                    for k in range(N):
-                        for j in range(L):
-                            d = s[D + k * L + j]
-                            grown = d * s[INFLATION + k * L + j]
-                            cap = s[CAP + k * L + j]
-                            over = grown - max(d, cap)
-                            for i in range(k):
-                                u = s[(k * (k - 1) // 2 + i) * L + j]
-                                tilted = u * s[TILT + (k * (k - 1) // 2 + i) * L + j]
-                                cap_i = s[CAP + i * L + j]
-                                over = max(over, tilted * tilted * grown - max(u * u * d, cap_i))
-                                bound = max(u * u * cap, STEEPEST * cap_i)
-                                over = max(over, tilted * tilted * cap - bound)
-                            move = (over <= 0.0) & (s[NOW + j] > 0.0)
-                            hold = (over > 0.0) & (s[NOW + j] > 0.0)
-                            s[HELD_NOW + j] = 1.0 if hold else s[HELD_NOW + j]
-                            s[D + k * L + j] = grown if move else d
-                            for i in range(k):
-                                u = s[(k * (k - 1) // 2 + i) * L + j]
-                                ratio = s[TILT + (k * (k - 1) // 2 + i) * L + j]
-                                s[(k * (k - 1) // 2 + i) * L + j] = u * (ratio if move else 1.0)
+                    else:
+                        for k in range(N):
+                            for j in range(L):
+                                d = s[D + k * L + j]
+                                grown = d * s[INFLATION + k * L + j]
+                                cap = s[CAP + k * L + j]
+                                over = grown - max(d, cap)
+                                for i in range(k):
+                                    u = s[(k * (k - 1) // 2 + i) * L + j]
+                                    tilted = u * s[TILT + (k * (k - 1) // 2 + i) * L + j]
+                                    cap_i = s[CAP + i * L + j]
+                                    most = max(u * u * d, cap_i)
+                                    over = max(over, tilted * tilted * grown - most)
+                                    most = max(u * u * cap, STEEPEST * cap_i)
+                                    over = max(over, tilted * tilted * cap - most)
+                                move = (over <= 0.0) & (s[NOW + j] > 0.0)
+                                hold = (over > 0.0) & (s[NOW + j] > 0.0)
+                                s[HELD_NOW + j] = 1.0 if hold else s[HELD_NOW + j]
+                                s[D + k * L + j] = grown if move else d
+                                for i in range(k):
+                                    u = s[(k * (k - 1) // 2 + i) * L + j]
+                                    ratio = s[TILT + (k * (k - 1) // 2 + i) * L + j]
+                                    s[(k * (k - 1) // 2 + i) * L + j] = u * (ratio if move else 1.0)
                     for j in range(L):
                         s[HELDS + j] += s[HELD_NOW + j]
-                if priors.size > 0 and s[FORGET] == 0.0 and not prior_known:
-                    prior_known = True
-                    for i in range(N_FACTORS):
-                        priors[t, i, 0] = s[i * L]
+                if pending and shared and s[FORGET] == 0.0:
+                    pending = False
+                    if priors.size > 0:
+                        for i in range(N_FACTORS):
+                            priors[t, i, 0] = s[i * L]
                 for j in range(L):
-                    known = s[USE + j] > 0.0
-                    forget = (s[FORGET + j] > 0.0) & (s[USE + j] > 1.0)
-                    s[FORGET + j] = 0.0 if forget else s[FORGET + j]
-                    s[INSTANTS + j] += 1.0 if forget else 0.0
-                    factor = s[INFLATION + j] if forget else 1.0
                     e = s[ERROR + j]
                     for k in range(N):
                         e -= s[PHI + k * L + j] * s[THETA + k * L + j]
                     alpha = 1.0
                     inverse = 1.0
-                    held = 0.0
                     for k in range(N):
                         f = s[PHI + k * L + j]
                         for i in range(k):
                             f += s[(k * (k - 1) // 2 + i) * L + j] * s[PHI + i * L + j]
-                        cap = s[CAP + k * L + j]
                         d = s[D + k * L + j]
-                        grown = d * factor
-                        hold = grown > max(d, cap)
-                        held = 1.0 if hold else held
-                        d = d if hold else grown
                         g = d * f
                         before = alpha
                         alpha = before + f * g
@@ -275,9 +278,8 @@ def recursion(n_params, lanes):
                     gain = inverse * e
                     for k in range(N):
                         s[THETA + k * L + j] += s[GAIN + k * L + j] * gain
-                    s[HELDS + j] += held
                     s[TOTAL_NOW + j] += e * gain
-                    s[UPDATES_NOW + j] += 1.0 if known else 0.0
+                    s[UPDATES_NOW + j] += 1.0 if s[USE + j] > 0.0 else 0.0
                     s[ERROR + j] = e
                     s[ALPHA + j] = alpha
                 if errors.size > 0:
@@ -430,7 +432,7 @@ def free_runs(na, n_params, lanes):
     """Compile ``follow`` for the orders of a model and a number of lanes."""
     NA, N, L = na, n_params, lanes
 
-    def follow(signals, columns, lags, begin, end, past, path, at, bound):
+    def follow(signals, columns, lags, begin, end, past, path, at, bound, keep):
         """Simulate rows of one recording freely along several parameter paths.
 
         Regressor ``k >= na`` is signal ``columns[k]``, of shape (n_signals, n_rows), at
@@ -438,10 +440,10 @@ def free_runs(na, n_params, lanes):
         compare with, NaN where not. Row t is simulated with ``path[at[t]]``, of shape (n_params,
         lanes), from zero outputs at the beginning of each stretch, and is held within ``+-bound``.
 
-        Returns the output of the rows from ``begin[0]`` to ``end[-1]``, and the sum of the squared
-        errors by lane.
+        Returns the output of the rows from ``begin[0]`` to ``end[-1]``, none unless ``keep``, and
+        the sum of the squared errors by lane.
         """
-        out = np.zeros((end[-1] - begin[0], L))
+        out = np.zeros((end[-1] - begin[0] if keep else 0, L))
         lost = np.zeros(L)
         phi = np.zeros(N)
         last = np.zeros(NA * L)  # outputs of the rows before, the latest first
@@ -463,11 +465,12 @@ def free_runs(na, n_params, lanes):
                 for k in range(NA - 1, 0, -1):
                     for j in range(L):
                         last[k * L + j] = last[(k - 1) * L + j]
-                row = t - begin[0]
-                for j in range(L):
-                    if NA > 0:
+                if NA > 0:
+                    for j in range(L):
                         last[j] = new[j]
-                    out[row, j] = new[j]
+                if keep:
+                    for j in range(L):
+                        out[t - begin[0], j] = new[j]
                 y = signals[0, t]
                 if y == y:
                     for j in range(L):

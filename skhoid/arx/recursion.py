@@ -16,7 +16,7 @@ from .forgetting import Forgetting, kernel_arrays
 from .orders import Orders, regressors
 
 NOTHING = np.empty((0, 0, 0))
-UNUSED = np.empty((0, 0))
+SPARSE = 10  # times the rows, beyond which instants are sorted instead of counted
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,14 @@ class Instants:
         run = grid.layout.run_of(rows) if n_runs > 1 else np.zeros(number.size, dtype=np.int64)
         if n_runs == 1:
             return cls(number, np.arange(number.size), run, grid.dt, 1)
-        unique, of_row = np.unique(number, return_inverse=True)
-        return cls(unique, of_row, run, grid.dt, n_runs)
+        first, last = int(number.min()), int(number.max())
+        if last - first > SPARSE * number.size:
+            unique, of_row = np.unique(number, return_inverse=True)
+            return cls(unique, of_row, run, grid.dt, n_runs)
+        taken = np.zeros(last - first + 1, dtype=bool)
+        taken[number - first] = True
+        of_row = np.cumsum(taken)[number - first] - 1
+        return cls(first + np.flatnonzero(taken), of_row, run, grid.dt, n_runs)
 
     @property
     def time(self) -> np.ndarray:
@@ -200,10 +206,9 @@ class State:
 
     def reset(self, P0: np.ndarray) -> None:
         """Set P back to one matrix, or to one for each lane, and begin to forget anew."""
-        for lane, P in enumerate(P0 if P0.ndim > 2 else [P0] * self.lanes):
-            U, D = factored(P)
-            self.rows("U")[:, lane] = U
-            self.rows("D")[:, lane] = D
+        parts = [factored(P) for P in (P0 if P0.ndim > 2 else [P0])]
+        self.rows("U")[:] = np.array([U for U, _ in parts]).T
+        self.rows("D")[:] = np.array([D for _, D in parts]).T
         self.rows("instants")[:] = 0.0
 
     def lane(self, lane: int) -> State:

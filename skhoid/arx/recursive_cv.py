@@ -235,14 +235,17 @@ class RecursiveARXCV(RecursiveARX):
                 folds = folds_of(X, y, layout, self.cv)
             except RunCutWarning as cut:
                 raise ValueError(f"{cut} A path in time cannot be scored within a run.") from None
-        pairs = [(np.unique(run[fold.train]), np.unique(run[fold.test])) for fold in folds]
-        for fold, runs in zip(folds, pairs, strict=True):
-            for mask, of_mask in zip((fold.train, fold.test), runs, strict=True):
-                if mask.sum() != np.isin(run, of_mask).sum():
-                    raise ValueError(
-                        f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs "
-                        "whole ones, as LeaveOneGroupOut and GroupKFold give."
-                    )
+        length = np.diff(layout.run_starts)
+        pairs = []
+        for fold in folds:
+            masks = (fold.train, fold.test)
+            counts = [np.bincount(run[mask], minlength=length.size) for mask in masks]
+            if any(((count > 0) & (count < length)).any() for count in counts):
+                raise ValueError(
+                    f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs "
+                    "whole ones, as LeaveOneGroupOut and GroupKFold give."
+                )
+            pairs.append((np.flatnonzero(counts[0]), np.flatnonzero(counts[1])))
         return pairs
 
     def _set_results(self, settings: list[Forgetting], scores: np.ndarray) -> None:
@@ -366,4 +369,5 @@ class _Validation:
             paths,
             self.data.instants.of_row,
             BOUND,
+            not self.sums_suffice,
         )
