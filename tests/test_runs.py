@@ -21,6 +21,8 @@ from skhoid import (
     DelaySearchCV,
     DelayShift,
     OrderSearchCV,
+    RecursiveARX,
+    RecursiveARXCV,
     RunInTrimmer,
     SamplingJitterWarning,
     run_labels,
@@ -40,6 +42,19 @@ ESTIMATORS = {
         RunInTrimmer(0.2), DelayShift(0.03), Decimator(3, padding="odd"), ARXRegressor(2, 1)
     ),
     "aggregate": make_pipeline(Decimator(2, method="aggregate"), ARXRegressor(2, 2, 1)),
+    "recursive": RecursiveARX(2, 2, 3, memory_horizon=30, init_window=0.6),
+    "recursive-matrix": RecursiveARX(
+        2, 2, 3, memory_horizon=[np.inf, np.inf, 30, 60], init="zeros"
+    ),
+    "recursive-average": RecursiveARX(2, 2, 3, memory_horizon=30, combine="average_estimates"),
+    "recursive-miso": RecursiveARX(
+        1, [2, 1], [3, 0], inputs=["e", "x"], memory_time=0.5, smooth=True
+    ),
+    "recursive-auto": RecursiveARX(2, 2, 3, forgetting="auto", fit_intercept=True),
+    "recursive-cv": RecursiveARXCV([20, 50, np.inf], 2, 2, 3),
+    "recursive-pipeline": make_pipeline(
+        Decimator(2), DelayShift(0.03), RecursiveARX(2, 2, memory_horizon=30)
+    ),
 }
 each_estimator = pytest.mark.parametrize("estimator", ESTIMATORS.values(), ids=ESTIMATORS.keys())
 
@@ -142,6 +157,13 @@ CONTAINERS = {
     "shift": make_pipeline(DelayShift(0.03), ARXRegressor()),
     "decimated": make_pipeline(DelayShift(0.03), Decimator(2), ARXRegressor()),
     "trimmed": make_pipeline(RunInTrimmer(0.2), Decimator(2), DelayShift(0.03), ARXRegressor()),
+    "recursive": RecursiveARX(2, 2, 3, memory_horizon=30),
+    "recursive-miso": RecursiveARX(
+        1, [2, 1], [3, 0], inputs=["e", "x"], memory_time=0.5, smooth=True
+    ),
+    "recursive-pipe": make_pipeline(
+        DelayShift(0.03), Decimator(2), RecursiveARX(memory_horizon=30)
+    ),
 }
 
 

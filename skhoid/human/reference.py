@@ -13,7 +13,7 @@ from sklearn.pipeline import Pipeline
 from ..arx.base import BaseARX
 from ..arx.batch import ARXRegressor
 from ..exceptions import MissingDataWarning
-from ..pipelines import final_step, raw_layout, reach_model, trimmed_rows, unwrapped
+from ..pipelines import final_step, raw_layout, trimmed_rows, unwrapped
 from .conversion import operator_parameters
 from .fitting import NAMES
 
@@ -95,10 +95,11 @@ def reference_fits(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", MissingDataWarning)
             model = clone(batch).fit(X, masked)
-        rows[name] = {"start": start, "stop": stop} | _estimates(model, X)
-        parameter_names = list(reach_model(model, X[:1])[0].parameter_names_)
+        rows[name] = {"start": start, "stop": stop} | _estimates(model)
+    if not rows:
+        raise ValueError("windows is empty; name at least one.")
     frame = pd.DataFrame.from_dict(rows, orient="index")
-    frame.attrs["parameter_names"] = parameter_names
+    frame.attrs["parameter_names"] = list(final_step(model)[1].parameter_names_)
     return frame
 
 
@@ -138,7 +139,7 @@ def _bounds(window: Any, layout: Any, measured: np.ndarray, length: float) -> tu
     return f"{start:g}-{stop:g}", start, stop
 
 
-def _estimates(model: Any, X: Any) -> dict[str, float]:
+def _estimates(model: Any) -> dict[str, float]:
     arx = unwrapped(final_step(model)[1])
     found: dict[str, float] = {}
     for name, value, sd in zip(arx.parameter_names_, arx.coef_, arx.standard_errors_, strict=True):
