@@ -228,6 +228,9 @@ class RecursiveARXCV(RecursiveARX):
                 "RecursiveARXCV validates on other runs, and X has one. For a single run use "
                 "RecursiveARX(forgetting='auto'), which goes by one-step predictions."
             )
+        if self.cv is None:
+            every = np.arange(len(layout.labels))
+            return [(np.delete(every, run), every[[run]]) for run in every]
         run = layout.run_of(np.arange(layout.n_rows))
         with warnings.catch_warnings():
             warnings.simplefilter("error", RunCutWarning)

@@ -49,7 +49,7 @@ def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any) -> list[Fold]:
         cut = [
             layout.labels[i]
             for train, test in splits
-            for i in np.intersect1d(run[train], run[test])[:1]
+            for i in np.flatnonzero(_touched(train, run) & _touched(test, run))[:1]
         ]
         if cut:
             warnings.warn(
@@ -66,4 +66,9 @@ def _fold(train: np.ndarray, test: np.ndarray, run: np.ndarray) -> Fold:
     masks = np.zeros((2, run.size), dtype=bool)
     masks[0, train] = True
     masks[1, test] = True
-    return Fold(masks[0], masks[1], np.isin(run, np.unique(run[test])))
+    return Fold(masks[0], masks[1], _touched(test, run)[run])
+
+
+def _touched(rows: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Whether each run has any of the rows."""
+    return np.bincount(run[rows], minlength=int(run[-1]) + 1) > 0
