@@ -140,6 +140,9 @@ class BaseARX(RegressorMixin, BaseEstimator):
                 stacklevel=5,
             )
 
+    def _check_fitted(self) -> None:
+        check_is_fitted(self)
+
     def to_transfer_function(self, backend: str = "scipy") -> Any:
         """Return the discrete-time transfer function from the inputs to the output.
 
@@ -157,7 +160,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
             With several inputs SciPy, which has no systems of several inputs with delays, gets
             a dict ``{input: dlti}``; python-control gets one system.
         """
-        check_is_fitted(self)
+        self._check_fitted()
         if backend not in ("scipy", "control"):
             raise ValueError(f"backend must be 'scipy' or 'control'; got {backend!r}.")
         return transfer_function(
@@ -224,7 +227,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         predict_ahead : Predictions that use the measured output.
         simulate : Free run from an estimated initial state.
         """
-        check_is_fitted(self)
+        self._check_fitted()
         grid, values = self._read_X(X, reset=False)
         return grid.to_full_rate(self._simulate(grid, self._held_inputs(grid, values)))
 
@@ -249,7 +252,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
             raise ValueError(f"initial_state must be 'zero' or 'estimate'; got {initial_state!r}.")
         if initial_state == "zero":
             return self.predict(X)
-        check_is_fitted(self)
+        self._check_fitted()
         if y is None:
             raise ValueError("initial_state='estimate' needs the measured output y.")
         grid, values = self._read_X(X, reset=False)
@@ -291,7 +294,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
             Outputs and inputs before a run or a gap are taken as zero; a missing output is
             replaced by its own one-step prediction.
         """
-        check_is_fitted(self)
+        self._check_fitted()
         if isinstance(horizon, bool) or not isinstance(horizon, (int, np.integer)) or horizon < 1:
             raise ValueError(f"horizon is a number of samples, at least 1; got {horizon!r}.")
         grid, values = self._read_X(X, reset=False)
@@ -345,7 +348,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         vaf : float
             Unclipped, at least -1000; rows of a marked run-in are left out.
         """
-        check_is_fitted(self)
+        self._check_fitted()
         grid, values = self._read_X(X, reset=False)
         prediction = grid.to_full_rate(self._simulate(grid, self._held_inputs(grid, values)))
         keep = scored_rows(grid.layout, None, None)
@@ -355,7 +358,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
         self, X: Any, y: Any, keep: np.ndarray, average: str, centered: bool
     ) -> float:
         """VAF on the filtered and thinned signals; see ``VAFScorer(rate="model")``."""
-        check_is_fitted(self)
+        self._check_fitted()
         grid, values = self._read_X(X, reset=False)
         output = self._read_y(X, y)
         free = self._simulate(grid, self._held_inputs(grid, values))

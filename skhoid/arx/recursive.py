@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -12,32 +11,22 @@ from .. import _kernels
 from .._sklearn import Interval, StrOptions, fit_context
 from ..exceptions import ShortRunError
 from ..preprocessing.grid import ModelGrid
-from .base import BaseARX, check_row_count
+from .base import check_row_count
 from .forgetting import Forgetting, read_forgetting
-from .orders import Orders
+from .partial_fit import PATHS, PartialFit
 from .recursion import (
     Instants,
     Plan,
     Recursion,
     RecursionData,
-    State,
     grid_numbers,
     likelihoods,
 )
 from .start import needs_data, start_of
-from .streaming import Clock, Piece, Stream, first_rows, window_rows
-
-PATHS = (
-    "coef_path_",
-    "time_path_",
-    "covariance_path_",
-    "coef_paths_",
-    "one_step_errors_",
-    "log_likelihood_",
-)
+from .streaming import Clock
 
 
-class RecursiveARX(BaseARX):
+class RecursiveARX(PartialFit):
     """ARX model whose parameters follow the data, by recursive least squares with forgetting.
 
     At each instant, with φ(t) = [-u(t-1) ... e(t-nk) ...] (Eqs. 10-20 of the thesis):
@@ -458,9 +447,6 @@ class RecursiveARX(BaseARX):
             return 0
         return int(sum(state.count("held").sum() for state in self._states))
 
-    def __sklearn_is_fitted__(self) -> bool:
-        return "coef_" in vars(self)
-
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
         if self.parameters == "last" or "coef_path_" not in vars(self):
             return super()._parameters(grid)
@@ -474,152 +460,3 @@ class RecursiveARX(BaseARX):
         before = np.searchsorted(self._numbers, grid_numbers(grid)[rows], side="left")
         path = np.concatenate([self.initial_coef_[None], self.coef_path_])
         return np.einsum("tp,tp->t", regressors, path[before])
-
-    def partial_fit(self, X: Any, y: Any, *, new_run: bool = False) -> RecursiveARX:
-        """Go on with rows that follow those seen before, one or many.
-
-        The estimates do not depend on how the stream is cut: with the same θ0 and P0 they are
-        those of ``fit``, bit for bit. With ``init="ols"`` or ``p0=None`` rows are collected until
-        ``init_window`` is full, and then taken; until then there is no estimate. Give ``init`` and
-        ``p0`` to have one from the first row with known lags. After ``fit`` the stream goes on
-        from its end.
-
-        A new run, or a gap, clears the lags; θ and P stay. Runs are taken one after the other, so
-        that several of them give something else than ``fit``, which aligns them. No path is kept:
-        ``coef_`` and what derives from it are current, and predictions use it.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels. Runs and gaps are seen from the index, or from the run column. The fast way
-            (about 4 µs a call) is a float64 array; give the delay as ``nk``, as pipelines have no
-            ``partial_fit``.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
-        new_run : bool, default=False
-            Whether a new run begins with the first row.
-
-        Returns
-        -------
-        self : RecursiveARX
-
-        Raises
-        ------
-        ValueError
-            If X is decimated, or the options need whole runs: ``smooth``, ``forgetting="auto"``
-            or an array over time, ``combine="average_estimates"``.
-        RunIndexError
-            If time goes backwards within a run.
-        """
-        stream = vars(self).get("_stream")
-        if not (
-            stream is not None
-            and self._simple
-            and stream.plain
-            and not new_run
-            and type(X) is np.ndarray
-            and type(y) is np.ndarray
-            and X.dtype == np.float64
-            and y.dtype == np.float64
-            and X.ndim == 2
-            and X.shape[1] == self.n_features_in_
-            and X.shape[0] == y.size > 0
-            and y.ndim == 1
-            and stream.take(
-                X if X.flags.carray else _kernels.gate(X), y if y.flags.carray else _kernels.gate(y)
-            )
-        ):
-            return self._partial_fit(X, y, new_run)
-        self._refresh(stream)
-        return self
-
-    @fit_context(prefer_skip_nested_validation=True)
-    def _partial_fit(self, X: Any, y: Any, new_run: bool) -> RecursiveARX:
-        """The way for all that :meth:`partial_fit` does not take at once."""
-        stream = vars(self).get("_stream")
-        if stream is None and "_pending" not in vars(self):
-            grid, _, output, values = self._read_data(X, y)
-            self._pending: list[Piece] = []
-            self._clock = Clock()
-        else:
-            grid, values = self._read_X(X, reset=False)
-            output = self._read_y(X, y)
-        if grid.layout.mark is not None:
-            raise ValueError(
-                "partial_fit cannot take decimated rows: the filter of the Decimator needs what "
-                "comes after them. Stream at the rate of the model."
-            )
-        self.orders_ = Orders.of(
-            self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept)
-        )
-        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        self._check_streaming()
-        self._simple = self._run is None and not self._indexed and self._names is None
-        self._check_size(values, output)
-        values, output = _kernels.gate(values), _kernels.gate(output)
-        pieces = list(self._clock.pieces(grid.layout, values, output, new_run))
-        if stream is None:
-            self._pending += [replace(p, X=p.X.copy(), y=p.y.copy()) for p in pieces]
-            pieces = self._pending
-            stream = self._started_stream()
-            if stream is None:
-                return self
-            self._stream = stream
-            del self._pending
-        for piece in pieces:
-            stream.feed(piece, self._indexed)
-        self._refresh(stream)
-        return self
-
-    def _check_streaming(self) -> None:
-        whole = {
-            "smooth=True": self.smooth,
-            "combine='average_estimates'": self.combine == "average_estimates",
-            "forgetting='auto'": isinstance(self.forgetting, str) and self.forgetting == "auto",
-        }
-        for option, chosen in whole.items():
-            if chosen:
-                raise ValueError(f"partial_fit cannot work with {option}, which needs whole runs.")
-        if callable(self.forgetting) or isinstance(self.forgetting, str):
-            return
-        if np.shape(self.forgetting) not in ((), (self.orders_.n_params,)):
-            raise ValueError(
-                f"partial_fit cannot take forgetting as an array of shape "
-                f"{np.shape(self.forgetting)} over instants, whose number is open. Give it as a "
-                "function of the time in the run, in seconds."
-            )
-
-    def _started_stream(self) -> Stream | None:
-        """A stream from the pending rows, if they suffice."""
-        table, n_rows = None, window_rows(self.init_window, self.dt_)
-        if needs_data(self.init, self.p0):
-            table = first_rows(self._pending, self._columns, n_rows, self.orders_)
-            if table is None:
-                return None
-        theta0, P0 = start_of(self.init, self.p0, self.parameter_names_, table)
-        forgetting = self._read_forgetting(np.zeros(1))
-        state = State(theta0, P0)
-        if forgetting.nominal:
-            state.set_factor(float(forgetting.factors[0, 0]))
-        self.initial_coef_, self.initial_covariance_ = theta0, P0
-        return self._new_stream(state, forgetting, P0)
-
-    def _new_stream(self, state: State, forgetting: Forgetting, P0: np.ndarray) -> Stream:
-        self._simple = self._run is None and not self._indexed and self._names is None
-        return Stream(
-            state, self.orders_, self._columns, forgetting, P0, self._reset_times(), self.dt_
-        )
-
-    def _refresh(self, stream: Stream) -> None:
-        """Make attributes say what the stream says."""
-        self.coef_ = stream.state.theta
-        settled = "_states" in vars(self) and "coef_path_" not in vars(self)
-        if settled and stream.plain and not stream.forgetting.nominal:
-            return
-        self._forget(*PATHS)
-        self._states, self._last_share = [stream.state], np.ones(1)
-        self._set_forgetting(stream.forgetting, stream.state.factor)
-
-    def _forget(self, *names: str) -> None:
-        for name in names:
-            self.__dict__.pop(name, None)
