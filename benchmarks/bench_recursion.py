@@ -316,7 +316,7 @@ class Lanes:
             )  # fmt: skip
 
         def run() -> object:
-            return follow(recording, columns, lags, *stretch, path, rows, 1e100)
+            return follow(recording, columns, lags, *stretch, path, rows, 1e100, True)
 
         self.learn, self.run, self.path = learn, run, path
         self.samples = (n - FIRST) * lanes

@@ -61,6 +61,11 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
         raise RunIndexError("ensemble_average needs the index levels 'run' and 'time' in X.")
     check_alignment(X, y)
     layout = read_layout(X)
+    if layout.mark is not None or layout.trimmed is not None:
+        raise RunIndexError(
+            "ensemble_average takes recorded rows, not those marked by a Decimator or a "
+            "RunInTrimmer; average first and put these into the pipeline."
+        )
     table = X.assign(**{"": np.asarray(y, dtype=float)})  # no channel has an empty name
     outer = [name for name in index.names if name not in (RUN, TIME)]
     starts = layout.run_starts

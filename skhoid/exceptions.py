@@ -10,6 +10,7 @@ __all__ = [
     "RemnantIntensityError",
     "RunCutWarning",
     "RunIndexError",
+    "RunTimeWarning",
     "SamplingJitterWarning",
     "ShortRunError",
     "UnstableLoopError",
@@ -54,3 +55,7 @@ class PoorExcitationWarning(UserWarning):
 
 class RunCutWarning(UserWarning):
     """A cross-validation split has rows of one run on both sides."""
+
+
+class RunTimeWarning(UserWarning):
+    """Runs that should share their time in the run do not."""

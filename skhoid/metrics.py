@@ -142,6 +142,10 @@ def vaf_of_sums(
     ``lost`` are those of the error, for several models on further axes, ``power`` those of the
     measured output of runs that were ``scored``.
     """
+    if not scored.any():
+        raise ValueError(
+            "No row is left to score: the run-in, the window and missing values leave out all rows."
+        )
     power = np.where(scored, power, np.nan)
     if average == "pooled":
         lost, power = lost.sum(axis=0, keepdims=True), np.nansum(power, keepdims=True)

@@ -287,20 +287,20 @@ def free_run_along(X, stretches, split, path, nk, past=None, bound=1e100):
 
 
 def predict_ahead_along(y, X, stretches, split, path, nk, horizon):
-    """As ``predict_ahead``, row t with the parameters ``path[t]``."""
+    """As ``predict_ahead``, the prediction of row t with the parameters ``path[t]``."""
     out = np.zeros(len(y))
     for begin, end in stretches:
         measured = {}
 
-        def value_at(row, history, begin=begin):
-            a, b, intercept = split(path[row])
+        def value_at(row, history, target, begin=begin):
+            a, b, intercept = split(path[target])
             lags = [history.get(row - 1 - i, 0.0) for i in range(len(a))]
             return one_step(row, lags, X, a, b, nk, intercept, begin)
 
         for t in range(begin, end):
             history = {row: value for row, value in measured.items() if row <= t - horizon}
             for row in range(max(begin, t - horizon + 1), t + 1):
-                history[row] = value_at(row, history)
+                history[row] = value_at(row, history, t)
             out[t] = history[t]
-            measured[t] = value_at(t, measured) if np.isnan(y[t]) else float(y[t])
+            measured[t] = value_at(t, measured, t) if np.isnan(y[t]) else float(y[t])
     return out

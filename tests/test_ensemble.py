@@ -66,6 +66,8 @@ def test_errors_of_the_average():
     late = pd.concat([X.loc[[1]], with_levels(X.loc[[2]], time=5 + 0.01 * np.arange(120))])
     with pytest.raises(RunIndexError, match="no instant in common"):
         ensemble_average(late, y.to_numpy())
+    with pytest.raises(RunIndexError, match="Decimator"):
+        ensemble_average(Decimator(2).fit_transform(X), y)
     with pytest.raises(ValueError, match="different targets f_t"):
         ensemble_average(X.assign(f_t=X["e"]), y)
 
@@ -124,5 +126,7 @@ def test_errors_of_references(adapting):
         reference_fits(X, y, ["middle"])
     with pytest.raises(TypeError, match="ARX model"):
         reference_fits(X, y, estimator=Decimator())
-    with pytest.raises(ValueError, match="nothing was measured"):
-        reference_fits(X, y, [(500, 600)], estimator=RecursiveARX(nk=29))
+    with pytest.raises(ValueError, match=r"500-600.*nothing was measured"):
+        reference_fits(X, y, (500, 600), estimator=RecursiveARX(nk=29))
+    with pytest.raises(ValueError, match="length=100 s is longer"):
+        reference_fits(X, y, "fin", estimator=RecursiveARX(nk=29), length=100)

@@ -72,6 +72,21 @@ def test_scores_are_those_of_grid_search(runs, steps, scorer):
     assert search.n_runs_pooled_ == 3
 
 
+@pytest.mark.parametrize("orders", [{"nk": NK}, {"na": 0, "nb": 1, "nk": 0}])
+@pytest.mark.parametrize("parameters", ["path", "last"])
+def test_scores_of_runs_that_start_at_different_times(runs, parameters, orders):
+    X, y = (table[np.arange(len(table)) > 30] for table in runs)
+    params = {**orders, "parameters": parameters, "init_window": 1.0}
+    slow = GridSearchCV(
+        RecursiveARX(**params), {"memory_horizon": [10, 200]}, scoring=VAFScorer(),
+        cv=LeaveOneGroupOut(),
+    ).fit(X, y, groups=run_labels(X))  # fmt: skip
+    fast = RecursiveARXCV([10, 200], **params).fit(X, y)
+    for split in range(4):
+        name = f"split{split}_test_score"
+        np.testing.assert_allclose(fast.cv_results_[name], slow.cv_results_[name], atol=1e-9)
+
+
 def test_forgetting_in_a_grid_is_the_same_knob(runs):
     X, y = runs
     horizons = [20, 100]
@@ -149,6 +164,9 @@ def test_the_default_is_table_5(runs):
     ("params", "words"),
     [
         ({"memory_horizons": []}, ["memory_horizons is empty"]),
+        ({"memory_horizons": 256}, ["sequence", "256"]),
+        ({"memory_horizons": [None, 2]}, ["numbers of samples"]),
+        ({"scoring": VAFScorer(window=(90, 99))}, ["No row is left to score"]),
         ({"memory_horizons": [0.5]}, ["longer than one sample", "0.5"]),
         ({"memory_horizons": [(10, 20)]}, ["one per parameter (4)"]),
         ({"scoring": VAFScorer(rate="model")}, ["full rate"]),

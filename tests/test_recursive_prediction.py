@@ -24,6 +24,7 @@ from skhoid import (
     DelayShift,
     RecursiveARX,
     RunInTrimmer,
+    RunTimeWarning,
     run_labels,
     vaf_score,
 )
@@ -58,9 +59,20 @@ def test_predict_follows_the_path(fitted):
     model, X, _ = fitted
     assert model.time_path_[0] == pytest.approx(0.5)
     longer, _ = arx_runs(lengths=[600, 100], seed=9)
-    for rows in (X, longer, shifted(X, -2.0), shifted(X, 2.0), shifted(X, 100.0)):
+    for rows in (X, longer, shifted(X, -2.0), shifted(X, 2.0)):
         found = model.predict(rows[X.columns])
         np.testing.assert_allclose(found, twin_of_predict(model, rows), rtol=1e-10, atol=1e-12)
+    far = shifted(X, 100.0)
+    with pytest.warns(RunTimeWarning, match=r"run 1, t = 100 s .* 0.5 to 3.99 s"):
+        found = model.predict(far[X.columns])
+    np.testing.assert_allclose(found, twin_of_predict(model, far), rtol=1e-10, atol=1e-12)
+
+
+def test_runs_that_share_no_time_are_mentioned():
+    X, y = changing_runs(300, 2)
+    late = [pd.concat([t.loc[[1]], shifted(t.loc[[2]], 50.0)]) for t in (X, y)]
+    with pytest.warns(RunTimeWarning, match=r"Run 1 shares no instant"):
+        recursive(memory_horizon=30).fit(*late)
 
 
 def test_predict_across_a_gap_and_of_pieces(fitted):
@@ -91,7 +103,10 @@ def test_the_last_parameters_make_a_constant_model(fitted):
 def test_predict_ahead(horizon, parameters):
     X, y = changing_runs(200, 2)
     model = recursive(memory_horizon=30, parameters=parameters).fit(X, y)
-    path = rows_of_path(model, X) if parameters == "path" else np.tile(model.coef_, (400, 1))
+    path = np.tile(model.coef_, (400, 1))
+    if parameters == "path":  # as it was known ``horizon`` samples before
+        known = np.concatenate([np.tile(model.initial_coef_, (horizon, 1)), model.coef_path_])
+        path = np.tile(known[:200], (2, 1))
     holed = y.copy()
     holed.iloc[[50, 51, 260]] = np.nan
     for output in (y, holed):
@@ -100,6 +115,14 @@ def test_predict_ahead(horizon, parameters):
         )
         found = model.predict_ahead(X, output, horizon=horizon)
         np.testing.assert_allclose(found, twin, rtol=1e-10, atol=1e-12)
+
+
+def test_one_step_ahead_of_one_run_is_what_the_recursion_saw():
+    X, y = changing_runs(300, 1)
+    model = recursive(memory_horizon=10).fit(X, y)
+    known = ~np.isnan(model.one_step_errors_)
+    errors = (y - model.predict_ahead(X, y)).to_numpy()
+    np.testing.assert_allclose(errors[known], model.one_step_errors_[known], atol=1e-12)
 
 
 def test_score_is_the_vaf_of_the_free_run(fitted):

@@ -1,6 +1,7 @@
 """RecursiveARX.partial_fit: any cut of a stream gives the same bits; scikit-learn's contracts."""
 
 import pickle
+from copy import deepcopy
 from itertools import pairwise
 
 import joblib
@@ -15,7 +16,7 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from synthetic import DT, arx_runs
 
-from skhoid import RecursiveARX
+from skhoid import Decimator, RecursiveARX
 
 N = 300
 X, Y = changing_runs(N)
@@ -396,3 +397,69 @@ def test_fitting_returns_self_and_leaves_the_data_alone():
         block[0, 0] = ARRAYS[0][row, 0]
         reused.partial_fit(block, ARRAYS[1][row : row + 1])
     assert_same_bits(reused, recursive(forgetting=0.97).fit(*ARRAYS))
+
+
+# What is refused leaves nothing behind
+
+
+def test_a_refused_beginning_can_be_repeated():
+    e, u = ARRAYS
+    model = RecursiveARX(nk=3, init=[1, 2], p0=1, dt=0.01)
+    with pytest.raises(ValueError, match="init"):
+        model.partial_fit(e[:100], u[:100])
+    model.set_params(init=np.zeros(4)).partial_fit(e[:100], u[:100])
+    assert model.n_updates_ == 96
+
+
+def test_a_function_that_fails_later_takes_no_row():
+    e, u = ARRAYS
+    too_large = {"forgetting": lambda t: 0.9 + 0.2 * (t > 1)}
+    model = RecursiveARX(nk=3, init="zeros", p0=1, dt=0.01, **too_large)
+    model.partial_fit(e[:90], u[:90])
+    before = model.coef_
+    with pytest.raises(ValueError, match="at most 1"):
+        model.partial_fit(e[90:150], u[90:150])
+    np.testing.assert_array_equal(model.coef_, before)
+    model.partial_fit(e[90:100], u[90:100])
+    assert model.n_updates_ == 96
+
+
+def test_orders_cannot_change_in_a_stream():
+    e, u = ARRAYS
+    model = RecursiveARX(nk=3, init="zeros", p0=1, dt=0.01).partial_fit(e[:100], u[:100])
+    with pytest.raises(ValueError, match="Parameters are read when a stream begins"):
+        model.set_params(na=3).partial_fit(e[100:101].tolist(), u[100:101])
+
+
+def test_a_stream_after_a_decimated_fit_is_refused():
+    X, y = arx_runs(n_runs=1, n_rows=400)
+    decimator = Decimator(2).fit(X)
+    model = RecursiveARX(init="zeros", p0=1).fit(decimator.transform(X), y)
+    with pytest.raises(ValueError, match="Decimator"):
+        model.partial_fit(X[:50], y[:50])
+    first = RecursiveARX(init="zeros", p0=1)
+    with pytest.raises(ValueError, match="decimated"):
+        first.partial_fit(decimator.transform(X), y)
+    assert first.partial_fit(X, y).n_updates_ == 398
+
+
+@pytest.mark.parametrize("params", [{"smooth": True}, {"forgetting": "auto"}])
+def test_what_needs_whole_runs_streams_after_fit(params):
+    e, u = ARRAYS
+    model = RecursiveARX(nk=3, dt=0.01, memory_horizon=None, **params).fit(e[:200], u[:200])
+    plain = RecursiveARX(nk=3, dt=0.01, forgetting=model.forgetting_).fit(e[:200], u[:200])
+    for rows in (e[200:300], e[200:300].tolist()):
+        of_params = deepcopy(model).partial_fit(rows, u[200:300])
+        np.testing.assert_array_equal(
+            of_params.coef_, deepcopy(plain).partial_fit(rows, u[200:300]).coef_
+        )
+        assert not hasattr(of_params, "n_rows_missing_")
+
+
+def test_predictions_before_the_window_is_full_say_so():
+    e, u = ARRAYS
+    model = RecursiveARX(nk=3, dt=0.01).partial_fit(e[:50], u[:50])
+    with pytest.raises(NotFittedError, match="collected 50 rows of the 3072"):
+        model.predict(e)
+    for name in ("coef_", "covariance_", "n_updates_", "n_held_", "noise_variance_"):
+        assert not hasattr(model, name)

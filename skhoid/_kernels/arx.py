@@ -57,6 +57,7 @@ def predict_ahead(y, X, begin, end, theta, at, na, nb, nk, horizon, bound):
     for s in range(begin.size):
         first = begin[s]
         for t in range(first, end[s]):
+            now = at[t]
             start = max(first, t - horizon + 1)
             # A missing output needs its own one-step prediction, before the longer one.
             twice = start < t and np.isnan(known[t])
@@ -64,7 +65,6 @@ def predict_ahead(y, X, begin, end, theta, at, na, nb, nk, horizon, bound):
             for pass_ in range(2 if twice else 1):
                 origin = t if twice and pass_ == 0 else start
                 for r in range(origin, t + 1):
-                    now = at[r]
                     value = theta[now, constant] if constant < theta.shape[1] else 0.0
                     entry = na
                     for j in range(nb.size):

@@ -205,6 +205,10 @@ class BaseARX(RegressorMixin, BaseEstimator):
         """Sets of parameters, and which of them each row of the grid has."""
         return self.coef_[None], np.zeros(grid.n_rows, dtype=np.int64)
 
+    def _parameters_before(self, grid: ModelGrid, horizon: int) -> tuple[np.ndarray, np.ndarray]:
+        """The same, as they were known ``horizon`` rows before."""
+        return self._parameters(grid)
+
     def predict(self, X: Any) -> np.ndarray:
         """Simulate the output from the inputs alone (free run).
 
@@ -312,7 +316,7 @@ class BaseARX(RegressorMixin, BaseEstimator):
             _kernels.gate(inputs),
             _kernels.gate(begin, np.int64),
             _kernels.gate(end, np.int64),
-            *_as_kernels_take(self.orders_, *self._parameters(grid)),
+            *_as_kernels_take(self.orders_, *self._parameters_before(grid, horizon)),
             horizon,
             BOUND,
         )

@@ -54,7 +54,12 @@ def forgetting_factor(
         if dt is None or not dt > 0:
             raise ValueError(f"memory_time needs the sampling time dt in s; got dt={dt!r}.")
         memory_horizon = np.asarray(memory_time, dtype=float) / dt
-    horizon = np.asarray(memory_horizon, dtype=float)
+    try:
+        horizon = np.asarray(memory_horizon, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"A memory horizon is a number, or one per parameter; got {memory_horizon!r}."
+        ) from None
     if not (horizon > 1).all():
         raise ValueError(
             "A memory horizon must be longer than one sample; got "
@@ -175,7 +180,13 @@ def read_forgetting(
 
 def _evaluated(function: Callable[[np.ndarray], Any], time: np.ndarray, n_params: int) -> Any:
     """λ of a function, of which (n_params,) would mean as many instants at times."""
-    values = np.asarray(function(time.copy()), dtype=np.float64)
+    try:
+        values = np.asarray(function(time.copy()), dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"The function forgetting(t) failed for the array t of {time.size} times ({error}). It "
+            "gets all times at once: choose between values with np.where, not if."
+        ) from error
     if values.ndim == 0 or len(values) == time.size:
         values = values if values.ndim != 1 else values[:, None]
         return _in_shape(values, time.size, n_params, "The function forgetting(t)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy, deepcopy
 from dataclasses import replace
 from typing import Any, Self
 
@@ -17,13 +18,15 @@ from .recursion import State
 from .start import needs_data, start_of
 from .streaming import Clock, Piece, Stream, first_rows, window_rows
 
-PATHS = (
+OF_RUNS = (  # attributes that describe recorded runs
     "coef_path_",
     "time_path_",
     "covariance_path_",
     "coef_paths_",
     "one_step_errors_",
     "log_likelihood_",
+    "n_rows_missing_",
+    "run_labels_",
 )
 
 
@@ -73,16 +76,18 @@ class PartialFit(BaseARX):
         Raises
         ------
         ValueError
-            If X is decimated, or the options need whole runs: ``smooth``, ``forgetting="auto"``
-            or an array over time, ``combine="average_estimates"``.
+            If X is decimated, or the options need whole runs: ``combine="average_estimates"``,
+            an array over time, and before ``fit`` also ``smooth`` and ``forgetting="auto"``.
         RunIndexError
             If time goes backwards within a run.
         """
         stream = vars(self).get("_stream")
         if not (
             stream is not None
-            and self._simple
             and stream.plain
+            and self._run is None
+            and not self._indexed
+            and self._names is None
             and not new_run
             and type(X) is np.ndarray
             and type(y) is np.ndarray
@@ -97,17 +102,18 @@ class PartialFit(BaseARX):
             )
         ):
             return self._partial_fit(X, y, new_run)
-        self._refresh(stream)
+        self.coef_ = stream.state.theta
+        if "coef_path_" in vars(self) or stream.forgetting.nominal:
+            self._refresh(stream)
         return self
 
     @fit_context(prefer_skip_nested_validation=True)
     def _partial_fit(self, X: Any, y: Any, new_run: bool) -> Self:
         """The way for all that :meth:`partial_fit` does not take at once."""
-        stream = vars(self).get("_stream")
-        if stream is None and "_pending" not in vars(self):
+        stream, pending = vars(self).get("_stream"), vars(self).get("_pending")
+        self._check_streaming("coef_" in vars(self))
+        if "coef_" not in vars(self) and pending is None:
             grid, _, output, values = self._read_data(X, y)
-            self._pending: list[Piece] = []
-            self._clock = Clock()
         else:
             grid, values = self._read_X(X, reset=False)
             output = self._read_y(X, y)
@@ -116,27 +122,44 @@ class PartialFit(BaseARX):
                 "partial_fit cannot take decimated rows: the filter of the Decimator needs what "
                 "comes after them. Stream at the rate of the model."
             )
-        self.orders_ = Orders.of(
-            self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept)
-        )
-        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        self._check_streaming()
-        self._simple = self._run is None and not self._indexed and self._names is None
         self._check_size(values, output)
+        self._read_orders(begun=stream is not None or pending is not None)
+        # Nothing is kept of rows that are refused.
+        clock = copy(vars(self).get("_clock", Clock()))
         values, output = _kernels.gate(values), _kernels.gate(output)
-        pieces = list(self._clock.pieces(grid.layout, values, output, new_run))
+        pieces = list(clock.pieces(grid.layout, values, output, new_run))
         if stream is None:
-            self._pending += [replace(p, X=p.X.copy(), y=p.y.copy()) for p in pieces]
-            pieces = self._pending
-            stream = self._started_stream()
+            pieces = [*(pending or []), *(replace(p, X=p.X.copy(), y=p.y.copy()) for p in pieces)]
+            stream = self._started_stream(pieces)
             if stream is None:
+                self._pending, self._clock = pieces, clock
                 return self
-            self._stream = stream
-            del self._pending
+        else:
+            stream = deepcopy(stream)
         for piece in pieces:
             stream.feed(piece, self._indexed)
+        self._stream, self._clock = stream, clock
+        self._forget("_pending")
         self._refresh(stream)
         return self
+
+    def _read_orders(self, *, begun: bool) -> None:
+        orders = Orders.of(self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept))
+        if begun and orders != self.orders_:
+            raise ValueError(
+                f"The stream began with {self.orders_} and now has {orders}. Parameters are read "
+                "when a stream begins: call fit, or begin another with sklearn.base.clone."
+            )
+        self.orders_ = orders
+        self.parameter_names_ = orders.parameter_names(self.inputs_)
+        if callable(self.forgetting) or isinstance(self.forgetting, str):
+            return
+        if np.shape(self.forgetting) not in ((), (orders.n_params,)):
+            raise ValueError(
+                f"partial_fit cannot take forgetting as an array of shape "
+                f"{np.shape(self.forgetting)} over instants, whose number is open. Give it as a "
+                "function of the time in the run, in seconds."
+            )
 
     def __sklearn_is_fitted__(self) -> bool:
         return "coef_" in vars(self)
@@ -151,29 +174,30 @@ class PartialFit(BaseARX):
             )
         super()._check_fitted()
 
-    def _check_streaming(self) -> None:
+    def _check_streaming(self, fitted: bool) -> None:
         whole = {
-            "smooth=True": self.smooth,
+            "smooth=True": self.smooth and not fitted,
             "combine='average_estimates'": self.combine == "average_estimates",
-            "forgetting='auto'": isinstance(self.forgetting, str) and self.forgetting == "auto",
+            "forgetting='auto'": not fitted
+            and isinstance(self.forgetting, str)
+            and self.forgetting == "auto",
         }
         for option, chosen in whole.items():
             if chosen:
-                raise ValueError(f"partial_fit cannot work with {option}, which needs whole runs.")
-        if callable(self.forgetting) or isinstance(self.forgetting, str):
-            return
-        if np.shape(self.forgetting) not in ((), (self.orders_.n_params,)):
-            raise ValueError(
-                f"partial_fit cannot take forgetting as an array of shape "
-                f"{np.shape(self.forgetting)} over instants, whose number is open. Give it as a "
-                "function of the time in the run, in seconds."
-            )
+                raise ValueError(
+                    f"partial_fit cannot begin with {option}, which needs whole runs. Call fit on "
+                    "recorded runs first."
+                    if "average" not in option
+                    else f"partial_fit cannot go on with {option}, one recursion a run."
+                )
 
-    def _started_stream(self) -> Stream | None:
-        """A stream from the pending rows, if they suffice."""
+    def _started_stream(self, pieces: list[Piece]) -> Stream | None:
+        """A stream from the rows so far, if they suffice."""
         table, n_rows = None, window_rows(self.init_window, self.dt_)
         if needs_data(self.init, self.p0):
-            table = first_rows(self._pending, self._columns, n_rows, self.orders_)
+            if sum(piece.y.size for piece in pieces) < n_rows:
+                return None
+            table = first_rows(pieces, self._columns, n_rows, self.orders_)
             if table is None:
                 return None
         theta0, P0 = start_of(self.init, self.p0, self.parameter_names_, table)
@@ -185,7 +209,6 @@ class PartialFit(BaseARX):
         return self._new_stream(state, forgetting, P0)
 
     def _new_stream(self, state: State, forgetting: Forgetting, P0: np.ndarray) -> Stream:
-        self._simple = self._run is None and not self._indexed and self._names is None
         return Stream(
             state, self.orders_, self._columns, forgetting, P0, self._reset_times(), self.dt_
         )
@@ -193,10 +216,7 @@ class PartialFit(BaseARX):
     def _refresh(self, stream: Stream) -> None:
         """Make attributes say what the stream says."""
         self.coef_ = stream.state.theta
-        settled = "_states" in vars(self) and "coef_path_" not in vars(self)
-        if settled and stream.plain and not stream.forgetting.nominal:
-            return
-        self._forget(*PATHS)
+        self._forget(*OF_RUNS)
         self._states, self._last_share = [stream.state], np.ones(1)
         self._set_forgetting(stream.forgetting, stream.state.factor)
 

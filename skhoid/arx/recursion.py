@@ -460,6 +460,7 @@ def likelihoods(
     data: RecursionData,
     starts: list[tuple[np.ndarray, np.ndarray]],
     forgetting: Forgetting,
+    resets: np.ndarray,
     each: bool,
 ) -> dict[float, float]:
     """Log-likelihood of the one-step predictions by memory horizon, summed over recursions.
@@ -481,6 +482,8 @@ def likelihoods(
             data.orders,
             forgetting,
             inflation=kernel_arrays(factors),
+            resets=resets,
+            P0=start[1],
             keep=("errors", "alphas"),
         )
         known = ~np.isnan(paths.errors[:, :, 0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from numbers import Integral, Real
 from typing import Any
 
@@ -9,11 +10,11 @@ import numpy as np
 
 from .. import _kernels
 from .._sklearn import Interval, StrOptions, fit_context
-from ..exceptions import ShortRunError
+from ..exceptions import RunTimeWarning, ShortRunError
 from ..preprocessing.grid import ModelGrid
 from .base import check_row_count
 from .forgetting import Forgetting, read_forgetting
-from .partial_fit import PATHS, PartialFit
+from .partial_fit import OF_RUNS, PartialFit
 from .recursion import (
     Instants,
     Plan,
@@ -110,8 +111,8 @@ class RecursiveARX(PartialFit):
     run_labels_ : list
         Labels of the runs.
     one_step_errors_ : ndarray of shape (n_grid_rows,)
-        ε of each row of the fitted grid (of X, unless decimated), by θ of the instant before; NaN
-        where there was no update.
+        ε of each row of the fitted grid (of X, unless decimated), by θ before its update; NaN
+        where there was none. Pooled runs are taken in turn at each instant.
     noise_variance_ : float
         σ², the mean of ε² / (1 + φ'P̄φ), in the squared unit of ``y``.
     forgetting_ : float or ndarray
@@ -159,6 +160,9 @@ class RecursiveARX(PartialFit):
     3e-6 of what they were, nor, for factor i, while D_i max(φ_i²) exceeds 1e11, the bound on P of
     Salgado, Goodwin and Middleton (1988) in the factors. In data that excite the model neither
     happens; ``n_held_`` counts.
+
+    ``a_``, ``b_`` and ``to_transfer_function`` are those of the last θ. :meth:`predict_ahead` uses
+    θ of ``horizon`` instants before, which knows nothing of what it predicts.
 
     Standard deviations need a white equation error, which coloured remnant is not, and know
     nothing of the lag behind parameters that change. For a λ that varies in time they take its
@@ -319,19 +323,20 @@ class RecursiveARX(PartialFit):
 
     def _fit_recursion(self, data: RecursionData, forgetting: Forgetting) -> None:
         """Run the recursion, or one for each run, over data that were read."""
+        self._check_shared_times(data)
         check_row_count(int((~np.isnan(data.target)).sum()), 1, data.output, data.grid)
-        self._forget(*PATHS, "_stream", "_pending", "_clock")
+        self._forget(*OF_RUNS, "_stream", "_pending", "_clock")
         each = self.combine == "average_estimates"
         parts = range(data.instants.n_runs) if each else [None]
         starts = [self._start(data, run) for run in parts]
         if forgetting.automatic:
-            self.log_likelihood_ = likelihoods(data, starts, forgetting, each)
-            best = max(self.log_likelihood_, key=self.log_likelihood_.__getitem__)
-            forgetting = forgetting.with_horizon(best)
+            found = likelihoods(data, starts, forgetting, self._resets(data.instants), each)
+            self.log_likelihood_ = found
+            forgetting = forgetting.with_horizon(max(found, key=lambda N0: (found[N0], N0)))
         if self.smooth and (forgetting.factors.shape[1] > 1 or forgetting.diagonal):
             raise ValueError(
-                "smooth=True needs one λ for all parameters and forgetting_form='joint': ΛPΛ with "
-                "one λ per parameter is no random walk of the parameters."
+                "smooth=True needs one λ for all parameters, and forgetting_form='joint'; with one "
+                "λ per parameter ΛPΛ is no random walk."
             )
         resets = self._resets(data.instants)
         plan = Plan(self.orders_, forgetting, resets, self.smooth, self.store_covariance)
@@ -340,7 +345,6 @@ class RecursiveARX(PartialFit):
         self.one_step_errors_ = errors[data.instants.of_row, data.instants.run]
         self.n_rows_missing_ = int(np.isnan(self.one_step_errors_).sum() - data.n_rows_without_lags)
         self._states = [r.state for r in recursions]
-        self._report_missing(data.grid, data.inputs, data.output, self.n_updates_, self.inputs_)
         self.run_labels_ = list(data.grid.layout.labels)
         self.time_path_ = data.instants.time
         self._numbers = data.instants.number
@@ -357,16 +361,36 @@ class RecursiveARX(PartialFit):
                 layout = data.grid.layout
                 time = float(layout.time[-1]) if layout.indexed else None
                 self._clock = Clock(layout.labels[-1], time)
+        self._report_missing(data.grid, data.inputs, data.output, self.n_updates_, self.inputs_)
+
+    def _check_shared_times(self, data: RecursionData) -> None:
+        instants = data.instants
+        shared = np.bincount(instants.of_row)[instants.of_row] > 1
+        alone = np.bincount(instants.run, shared, instants.n_runs) == 0
+        if instants.n_runs > 1 and alone.any():
+            label = data.grid.layout.labels[int(np.argmax(alone))]
+            warnings.warn(
+                f"Run {label!r} shares no instant with the other runs. Runs are aligned by their "
+                "time, which must count from the start of each run.",
+                RunTimeWarning,
+                stacklevel=5,
+            )
 
     def _start(self, data: RecursionData, runs: Any) -> tuple[np.ndarray, np.ndarray]:
         table = None
         if needs_data(self.init, self.p0):
             table = data.first_window(self.init_window, runs)
             if len(table) < len(self.parameter_names_):
+                clock = (
+                    ""
+                    if data.grid.layout.indexed or self.dt is not None
+                    else ("X has no time index, so that a row counts as 1 s: give dt=. Or give ")
+                )
                 raise ShortRunError(
                     f"The first {self.init_window:g} s hold {len(table)} usable rows for "
                     f"{len(self.parameter_names_)} parameters (n_samples = "
-                    f"{data.grid.layout.n_rows}). Give a longer init_window, or init= and p0=."
+                    f"{data.grid.layout.n_rows}). {clock or 'Give '}a longer init_window, or init= "
+                    "and p0=."
                 )
         return start_of(self.init, self.p0, self.parameter_names_, table)
 
@@ -423,6 +447,7 @@ class RecursiveARX(PartialFit):
 
     @property
     def covariance_(self) -> np.ndarray:
+        self._check_fitted()
         shares = self._last_share**2
         each = [state.covariance(self._forgetting) for state in self._states]
         return np.einsum("r,rpq->pq", shares, each)
@@ -439,10 +464,12 @@ class RecursiveARX(PartialFit):
 
     @property
     def n_updates_(self) -> int:
+        self._check_fitted()
         return int(sum(state.count("updates").sum() for state in self._states))
 
     @property
     def n_held_(self) -> int:
+        self._check_fitted()
         if (self._forgetting.factors == 1.0).all() and not self._forgetting.over_time:
             return 0
         return int(sum(state.count("held").sum() for state in self._states))
@@ -450,13 +477,37 @@ class RecursiveARX(PartialFit):
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
         if self.parameters == "last" or "coef_path_" not in vars(self):
             return super()._parameters(grid)
-        at = np.searchsorted(self._numbers, grid_numbers(grid), side="right") - 1
+        numbers = grid_numbers(grid)
+        self._check_times(grid, numbers)
+        at = np.searchsorted(self._numbers, numbers, side="right") - 1
         return self.coef_path_, np.maximum(at, 0)
+
+    def _parameters_before(self, grid: ModelGrid, horizon: int) -> tuple[np.ndarray, np.ndarray]:
+        if self.parameters == "last" or "coef_path_" not in vars(self):
+            return super()._parameters_before(grid, horizon)
+        numbers = grid_numbers(grid)
+        self._check_times(grid, numbers)
+        path = np.concatenate([self.initial_coef_[None], self.coef_path_])
+        return path, np.searchsorted(self._numbers, numbers - horizon, side="right")
+
+    def _check_times(self, grid: ModelGrid, numbers: np.ndarray) -> None:
+        outside = (numbers[grid.begin] > self._numbers[-1]) | (
+            numbers[grid.end - 1] < self._numbers[0]
+        )
+        if outside.any():
+            row = grid.full_row(int(grid.begin[np.argmax(outside)]))
+            warnings.warn(
+                f"Rows from {grid.layout.where(row)} on lie outside the fitted times "
+                f"{self.time_path_[0]:g} to {self.time_path_[-1]:g} s, so that all of them get the "
+                "parameters of the nearest end. Time must count from the start of each run; or use "
+                "parameters='last'.",
+                RunTimeWarning,
+                stacklevel=5,
+            )
 
     def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
         """Output that the regressors give with the parameters of the instant before."""
         if self.parameters == "last" or "coef_path_" not in vars(self):
             return regressors @ self.coef_
-        before = np.searchsorted(self._numbers, grid_numbers(grid)[rows], side="left")
-        path = np.concatenate([self.initial_coef_[None], self.coef_path_])
-        return np.einsum("tp,tp->t", regressors, path[before])
+        path, at = self._parameters_before(grid, 1)
+        return np.einsum("tp,tp->t", regressors, path[at[rows]])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ class RecursiveARXCV(RecursiveARX):
     p0 : float, array of shape (n_params,) or (n_params, n_params), or None, default=None
         P0.
     parameters : {"path", "last"}, default="path"
-        What predictions of the refitted model use.
+        What predictions use, those that are scored too.
     store_covariance : bool, default=False
         Keep its ``covariance_path_``.
     cv : int, splitter, iterable or None, default=None
@@ -203,9 +203,18 @@ class RecursiveARXCV(RecursiveARX):
     def _settings(self, data: RecursionData) -> list[Forgetting]:
         entries: tuple[Any, ...] = HORIZONS
         if self.memory_horizons is not None:
+            if isinstance(self.memory_horizons, Real):
+                raise ValueError(
+                    f"memory_horizons is a sequence of horizons; got {self.memory_horizons!r}."
+                )
             entries = tuple(self.memory_horizons)
         if not entries:
             raise ValueError("memory_horizons is empty; name at least one, or None for 2 ... 8192.")
+        if any(entry is None or isinstance(entry, str) for entry in entries):
+            raise ValueError(
+                "memory_horizons holds numbers of samples, or tuples of one per parameter; got "
+                f"{list(entries)}."
+            )
         self._entries: list[Any] = [tuple(e) if np.ndim(e) else float(e) for e in entries]
         return [
             read_forgetting(
@@ -273,9 +282,9 @@ class RecursiveARXCV(RecursiveARX):
         self.best_memory_horizon_ = self._entries[self.best_index_]
         self.best_score_ = float(test[self.best_index_])
 
-    def _check_streaming(self) -> None:
-        super()._check_streaming()
-        if "coef_" not in vars(self):
+    def _check_streaming(self, fitted: bool) -> None:
+        super()._check_streaming(fitted)
+        if not fitted:
             raise ValueError(
                 "RecursiveARXCV streams only after fit, which chooses the memory horizon."
             )
@@ -325,14 +334,19 @@ class _Validation:
                 State(*start, lanes), signals, target, data.orders, block[0],
                 inflation=kernel_arrays(factors), keep=("theta",),
             )  # fmt: skip
+            known = data.instants.of_row[np.isin(data.instants.run, train)]
+            at = np.maximum(data.instants.of_row, known.min())
+            path = paths.theta
+            if self.search.parameters == "last":
+                path, at = path[-1:], np.zeros_like(at)
             for kind, chosen in enumerate((test, train)):
-                vaf = self._vaf(paths.theta, chosen)
+                vaf = self._vaf(path, at, chosen)
                 scores[kind, first : first + lanes] = vaf[: len(block)]
         return scores
 
-    def _vaf(self, paths: np.ndarray, runs: np.ndarray) -> np.ndarray:
-        """VAF of the free runs along paths of shape (n_instants, n_params, lanes)."""
-        free, lost = zip(*(self._simulate(paths, run) for run in runs), strict=True)
+    def _vaf(self, paths: np.ndarray, at: np.ndarray, runs: np.ndarray) -> np.ndarray:
+        """VAF of the free runs, row t with ``paths[at[t]]``, of shape (n_params, lanes)."""
+        free, lost = zip(*(self._simulate(paths, at, run) for run in runs), strict=True)
         if self.sums_suffice:
             return vaf_of_sums(np.array(lost), self.power[runs], self.scored[runs], self.average)
         grid = self.data.grid
@@ -359,7 +373,9 @@ class _Validation:
     def average(self) -> str:
         return self.scorer.average
 
-    def _simulate(self, paths: np.ndarray, run: int) -> tuple[np.ndarray, np.ndarray]:
+    def _simulate(
+        self, paths: np.ndarray, at: np.ndarray, run: int
+    ) -> tuple[np.ndarray, np.ndarray]:
         grid, orders = self.data.grid, self.data.orders
         chosen = self.data.instants.run[grid.begin] == run
         follow = _kernels.recursion.free_runs(orders.na, orders.n_params, paths.shape[2])
@@ -370,7 +386,7 @@ class _Validation:
             grid.end[chosen],
             grid.past[chosen],
             paths,
-            self.data.instants.of_row,
+            at,
             BOUND,
             not self.sums_suffice,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def reference_fits(
         Channels, one row per sample.
     y : Series or array of shape (n_rows,)
         Output.
-    windows : sequence of "ini", "fin" or (float, float), default=("ini", "fin")
+    windows : "ini", "fin", (float, float) or sequence of them, default=("ini", "fin")
         Parts of each run: its first and its last ``length`` seconds, after a run-in that the
         estimator leaves out, or ``start <= time < stop`` in seconds of the time index.
     estimator : ARX model, or pipeline or search that ends in one, or None, default=None
@@ -85,7 +86,10 @@ def reference_fits(
         measured &= ~layout.trimmed
     output = np.asarray(y, dtype=float).ravel()
     rows: dict[str, dict[str, float]] = {}
-    for window in windows:
+    if len(windows) == 0:
+        raise ValueError("windows is empty; name at least one.")
+    single = isinstance(windows, str) or all(isinstance(edge, Real) for edge in windows)
+    for window in [windows] if single else windows:
         name, start, stop = _bounds(window, layout, measured, length)
         slack = 1e-6 * layout.dt
         inside = measured & (layout.time >= start - slack) & (layout.time < stop - slack)
@@ -94,10 +98,13 @@ def reference_fits(
             masked = pd.Series(masked, index=y.index, name=y.name)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", MissingDataWarning)
-            model = clone(batch).fit(X, masked)
+            try:
+                model = clone(batch).fit(X, masked)
+            except ValueError as error:
+                raise type(error)(
+                    f"The window {name!r}, {start:g} to {stop:g} s, cannot be fitted: {error}"
+                ) from error
         rows[name] = {"start": start, "stop": stop} | _estimates(model)
-    if not rows:
-        raise ValueError("windows is empty; name at least one.")
     frame = pd.DataFrame.from_dict(rows, orient="index")
     frame.attrs["parameter_names"] = list(final_step(model)[1].parameter_names_)
     return frame
@@ -128,11 +135,12 @@ def _bounds(window: Any, layout: Any, measured: np.ndarray, length: float) -> tu
             np.unique(run, return_index=True)[1],
             np.append(np.flatnonzero(np.diff(run)), run.size - 1),
         )
-        if window == "ini":
-            start = float(time[first].max())
-            return window, start, start + length
-        stop = float(time[last].min()) + layout.dt
-        return window, stop - length, stop
+        start, stop = float(time[first].max()), float(time[last].min()) + layout.dt
+        if length > stop - start + layout.dt / 2:
+            raise ValueError(
+                f"length={length:g} s is longer than what the runs share, {stop - start:g} s."
+            )
+        return window, *((start, start + length) if window == "ini" else (stop - length, stop))
     if isinstance(window, str) or np.size(window) != 2:
         raise ValueError(f"A window is 'ini', 'fin' or (start, stop) in seconds; got {window!r}.")
     start, stop = map(float, window)
