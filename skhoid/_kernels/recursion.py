@@ -318,7 +318,9 @@ def recursion(n_params, lanes):
 @cache
 def stream(n_params):
     """Compile ``take`` for a number of parameters."""
-    advance = register_jitable(recursion(n_params, 1).py_func)
+    # Not the compiled function: a closure that holds one is cached anew by every process.
+    compiled = recursion(n_params, 1)
+    advance = register_jitable(getattr(compiled, "py_func", compiled))
 
     def take(
         X, y, inputs, Z, target, columns, lags, depth, inflate, tilt, diagonal, nominal, s, since
