@@ -306,6 +306,7 @@ class Lanes:
         columns, lags = np.array([0, 0, 1, 1]), np.array([1, 2, NK, NK + 1])
         inflate, tilt = 1 / forgetting[None, None], np.ones((1, 6, lanes))
         path, none = np.zeros((n, 4, lanes)), np.empty((0, 0, 0))
+        out = np.zeros((n - FIRST, lanes))
         stretch, rows = (np.array([FIRST]), np.array([n]), np.array([0])), np.arange(n)
 
         def learn() -> None:
@@ -316,7 +317,7 @@ class Lanes:
             )  # fmt: skip
 
         def run() -> object:
-            return follow(recording, columns, lags, *stretch, path, rows, 1e100, True)
+            return follow(recording, columns, lags, *stretch, path, rows, 1e100, out)
 
         self.learn, self.run, self.path = learn, run, path
         self.samples = (n - FIRST) * lanes

@@ -245,8 +245,9 @@ def vaf_along(path, e, u):
     follow = free_runs(2, 4, path.shape[2])
     instants = np.maximum(np.arange(-1, TRANSITION.stop), 0)
     begin, end, past = np.array([1]), np.array([TRANSITION.stop + 1]), np.array([0])
-    _, lost = follow(
-        signals, *kernel_regressors(ORDERS), begin, end, past, path, instants, 1e100, False
+    none = np.empty((0, path.shape[2]))
+    lost = follow(
+        signals, *kernel_regressors(ORDERS), begin, end, past, path, instants, 1e100, none
     )
     return np.maximum(0.0, 100 * (1 - lost / np.sum(u[TRANSITION] ** 2)))
 

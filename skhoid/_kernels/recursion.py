@@ -434,7 +434,7 @@ def free_runs(na, n_params, lanes):
     """Compile ``follow`` for the orders of a model and a number of lanes."""
     NA, N, L = na, n_params, lanes
 
-    def follow(signals, columns, lags, begin, end, past, path, at, bound, keep):
+    def follow(signals, columns, lags, begin, end, past, path, at, bound, out):
         """Simulate rows of one recording freely along several parameter paths.
 
         Regressor ``k >= na`` is signal ``columns[k]``, of shape (n_signals, n_rows), at
@@ -442,10 +442,9 @@ def free_runs(na, n_params, lanes):
         compare with, NaN where not. Row t is simulated with ``path[at[t]]``, of shape (n_params,
         lanes), from zero outputs at the beginning of each stretch, and is held within ``+-bound``.
 
-        Returns the output of the rows from ``begin[0]`` to ``end[-1]``, none unless ``keep``, and
-        the sum of the squared errors by lane.
+        The output of the rows from ``begin[0]`` to ``end[-1]`` is left in ``out``, unless that has
+        size 0. Returns the sum of the squared errors by lane.
         """
-        out = np.zeros((end[-1] - begin[0] if keep else 0, L))
         lost = np.zeros(L)
         phi = np.zeros(N)
         last = np.zeros(NA * L)  # outputs of the rows before, the latest first
@@ -463,21 +462,20 @@ def free_runs(na, n_params, lanes):
                         value += theta[k, j] * phi[k]
                     for k in range(NA):
                         value -= theta[k, j] * last[k * L + j]
-                    new[j] = min(max(value, -bound), bound)
-                for k in range(NA - 1, 0, -1):
-                    for j in range(L):
+                    for k in range(NA - 1, 0, -1):
                         last[k * L + j] = last[(k - 1) * L + j]
-                if NA > 0:
-                    for j in range(L):
-                        last[j] = new[j]
-                if keep:
+                    value = min(max(value, -bound), bound)
+                    if NA > 0:
+                        last[j] = value
+                    new[j] = value
+                if out.size > 0:
                     for j in range(L):
                         out[t - begin[0], j] = new[j]
                 y = signals[0, t]
                 if y == y:
                     for j in range(L):
                         lost[j] += (y - new[j]) * (y - new[j])
-        return out, lost
+        return lost
 
     follow.__name__ = follow.__qualname__ = f"follow_{na}_{n_params}_{lanes}"
     return njit(cache=True, nogil=True, error_model="numpy")(follow)

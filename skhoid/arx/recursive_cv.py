@@ -376,17 +376,13 @@ class _Validation:
     def _simulate(
         self, paths: np.ndarray, at: np.ndarray, run: int
     ) -> tuple[np.ndarray, np.ndarray]:
+        """Output of a run, if wanted, and the sum of its squared errors."""
         grid, orders = self.data.grid, self.data.orders
         chosen = self.data.instants.run[grid.begin] == run
-        follow = _kernels.recursion.free_runs(orders.na, orders.n_params, paths.shape[2])
-        return follow(
-            self.signals,
-            *kernel_regressors(orders),
-            grid.begin[chosen],
-            grid.end[chosen],
-            grid.past[chosen],
-            paths,
-            at,
-            BOUND,
-            not self.sums_suffice,
-        )
+        begin, end = grid.begin[chosen], grid.end[chosen]
+        lanes = paths.shape[2]
+        out = np.empty((0 if self.sums_suffice else end[-1] - begin[0], lanes))
+        follow = _kernels.recursion.free_runs(orders.na, orders.n_params, lanes)
+        regressors = kernel_regressors(orders)
+        past = grid.past[chosen]
+        return out, follow(self.signals, *regressors, begin, end, past, paths, at, BOUND, out)
