@@ -141,6 +141,7 @@ def recursion(n_params, lanes):
                     for k in range(N):
                         for j in range(L):
                             s[PHI + k * L + j] = Z[columns[k], t - lags[k], r, j]
+                    above = 0
                     for j in range(L):
                         y = target[t, r, j]
                         known = y == y
@@ -152,19 +153,18 @@ def recursion(n_params, lanes):
                         use = 2.0 if excited else 1.0
                         s[USE + j] = use if known else 0.0
                         s[ERROR + j] = y if known else 0.0
-                    for k in range(N):
-                        above = 0
-                        for j in range(L):
+                        for k in range(N):
                             p = s[PHI + k * L + j]
-                            p = p if s[USE + j] > 0.0 else 0.0
-                            moved = (p != 0.0) & (s[USE + j] > 1.0)
+                            p = p if known else 0.0
+                            moved = excited & (p != 0.0)
                             power = s[POWER + k * L + j] * (REMEMBERED if moved else 1.0)
                             growth = 1.0 / REMEMBERED if moved else 1.0
                             s[PHI + k * L + j] = p
                             s[POWER + k * L + j] = power
                             s[CAP + k * L + j] = min(s[CAP + k * L + j] * growth, LARGEST)
                             above |= p * p > power
-                        if above:
+                    if above:
+                        for k in range(N):
                             for j in range(L):
                                 p = s[PHI + k * L + j]
                                 if p * p > s[POWER + k * L + j]:
