@@ -26,7 +26,7 @@ HELD = 1e11  # D_k max(phi_k^2) up to which factor k is forgotten,
 CLIPPED = 1e3  # and this many times that, from which it is cut back
 STEEPEST = HELD**2  # U_ik^2 max(phi_i^2) / max(phi_k^2) up to which column k is tilted
 LARGEST = 1e150  # D, whatever the power
-REMEMBERED = 1 - 2.0**-10  # of the largest square, at each instant with a regressor that is not 0
+REMEMBERED = 1 - 2.0**-12  # of the largest square, at each instant with a regressor that is not 0
 SHORTEST = 0.5  # variable forgetting factor
 TOO_LARGE = 1e100  # for squares of products
 
