@@ -94,12 +94,9 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
         labels = dict(zip(outer, key if isinstance(key, tuple) else (key,), strict=False))
         labels |= {RUN: MEAN, TIME: common * layout.dt}
         names = list(index.names)
-        frames.append(
-            pd.DataFrame(mean, columns=table.columns)
-            .assign(**{f"level {i}": labels[name] for i, name in enumerate(names)})
-            .set_index([f"level {i}" for i in range(len(names))])
-            .rename_axis(names)
-        )
+        levels = [labels[n] if n == TIME else [labels[n]] * common.size for n in names]
+        averaged_index = pd.MultiIndex.from_arrays(levels, names=names)
+        frames.append(pd.DataFrame(mean, index=averaged_index, columns=table.columns))
     averaged = pd.concat(frames)
     averaged.attrs = dict(X.attrs)
     return averaged.drop(columns=""), averaged[""].rename(getattr(y, "name", None))

@@ -16,7 +16,7 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from synthetic import DT, arx_runs
 
-from skhoid import Decimator, RecursiveARX
+from skhoid import Decimator, RecursiveARX, ShortRunError
 
 N = 300
 X, Y = changing_runs(N)
@@ -463,3 +463,10 @@ def test_predictions_before_the_window_is_full_say_so():
         model.predict(e)
     for name in ("coef_", "covariance_", "n_updates_", "n_held_", "noise_variance_"):
         assert not hasattr(model, name)
+
+
+def test_a_window_without_enough_usable_rows_is_refused_as_by_fit():
+    e, u = ARRAYS[0], np.where(np.arange(N) % 2, ARRAYS[1], np.nan)
+    for learn in (RecursiveARX.fit, RecursiveARX.partial_fit):
+        with pytest.raises(ShortRunError, match="first 1 s hold 0 usable rows for 4 parameters"):
+            learn(RecursiveARX(nk=3, dt=0.01, init_window=1.0), e, u)

@@ -96,10 +96,9 @@ class Forgetting:
             factors = factors[:, 0]
         return factors if len(factors) > 1 else _plain(factors[0])
 
-    @property
-    def arrays(self) -> tuple[np.ndarray, np.ndarray]:
-        """1 / λ and the ratios of Eq. 20 for the kernel, one lane."""
-        return kernel_arrays(self.factors[:, :, None])
+    def arrays(self, lanes: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """1 / λ and the ratios of Eq. 20 for the kernel, the same in all lanes."""
+        return kernel_arrays(np.repeat(self.factors[:, :, None], lanes, axis=2))
 
     def with_horizon(self, memory_horizon: float) -> Forgetting:
         """The same with one memory horizon in samples."""

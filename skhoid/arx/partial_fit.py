@@ -11,12 +11,13 @@ from sklearn.exceptions import NotFittedError
 
 from .. import _kernels
 from .._sklearn import fit_context
+from ..exceptions import ShortRunError
 from .base import BaseARX
 from .forgetting import Forgetting
 from .orders import Orders
-from .recursion import State
+from .recursion import State, window_rows
 from .start import needs_data, start_of
-from .streaming import Clock, Piece, Stream, first_rows, window_rows
+from .streaming import Clock, Piece, Stream, first_rows
 
 OF_RUNS = (  # attributes that describe recorded runs
     "coef_path_",
@@ -175,20 +176,16 @@ class PartialFit(BaseARX):
         super()._check_fitted()
 
     def _check_streaming(self, fitted: bool) -> None:
-        whole = {
-            "smooth=True": self.smooth and not fitted,
-            "combine='average_estimates'": self.combine == "average_estimates",
-            "forgetting='auto'": not fitted
-            and isinstance(self.forgetting, str)
-            and self.forgetting == "auto",
-        }
-        for option, chosen in whole.items():
-            if chosen:
+        if self.combine == "average_estimates":
+            raise ValueError(
+                "partial_fit cannot go on with combine='average_estimates', one recursion a run."
+            )
+        automatic = isinstance(self.forgetting, str) and self.forgetting == "auto"
+        for option, chosen in (("smooth=True", self.smooth), ("forgetting='auto'", automatic)):
+            if chosen and not fitted:
                 raise ValueError(
                     f"partial_fit cannot begin with {option}, which needs whole runs. Call fit on "
                     "recorded runs first."
-                    if "average" not in option
-                    else f"partial_fit cannot go on with {option}, one recursion a run."
                 )
 
     def _started_stream(self, pieces: list[Piece]) -> Stream | None:
@@ -200,13 +197,26 @@ class PartialFit(BaseARX):
             table = first_rows(pieces, self._columns, n_rows, self.orders_)
             if table is None:
                 return None
-        theta0, P0 = start_of(self.init, self.p0, self.parameter_names_, table)
+        theta0, P0 = self._start_from(table, sum(piece.y.size for piece in pieces))
         forgetting = self._read_forgetting(np.zeros(1))
         state = State(theta0, P0)
-        if forgetting.nominal:
-            state.set_factor(float(forgetting.factors[0, 0]))
+        state.set_factor(forgetting)
         self.initial_coef_, self.initial_covariance_ = theta0, P0
         return self._new_stream(state, forgetting, P0)
+
+    def _start_from(
+        self, table: np.ndarray | None, n_samples: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """theta0 and P0, from the regressors of the first window where they come from data."""
+        if table is not None and len(table) < len(self.parameter_names_):
+            clock = "X has no time index, so that a row counts as 1 s: give dt=. Or give "
+            advice = "Give " if self._indexed or self.dt is not None else clock
+            raise ShortRunError(
+                f"The first {self.init_window:g} s hold {len(table)} usable rows for "
+                f"{len(self.parameter_names_)} parameters (n_samples = {n_samples}). {advice}a "
+                "longer init_window, or init= and p0=."
+            )
+        return start_of(self.init, self.p0, self.parameter_names_, table)
 
     def _new_stream(self, state: State, forgetting: Forgetting, P0: np.ndarray) -> Stream:
         return Stream(

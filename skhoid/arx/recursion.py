@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from .. import _kernels
 from ..preprocessing.grid import ModelGrid
+from ..runs import whole_samples
 from .forgetting import Forgetting, kernel_arrays
 from .orders import Orders, regressors
 
@@ -50,7 +52,7 @@ class Instants:
         of_row = np.cumsum(taken)[number - first] - 1
         return cls(first + np.flatnonzero(taken), of_row, run, grid.dt, n_runs)
 
-    @property
+    @cached_property
     def time(self) -> np.ndarray:
         """Time in the run in seconds."""
         return self.number * self.dt
@@ -116,7 +118,7 @@ class RecursionData:
         known &= ~np.isnan(self.output) & ~np.isnan(self.inputs).any(axis=1)
         starts = np.full(instants.n_runs, number[-1])
         np.minimum.at(starts, instants.run[known], number[known])
-        n_window = round(seconds / instants.dt)
+        n_window = window_rows(seconds, instants.dt)
         left = np.clip(starts[of_run] + n_window - number[begin], 0, end - begin)
         chosen = np.ones(begin.size, dtype=bool) if runs is None else np.isin(of_run, runs)
         return regressors(
@@ -132,6 +134,11 @@ class RecursionData:
         np.maximum.at(last, instants.run, instants.of_row)
         at = np.arange(len(instants))
         return (at >= first[:, None]) & (at <= last[:, None])
+
+
+def window_rows(seconds: float, dt: float) -> int:
+    """Rows of the first window."""
+    return max(round(whole_samples(seconds, dt)), 1)
 
 
 def grid_numbers(grid: ModelGrid) -> np.ndarray:
@@ -217,9 +224,10 @@ class State:
         alone.lanes, alone.buffer = 1, self.buffer.reshape(-1, self.lanes)[:, lane].copy()
         return alone
 
-    def set_factor(self, forgetting: float) -> None:
-        """Set the variable forgetting factor of the next instant."""
-        self.rows("inflation")[:] = 1.0 / forgetting
+    def set_factor(self, forgetting: Forgetting) -> None:
+        """Set the forgetting factor of the next instant, where it is variable."""
+        if forgetting.nominal:
+            self.rows("inflation")[:] = 1.0 / forgetting.factors[0, 0]
 
     @property
     def factors(self) -> np.ndarray:
@@ -311,7 +319,7 @@ def recurse(
     paths = Paths.empty(n_instants, signals.shape[2], state, keep)
     advance = _kernels.recursion.recursion(state.n_params, state.lanes)
     columns, lags = kernel_regressors(orders)
-    inflate, tilt = inflation if inflation is not None else _lanes(forgetting, state.lanes)
+    inflate, tilt = forgetting.arrays(state.lanes) if inflation is None else inflation
     first = min(orders.first_row, n_instants)
     before = {
         "theta": state.rows("theta"),
@@ -333,11 +341,6 @@ def recurse(
             paths.errors, paths.alphas, paths.used,
         )  # fmt: skip
     return paths
-
-
-def _lanes(forgetting: Forgetting, lanes: int) -> tuple[np.ndarray, np.ndarray]:
-    factors = np.repeat(forgetting.factors[:, :, None], lanes, axis=2)
-    return kernel_arrays(factors)
 
 
 @dataclass
@@ -383,7 +386,7 @@ class Plan:
             signals[:, :, 0, : len(block)] = data.signals[:, :, runs, 0]
             target[:, 0, : len(block)] = data.target[:, runs, 0]
             idle = [block[0]] * (lanes - len(block))
-            found += self._run(signals, target, block + idle)[: len(block)]
+            found += self._run(signals, target, block + idle, len(block))
         return found
 
     def _run(
@@ -391,12 +394,14 @@ class Plan:
         signals: np.ndarray,
         target: np.ndarray,
         starts: list[tuple[np.ndarray, np.ndarray]],
+        n_wanted: int = 1,
     ) -> list[Recursion]:
+        """Recursions of the first ``n_wanted`` lanes; there is a start for every lane."""
         theta0, P0 = (np.array(part) for part in zip(*starts, strict=True))
         state = State(theta0, P0, len(starts))
         keep = ["theta", "errors"]
+        state.set_factor(self.forgetting)
         if self.forgetting.nominal:
-            state.set_factor(float(self.forgetting.factors[0, 0]))
             keep.append("used")
         if self.smooth or self.with_covariance:
             keep.append("factors")
@@ -406,7 +411,7 @@ class Plan:
             state, signals, target, self.orders, self.forgetting,
             resets=self.resets, P0=P0, keep=keep,
         )  # fmt: skip
-        return [self._of_lane(paths, state, lane) for lane in range(len(starts))]
+        return [self._of_lane(paths, state, lane) for lane in range(n_wanted)]
 
     def _of_lane(self, paths: Paths, states: State, lane: int) -> Recursion:
         state = states.lane(lane)

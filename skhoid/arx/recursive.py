@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import _kernels
 from .._sklearn import Interval, StrOptions, fit_context
-from ..exceptions import RunTimeWarning, ShortRunError
+from ..exceptions import RunTimeWarning
 from ..preprocessing.grid import ModelGrid
 from .base import check_row_count
 from .forgetting import Forgetting, read_forgetting
@@ -23,7 +23,7 @@ from .recursion import (
     grid_numbers,
     likelihoods,
 )
-from .start import needs_data, start_of
+from .start import needs_data
 from .streaming import Clock
 
 
@@ -329,8 +329,9 @@ class RecursiveARX(PartialFit):
         each = self.combine == "average_estimates"
         parts = range(data.instants.n_runs) if each else [None]
         starts = [self._start(data, run) for run in parts]
+        resets = self._resets(data.instants)
         if forgetting.automatic:
-            found = likelihoods(data, starts, forgetting, self._resets(data.instants), each)
+            found = likelihoods(data, starts, forgetting, resets, each)
             self.log_likelihood_ = found
             forgetting = forgetting.with_horizon(max(found, key=lambda N0: (found[N0], N0)))
         if self.smooth and (forgetting.factors.shape[1] > 1 or forgetting.diagonal):
@@ -338,7 +339,6 @@ class RecursiveARX(PartialFit):
                 "smooth=True needs one λ for all parameters, and forgetting_form='joint'; with one "
                 "λ per parameter ΛPΛ is no random walk."
             )
-        resets = self._resets(data.instants)
         plan = Plan(self.orders_, forgetting, resets, self.smooth, self.store_covariance)
         recursions = plan.each(data, starts) if each else [plan.pooled(data, starts[0])]
         errors = np.concatenate([r.errors for r in recursions], axis=1)
@@ -365,9 +365,11 @@ class RecursiveARX(PartialFit):
 
     def _check_shared_times(self, data: RecursionData) -> None:
         instants = data.instants
+        if instants.n_runs == 1:
+            return
         shared = np.bincount(instants.of_row)[instants.of_row] > 1
         alone = np.bincount(instants.run, shared, instants.n_runs) == 0
-        if instants.n_runs > 1 and alone.any():
+        if alone.any():
             label = data.grid.layout.labels[int(np.argmax(alone))]
             warnings.warn(
                 f"Run {label!r} shares no instant with the other runs. Runs are aligned by their "
@@ -380,19 +382,7 @@ class RecursiveARX(PartialFit):
         table = None
         if needs_data(self.init, self.p0):
             table = data.first_window(self.init_window, runs)
-            if len(table) < len(self.parameter_names_):
-                clock = (
-                    ""
-                    if data.grid.layout.indexed or self.dt is not None
-                    else ("X has no time index, so that a row counts as 1 s: give dt=. Or give ")
-                )
-                raise ShortRunError(
-                    f"The first {self.init_window:g} s hold {len(table)} usable rows for "
-                    f"{len(self.parameter_names_)} parameters (n_samples = "
-                    f"{data.grid.layout.n_rows}). {clock or 'Give '}a longer init_window, or init= "
-                    "and p0=."
-                )
-        return start_of(self.init, self.p0, self.parameter_names_, table)
+        return self._start_from(table, data.grid.layout.n_rows)
 
     def _resets(self, instants: Instants) -> np.ndarray:
         """Instants at which P is set back."""

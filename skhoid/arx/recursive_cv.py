@@ -322,6 +322,11 @@ class _Validation:
         start = self.search._start(data, train)
         signals = np.ascontiguousarray(data.signals[:, :, train])
         target = np.ascontiguousarray(data.target[:, train])
+        known = data.instants.of_row[np.isin(data.instants.run, train)]
+        at = np.maximum(data.instants.of_row, known.min())
+        last = self.search.parameters == "last"
+        if last:
+            at = np.zeros_like(at)
         scores = np.empty((2, len(settings)))
         lanes = _kernels.recursion.MANY
         for first in range(0, len(settings), lanes):
@@ -334,11 +339,7 @@ class _Validation:
                 State(*start, lanes), signals, target, data.orders, block[0],
                 inflation=kernel_arrays(factors), keep=("theta",),
             )  # fmt: skip
-            known = data.instants.of_row[np.isin(data.instants.run, train)]
-            at = np.maximum(data.instants.of_row, known.min())
-            path = paths.theta
-            if self.search.parameters == "last":
-                path, at = path[-1:], np.zeros_like(at)
+            path = paths.theta[-1:] if last else paths.theta
             for kind, chosen in enumerate((test, train)):
                 vaf = self._vaf(path, at, chosen)
                 scores[kind, first : first + lanes] = vaf[: len(block)]

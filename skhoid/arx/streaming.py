@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import _kernels
 from ..exceptions import IrregularSamplingError, RunIndexError
-from ..runs import GAP, JITTER_TOLERANCE, RunLayout, whole_samples
+from ..runs import GAP, JITTER_TOLERANCE, RunLayout
 from .forgetting import Forgetting
 from .orders import Orders, regressors
 from .recursion import RecursionData, State, kernel_regressors
@@ -92,7 +92,7 @@ class Stream:
         self._regressors = kernel_regressors(orders)
         self.since = np.zeros(1, dtype=np.int64)  # rows without a break
         self.last_time = -np.inf
-        self._arrays = forgetting.arrays
+        self._arrays = forgetting.arrays()
         self.plain = not forgetting.over_time and reset_times.size == 0
 
     def go_on_after(self, data: RecursionData) -> None:
@@ -136,7 +136,7 @@ class Stream:
             if begin in resets[due]:
                 self.state.reset(self.P0)
             self.forgetting = self.forgetting.at(time[begin:end], self.state.n_params)
-            self._arrays = self.forgetting.arrays
+            self._arrays = self.forgetting.arrays()
             self.take(piece.X[begin:end], piece.y[begin:end])
         self.last_time = float(time[-1])
 
@@ -155,8 +155,3 @@ def first_rows(
     starts = ends - [piece.y.size for piece in pieces]
     begin = starts[np.array([piece.fresh for piece in pieces]) & (starts < end)]
     return regressors(y[:end], X[:end], begin, np.append(begin[1:], end), orders)[0]
-
-
-def window_rows(seconds: float, dt: float) -> int:
-    """Rows of the first window."""
-    return max(round(whole_samples(seconds, dt)), 1)

@@ -26,10 +26,18 @@ class EstimatesDisplay:
     frame like them, ``references`` a result of reference_fits.
     """
 
-    frames: Mapping[str, pd.DataFrame]
-    truth: pd.DataFrame | None
-    references: pd.DataFrame | None
-    transition_time: float | None
+    def __init__(
+        self,
+        *,
+        frames: Mapping[str, pd.DataFrame],
+        truth: pd.DataFrame | None = None,
+        references: pd.DataFrame | None = None,
+        transition_time: float | None = None,
+    ) -> None:
+        self.frames = frames
+        self.truth = truth
+        self.references = references
+        self.transition_time = transition_time
 
     def _begin(self, columns: list[list[str]], ax: Any) -> None:
         """Panels for the parameters, and nothing in them yet."""

@@ -97,19 +97,6 @@ class OperatorParametersDisplay(EstimatesDisplay):
     ['K_e', 'T_L', 'K_edot', 'omega_nm', 'zeta_nm']
     """
 
-    def __init__(
-        self,
-        *,
-        frames: Mapping[str, pd.DataFrame],
-        truth: pd.DataFrame | None = None,
-        references: pd.DataFrame | None = None,
-        transition_time: float | None = None,
-    ) -> None:
-        self.frames = frames
-        self.truth = truth
-        self.references = references
-        self.transition_time = transition_time
-
     @classmethod
     def from_estimator(
         cls,

@@ -106,11 +106,10 @@ class ParameterPathDisplay(EstimatesDisplay):
         references: pd.DataFrame | None = None,
         transition_time: float | None = None,
     ) -> None:
-        self.frames = frames
+        super().__init__(
+            frames=frames, truth=truth, references=references, transition_time=transition_time
+        )
         self.runs = runs
-        self.truth = truth
-        self.references = references
-        self.transition_time = transition_time
 
     @classmethod
     def from_estimator(
