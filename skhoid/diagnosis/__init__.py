@@ -1,0 +1,1 @@
+"""What a fitted model misses, and what recordings hold: scores, remnant, checks."""

@@ -1,0 +1,252 @@
+"""The highest free-run VAF that any model driven by the measured signals could reach."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+from scipy.stats import norm
+
+from .noise import Noise, noise_of
+from .signals import Group, Signals
+
+CONFIDENCE = 0.90
+STRONG = 3e-4  # of the strongest direction; what the instruments excite less is left alone
+N_TAPS = 10  # of the finite impulse response that a linear misfit may have
+SILENT = 1e-9  # of the output power; residuals below are rounding errors
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """Noise of each group of runs, and what it leaves to explain.
+
+    ``gap`` is in VAF points of the ``power`` of the output on the rows that have a route.
+    """
+
+    route: str
+    note: str
+    gap: float
+    sd: float
+    vaf: float
+    noise: Noise
+    remnant: list[np.ndarray]
+    covered: np.ndarray
+
+    @property
+    def value(self) -> float:
+        return self.vaf + self.gap
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        half = float(norm.ppf(0.5 + CONFIDENCE / 2)) * self.sd
+        return self.value - half, self.value + half
+
+
+def noise_ceiling(signals: Signals) -> Ceiling:
+    """Split the residual into what repeats and what does not.
+
+    With runs that share the target the residual of run k is r_k = d + n_k. What repeats, d, is
+    left in the mean over runs, and the deviations from it hold the noise: Σn² is estimated by
+    R/(R - 1) Σ (r_k - mean r)². A linear misfit Δ answers the noise that went round the loop
+    into e as well, Δe_n; it is estimated with the target (or the other runs) as instruments, which
+    are independent of the noise, shrunk by as much as chance alone would find (James and Stein),
+    and taken out first. With a periodic target and one run the noise is read off between the
+    excited lines.
+    """
+    routes = [_route(group) for group in signals.groups]
+    best = "repeats" if "repeats" in routes else "lines" if "lines" in routes else "none"
+    noise, parts = _noise(signals, routes, best, [signals.residual[g.rows] for g in signals.groups])
+    residuals, gap, variance, power, lost = [], 0.0, 0.0, 0.0, 0.0
+    for group, route in zip(signals.groups, routes, strict=True):
+        r, spread = signals.residual[group.rows], 0.0
+        if route == best != "none":
+            r, spread = _without_linear_misfit(signals, group, noise)
+        residuals.append(r)
+        variance += spread
+    noise, parts = _noise(signals, routes, best, residuals)
+    covered = np.zeros(signals.layout.n_rows, dtype=bool)
+    for group, route, remnant in zip(signals.groups, routes, parts, strict=True):
+        if route != best or best == "none":
+            continue
+        covered[group.rows.ravel()] = True
+        y, r = signals.y[group.rows], signals.residual[group.rows]
+        power += float(np.sum(y**2))
+        lost += float(np.sum(r**2))
+        noise_power, spread = _noise_power(group, route, remnant, noise)
+        gap += float(np.sum(r**2)) - noise_power
+        variance += spread
+    if best == "none":
+        return Ceiling(best, _note(signals, best), np.nan, np.nan, np.nan, noise, parts, covered)
+    return Ceiling(
+        best,
+        _note(signals, best),
+        100 * gap / power,
+        100 * float(np.sqrt(variance)) / power,
+        100 * (1 - lost / power),
+        noise,
+        parts,
+        covered,
+    )
+
+
+def _route(group: Group) -> str:
+    if group.n_runs > 1:
+        return "repeats"
+    return "none" if group.lines is None else "lines"
+
+
+def _noise(
+    signals: Signals, routes: list[str], best: str, residuals: list[np.ndarray]
+) -> tuple[Noise, list[np.ndarray]]:
+    """Noise model of the groups that have the best route, and noise (or residual) by group."""
+    records, times, without, parts = [], [], [], []
+    for group, route, r in zip(signals.groups, routes, residuals, strict=True):
+        part = r
+        if route == "repeats":
+            part = (r - r.mean(axis=0)) * np.sqrt(group.n_runs / (group.n_runs - 1))
+        parts.append(part)
+        if route == best:
+            records += list(part)
+            times += [signals.layout.time[rows] for rows in group.rows]
+            without += [group.lines if route == "lines" else None] * group.n_runs
+    return noise_of(records, times, signals.dt, without), parts
+
+
+def _noise_power(
+    group: Group, route: str, remnant: np.ndarray, noise: Noise
+) -> tuple[float, float]:
+    """Sum of squares of the noise of a group, and the variance of the error of the gap."""
+    n = group.n_samples
+    S = noise.at(group.omega(noise.dt)[1:])
+    # A density that varies in time: the mean of its square exceeds the square of its mean.
+    varying = float(np.mean(noise.envelope**2) / np.mean(noise.envelope) ** 2)
+    if route == "repeats":
+        # r_k r_l of two runs, summed over n samples, has the variance 2 sum S^2 over the bins.
+        spread = 2 * group.n_runs / (group.n_runs - 1) * varying * 2 * float(np.sum(S**2))
+        return float(np.sum(remnant**2)), spread
+    assert group.lines is not None
+    periodogram = np.abs(fft.rfft(remnant[0], norm="ortho")) ** 2
+    lines = np.union1d(group.lines, [0])
+    between = 2 * (periodogram.sum() - periodogram[lines].sum())
+    if n % 2 == 0 and (n // 2) not in group.lines:
+        between -= periodogram[-1]
+    expected = S[group.lines - 1]
+    # One bin of each line holds exponentially distributed noise, of that known mean.
+    return float(between + 2 * expected.sum()), float(np.sum((2 * expected) ** 2))
+
+
+def _without_linear_misfit(
+    signals: Signals, group: Group, noise: Noise
+) -> tuple[np.ndarray, float]:
+    """Residuals of a group less what a linear response to the driving signal would explain.
+
+    Also the variance that this estimate gives the power of the noise.
+    """
+    r = signals.residual[group.rows]
+    if signals.driving != "e" or np.sum(r**2) <= SILENT * np.sum(signals.y[group.rows] ** 2):
+        return r, 0.0
+    e = signals.channels["e"][group.rows]
+    instrument = _instrument(signals, group, e)
+    if instrument is None:
+        return r, 0.0
+    step = tap_spacing(instrument, signals.dt)
+    taps = step * np.arange(N_TAPS)
+    if taps[-1] * 4 > group.n_samples:
+        return r, 0.0
+    g, V, A = np.zeros(N_TAPS), np.zeros((N_TAPS, N_TAPS)), np.zeros((N_TAPS, N_TAPS))
+    lagged = [_lagged(signal, taps) for signal in e]
+    for k in range(group.n_runs):
+        Z = _lagged(instrument[k], taps)
+        g += Z.T @ r[k]
+        A += Z.T @ lagged[k]
+        V += noise.covariance(Z, signals.layout.time[group.rows[k]])
+    U, s, Wt = np.linalg.svd(A)
+    kept = s > STRONG * s[0]
+    U, s, Wt = U[:, kept], s[kept], Wt[kept]
+    found = float(U.T @ g @ np.linalg.solve(U.T @ V @ U, U.T @ g))
+    shrunk = max(0.0, 1.0 - max(s.size - 2, 0) / found) if found > 0 else 0.0
+    inverse = shrunk * (Wt.T / s) @ U.T
+    response = np.array([L @ (inverse @ g) for L in lagged])
+    rest = r - response
+    scattered = rest - rest.mean(axis=0) if group.n_runs > 1 else rest - _on_lines(rest, group)
+    slope = 2 * sum(
+        (L.T @ part for L, part in zip(lagged, scattered, strict=True)), np.zeros(N_TAPS)
+    )
+    slope *= group.n_runs / max(group.n_runs - 1, 1)
+    return rest, float(slope @ inverse @ V @ inverse.T @ slope)
+
+
+def _instrument(signals: Signals, group: Group, e: np.ndarray) -> np.ndarray | None:
+    """Part of e that the target explains, else that which other runs share."""
+    if group.lines is not None:
+        return np.broadcast_to(_on_lines(e.mean(axis=0)[None], group), e.shape)
+    return coherent_part(signals, group, e)
+
+
+def _on_lines(values: np.ndarray, group: Group) -> np.ndarray:
+    """Part of signals at the excited lines."""
+    spectrum = fft.rfft(values, axis=-1)
+    kept = np.zeros_like(spectrum)
+    kept[..., group.lines] = spectrum[..., group.lines]
+    return fft.irfft(kept, group.n_samples, axis=-1)
+
+
+def coherent_part(signals: Signals, group: Group, values: np.ndarray) -> np.ndarray | None:
+    """What a signal of each run (rows of ``values``) owes to causes outside the loop.
+
+    With repeats the mean of the other runs; with a periodic target and one run the excited lines;
+    otherwise the response to the target by a finite impulse response. None where there is no way:
+    what remains would be correlated with the noise of its own run.
+    """
+    if group.n_runs > 1:
+        return (values.sum(axis=0) - values) / (group.n_runs - 1)
+    if group.lines is not None:
+        return _on_lines(values, group)
+    if "f_t" not in signals.channels:
+        return None
+    target = signals.channels["f_t"][group.rows[0]]
+    step = tap_spacing(target[None], signals.dt)
+    taps = step * np.arange(min(4 * N_TAPS, group.n_samples // (8 * step)))
+    if taps.size < 2:
+        return None
+    lagged = _lagged(target, taps)
+    return (lagged @ np.linalg.lstsq(lagged, values[0], rcond=1e-8)[0])[None]
+
+
+def _lagged(signal: np.ndarray, taps: np.ndarray) -> np.ndarray:
+    out = np.zeros((signal.size, taps.size))
+    for column, lag in enumerate(taps):
+        out[lag:, column] = signal[: signal.size - lag]
+    return out
+
+
+def tap_spacing(signal: np.ndarray, dt: float) -> int:
+    """Samples between taps that resolve 99 % of the power of a signal."""
+    power = (np.abs(fft.rfft(signal - signal.mean(axis=1, keepdims=True))) ** 2).sum(axis=0)
+    share = np.cumsum(power) / power.sum() if power.any() else np.ones(power.size)
+    omega = 2 * np.pi * max(int(np.searchsorted(share, 0.99)), 1) / (signal.shape[1] * dt)
+    return max(int(0.7 / (omega * dt)), 1)
+
+
+def _note(signals: Signals, route: str) -> str:
+    if route == "repeats":
+        return (
+            "from what the residual does not repeat over runs that share the target; a lower bound "
+            "where a missing effect depends on the remnant itself (quantised, intermittent, dead "
+            "zone) or differs from run to run"
+        )
+    if route == "lines":
+        return (
+            "from the residual between the excited lines of a periodic target, in one run; a lower "
+            "bound: what varies in time or is distorted falls between the lines too"
+        )
+    if "f_t" not in signals.channels:
+        return (
+            "none: the target is not known. Add a channel f_t (or e and x), or say with repeats= "
+            "which runs share a target"
+        )
+    return (
+        "none: every run has a target of its own, which is not periodic in the window. Record "
+        "runs that share the target, or a whole number of periods of a multisine"
+    )

@@ -1,0 +1,327 @@
+"""A fitted model against measured runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..metrics import vaf_of_rows
+from ..pipelines import taken_apart
+from .advice import advise
+from .ceiling import Ceiling, noise_ceiling
+from .channels import check_channels
+from .correlation import correlations
+from .findings import Finding
+from .levels import level_tests
+from .misfit import linear_misfit
+from .operating_point import by_operating_point
+from .over_frequency import by_frequency
+from .over_runs import by_run, tests_over_runs
+from .over_time import by_time, tests_over_time, time_frequency
+from .report import html, summary
+from .signals import Signals, read_signals
+from .tests_table import Test, tests_table
+
+OVERFIT = 1.1  # mean squared error of validation over that of estimation (thesis)
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """What :func:`compare` found; see there for examples.
+
+    Attributes
+    ----------
+    vaf : float
+        VAF of the free run on all scored rows, in percent, unclipped.
+    one_step_vaf : float
+        VAF one step ahead; NaN for a model that makes no such prediction.
+    rmse : float
+        Root mean squared residual of the free run, in the unit of y.
+    estimation_vaf : float
+        VAF on the runs given as ``estimation``; NaN if there are none.
+    overfit_ratio : float
+        Mean squared residual, relative to the output's, on validation over estimation runs.
+    overfit : bool or None
+        Whether the ratio exceeds 1.1; None without estimation runs.
+    noise_ceiling : float
+        Highest VAF of a free run that any model driven by the measured signals could reach on
+        these runs; NaN if there is no way to know.
+    noise_ceiling_interval : (float, float)
+        Its 90 % confidence interval.
+    explainable_gap : float
+        ``noise_ceiling`` less the VAF of the same runs, in VAF points: what a better model could
+        still win. Neither thresholded nor clipped.
+    ceiling_route : {"repeats", "lines", "none"}
+        Where the ceiling is from.
+    ceiling_note : str
+        The same in words.
+    by_run, by_time, by_frequency, by_operating_point : DataFrame
+        The residual by run, window of time in the run, frequency, and value of signals.
+    tests : DataFrame
+        One row for each test; ``p`` accounts for the search inside the test, ``exceeds`` is
+        p < ``false_alarm``.
+    correlations : DataFrame
+        Cross-correlation of the prewhitened residual with signals, by lag.
+    time_frequency : DataFrame
+        Power of the residual over time (index, s) and frequency (columns, rad/s), relative to
+        the noise expected there.
+    remnant_spectrum : DataFrame
+        Density over ``omega`` (rad/s) of what does not repeat; described, not tested.
+    traces : DataFrame
+        ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
+        a role, row by row.
+    findings : list of Finding
+        What it means and what to do next, the most important first.
+    notes : list of str
+        What was left out.
+    """
+
+    model_name: str
+    output: str
+    unit: str | None
+    dt: float
+    false_alarm: float
+    vaf: float
+    one_step_vaf: float
+    rmse: float
+    estimation_vaf: float
+    overfit_ratio: float
+    overfit: bool | None
+    noise_ceiling: float
+    noise_ceiling_interval: tuple[float, float]
+    explainable_gap: float
+    ceiling_route: str
+    ceiling_note: str
+    traces: pd.DataFrame
+    by_run: pd.DataFrame
+    by_time: pd.DataFrame
+    by_frequency: pd.DataFrame
+    by_operating_point: pd.DataFrame
+    tests: pd.DataFrame
+    correlations: pd.DataFrame
+    time_frequency: pd.DataFrame
+    remnant_spectrum: pd.DataFrame
+    findings: list[Finding]
+    notes: list[str]
+
+    def __repr__(self) -> str:
+        ceiling = "" if np.isnan(self.noise_ceiling) else f", ceiling {self.noise_ceiling:.1f}"
+        return f"<Comparison of {self.model_name}: VAF {self.vaf:.1f}{ceiling}>"
+
+    def summary(self) -> str:
+        """Say in words how good the model is, where it fails, and what to do next.
+
+        Returns
+        -------
+        text : str
+        """
+        return summary(self)
+
+    def _repr_html_(self) -> str:
+        return html(self)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the page of panels, :class:`skhoid.plotting.ComparisonDisplay`.
+
+        Parameters
+        ----------
+        ax : sequence of Axes or None, default=None
+            Where to; None makes a figure.
+
+        Returns
+        -------
+        display : ComparisonDisplay
+        """
+        from ..plotting import ComparisonDisplay
+
+        return ComparisonDisplay.from_comparison(self, ax=ax)
+
+
+def compare(
+    model: Any,
+    X: Any,
+    y: Any,
+    *,
+    estimation: tuple[Any, Any] | None = None,
+    repeats: Any = None,
+    roles: dict[Any, str] | None = None,
+    run_in: float | None = None,
+    false_alarm: float = 0.01,
+    dt: float | None = None,
+    run: Any = None,
+) -> Comparison:
+    """Compare a fitted model with measured runs: how good, where bad, how much left to explain.
+
+    Parameters
+    ----------
+    model : fitted regressor, pipeline or search
+        Anything with ``predict``. One-step figures come from ``predict_ahead``, where there is
+        one.
+    X : DataFrame or array of shape (n_rows, n_columns)
+        Channels of the validation runs, one row per sample. Roles are taken from the names of
+        columns: ``e``, ``x``, ``f_t``, ``dist...``. A target that is not there is e + x.
+    y : Series or array of shape (n_rows,)
+        Measured output.
+    estimation : (X, y) or None, default=None
+        Runs that the model was fitted on. They are scored by themselves, for the verdict on
+        overfit.
+    repeats : None, bool, dict or sequence, default=None
+        Which runs share the target: those whose ``f_t`` are equal (None), all (True), none
+        (False), those of one label in ``{run: label}`` or in a sequence of one label a run.
+    roles : dict or None, default=None
+        ``{column: role}`` for columns that are not named by their role. None takes those of the
+        model.
+    run_in : float or None, default=None
+        Leave out this many seconds at the start of each run.
+    false_alarm : float, default=0.01
+        Rate at which each test, and each table as a whole, says that something exceeds chance
+        when nothing is missing.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: that of the model, or 1).
+    run : column name or position, or None, default=None
+        Run column of ``X`` for data without a run index.
+
+    Returns
+    -------
+    comparison : Comparison
+
+    Raises
+    ------
+    ValueError
+        If no row is left to score, the model predicts NaN, or ``repeats`` names unknown runs.
+
+    See Also
+    --------
+    remnant_estimate : Intensity and spectrum of the remnant.
+    performance_scores : Scores and windows of an experiment.
+    check_channels : Units, clocks and copies of the recorded channels.
+
+    Notes
+    -----
+    The residual of run k is r_k = d + n_k: a misfit d that repeats with the target, and remnant
+    n_k. The ceiling is 100 (1 - Σn²/Σu²) with Σn² from what r does not repeat. (What u does not
+    repeat would be more: remnant goes round the loop into e, and its answer can be predicted.)
+
+    Tests use patterns that owe nothing to the remnant of their own run: the target, and what
+    signals of the other runs have in common. They are valid in a closed loop whatever the colour
+    of the remnant. A finding is not a proof of a cause: see the words of each.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs
+    >>> X, y = make_tracking_runs(
+    ...     "C3", n_runs=6, channels=["e", "x", "f_t"], remnant_intensity=0.1, random_state=0
+    ... )
+    >>> model = ARXRegressor(nk=29).fit(*select_runs(X, y, first=3))
+    >>> comparison = compare(model, *select_runs(X, y, last=3))
+    >>> bool(comparison.vaf < comparison.noise_ceiling)
+    True
+    """
+    if not 0 < false_alarm < 0.5:
+        raise ValueError(f"false_alarm is a rate between 0 and 0.5; got {false_alarm!r}.")
+    options = {"roles": roles, "run_in": run_in, "dt": dt, "run": run}
+    signals = read_signals(model, X, y, repeats=repeats, **options)
+    ceiling = noise_ceiling(signals)
+    table = by_run(signals, "validation")
+    p, tests = tests_over_runs(signals, ceiling)
+    table["p"], table["exceeds"] = p, p < false_alarm
+    estimation_vaf = ratio = np.nan
+    if estimation is not None:
+        fitted = read_signals(model, *estimation, repeats=False, **options)
+        estimation_vaf = _pooled(fitted, fitted.predicted)
+        table = pd.concat([table, by_run(fitted, "estimation")], ignore_index=True)
+    vaf = _pooled(signals, signals.predicted)
+    if estimation is not None:
+        # Both relative to their output's power, as runs differ in what is to be explained.
+        ratio = (100 - vaf) / (100 - estimation_vaf) if estimation_vaf < 100 else np.nan
+    correlation, of_correlation = correlations(signals, ceiling, false_alarm)
+    amplitude, of_amplitude = by_operating_point(signals, ceiling, false_alarm)
+    tests = [
+        *_gap_test(ceiling),
+        *linear_misfit(signals, ceiling),
+        *tests_over_time(signals, ceiling),
+        *of_correlation,
+        *of_amplitude,
+        *level_tests(signals),
+        *tests,
+    ]
+    known = np.isfinite(signals.one_step)
+    low, high = ceiling.interval
+    found = Comparison(
+        model_name=_name_of(model),
+        output=signals.output,
+        unit=signals.units.get(signals.output),
+        dt=signals.dt,
+        false_alarm=false_alarm,
+        vaf=vaf,
+        one_step_vaf=_pooled(signals, signals.one_step, known) if known.any() else np.nan,
+        rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
+        estimation_vaf=estimation_vaf,
+        overfit_ratio=ratio,
+        overfit=None if np.isnan(ratio) else bool(ratio > OVERFIT),
+        noise_ceiling=ceiling.value,
+        noise_ceiling_interval=(low, high),
+        explainable_gap=ceiling.gap,
+        ceiling_route=ceiling.route,
+        ceiling_note=ceiling.note,
+        traces=_traces(signals),
+        by_run=table,
+        by_time=by_time(signals, ceiling, false_alarm),
+        by_frequency=by_frequency(signals, ceiling, false_alarm),
+        by_operating_point=amplitude,
+        tests=tests_table(tests, false_alarm),
+        correlations=correlation,
+        time_frequency=time_frequency(signals, ceiling, false_alarm),
+        remnant_spectrum=pd.DataFrame(
+            {
+                "omega": ceiling.noise.omega,
+                "psd": ceiling.noise.density * signals.dt / np.pi,
+            }
+        ),
+        findings=[],
+        notes=signals.notes,
+    )
+    return replace(found, findings=advise(found, signals, check_channels(X, y, dt=dt, run=run)))
+
+
+def _pooled(signals: Signals, prediction: np.ndarray, known: np.ndarray | None = None) -> float:
+    keep = signals.scored if known is None else signals.scored & known
+    return float(vaf_of_rows(signals.y, prediction, keep, signals.layout, "pooled", False))
+
+
+def _gap_test(ceiling: Ceiling) -> list[Test]:
+    if ceiling.route == "none" or ceiling.sd == 0:
+        return []
+    from scipy.stats import norm
+
+    z = ceiling.gap / ceiling.sd
+    return [
+        Test(
+            "explainable gap",
+            "residual",
+            z,
+            float(norm.sf(z)),
+            np.nan,
+            ceiling.gap,
+            description="power of what the residual repeats with the target, in VAF points",
+        )
+    ]
+
+
+def _name_of(model: Any) -> str:
+    steps, last = taken_apart(model)
+    return " → ".join(" ".join(repr(step).split()) for step in [*steps, last])
+
+
+def _traces(signals: Signals) -> pd.DataFrame:
+    columns = {
+        "measured": signals.y,
+        "predicted": signals.predicted,
+        "residual": signals.residual,
+        "one_step": signals.one_step,
+        "scored": signals.scored,
+    }
+    return pd.DataFrame(columns | signals.channels, index=signals.index)

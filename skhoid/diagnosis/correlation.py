@@ -1,0 +1,108 @@
+"""Correlation of the residual with signals of the loop.
+
+With signals from outside the loop (f_t, f_d) this is the test of a fault that holds in a closed
+loop: whatever the colour of the remnant, it owes nothing to them. With e and x it is shown, not
+tested: remnant goes round the loop, so that a coloured one correlates with past e even for the
+exact model.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy import fft
+from scipy.linalg import toeplitz
+
+from .breaks import tail_probability
+from .ceiling import Ceiling, tap_spacing
+from .signals import Signals
+from .tests_table import Test
+
+N_LAGS = 40  # on either side
+LONGEST = 3.0  # s, for lags of loops that a person closes
+N_DRAWS = 2000
+
+
+def correlations(
+    signals: Signals, ceiling: Ceiling, false_alarm: float
+) -> tuple[pd.DataFrame, list[Test]]:
+    """Cross-correlation of prewhitened residual and signals, with simultaneous bands."""
+    tables, tests = [], []
+    shown = [n for n in signals.channels if n in ("f_t", "e", "x") or n.startswith("dist")]
+    for name in shown:
+        valid = name in signals.external
+        found = _correlation(signals, ceiling, name)
+        if found is None:
+            continue
+        lags, score, scale, largest = found
+        limit = float(np.quantile(largest, 1 - false_alarm))
+        k = int(np.argmax(np.abs(score)))
+        tables.append(
+            pd.DataFrame(
+                {
+                    "signal": name,
+                    "lag": lags,
+                    "correlation": score * scale,
+                    "band": limit * scale,
+                    "valid": valid,
+                }
+            )
+        )
+        statistic = float(abs(score[k]))
+        what = f"{name}, from outside the loop" if valid else f"{name}: no test in a closed loop"
+        tests.append(
+            Test(
+                "cross-correlation",
+                name,
+                statistic,
+                tail_probability(statistic, largest),
+                float(lags[k]),
+                float(score[k] * scale),
+                valid,
+                f"largest prewhitened correlation of the residual with {what}",
+            )
+        )
+    if not tables:
+        columns = ["signal", "lag", "correlation", "band", "valid"]
+        return pd.DataFrame(columns=columns), tests
+    return pd.concat(tables, ignore_index=True), tests
+
+
+def _correlation(
+    signals: Signals, ceiling: Ceiling, name: str
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray] | None:
+    """Lags (s), correlations in standard deviations, one of these, and draws of the largest."""
+    pairs = []
+    for group in signals.groups:
+        for rows in group.rows:
+            pair = np.column_stack([signals.residual[rows], signals.channels[name][rows]])
+            pair = pair - pair.mean(axis=0)
+            pairs.append(ceiling.noise.whitened(pair, signals.layout.time[rows]))
+    shortest = min(len(pair) for pair in pairs)
+    step = min(
+        max(min(tap_spacing(pair[:, 1][None], signals.dt) for pair in pairs), 1),
+        max(int(LONGEST / N_LAGS / signals.dt), 1),
+    )
+    n_lags = min(N_LAGS, shortest // (8 * step))
+    power_r = sum(float(np.sum(pair[:, 0] ** 2)) for pair in pairs)
+    power_z = sum(float(np.sum(pair[:, 1] ** 2)) for pair in pairs)
+    if n_lags < 1 or power_r == 0 or power_z == 0:
+        return None
+    lags = step * np.arange(-n_lags, n_lags + 1)
+    cross, auto = np.zeros(lags.size), np.zeros(2 * n_lags + 1)
+    for pair in pairs:
+        size = fft.next_fast_len(len(pair) + int(lags[-1]) * 2, real=True)
+        R, Z = fft.rfft(pair[:, 0], size), fft.rfft(pair[:, 1], size)
+        cross += fft.irfft(R * Z.conj(), size)[lags]
+        auto += fft.irfft(np.abs(Z) ** 2, size)[step * np.arange(2 * n_lags + 1)]
+    rms = np.sqrt(power_r / sum(len(pair) for pair in pairs))
+    values, vectors = np.linalg.eigh(toeplitz(auto / power_z))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    # The same draws for equal data; the largest of them has the distribution without a fault.
+    draws = np.random.default_rng(0).standard_normal((N_DRAWS, lags.size)) @ root.T
+    return (
+        lags * signals.dt,
+        cross / (rms * np.sqrt(power_z)),
+        float(rms / np.sqrt(power_r)),
+        np.abs(draws).max(axis=1),
+    )

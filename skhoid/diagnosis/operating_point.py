@@ -1,0 +1,195 @@
+"""The residual over amplitude: dead zones, asymmetry, levels at which the output sticks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy.signal import correlate
+from scipy.stats import chi2
+
+from .ceiling import Ceiling, coherent_part
+from .signals import Signals
+from .tests_table import Test
+
+N_BINS = 12
+LONGEST_LAG = 1.5  # s, by which the response follows a channel at most
+LEAST_COUNT = 0.005  # of the samples, in a bin
+N_DRAWS = 2000
+
+
+def by_operating_point(
+    signals: Signals, ceiling: Ceiling, false_alarm: float
+) -> tuple[pd.DataFrame, list[Test]]:
+    """Mean residual against the value that signals had, a response time before.
+
+    What signals owe to causes outside the loop is the coordinate, so that the remnant of a run
+    cannot sort itself into bins; where that is not known, signals themselves are, and the mean
+    residual is described, not tested.
+    """
+    quantities = _quantities(signals)
+    tables, tests = [], []
+    for name, (values, source) in quantities.items():
+        lag = _response_lag(signals, source)
+        found = _bins(signals, ceiling, name, values, lag, false_alarm)
+        if found is not None:
+            tables.append(found[0])
+            tests += found[1]
+    if not tables:
+        columns = ["channel", "lag", "low", "high", "center", "count", "mean", "sd", "band"]
+        return pd.DataFrame(columns=[*columns, "exceeds", "valid"]), tests
+    return pd.concat(tables, ignore_index=True), tests
+
+
+def _quantities(signals: Signals) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Values at every row, and the signal whose response lag is theirs."""
+    found = {}
+    for name in ("e", "x", "f_t"):
+        if name in signals.channels:
+            found[name] = signals.channels[name]
+    found[signals.output] = signals.predicted
+    quantities = {}
+    for name, values in found.items():
+        quantities[name] = (values, values)
+        if name in ("e", signals.output):
+            quantities[f"{name} rate"] = (_rate(signals, values), values)
+    return quantities
+
+
+def _rate(signals: Signals, values: np.ndarray) -> np.ndarray:
+    rate = np.zeros_like(values)
+    for start, stop in zip(signals.layout.starts[:-1], signals.layout.starts[1:], strict=True):
+        if stop - start > 1:
+            rate[start:stop] = np.gradient(values[start:stop], signals.dt)
+    return rate
+
+
+def _response_lag(signals: Signals, values: np.ndarray) -> int:
+    """Samples by which the prediction follows a signal most closely."""
+    if values is signals.predicted:
+        return 0
+    total: np.ndarray | float = 0.0
+    longest = max(int(LONGEST_LAG / signals.dt), 1)
+    longest = min(longest, min(group.n_samples for group in signals.groups) // 8)
+    for group in signals.groups:
+        for rows in group.rows:
+            z, m = values[rows], signals.predicted[rows]
+            product = correlate(m - m.mean(), z - z.mean(), method="fft")
+            total = total + product[rows.size - 1 : rows.size + longest]
+    return int(np.argmax(np.abs(total)))
+
+
+def _bins(
+    signals: Signals,
+    ceiling: Ceiling,
+    name: str,
+    values: np.ndarray,
+    lag: int,
+    false_alarm: float,
+) -> tuple[pd.DataFrame, list[Test]] | None:
+    coordinates, residuals, times = [], [], []
+    valid = True
+    for group in signals.groups:
+        of_group = values[group.rows]
+        if name not in signals.external:
+            coherent = coherent_part(signals, group, of_group)
+            valid &= coherent is not None
+            of_group = of_group if coherent is None else coherent
+        n = group.n_samples - lag
+        coordinates += list(of_group[:, :n])
+        residuals += list(signals.residual[group.rows[:, lag:]])
+        times += list(signals.layout.time[group.rows[:, lag:]])
+    every = np.concatenate(coordinates)
+    low, high = np.quantile(every, [0.005, 0.995])
+    if not high > low:
+        return None
+    edges = np.linspace(low, high, N_BINS + 1)
+    edges[0], edges[-1] = every.min(), every.max()
+    count = np.histogram(every, edges)[0]
+    kept = np.flatnonzero(count >= max(LEAST_COUNT * every.size, 2))
+    if kept.size < 5:
+        return None
+    sums, covariance, moments = np.zeros(N_BINS), np.zeros((N_BINS, N_BINS)), np.zeros(N_BINS)
+    for z, r, time in zip(coordinates, residuals, times, strict=True):
+        number = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, N_BINS - 1)
+        inside = (number[:, None] == np.arange(N_BINS)).astype(float)
+        sums += np.bincount(number, r, N_BINS)
+        moments += np.bincount(number, z, N_BINS)
+        covariance += ceiling.noise.covariance(inside, time)
+    n = count[kept]
+    mean, center = sums[kept] / n, moments[kept] / n
+    covariance = covariance[np.ix_(kept, kept)] / np.outer(n, n)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    band = float(np.quantile(_largest_of_bins(covariance, sd), 1 - false_alarm)) * sd
+    table = pd.DataFrame(
+        {
+            "channel": name,
+            "lag": lag * signals.dt,
+            "low": edges[kept],
+            "high": edges[kept + 1],
+            "center": center,
+            "count": n,
+            "mean": mean,
+            "sd": sd,
+            "band": band,
+            "exceeds": valid & (np.abs(mean) > band),
+            "valid": valid,
+        }
+    )
+    tests = [
+        _shape(name, "nonlinearity", center, mean, covariance, n, valid),
+        _shape(name, "asymmetry", center, mean, covariance, n, valid),
+    ]
+    return table, tests
+
+
+def _largest_of_bins(covariance: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    """Draws of the largest mean, in its standard deviations, that noise alone would give."""
+    values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    draws = np.random.default_rng(0).standard_normal((N_DRAWS, sd.size)) @ root.T
+    return np.abs(draws).max(axis=1)
+
+
+def _shape(
+    name: str,
+    kind: str,
+    z: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    count: np.ndarray,
+    valid: bool,
+) -> Test:
+    """Is the mean residual over a channel not a straight line; is it not an odd function."""
+    scale = float(np.sqrt(np.average(z**2, weights=count))) or 1.0
+    z = z / scale
+    inverse = np.linalg.pinv(covariance, rcond=1e-6, hermitian=True)
+    line = np.column_stack([np.ones(z.size), z])
+    if kind == "asymmetry":
+        line = np.column_stack([line, z * np.abs(z)])
+        extra = np.abs(z)[:, None]
+    else:
+        extra = np.eye(z.size)
+    # What the straight line explains is taken out of data and patterns alike.
+    project = np.eye(z.size) - line @ np.linalg.pinv(line.T @ inverse @ line) @ line.T @ inverse
+    M = extra.T @ inverse @ project @ extra
+    g = extra.T @ inverse @ project @ mean
+    statistic = float(g @ np.linalg.pinv(M, rcond=1e-6, hermitian=True) @ g)
+    free = int(np.linalg.matrix_rank(M, tol=1e-6 * max(np.abs(M).max(), 1e-300), hermitian=True))
+    rest = project @ mean
+    worst = int(np.argmax(np.abs(rest) / np.sqrt(np.diag(covariance))))
+    size = float(np.sqrt(np.average(rest**2, weights=count)))
+    if kind == "asymmetry":
+        size = float(g[0] / M[0, 0]) if M[0, 0] > 0 else 0.0
+    return Test(
+        kind,
+        name,
+        statistic,
+        float(chi2.sf(statistic, max(free, 1))),
+        float(z[worst] * scale),
+        size,
+        valid,
+        {
+            "nonlinearity": f"mean residual over {name} against a straight line",
+            "asymmetry": f"mean residual over {name}: gain of one sign against the other",
+        }[kind],
+    )

@@ -1,0 +1,189 @@
+"""The residual over frequency: at the excited lines and between them, and the response measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy import fft
+from scipy.stats import f as f_distribution
+from scipy.stats import gamma
+
+from .ceiling import Ceiling
+from .signals import Group, Signals
+from .tests_table import Test, of_several
+
+N_BANDS = 16
+FEW = 60  # excited lines; more of them are taken together in bands
+COLUMNS = (
+    "omega", "kind", "n_bins", "psd_output", "psd_residual", "psd_noise", "share", "coherence",
+    "measured_gain", "measured_phase", "sd_gain", "sd_phase", "model_gain", "model_phase",
+    "p", "exceeds",
+)  # fmt: skip
+
+
+def by_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFrame:
+    """Residual at the excited lines (or in bands), and between them.
+
+    Runs of different length are cut to the shortest, so that they share their bins.
+    """
+    n = min(group.n_samples for group in signals.groups)
+    parts = [_Part.of(signals, group, n) for group in signals.groups]
+    total = sum(float(np.sum(signals.y[rows] ** 2)) for g in signals.groups for rows in g.rows)
+    omega = 2 * np.pi * fft.rfftfreq(n, signals.dt)
+    S = ceiling.noise.at(omega)
+    rows = []
+    for kind, bins in _sets_of_bins(parts, n, omega):
+        rows.append(_row(kind, bins, parts, omega, S, total, signals.dt, ceiling.route))
+    table = pd.DataFrame(rows).sort_values(["omega", "kind"], ignore_index=True)
+    for kind in ("measured_phase", "model_phase"):
+        known = table[kind].notna().to_numpy()
+        table.loc[known, kind] = np.rad2deg(np.unwrap(np.deg2rad(table.loc[known, kind])))
+    tested = table["p"].notna().to_numpy()
+    table.loc[tested, "p"] = of_several(table.loc[tested, "p"].to_numpy())
+    table["exceeds"] = table["p"] < false_alarm
+    table = table[list(COLUMNS)]
+    # Welch's and other one-sided densities, per rad/s.
+    return table
+
+
+class _Part:
+    """Transforms of a group: target, driving signal, output, prediction and residual by run."""
+
+    def __init__(self, group: Group, signals: dict[str, np.ndarray], lines: np.ndarray | None):
+        self.group = group
+        self.lines = lines
+        self.F = signals["f_t"] if "f_t" in signals else None
+        self.E = signals.get("driving")
+        self.U, self.M = signals["u"], signals["model"]
+        self.R = self.U - self.M
+
+    @classmethod
+    def of(cls, signals: Signals, group: Group, n: int) -> _Part:
+        rows = group.rows[:, :n]
+        values = {"u": signals.y, "model": signals.predicted}
+        if "f_t" in signals.channels:
+            values["f_t"] = signals.channels["f_t"]
+        if signals.driving is not None:
+            values["driving"] = signals.channels[signals.driving]
+        spectra = {k: fft.rfft(v[rows], axis=1, norm="ortho") for k, v in values.items()}
+        return cls(group, spectra, group.lines if group.n_samples == n else None)
+
+
+def _sets_of_bins(
+    parts: list[_Part], n: int, omega: np.ndarray
+) -> list[tuple[str, np.ndarray]]:
+    """Bins that a row of the table is about, with their kind."""
+    all_bins = np.arange(1, omega.size)
+    lines = parts[0].lines
+    periodic = lines is not None and all(
+        part.lines is not None and np.array_equal(part.lines, lines) for part in parts
+    )
+    if not periodic or lines is None:
+        return [("band", bins) for bins in _bands(all_bins, np.ones(omega.size, bool))]
+    if lines.size <= FEW:
+        sets = [("excited", np.array([line])) for line in lines]
+    else:
+        member = np.isin(np.arange(omega.size), lines)
+        sets = [("excited", bins) for bins in _bands(lines, member)]
+    base = int(np.gcd.reduce(lines))
+    rest = np.setdiff1d(all_bins, lines)
+    harmonic = rest % base == 0
+    if np.all(lines // base % 2 == 1):  # odd lines: distortion of even order falls beside them
+        odd = harmonic & (rest // base % 2 == 1)
+        kinds = {"odd": rest[odd], "even": rest[harmonic & ~odd], "between": rest[~harmonic]}
+    else:
+        kinds = {"between": rest}
+    for kind, bins in kinds.items():
+        if bins.size:
+            sets += [(kind, b) for b in _bands(bins, np.isin(np.arange(omega.size), bins))]
+    return sets
+
+
+def _bands(bins: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
+    """Bins in bands of equal width on a logarithmic scale, four bins at least."""
+    edges = np.geomspace(max(bins[0], 1), bins[-1] + 1, N_BANDS + 1)
+    sets: list[np.ndarray] = []
+    held = np.array([], dtype=int)
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        inside = np.arange(int(np.ceil(low)), int(np.ceil(high)))
+        held = np.concatenate([held, inside[member[inside]]])
+        if held.size >= 4:
+            sets.append(held)
+            held = np.array([], dtype=int)
+    if held.size:
+        sets = [*sets[:-1], np.concatenate([*sets[-1:], held])]
+    return sets
+
+
+def _row(
+    kind: str,
+    bins: np.ndarray,
+    parts: list[_Part],
+    omega: np.ndarray,
+    S: np.ndarray,
+    total: float,
+    dt: float,
+    route: str,
+) -> dict[str, object]:
+    weight = np.where((bins == omega.size - 1) & (omega.size > 1), 1.0, 2.0)
+    density = dt / np.pi
+    n_runs = sum(part.group.n_runs for part in parts)
+    U2 = sum(np.sum(np.abs(part.U[:, bins]) ** 2, axis=0) for part in parts)
+    R2 = sum(np.sum(np.abs(part.R[:, bins]) ** 2, axis=0) for part in parts)
+    row: dict[str, object] = {
+        "omega": float(np.exp(np.mean(np.log(omega[bins])))),
+        "kind": kind,
+        "n_bins": bins.size,
+        "psd_output": float(np.mean(U2)) / n_runs * density,
+        "psd_residual": float(np.mean(R2)) / n_runs * density,
+        "psd_noise": float(np.mean(S[bins])) * density if route != "none" else np.nan,
+        "share": 100 * float(np.sum(weight * R2)) / total,
+        "p": np.nan,
+        **dict.fromkeys(COLUMNS[7:14], np.nan),
+    }
+    if kind in ("excited", "band") and parts[0].F is not None:
+        row |= _response(bins, parts, S[bins])
+    elif route == "repeats":
+        row["p"] = _repeatable(bins, parts, S[bins])
+    return row
+
+
+def _response(bins: np.ndarray, parts: list[_Part], S: np.ndarray) -> dict[str, float]:
+    """Response in a band by way of the target, and a test of the residual's."""
+    FF = FE = FU = FM = FR = U2 = spread = 0.0 + 0.0j
+    for part in parts:
+        F = part.F[:, bins]  # type: ignore[index]
+        FF += np.sum(np.abs(F) ** 2)
+        spread += np.sum(np.abs(F) ** 2 * S)
+        FE += np.sum(F.conj() * part.E[:, bins])  # type: ignore[index]
+        FU += np.sum(F.conj() * part.U[:, bins])
+        FM += np.sum(F.conj() * part.M[:, bins])
+        FR += np.sum(F.conj() * part.R[:, bins])
+        U2 += np.sum(np.abs(part.U[:, bins]) ** 2)
+    row: dict[str, float] = {}
+    if spread.real > 0:
+        row["p"] = float(np.exp(-(abs(FR) ** 2) / spread.real))
+    if abs(FE) > 0 and FF.real > 0:
+        measured, model = FU / FE, FM / FE
+        sd = float(np.sqrt(spread.real / 2) / abs(FE))
+        row |= {
+            "coherence": float(abs(FU) ** 2 / (FF.real * U2.real)) if U2.real else np.nan,
+            "measured_gain": float(abs(measured)),
+            "measured_phase": float(np.rad2deg(np.angle(measured))),
+            "sd_gain": sd,
+            "sd_phase": float(np.rad2deg(sd / abs(measured))) if abs(measured) else np.nan,
+            "model_gain": float(abs(model)),
+            "model_phase": float(np.rad2deg(np.angle(model))),
+        }
+    return row
+
+
+def _repeatable(bins: np.ndarray, parts: list[_Part], S: np.ndarray) -> float:
+    """P-value of what repeats over runs, at bins that hold no line."""
+    statistic, n = 0.0, 0
+    for part in parts:
+        if part.group.n_runs > 1:
+            mean = part.R[:, bins].mean(axis=0)
+            statistic += float(np.sum(part.group.n_runs * np.abs(mean) ** 2 / S))
+            n += bins.size
+    return float(gamma.sf(statistic, n)) if n else np.nan

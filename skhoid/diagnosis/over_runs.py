@@ -1,0 +1,158 @@
+"""Runs against each other: outliers, learning, lost control, and VAF and RMSE of each."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy.stats import norm
+
+from ..metrics import vaf_of_rows
+from .ceiling import Ceiling
+from .signals import Signals
+from .tests_table import Test, of_several
+
+LOST = 3.0  # times the rms error of the other runs, over a window
+LOST_WINDOW = 4.0  # s
+
+
+def by_run(signals: Signals, data: str) -> pd.DataFrame:
+    """VAF, one-step VAF and RMSE of each run."""
+    keep = signals.scored
+    free = _vaf(signals, signals.predicted)
+    known = keep & np.isfinite(signals.one_step)
+    ahead = _vaf(signals, np.where(known, signals.one_step, np.nan), known)
+    target = np.full(len(signals.layout.labels), -1)
+    for number, group in enumerate(signals.groups):
+        target[group.runs] = number
+    rows = np.flatnonzero(keep)
+    run = signals.layout.run_of(rows)
+    n = len(signals.layout.labels)
+    count = np.bincount(run, minlength=n)
+    lost = np.bincount(run, signals.residual[rows] ** 2, n)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean_square = lost / count
+        ratio = mean_square / np.nanmedian(mean_square) if lost.any() else np.ones(n)
+    return pd.DataFrame(
+        {
+            "data": data,
+            "run": [signals.run_label(k) for k in range(n)],
+            "target": target,
+            "duration": count * signals.dt,
+            "vaf": free,
+            "one_step_vaf": ahead,
+            "rmse": np.sqrt(mean_square),
+            "ratio": ratio,
+            "p": np.nan,
+            "exceeds": False,
+        }
+    )
+
+
+def _vaf(
+    signals: Signals, prediction: np.ndarray, keep: np.ndarray | None = None
+) -> np.ndarray:
+    keep = signals.scored if keep is None else keep
+    if not keep.any():
+        return np.full(len(signals.layout.labels), np.nan)
+    return np.asarray(vaf_of_rows(signals.y, prediction, keep, signals.layout, None, False))
+
+
+def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, list[Test]]:
+    """P-value of each run's residual power, and tests of outlying runs, learning, lost control."""
+    n = len(signals.layout.labels)
+    p = np.full(n, np.nan)
+    tests = []
+    used = np.array([r for group in signals.groups for r in group.runs])
+    duration = np.array(
+        [group.n_samples * signals.dt for group in signals.groups for _ in group.runs]
+    )
+    power = np.array(
+        [np.mean(signals.residual[rows] ** 2) for group in signals.groups for rows in group.rows]
+    )
+    if used.size >= 3 and np.all(power > 0):
+        order = np.argsort(used)
+        used, duration, power = used[order], duration[order], power[order]
+        free = duration / ceiling.noise.correlation_time
+        # The logarithm of a mean square with f degrees of freedom scatters by about sqrt(2 / f).
+        log = np.log(power)
+        scatter = np.sqrt(2 / free)
+        each = np.empty(used.size)
+        for k in range(used.size):
+            others = np.arange(used.size) != k
+            rest = np.median(log[others]) if used.size > 4 else np.mean(log[others])
+            spread = np.sqrt(scatter[k] ** 2 + _spread_of_centre(scatter[others]))
+            each[k] = (log[k] - rest) / spread
+        alone = of_several(2 * norm.sf(np.abs(each)))
+        p[used] = alone
+        worst = int(np.argmax(np.abs(each)))
+        tests.append(
+            Test(
+                "outlying run",
+                signals.run_label(int(used[worst])),
+                float(each[worst]),
+                float(alone[worst]),
+                float(used[worst]),
+                float(np.exp(log[worst] - np.median(log))),
+                description="residual power of one run against the others",
+            )
+        )
+        centred = np.arange(used.size) - (used.size - 1) / 2
+        slope = float(centred @ log / (centred @ centred))
+        sd = float(np.sqrt((centred**2) @ scatter**2) / (centred @ centred))
+        tests.append(
+            Test(
+                "learning",
+                signals.output,
+                slope / sd,
+                float(2 * norm.sf(abs(slope / sd))),
+                np.nan,
+                float(100 * np.expm1(slope)),
+                description="trend of the residual power from run to run (percent a run)",
+            )
+        )
+    tests += _lost_control(signals)
+    return p, tests
+
+
+def _spread_of_centre(scatter: np.ndarray) -> float:
+    """Variance of a median (many values) or mean (few) of independent values."""
+    factor = np.pi / 2 if scatter.size > 3 else 1.0
+    return float(factor * np.mean(scatter**2) / scatter.size)
+
+
+def _lost_control(signals: Signals) -> list[Test]:
+    """A stretch of one run in which the error is far larger than in all others."""
+    if signals.driving != "e":
+        return []
+    e = signals.channels["e"]
+    worst, where, which = 0.0, np.nan, ""
+    for group in signals.groups:
+        width = max(int(LOST_WINDOW / signals.dt), 1)
+        n = group.n_samples // width
+        if n < 2:
+            continue
+        cut = e[group.rows[:, : n * width]].reshape(group.n_runs, n, width)
+        rms = np.sqrt(np.mean(cut**2, axis=2))
+        for k in range(group.n_runs):
+            others = np.delete(rms, k, axis=0)
+            usual = others.max() if others.size else np.median(rms[k]) * 2
+            ratio = rms[k] / usual if usual > 0 else np.zeros(n)
+            if ratio.max() > worst:
+                at = int(ratio.argmax())
+                worst = float(ratio.max())
+                where = float(signals.layout.time[group.rows[k, at * width]])
+                which = signals.run_label(int(group.runs[k]))
+    if not which:
+        return []
+    return [
+        Test(
+            "lost control",
+            which,
+            worst,
+            np.nan,
+            where,
+            worst,
+            description=f"largest rms error over {LOST_WINDOW:g} s, over the largest of other runs",
+            rule=worst > LOST,
+        )
+    ]

@@ -1,0 +1,248 @@
+"""The residual over time in the run: windows, change points, drift, map over frequency."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from scipy.signal import ShortTimeFFT
+from scipy.signal.windows import hann
+from scipy.stats import chi2, norm
+from scipy.stats import f as f_distribution
+
+from .breaks import largest_break
+from .ceiling import Ceiling, coherent_part
+from .signals import Group, Signals
+from .tests_table import Test, of_one, of_several
+
+N_WINDOWS = 16
+N_BLOCKS = 160
+SHORTEST = 1.0  # s, of a window
+N_BANDS = 14  # of the map
+EDGE = 5.0  # correlation times of the noise
+
+
+def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFrame:
+    """Residual of all runs, and of each, in windows of time in the run."""
+    rows = np.flatnonzero(signals.scored)
+    time, run = signals.layout.time[rows], signals.layout.run_of(rows)
+    edges = _edges(time, signals.dt)
+    window = np.searchsorted(edges, time + signals.dt / 4, side="right") - 1
+    n = edges.size - 1
+    parts = [("all", np.ones(rows.size, dtype=bool))]
+    numbers = np.unique(run)
+    if numbers.size > 1:
+        parts += [(signals.run_label(k), run == k) for k in numbers]
+    y, r = signals.y[rows], signals.residual[rows]
+    # A window of T seconds holds that many independent values of the noise's square.
+    per_second = 1 / ceiling.noise.correlation_time
+    tables = []
+    for label, own in parts:
+        at = window[own]
+        count = np.bincount(at, minlength=n)
+        power, lost = np.bincount(at, y[own] ** 2, n), np.bincount(at, r[own] ** 2, n)
+        used = np.flatnonzero(count)
+        count, power, lost = count[used], power[used], lost[used]
+        rest = count.sum() - count
+        free = np.maximum(per_second * signals.dt * count, 1.0)
+        free_rest = np.maximum(per_second * signals.dt * rest, 1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            F = (lost / count) / ((lost.sum() - lost) / rest)
+            tail = np.minimum(
+                f_distribution.sf(F, free, free_rest), f_distribution.cdf(F, free, free_rest)
+            )
+            vaf = 100 * (1 - lost / power)
+        p = of_several(2 * np.where(np.isfinite(F), tail, 0.5))
+        tables.append(
+            pd.DataFrame(
+                {
+                    "run": label,
+                    "start": edges[used],
+                    "stop": edges[used + 1],
+                    "rmse": np.sqrt(lost / count),
+                    "vaf": vaf,
+                    "share": 100 * lost / power.sum() if power.sum() else np.nan,
+                    "ratio": lost / count / (lost.sum() / count.sum()) if lost.any() else 1.0,
+                    "p": p,
+                }
+            )
+        )
+    gain = gain_over_time(signals, ceiling, edges)
+    if gain is not None and len(tables[0]) == len(gain):
+        tables[0] = tables[0].join(gain)
+    table = pd.concat(tables, ignore_index=True)
+    # One run in n_runs tables each: the whole view keeps the stated rate.
+    views = np.where(table["run"] == "all", 1, max(numbers.size, 1))
+    table["p"] = np.minimum(table["p"] * views, 1.0)
+    table["exceeds"] = table["p"] < false_alarm
+    return table
+
+
+def _edges(time: np.ndarray, dt: float) -> np.ndarray:
+    start, stop = float(time.min()), float(time.max()) + dt
+    n = int(np.clip((stop - start) / SHORTEST, 1, N_WINDOWS))
+    return np.linspace(start, stop, n + 1)
+
+
+def tests_over_time(signals: Signals, ceiling: Ceiling) -> list[Test]:
+    """Changes of the response, of the noise's power and of the mean; single outliers."""
+    start, stop = _span(signals)
+    edges = np.linspace(start, stop, N_BLOCKS + 1)
+    gains, powers, means, largest = [], [], [], (0.0, np.nan)
+    n_rows = 0
+    for group, remnant in zip(signals.groups, ceiling.remnant, strict=True):
+        repeated = ceiling.route == "repeats" and group.n_runs > 1
+        # Deviations from a mean of R runs have R - 1 degrees of freedom in R records.
+        per_record = group.n_runs / (group.n_runs - 1) if repeated else 1.0
+        for k, rows in enumerate(group.rows):
+            time, r = signals.layout.time[rows], signals.residual[rows]
+            block = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, N_BLOCKS - 1)
+            white = ceiling.noise.whitened(np.column_stack([r, np.ones(r.size)]), time)
+            means.append(_sums_of_products(white[:, 1:], white[:, 0], block))
+            powers.append(_power_sums(remnant[k], block, ceiling, per_record))
+            # The transform joins the ends of a run: the step there is no outlier.
+            edge = min(int(EDGE * ceiling.noise.correlation_time / signals.dt) + 1, r.size // 4)
+            inner = white[edge:-edge, 0]
+            score = np.abs(inner) / max(np.std(inner), 1e-300)
+            n_rows += inner.size
+            if score.max() > largest[0]:
+                largest = float(score.max()), float(time[edge + score.argmax()])
+        response = coherent_part(signals, group, signals.predicted[group.rows])
+        if response is not None:
+            gains += _gain_sums(signals, ceiling, group, response, edges)
+    found = [
+        _break_test(name, parts, edges, what)
+        for name, parts, what in (
+            ("gain change", gains, "one change of the response's gain and delay in the run"),
+            ("remnant power change", powers, "one change of the power of the remnant in the run"),
+            ("mean change", means, "one change of the mean residual in the run"),
+        )
+        if parts
+    ]
+    p = float(of_several(np.full(n_rows, 2 * norm.sf(largest[0])))[0])
+    return [
+        *found,
+        Test(
+            "outlier",
+            signals.output,
+            largest[0],
+            p,
+            largest[1],
+            largest[0],
+            description="largest whitened residual, in standard deviations",
+        ),
+    ]
+
+
+def gain_over_time(signals: Signals, ceiling: Ceiling, edges: np.ndarray) -> pd.DataFrame | None:
+    """Gain of the measured response relative to the predicted one, in windows."""
+    sums: list[tuple[np.ndarray, np.ndarray]] = []
+    for group in signals.groups:
+        response = coherent_part(signals, group, signals.predicted[group.rows])
+        if response is not None:
+            sums += _gain_sums(signals, ceiling, group, response, edges)
+    if not sums:
+        return None
+    g = sum(part[0][:, 0] for part in sums)
+    V = sum(part[1][:, 0, 0] for part in sums)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return pd.DataFrame({"gain": 1 + g / V, "sd_gain": 1 / np.sqrt(V)})
+
+
+def _gain_sums(
+    signals: Signals, ceiling: Ceiling, group: Group, response: np.ndarray, edges: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    sums = []
+    for k, rows in enumerate(group.rows):
+        time, r = signals.layout.time[rows], signals.residual[rows]
+        block = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, edges.size - 2)
+        rate = np.gradient(response[k], signals.dt)
+        white = ceiling.noise.whitened(np.column_stack([r, response[k], rate]), time)
+        sums.append(_sums_of_products(white[:, 1:], white[:, 0], block, edges.size - 1))
+    return sums
+
+
+def _sums_of_products(
+    Z: np.ndarray, r: np.ndarray, block: np.ndarray, n_blocks: int = N_BLOCKS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of z r and of z z' in blocks of time."""
+    p = Z.shape[1]
+    scores = np.column_stack([np.bincount(block, Z[:, i] * r, n_blocks) for i in range(p)])
+    information = np.empty((n_blocks, p, p))
+    for i in range(p):
+        for j in range(i + 1):
+            sums = np.bincount(block, Z[:, i] * Z[:, j], n_blocks)
+            information[:, i, j] = information[:, j, i] = sums
+    return scores, information
+
+
+def _power_sums(
+    remnant: np.ndarray, block: np.ndarray, ceiling: Ceiling, per_record: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Relative power in blocks less its mean, and its variance in stationary Gaussian noise."""
+    count = np.bincount(block, minlength=N_BLOCKS).astype(float)
+    average = float(np.mean(remnant**2)) or 1.0
+    # Information per sample, so that the coefficient is the relative power.
+    each = per_record * 2 * ceiling.noise.correlation_time / 2 / ceiling.noise.dt
+    scores = (np.bincount(block, remnant**2, N_BLOCKS) / average - count) / each
+    return scores[:, None], (count / each)[:, None, None]
+
+
+def _break_test(
+    name: str, parts: list[tuple[np.ndarray, np.ndarray]], edges: np.ndarray, what: str
+) -> Test:
+    change = largest_break(sum(part[0] for part in parts), sum(part[1] for part in parts))
+    return Test(
+        name,
+        "residual",
+        change.statistic,
+        change.p,
+        float(edges[change.block + 1]),
+        float(change.size[0]),
+        description=what,
+    )
+
+
+def _span(signals: Signals) -> tuple[float, float]:
+    time = np.concatenate([signals.layout.time[group.rows].ravel() for group in signals.groups])
+    return float(time.min()), float(time.max()) + signals.dt
+
+
+def time_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFrame:
+    """Residual power over time and frequency, relative to the noise expected there.
+
+    ``attrs["limit"]`` is what one cell of the map exceeds by chance at the false-alarm rate.
+    """
+    n = min(group.n_samples for group in signals.groups)
+    length = max(n // N_WINDOWS, 16)
+    hop = length // 2
+    transform = ShortTimeFFT(hann(length, sym=False), hop, 1 / signals.dt, scale_to="psd")
+    total: np.ndarray | float = 0.0
+    n_runs = 0
+    for group in signals.groups:
+        for rows in group.rows:
+            total = total + transform.spectrogram(signals.residual[rows[:n]])
+            n_runs += 1
+    inside = (transform.t(n) >= length / 2 * signals.dt) & (
+        transform.t(n) <= (n - length / 2) * signals.dt
+    )
+    omega = 2 * np.pi * transform.f
+    expected = ceiling.noise.at(omega) * signals.dt
+    ratio = np.asarray(total)[1:, inside] / n_runs / np.maximum(expected[1:, None], 1e-300)
+    edges = np.unique(
+        np.round(np.geomspace(1, omega.size - 1, N_BANDS + 1)).astype(int)
+    )
+    bands = [ratio[a - 1 : b - 1].mean(axis=0) for a, b in pairwise(edges)]
+    centre = [np.sqrt(omega[a] * omega[b]) for a, b in pairwise(edges)]
+    start = float(signals.layout.time[signals.groups[0].rows[0, 0]])
+    table = pd.DataFrame(
+        np.transpose(bands),
+        index=pd.Index(start + transform.t(n)[inside], name="time"),
+        columns=pd.Index(centre, name="omega"),
+    )
+    # A Hann window makes two of three neighbouring bins independent.
+    free = np.maximum(2 * n_runs * np.diff(edges) * 2 / 3, 2.0)
+    beyond = of_one(false_alarm, table.size)
+    table.attrs["limit"] = (chi2.isf(beyond, free) / free).tolist()
+    return table

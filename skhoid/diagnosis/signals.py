@@ -1,0 +1,280 @@
+"""Measured and predicted signals of runs, and which of the runs are repeats of each other."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import fft
+from sklearn.utils.validation import check_consistent_length, column_or_1d
+
+from ..exceptions import MissingDataWarning, RunIndexError
+from ..metrics import scored_rows, scored_signals
+from ..pipelines import raw_layout, reach_model, trimmed_rows
+from ..runs import RunLayout, check_alignment, run_name
+
+SAME_TARGET = 0.02  # rms difference of targets of repeats, as a fraction of their rms
+LINE = 1e-4  # power of an excited line at least, as a fraction of that of the strongest
+BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
+ROLES = ("e", "x", "f_t")
+PREFIXES = ("dist", "motion")
+
+
+@dataclass(frozen=True)
+class Group:
+    """Runs that share the target, on the rows that all of them have.
+
+    ``rows`` are row positions, one row of them a run; ``lines`` the excited bins of the Fourier
+    transform over these rows, None where the target is unknown or not periodic in them.
+    """
+
+    runs: np.ndarray
+    rows: np.ndarray
+    lines: np.ndarray | None
+
+    @property
+    def n_runs(self) -> int:
+        return self.rows.shape[0]
+
+    @property
+    def n_samples(self) -> int:
+        return self.rows.shape[1]
+
+    def omega(self, dt: float) -> np.ndarray:
+        """Frequencies of the bins, in rad/s."""
+        return 2 * np.pi * fft.rfftfreq(self.n_samples, dt)
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What a model predicts and what was measured, row by row.
+
+    ``scored`` are rows that were measured, outside a run-in; ``channels`` the channels of X that
+    have a role.
+    """
+
+    layout: RunLayout
+    index: pd.Index
+    y: np.ndarray
+    predicted: np.ndarray
+    one_step: np.ndarray
+    scored: np.ndarray
+    channels: dict[str, np.ndarray]
+    groups: list[Group]
+    output: str
+    units: dict[str, str]
+    notes: list[str]
+
+    @property
+    def residual(self) -> np.ndarray:
+        return self.y - self.predicted
+
+    @property
+    def dt(self) -> float:
+        return self.layout.dt
+
+    @property
+    def external(self) -> list[str]:
+        """Signals that come from outside the loop."""
+        return [name for name in self.channels if name == "f_t" or name.startswith("dist")]
+
+    @property
+    def driving(self) -> str | None:
+        """The signal that the operator answers: the error, or the target where there is none."""
+        return next((name for name in ("e", "f_t") if name in self.channels), None)
+
+    def run_label(self, number: int) -> str:
+        return run_name(self.layout.labels[number])
+
+
+def read_signals(
+    model: Any,
+    X: Any,
+    y: Any,
+    *,
+    repeats: Any = None,
+    roles: Mapping[Any, str] | None = None,
+    run_in: float | None = None,
+    dt: float | None = None,
+    run: Any = None,
+) -> Signals:
+    """Predict, and sort rows, channels and repeats out."""
+    check_consistent_length(X, y)
+    check_alignment(X, y)
+    layout = raw_layout(model, X, dt=dt, run=run)
+    measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
+    predicted = np.asarray(model.predict(X), dtype=float).ravel()
+    if predicted.size != measured.size:
+        raise ValueError(
+            f"model.predict(X) returns {predicted.size} values for the {measured.size} rows of X; "
+            "compare needs one for each row."
+        )
+    scored = scored_rows(layout, run_in, None) & ~trimmed_rows(model, X)
+    scored_signals(measured, predicted, scored, layout, False)  # for its checks
+    scored &= ~np.isnan(measured)
+    channels = _channels(model, X, roles, run)
+    notes = []
+    n_missing = int(np.isnan(measured).sum())
+    if n_missing:
+        notes.append(f"{n_missing} rows in which the output is missing are left out")
+    stretches = _longest_stretches(layout, scored, channels)
+    covered = sum(stop - start for start, stop in stretches.values())
+    if covered < scored.sum():
+        notes.append(
+            f"{int(scored.sum()) - covered} rows beside the longest gapless stretch of their run "
+            "count in the VAF, and not in spectra and tests"
+        )
+    return Signals(
+        layout=layout,
+        index=X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(layout.n_rows),
+        y=measured,
+        predicted=predicted,
+        one_step=_one_step(model, X, y),
+        scored=scored,
+        channels=channels,
+        groups=_groups(layout, stretches, channels, repeats),
+        output=str(getattr(y, "name", None) or "y"),
+        units={
+            **getattr(X, "attrs", {}).get("units", {}),
+            **getattr(y, "attrs", {}).get("units", {}),
+        },
+        notes=notes,
+    )
+
+
+def _one_step(model: Any, X: Any, y: Any) -> np.ndarray:
+    """One-step predictions at every row; NaN from a model that makes none."""
+    last, transformed = reach_model(model, X)
+    if not hasattr(last, "predict_ahead"):
+        return np.full(len(np.asarray(y)), np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MissingDataWarning)  # predict has said so
+        return np.asarray(last.predict_ahead(transformed, y), dtype=float).ravel()
+
+
+def _channels(
+    model: Any, X: Any, roles: Mapping[Any, str] | None, run: Any
+) -> dict[str, np.ndarray]:
+    """Channels by role; the target is e + x where it was not recorded."""
+    if roles is None:
+        roles = getattr(reach_model(model, X)[0], "roles", None)
+    if isinstance(X, pd.DataFrame):
+        columns = {name: X[name] for name in X.columns}
+    else:
+        values = np.asarray(X)
+        columns = {i: values[:, i] for i in range(values.shape[1])}
+    unknown = [name for name in roles or {} if name not in columns]
+    if unknown:
+        raise RunIndexError(
+            f"roles names {unknown[0]!r}, which is not a column of X; the columns are "
+            f"{list(columns)}."
+        )
+    found: dict[str, np.ndarray] = {}
+    for name, column in columns.items():
+        role = str((roles or {}).get(name, name))
+        if run is not None and name == run:
+            continue
+        if role in ROLES or role.startswith(PREFIXES):
+            found[role] = np.asarray(column, dtype=float)
+    if "f_t" not in found and {"e", "x"} <= found.keys():
+        found["f_t"] = found["e"] + found["x"]
+    return found
+
+
+def _longest_stretches(
+    layout: RunLayout, scored: np.ndarray, channels: dict[str, np.ndarray]
+) -> dict[int, tuple[int, int]]:
+    """First row, and last row + 1, of the longest stretch without a gap, by run number."""
+    whole = scored.copy()
+    for values in channels.values():
+        whole &= np.isfinite(values)
+    cut = np.zeros(layout.n_rows + 1, dtype=bool)
+    cut[layout.starts] = True
+    edges = np.flatnonzero((np.diff(np.concatenate([[0], whole, [0]])) != 0) | cut)
+    best: dict[int, tuple[int, int]] = {}
+    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        if whole[start]:
+            run = int(layout.run_of(np.asarray(start)))
+            if run not in best or stop - start > best[run][1] - best[run][0]:
+                best[run] = (int(start), int(stop))
+    return best
+
+
+def _groups(
+    layout: RunLayout,
+    stretches: dict[int, tuple[int, int]],
+    channels: dict[str, np.ndarray],
+    repeats: Any,
+) -> list[Group]:
+    labels = _repeat_labels(layout, repeats)
+    number = layout.sample_numbers()
+    target = channels.get("f_t")
+    groups: list[tuple[list[int], np.ndarray]] = []
+    for run, (start, stop) in stretches.items():
+        own = number[start:stop]
+        for position, (members, common) in enumerate(groups):
+            if labels is not None and labels[members[0]] != labels[run]:
+                continue
+            shared = np.intersect1d(common, own, assume_unique=True)
+            if shared.size <= 0.5 * max(common.size, own.size):
+                continue
+            first = stretches[members[0]][0]
+            if labels is None and not _same_target(
+                target, first + shared - number[first], start + shared - own[0]
+            ):
+                continue
+            groups[position] = ([*members, run], shared)
+            break
+        else:
+            groups.append(([run], own))
+    found = []
+    for members, common in groups:
+        rows = np.array([stretches[r][0] + common - number[stretches[r][0]] for r in members])
+        lines = None if target is None else excited_lines(target[rows[0]])
+        found.append(Group(np.array(members), rows, lines))
+    return found
+
+
+def _repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
+    """What ``repeats`` says of each run; None leaves it to the target."""
+    n_runs = len(layout.labels)
+    if repeats is None:
+        return None
+    if isinstance(repeats, (bool, np.bool_)):
+        return [0] * n_runs if repeats else list(range(n_runs))
+    if isinstance(repeats, Mapping):
+        unknown = [label for label in repeats if label not in layout.labels]
+        if unknown:
+            raise ValueError(f"repeats names run {unknown[0]!r}; the runs are {layout.labels}.")
+        return [repeats.get(label, ("alone", label)) for label in layout.labels]
+    labels = list(repeats)
+    if len(labels) != n_runs:
+        raise ValueError(
+            f"repeats has {len(labels)} entries for {n_runs} runs: give one label a run (runs "
+            "of one label repeat each other), a dict {run: label}, True (all are repeats) or "
+            "False (none are)."
+        )
+    return labels
+
+
+def _same_target(target: np.ndarray | None, a: np.ndarray, b: np.ndarray) -> bool:
+    if target is None:
+        return False
+    power = np.mean(target[a] ** 2)
+    apart = np.mean((target[a] - target[b]) ** 2)
+    return bool(power > 0 and apart <= SAME_TARGET**2 * power)
+
+
+def excited_lines(target: np.ndarray) -> np.ndarray | None:
+    """Bins that hold the power of a target periodic in its window; None if it is not."""
+    power = np.abs(fft.rfft(target - target.mean())) ** 2
+    if not power.any():
+        return None
+    lines = np.flatnonzero(power > LINE * power.max())
+    alone = lines.size <= 0.7 * (lines[-1] - lines[0] + 1) and lines.size <= power.size / 3
+    off = power.sum() - power[lines].sum()
+    return lines if alone and off <= BETWEEN * power.sum() else None

@@ -1,0 +1,52 @@
+"""One row for each test of a residual."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import pandas as pd
+
+
+@dataclass(frozen=True)
+class Test:
+    """Outcome of one test; ``p`` accounts for the search inside it.
+
+    A rule of thumb has no p-value: ``rule`` says whether it is met.
+    """
+
+    test: str
+    signal: str
+    statistic: float
+    p: float
+    where: float = np.nan
+    size: float = np.nan
+    valid: bool = True
+    description: str = ""
+    rule: bool | None = None
+
+    __test__ = False  # not a test of pytest
+
+
+COLUMNS = ("test", "signal", "statistic", "p", "exceeds", "where", "size", "valid", "description")
+
+
+def tests_table(tests: list[Test], false_alarm: float) -> pd.DataFrame:
+    frame = pd.DataFrame([asdict(test) for test in tests])
+    if frame.empty:
+        return pd.DataFrame(columns=list(COLUMNS))
+    by_rule = np.array([test.rule is True for test in tests])
+    frame["exceeds"] = frame["valid"] & ((frame["p"] < false_alarm) | by_rule)
+    return frame[list(COLUMNS)]
+
+
+def of_several(p: np.ndarray) -> np.ndarray:
+    """P-values of several independent tests, each corrected for being one of them (Sidak)."""
+    p = np.asarray(p, dtype=float)
+    n = int(np.sum(np.isfinite(p)))
+    return -np.expm1(n * np.log1p(-np.minimum(p, 1 - 1e-16)))
+
+
+def of_one(false_alarm: float, n: int) -> float:
+    """Rate of each of n independent tests that together have the stated false-alarm rate."""
+    return float(-np.expm1(np.log1p(-false_alarm) / n))
