@@ -23,14 +23,15 @@ class Break:
     size: np.ndarray
 
 
-def largest_break(scores: np.ndarray, information: np.ndarray) -> Break:
+def largest_break(scores: np.ndarray, information: np.ndarray, free: float = np.inf) -> Break:
     """Look for one change of coefficients c in r = Z c + n over all instants.
 
     ``scores`` are the sums of z n in each block of time, of shape (n_blocks, n_coefficients), and
     ``information`` their covariances under noise alone, in units in which the information on c is
     the same matrix. The statistic is the largest Lagrange multiplier (Andrews 1993, Econometrica
     61: 821), its p-value that of independent normal scores with these covariances (the fixed
-    regressor bootstrap of Hansen 2000, Journal of Econometrics 97: 93).
+    regressor bootstrap of Hansen 2000, Journal of Econometrics 97: 93); ``free`` are the degrees of
+    freedom with which the level of the noise is known.
     """
     n_blocks, p = scores.shape
     total = information.sum(axis=0)
@@ -53,6 +54,8 @@ def largest_break(scores: np.ndarray, information: np.ndarray) -> Break:
     root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     draws = np.einsum("bij,dbj->dbi", root, rng.standard_normal((N_DRAWS, n_blocks, p)))
     _, reference = largest(draws)
+    if np.isfinite(free):
+        reference = reference / (rng.chisquare(free, N_DRAWS) / free)
     k = int(best)
     first = np.linalg.pinv(before[k]) @ scores[: at[k] + 1].sum(axis=0)
     last = np.linalg.pinv(total - before[k]) @ scores[at[k] + 1 :].sum(axis=0)

@@ -100,7 +100,7 @@ def _noise(
     signals: Signals, routes: list[str], best: str, residuals: list[np.ndarray]
 ) -> tuple[Noise, list[np.ndarray]]:
     """Noise model of the groups that have the best route, and noise (or residual) by group."""
-    records, times, without, parts = [], [], [], []
+    records, times, without, parts, independent = [], [], [], [], 0
     for group, route, r in zip(signals.groups, routes, residuals, strict=True):
         part = r
         if route == "repeats":
@@ -110,7 +110,8 @@ def _noise(
             records += list(part)
             times += [signals.layout.time[rows] for rows in group.rows]
             without += [group.lines if route == "lines" else None] * group.n_runs
-    return noise_of(records, times, signals.dt, without), parts
+            independent += group.n_runs - (route == "repeats")
+    return noise_of(records, times, signals.dt, without, independent), parts
 
 
 def _noise_power(

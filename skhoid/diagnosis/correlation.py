@@ -95,14 +95,13 @@ def _correlation(
         R, Z = fft.rfft(pair[:, 0], size), fft.rfft(pair[:, 1], size)
         cross += fft.irfft(R * Z.conj(), size)[lags]
         auto += fft.irfft(np.abs(Z) ** 2, size)[step * np.arange(2 * n_lags + 1)]
-    rms = np.sqrt(power_r / sum(len(pair) for pair in pairs))
     values, vectors = np.linalg.eigh(toeplitz(auto / power_z))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     # The same draws for equal data; the largest of them has the distribution without a fault.
     draws = np.random.default_rng(0).standard_normal((N_DRAWS, lags.size)) @ root.T
     return (
         lags * signals.dt,
-        cross / (rms * np.sqrt(power_z)),
-        float(rms / np.sqrt(power_r)),
+        cross / np.sqrt(power_z),  # whitened noise has the density 1
+        float(1 / np.sqrt(power_r)),
         np.abs(draws).max(axis=1),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import t as t_distribution
 
 from .ceiling import Ceiling, coherent_part
 from .signals import Signals
@@ -40,6 +40,6 @@ def linear_misfit(signals: Signals, ceiling: Ceiling) -> list[Test]:
         ("delay", c[1], sd[1], -1.0, "time (s) by which the measured response is later"),
     ):
         z = value / spread
-        p = float(2 * norm.sf(abs(z)))
+        p = float(2 * t_distribution.sf(abs(z), ceiling.noise.free))
         tests.append(Test(name, signals.output, z, p, np.nan, factor * value, description=what))
     return tests

@@ -1,10 +1,9 @@
 """Spectrum and envelope of the part of residuals that does not repeat.
 
-A test asks whether a known pattern z(t) is in the residual r(t) = z(t)' c + n(t), whose noise n is
-coloured. Patterns are weighted by the inverse spectrum of the noise, g = Z' W^-1 r, and judged by
-the covariance that noise gives them, Z' W^-1 S W^-1 Z (generalised least squares in the frequency
-domain). That holds for any spectrum, and in a closed loop if the pattern owes nothing to the
-noise of its own run.
+A test asks whether a known pattern z(t) is in the residual r(t) = c z(t) + n(t), whose noise n is
+coloured: both go through the filter that makes the noise white, and then it is least squares.
+That holds for any colour, and in a closed loop if the pattern owes nothing to the noise of its own
+run.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ import numpy as np
 from scipy import fft
 from scipy.ndimage import uniform_filter1d
 
-FLOOR = 3e-3  # of the mean density: weights do not trust a spectrum below
+LEAKAGE = 1e-3  # of the largest density; below, a transform of a finite run holds leakage
 SMOOTHING = 0.15  # of the frequency, half width of the average over bins
-LEAST_BINS = 4  # half width of that average, at least
+LEAST_BINS = 8  # half width of that average, at least
 ENVELOPE = 10.0  # s, over which the power of the noise is averaged
 
 
@@ -27,6 +26,7 @@ class Noise:
 
     ``density`` at the frequencies ``omega`` (rad/s) averages to the variance of a sample over
     all bins; ``envelope`` is the power over time, relative to its mean, at the instants ``time``.
+    The density has ``free`` degrees of freedom at least.
     """
 
     omega: np.ndarray
@@ -34,6 +34,7 @@ class Noise:
     time: np.ndarray
     envelope: np.ndarray
     dt: float
+    free: float
 
     def at(self, omega: np.ndarray) -> np.ndarray:
         return np.interp(omega, self.omega, self.density)
@@ -66,23 +67,34 @@ class Noise:
             S[-1] /= 2
         return S
 
+    def known(self, omega: np.ndarray) -> np.ndarray:
+        """Where the density is more than the leakage of strong frequencies into weak ones."""
+        return self.at(omega) > LEAKAGE * self.density.max()
+
     def whitened(self, values: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Signals (columns) through the zero-phase filter that makes the noise white, of power 1.
 
-        Where the density is below a floor the filter does not follow it: there is less power.
+        Frequencies at which the noise is not known are taken out.
         """
         n = len(values)
-        S = self.at(2 * np.pi * fft.rfftfreq(n, self.dt))
-        S[0] = S[min(1, S.size - 1)]
-        W = S + FLOOR * float(np.mean(S)) + 1e-300
+        omega = 2 * np.pi * fft.rfftfreq(n, self.dt)
+        S = self.at(omega)
+        gain = np.where(self.known(omega), 1 / np.sqrt(np.maximum(S, 1e-300)), 0.0)
         spectrum = fft.rfft(values / self.scale(time)[:, None], axis=0)
-        return fft.irfft(spectrum / np.sqrt(W)[:, None], n, axis=0)
+        return fft.irfft(spectrum * gain[:, None], n, axis=0)
 
 
 def noise_of(
-    records: list[np.ndarray], times: list[np.ndarray], dt: float, without: list[np.ndarray | None]
+    records: list[np.ndarray],
+    times: list[np.ndarray],
+    dt: float,
+    without: list[np.ndarray | None],
+    independent: float,
 ) -> Noise:
-    """Noise of records, whose excited bins (``without``) say nothing about it."""
+    """Noise of records, whose excited bins (``without``) say nothing about it.
+
+    So many of the records are ``independent``: deviations from a mean are one less.
+    """
     longest = max(len(record) for record in records)
     omega = 2 * np.pi * fft.rfftfreq(longest, dt)[1:]
     power, count = np.zeros(omega.size), np.zeros(omega.size)
@@ -99,7 +111,8 @@ def noise_of(
         np.add.at(count, at, used[1:])
     density = _smoothed(power, count)
     time, envelope = _envelope(records, times, dt)
-    return Noise(omega, density, time, envelope, dt)
+    free = 2 * (2 * LEAST_BINS + 1) * independent
+    return Noise(omega, density, time, envelope, dt, free)
 
 
 def _smoothed(power: np.ndarray, count: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from scipy.signal import correlate
-from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling, coherent_part
 from .signals import Signals
@@ -119,7 +119,10 @@ def _bins(
     mean, center = sums[kept] / n, moments[kept] / n
     covariance = covariance[np.ix_(kept, kept)] / np.outer(n, n)
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    band = float(np.quantile(_largest_of_bins(covariance, sd), 1 - false_alarm)) * sd
+    band = (
+        float(np.quantile(_largest_of_bins(covariance, sd, ceiling.noise.free), 1 - false_alarm))
+        * sd
+    )
     table = pd.DataFrame(
         {
             "channel": name,
@@ -136,18 +139,19 @@ def _bins(
         }
     )
     tests = [
-        _shape(name, "nonlinearity", center, mean, covariance, n, valid),
-        _shape(name, "asymmetry", center, mean, covariance, n, valid),
+        _shape(name, "nonlinearity", center, mean, covariance, n, ceiling.noise.free, valid),
+        _shape(name, "asymmetry", center, mean, covariance, n, ceiling.noise.free, valid),
     ]
     return table, tests
 
 
-def _largest_of_bins(covariance: np.ndarray, sd: np.ndarray) -> np.ndarray:
+def _largest_of_bins(covariance: np.ndarray, sd: np.ndarray, free: float) -> np.ndarray:
     """Draws of the largest mean, in its standard deviations, that noise alone would give."""
     values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws = np.random.default_rng(0).standard_normal((N_DRAWS, sd.size)) @ root.T
-    return np.abs(draws).max(axis=1)
+    rng = np.random.default_rng(0)
+    draws = rng.standard_normal((N_DRAWS, sd.size)) @ root.T
+    return np.abs(draws).max(axis=1) / np.sqrt(rng.chisquare(free, N_DRAWS) / free)
 
 
 def _shape(
@@ -157,6 +161,7 @@ def _shape(
     mean: np.ndarray,
     covariance: np.ndarray,
     count: np.ndarray,
+    free: float,
     valid: bool,
 ) -> Test:
     """Is the mean residual over a channel not a straight line; is it not an odd function."""
@@ -174,7 +179,8 @@ def _shape(
     M = extra.T @ inverse @ project @ extra
     g = extra.T @ inverse @ project @ mean
     statistic = float(g @ np.linalg.pinv(M, rcond=1e-6, hermitian=True) @ g)
-    free = int(np.linalg.matrix_rank(M, tol=1e-6 * max(np.abs(M).max(), 1e-300), hermitian=True))
+    scale_of_M = max(float(np.abs(M).max()), 1e-300)
+    rank = max(int(np.linalg.matrix_rank(M, tol=1e-6 * scale_of_M, hermitian=True)), 1)
     rest = project @ mean
     worst = int(np.argmax(np.abs(rest) / np.sqrt(np.diag(covariance))))
     size = float(np.sqrt(np.average(rest**2, weights=count)))
@@ -184,7 +190,7 @@ def _shape(
         kind,
         name,
         statistic,
-        float(chi2.sf(statistic, max(free, 1))),
+        float(f_distribution.sf(statistic / rank, rank, free)),
         float(z[worst] * scale),
         size,
         valid,

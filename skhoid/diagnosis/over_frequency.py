@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 from scipy import fft
 from scipy.stats import f as f_distribution
-from scipy.stats import gamma
 
 from .ceiling import Ceiling
 from .signals import Group, Signals
@@ -30,10 +29,23 @@ def by_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.D
     parts = [_Part.of(signals, group, n) for group in signals.groups]
     total = sum(float(np.sum(signals.y[rows] ** 2)) for g in signals.groups for rows in g.rows)
     omega = 2 * np.pi * fft.rfftfreq(n, signals.dt)
-    S = ceiling.noise.at(omega)
+    S, known = ceiling.noise.at(omega), ceiling.noise.known(omega)
     rows = []
     for kind, bins in _sets_of_bins(parts, n, omega):
-        rows.append(_row(kind, bins, parts, omega, S, total, signals.dt, ceiling.route))
+        rows.append(
+            _row(
+                kind,
+                bins,
+                parts,
+                omega,
+                S,
+                known,
+                total,
+                signals.dt,
+                ceiling.route,
+                ceiling.noise.free,
+            )
+        )
     table = pd.DataFrame(rows).sort_values(["omega", "kind"], ignore_index=True)
     for kind in ("measured_phase", "model_phase"):
         known = table[kind].notna().to_numpy()
@@ -41,9 +53,7 @@ def by_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.D
     tested = table["p"].notna().to_numpy()
     table.loc[tested, "p"] = of_several(table.loc[tested, "p"].to_numpy())
     table["exceeds"] = table["p"] < false_alarm
-    table = table[list(COLUMNS)]
-    # Welch's and other one-sided densities, per rad/s.
-    return table
+    return table[list(COLUMNS)]
 
 
 class _Part:
@@ -69,9 +79,7 @@ class _Part:
         return cls(group, spectra, group.lines if group.n_samples == n else None)
 
 
-def _sets_of_bins(
-    parts: list[_Part], n: int, omega: np.ndarray
-) -> list[tuple[str, np.ndarray]]:
+def _sets_of_bins(parts: list[_Part], n: int, omega: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Bins that a row of the table is about, with their kind."""
     all_bins = np.arange(1, omega.size)
     lines = parts[0].lines
@@ -121,9 +129,11 @@ def _row(
     parts: list[_Part],
     omega: np.ndarray,
     S: np.ndarray,
+    known: np.ndarray,
     total: float,
     dt: float,
     route: str,
+    free: float,
 ) -> dict[str, object]:
     weight = np.where((bins == omega.size - 1) & (omega.size > 1), 1.0, 2.0)
     density = dt / np.pi
@@ -142,13 +152,13 @@ def _row(
         **dict.fromkeys(COLUMNS[7:14], np.nan),
     }
     if kind in ("excited", "band") and parts[0].F is not None:
-        row |= _response(bins, parts, S[bins])
-    elif route == "repeats":
-        row["p"] = _repeatable(bins, parts, S[bins])
+        row |= _response(bins, parts, S[bins], free)
+    elif route == "repeats" and known[bins].all():
+        row["p"] = _repeatable(bins, parts, S[bins], free)
     return row
 
 
-def _response(bins: np.ndarray, parts: list[_Part], S: np.ndarray) -> dict[str, float]:
+def _response(bins: np.ndarray, parts: list[_Part], S: np.ndarray, free: float) -> dict[str, float]:
     """Response in a band by way of the target, and a test of the residual's."""
     FF = FE = FU = FM = FR = U2 = spread = 0.0 + 0.0j
     for part in parts:
@@ -162,7 +172,7 @@ def _response(bins: np.ndarray, parts: list[_Part], S: np.ndarray) -> dict[str, 
         U2 += np.sum(np.abs(part.U[:, bins]) ** 2)
     row: dict[str, float] = {}
     if spread.real > 0:
-        row["p"] = float(np.exp(-(abs(FR) ** 2) / spread.real))
+        row["p"] = float(f_distribution.sf(abs(FR) ** 2 / spread.real, 2, free))
     if abs(FE) > 0 and FF.real > 0:
         measured, model = FU / FE, FM / FE
         sd = float(np.sqrt(spread.real / 2) / abs(FE))
@@ -178,7 +188,7 @@ def _response(bins: np.ndarray, parts: list[_Part], S: np.ndarray) -> dict[str, 
     return row
 
 
-def _repeatable(bins: np.ndarray, parts: list[_Part], S: np.ndarray) -> float:
+def _repeatable(bins: np.ndarray, parts: list[_Part], S: np.ndarray, free: float) -> float:
     """P-value of what repeats over runs, at bins that hold no line."""
     statistic, n = 0.0, 0
     for part in parts:
@@ -186,4 +196,8 @@ def _repeatable(bins: np.ndarray, parts: list[_Part], S: np.ndarray) -> float:
             mean = part.R[:, bins].mean(axis=0)
             statistic += float(np.sum(part.group.n_runs * np.abs(mean) ** 2 / S))
             n += bins.size
-    return float(gamma.sf(statistic, n)) if n else np.nan
+    if not n:
+        return np.nan
+    # The density is that of so many bins or of those of the band, whichever are more.
+    free = max(free, 2 * bins.size * sum(part.group.n_runs - 1 for part in parts))
+    return float(f_distribution.sf(statistic / n, 2 * n, free))

@@ -48,9 +48,7 @@ def by_run(signals: Signals, data: str) -> pd.DataFrame:
     )
 
 
-def _vaf(
-    signals: Signals, prediction: np.ndarray, keep: np.ndarray | None = None
-) -> np.ndarray:
+def _vaf(signals: Signals, prediction: np.ndarray, keep: np.ndarray | None = None) -> np.ndarray:
     keep = signals.scored if keep is None else keep
     if not keep.any():
         return np.full(len(signals.layout.labels), np.nan)

@@ -112,11 +112,11 @@ def tests_over_time(signals: Signals, ceiling: Ceiling) -> list[Test]:
         if response is not None:
             gains += _gain_sums(signals, ceiling, group, response, edges)
     found = [
-        _break_test(name, parts, edges, what)
-        for name, parts, what in (
-            ("gain change", gains, "one change of the response's gain and delay in the run"),
-            ("remnant power change", powers, "one change of the power of the remnant in the run"),
-            ("mean change", means, "one change of the mean residual in the run"),
+        _break_test(name, parts, edges, free, what)
+        for name, parts, free, what in (
+            ("gain change", gains, np.inf, "one change of the response's gain and delay"),
+            ("remnant power change", powers, np.inf, "one change of the power of the remnant"),
+            ("mean change", means, ceiling.noise.free, "one change of the mean residual"),
         )
         if parts
     ]
@@ -184,15 +184,19 @@ def _power_sums(
     count = np.bincount(block, minlength=N_BLOCKS).astype(float)
     average = float(np.mean(remnant**2)) or 1.0
     # Information per sample, so that the coefficient is the relative power.
-    each = per_record * 2 * ceiling.noise.correlation_time / 2 / ceiling.noise.dt
+    each = per_record * 2 * ceiling.noise.correlation_time / ceiling.noise.dt
     scores = (np.bincount(block, remnant**2, N_BLOCKS) / average - count) / each
     return scores[:, None], (count / each)[:, None, None]
 
 
 def _break_test(
-    name: str, parts: list[tuple[np.ndarray, np.ndarray]], edges: np.ndarray, what: str
+    name: str,
+    parts: list[tuple[np.ndarray, np.ndarray]],
+    edges: np.ndarray,
+    free: float,
+    what: str,
 ) -> Test:
-    change = largest_break(sum(part[0] for part in parts), sum(part[1] for part in parts))
+    change = largest_break(sum(part[0] for part in parts), sum(part[1] for part in parts), free)
     return Test(
         name,
         "residual",
@@ -230,9 +234,7 @@ def time_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd
     omega = 2 * np.pi * transform.f
     expected = ceiling.noise.at(omega) * signals.dt
     ratio = np.asarray(total)[1:, inside] / n_runs / np.maximum(expected[1:, None], 1e-300)
-    edges = np.unique(
-        np.round(np.geomspace(1, omega.size - 1, N_BANDS + 1)).astype(int)
-    )
+    edges = np.unique(np.round(np.geomspace(1, omega.size - 1, N_BANDS + 1)).astype(int))
     bands = [ratio[a - 1 : b - 1].mean(axis=0) for a, b in pairwise(edges)]
     centre = [np.sqrt(omega[a] * omega[b]) for a, b in pairwise(edges)]
     start = float(signals.layout.time[signals.groups[0].rows[0, 0]])

@@ -1,0 +1,2 @@
+def advise(c, signals, channels):
+    return []
