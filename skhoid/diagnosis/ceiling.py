@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
+from scipy.signal import resample
 from scipy.stats import norm
 
 from .noise import Noise, noise_of
@@ -14,6 +15,7 @@ from .signals import Group, Signals
 CONFIDENCE = 0.90
 STRONG = 3e-4  # of the strongest direction; what the instruments excite less is left alone
 N_TAPS = 10  # of the finite impulse response that a linear misfit may have
+N_AR = 12  # order of the autoregression that describes noise
 SILENT = 1e-9  # of the output power; residuals below are rounding errors
 
 
@@ -100,7 +102,7 @@ def _noise(
     signals: Signals, routes: list[str], best: str, residuals: list[np.ndarray]
 ) -> tuple[Noise, list[np.ndarray]]:
     """Noise model of the groups that have the best route, and noise (or residual) by group."""
-    records, times, without, parts, independent = [], [], [], [], 0
+    records, times, scored, without, parts, independent = [], [], [], [], [], 0
     for group, route, r in zip(signals.groups, routes, residuals, strict=True):
         part = r
         if route == "repeats":
@@ -109,9 +111,10 @@ def _noise(
         if route == best:
             records += list(part)
             times += [signals.layout.time[rows] for rows in group.rows]
+            scored += [signals.scored[rows] for rows in group.rows]
             without += [group.lines if route == "lines" else None] * group.n_runs
             independent += group.n_runs - (route == "repeats")
-    return noise_of(records, times, signals.dt, without, independent), parts
+    return noise_of(records, times, signals.dt, without, scored, independent), parts
 
 
 def _noise_power(
@@ -169,13 +172,48 @@ def _without_linear_misfit(
     shrunk = max(0.0, 1.0 - max(s.size - 2, 0) / found) if found > 0 else 0.0
     inverse = shrunk * (Wt.T / s) @ U.T
     response = np.array([L @ (inverse @ g) for L in lagged])
-    rest = r - response
+    part = _part_by_way_of_error(r, response, group, noise)
+    inverse, rest = part * inverse, r - part * response
     scattered = rest - rest.mean(axis=0) if group.n_runs > 1 else rest - _on_lines(rest, group)
     slope = 2 * sum(
         (L.T @ part for L, part in zip(lagged, scattered, strict=True)), np.zeros(N_TAPS)
     )
     slope *= group.n_runs / max(group.n_runs - 1, 1)
     return rest, float(slope @ inverse @ V @ inverse.T @ slope)
+
+
+def _part_by_way_of_error(r: np.ndarray, response: np.ndarray, group: Group, noise: Noise) -> float:
+    """How much of a misfit answers e, from 0 to 1; the rest answers the target by another way.
+
+    Both are the same for what repeats. What does not repeat, n + Δe_n, tells them apart: without
+    the right part of Δe_n it is closest to what white noise through a filter can be (the
+    prediction-error criterion, which holds in a closed loop).
+    """
+    if group.n_runs == 1 or not response.any():
+        return 1.0
+    deviations = [part - part.mean(axis=0) for part in (r, response)]
+    top = noise.omega[noise.known(noise.omega)].max()
+    n = group.n_samples
+    m = min(n, max(int(np.ceil(top * noise.dt / np.pi * n)), 8 * N_AR))
+    if m < n:
+        deviations = [resample(part, m, axis=1) for part in deviations]
+    losses = [
+        np.log(_innovation_power(deviations[0] - part * deviations[1])) for part in (0.0, 0.5, 1.0)
+    ]
+    curvature = losses[0] - 2 * losses[1] + losses[2]
+    slope = (losses[2] - losses[0]) / 2  # at one half, for steps of one half
+    if curvature <= 0:
+        return 1.0 if losses[2] < losses[0] else 0.0
+    return float(np.clip(0.5 - 0.5 * slope / curvature, 0.0, 1.0))
+
+
+def _innovation_power(records: np.ndarray) -> float:
+    """Mean squared one-step error of one autoregression of all records."""
+    windows = np.lib.stride_tricks.sliding_window_view(records, N_AR + 1, axis=1)
+    table = windows.reshape(-1, N_AR + 1)
+    gram = table.T @ table
+    past = gram[:-1, :-1] + 1e-12 * np.trace(gram) * np.eye(N_AR)
+    return float(gram[-1, -1] - gram[-1, :-1] @ np.linalg.solve(past, gram[:-1, -1]))
 
 
 def _instrument(signals: Signals, group: Group, e: np.ndarray) -> np.ndarray | None:

@@ -75,8 +75,8 @@ def _correlation(
     pairs = []
     for group in signals.groups:
         for rows in group.rows:
-            pair = np.column_stack([signals.residual[rows], signals.channels[name][rows]])
-            pair = pair - pair.mean(axis=0)
+            z = signals.channels[name][rows]
+            pair = signals.tapered(rows, signals.residual[rows], z - z.mean())
             pairs.append(ceiling.noise.whitened(pair, signals.layout.time[rows]))
     shortest = min(len(pair) for pair in pairs)
     step = min(

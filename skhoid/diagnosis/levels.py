@@ -54,7 +54,7 @@ def held_level(
     edges = low - width / 2 + width * np.arange(n + 2)
     bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, n)
     count = np.bincount(bins, minlength=n + 1).astype(float)
-    expected = median_filter(count, min(NEIGHBOURS, n), mode="nearest")
+    expected = median_filter(count, min(NEIGHBOURS, n), mode="mirror")
     # Stays, not samples, are independent: a stay is a sequence of rows in one bin.
     changes = np.flatnonzero((np.diff(bins) != 0) | (np.diff(run) != 0))
     stays = np.bincount(bins[np.append(changes, bins.size - 1)], minlength=n + 1)

@@ -27,8 +27,9 @@ def linear_misfit(signals: Signals, ceiling: Ceiling) -> list[Test]:
         found = True
         for k, rows in enumerate(group.rows):
             time = signals.layout.time[rows]
-            values = [signals.residual[rows], response[k], np.gradient(response[k], signals.dt)]
-            white = ceiling.noise.whitened(np.column_stack(values), time)
+            rate = np.gradient(response[k], signals.dt)
+            values = signals.tapered(rows, signals.residual[rows], response[k], rate)
+            white = ceiling.noise.whitened(values, time)
             g += white[:, 1:].T @ white[:, 0]
             V += white[:, 1:].T @ white[:, 1:]
     if not found or np.linalg.cond(V) > 1e12:

@@ -89,11 +89,13 @@ def noise_of(
     times: list[np.ndarray],
     dt: float,
     without: list[np.ndarray | None],
+    scored: list[np.ndarray],
     independent: float,
 ) -> Noise:
     """Noise of records, whose excited bins (``without``) say nothing about it.
 
-    So many of the records are ``independent``: deviations from a mean are one less.
+    Records are zero where they are not ``scored``. So many of them are ``independent``: deviations
+    from a mean are one less.
     """
     longest = max(len(record) for record in records)
     omega = 2 * np.pi * fft.rfftfreq(longest, dt)[1:]
@@ -110,7 +112,7 @@ def noise_of(
         np.add.at(power, at, (periodogram * used)[1:])
         np.add.at(count, at, used[1:])
     density = _smoothed(power, count)
-    time, envelope = _envelope(records, times, dt)
+    time, envelope = _envelope(records, times, scored, dt)
     free = 2 * (2 * LEAST_BINS + 1) * independent
     return Noise(omega, density, time, envelope, dt, free)
 
@@ -132,16 +134,16 @@ def _smoothed(power: np.ndarray, count: np.ndarray) -> np.ndarray:
 
 
 def _envelope(
-    records: list[np.ndarray], times: list[np.ndarray], dt: float
+    records: list[np.ndarray], times: list[np.ndarray], scored: list[np.ndarray], dt: float
 ) -> tuple[np.ndarray, np.ndarray]:
     start = min(float(time[0]) for time in times)
     stop = max(float(time[-1]) for time in times)
     grid = np.arange(start, stop + dt, min(ENVELOPE / 10, (stop - start) / 4 + dt))
     power, count = np.zeros(grid.size), np.zeros(grid.size)
-    for record, time in zip(records, times, strict=True):
+    for record, time, known in zip(records, times, scored, strict=True):
         at = np.searchsorted(grid, time, side="right") - 1
         power += np.bincount(at, record**2, grid.size)
-        count += np.bincount(at, minlength=grid.size)
+        count += np.bincount(at, known, grid.size)
     width = min(max(int(round(ENVELOPE / (grid[1] - grid[0]))), 1), grid.size)
     mean = uniform_filter1d(power, width, mode="nearest")
     mean = mean / np.maximum(uniform_filter1d(count, width, mode="nearest"), 1e-9)

@@ -7,7 +7,7 @@ import pandas as pd
 from scipy.signal import correlate
 from scipy.stats import f as f_distribution
 
-from .ceiling import Ceiling, coherent_part
+from .ceiling import Ceiling
 from .signals import Signals
 from .tests_table import Test
 
@@ -22,9 +22,9 @@ def by_operating_point(
 ) -> tuple[pd.DataFrame, list[Test]]:
     """Mean residual against the value that signals had, a response time before.
 
-    What signals owe to causes outside the loop is the coordinate, so that the remnant of a run
-    cannot sort itself into bins; where that is not known, signals themselves are, and the mean
-    residual is described, not tested.
+    Remnant goes round the loop into e, x and u, and would sort itself into bins: with runs that
+    share the target the straight line that it makes is taken out, otherwise the mean residual is
+    described, not tested, except over the target.
     """
     quantities = _quantities(signals)
     tables, tests = [], []
@@ -86,19 +86,21 @@ def _bins(
     lag: int,
     false_alarm: float,
 ) -> tuple[pd.DataFrame, list[Test]] | None:
-    coordinates, residuals, times = [], [], []
+    coordinates, residuals, times, scored = [], [], [], []
     valid = True
     for group in signals.groups:
-        of_group = values[group.rows]
+        late, z = group.rows[:, lag:], values[group.rows[:, : group.n_samples - lag]]
+        r, known = signals.residual[late], signals.scored[late]
         if name not in signals.external:
-            coherent = coherent_part(signals, group, of_group)
-            valid &= coherent is not None
-            of_group = of_group if coherent is None else coherent
-        n = group.n_samples - lag
-        coordinates += list(of_group[:, :n])
-        residuals += list(signals.residual[group.rows[:, lag:]])
-        times += list(signals.layout.time[group.rows[:, lag:]])
-    every = np.concatenate(coordinates)
+            if group.n_runs > 1:
+                r = r - _linear_in_remnant(r, z, known)
+            else:
+                valid = False
+        coordinates += list(z)
+        residuals += list(r)
+        times += list(signals.layout.time[late])
+        scored += list(known)
+    every = np.concatenate([z[known] for z, known in zip(coordinates, scored, strict=True)])
     low, high = np.quantile(every, [0.005, 0.995])
     if not high > low:
         return None
@@ -109,11 +111,11 @@ def _bins(
     if kept.size < 5:
         return None
     sums, covariance, moments = np.zeros(N_BINS), np.zeros((N_BINS, N_BINS)), np.zeros(N_BINS)
-    for z, r, time in zip(coordinates, residuals, times, strict=True):
+    for z, r, time, known in zip(coordinates, residuals, times, scored, strict=True):
         number = np.clip(np.searchsorted(edges, z, side="right") - 1, 0, N_BINS - 1)
-        inside = (number[:, None] == np.arange(N_BINS)).astype(float)
-        sums += np.bincount(number, r, N_BINS)
-        moments += np.bincount(number, z, N_BINS)
+        inside = ((number[:, None] == np.arange(N_BINS)) & known[:, None]).astype(float)
+        sums += inside.T @ r
+        moments += inside.T @ z
         covariance += ceiling.noise.covariance(inside, time)
     n = count[kept]
     mean, center = sums[kept] / n, moments[kept] / n
@@ -143,6 +145,20 @@ def _bins(
         _shape(name, "asymmetry", center, mean, covariance, n, ceiling.noise.free, valid),
     ]
     return table, tests
+
+
+def _linear_in_remnant(r: np.ndarray, z: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """What remnant that went round the loop gives residual and signal in common.
+
+    Both are Gaussian if the remnant is, and then the mean of the one given the other is a straight
+    line, in the part of the signal that the other runs do not have.
+    """
+    n_runs = len(r)
+    own = np.where(known, z - (z.sum(axis=0) - z) / (n_runs - 1), 0.0)
+    deviation = np.where(known, r - r.mean(axis=0), 0.0)
+    power = np.sum(own**2) * (n_runs - 1) / n_runs
+    slope = np.sum(deviation * own) / power if power > 0 else 0.0
+    return slope * own
 
 
 def _largest_of_bins(covariance: np.ndarray, sd: np.ndarray, free: float) -> np.ndarray:

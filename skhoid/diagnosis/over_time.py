@@ -20,7 +20,6 @@ N_WINDOWS = 16
 N_BLOCKS = 160
 SHORTEST = 1.0  # s, of a window
 N_BANDS = 14  # of the map
-EDGE = 5.0  # correlation times of the noise
 
 
 def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFrame:
@@ -32,7 +31,7 @@ def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFr
     n = edges.size - 1
     parts = [("all", np.ones(rows.size, dtype=bool))]
     numbers = np.unique(run)
-    if numbers.size > 1:
+    if numbers.size >= 1:
         parts += [(signals.run_label(k), run == k) for k in numbers]
     y, r = signals.y[rows], signals.residual[rows]
     # A window of T seconds holds that many independent values of the noise's square.
@@ -54,6 +53,13 @@ def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFr
             )
             vaf = 100 * (1 - lost / power)
         p = of_several(2 * np.where(np.isfinite(F), tail, 0.5))
+        views = 1 if label == "all" else numbers.size
+        each = of_one(false_alarm / views, used.size) / 2
+        limits = np.array(
+            [f_distribution.ppf(each, free, free_rest), f_distribution.isf(each, free, free_rest)]
+        )
+        part = count / count.sum()
+        limits = limits / (part * limits + 1 - part)
         tables.append(
             pd.DataFrame(
                 {
@@ -64,7 +70,9 @@ def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFr
                     "vaf": vaf,
                     "share": 100 * lost / power.sum() if power.sum() else np.nan,
                     "ratio": lost / count / (lost.sum() / count.sum()) if lost.any() else 1.0,
-                    "p": p,
+                    "chance_low": limits[0],
+                    "chance_high": limits[1],
+                    "p": np.minimum(p * views, 1.0),
                 }
             )
         )
@@ -72,9 +80,6 @@ def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFr
     if gain is not None and len(tables[0]) == len(gain):
         tables[0] = tables[0].join(gain)
     table = pd.concat(tables, ignore_index=True)
-    # One run in n_runs tables each: the whole view keeps the stated rate.
-    views = np.where(table["run"] == "all", 1, max(numbers.size, 1))
-    table["p"] = np.minimum(table["p"] * views, 1.0)
     table["exceeds"] = table["p"] < false_alarm
     return table
 
@@ -98,16 +103,16 @@ def tests_over_time(signals: Signals, ceiling: Ceiling) -> list[Test]:
         for k, rows in enumerate(group.rows):
             time, r = signals.layout.time[rows], signals.residual[rows]
             block = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, N_BLOCKS - 1)
-            white = ceiling.noise.whitened(np.column_stack([r, np.ones(r.size)]), time)
+            values = signals.tapered(rows, r, np.ones(r.size))
+            white = ceiling.noise.whitened(values, time)
             means.append(_sums_of_products(white[:, 1:], white[:, 0], block))
-            powers.append(_power_sums(remnant[k], block, ceiling, per_record))
-            # The transform joins the ends of a run: the step there is no outlier.
-            edge = min(int(EDGE * ceiling.noise.correlation_time / signals.dt) + 1, r.size // 4)
-            inner = white[edge:-edge, 0]
-            score = np.abs(inner) / max(np.std(inner), 1e-300)
+            known = signals.scored[rows]
+            powers.append(_power_sums(remnant[k], known, block, ceiling, per_record))
+            inner = white[values[:, 1] == 1.0, 0]
             n_rows += inner.size
-            if score.max() > largest[0]:
-                largest = float(score.max()), float(time[edge + score.argmax()])
+            score = np.abs(inner) / max(np.std(inner), 1e-300)
+            if score.size and score.max() > largest[0]:
+                largest = float(score.max()), float(time[values[:, 1] == 1.0][score.argmax()])
         response = coherent_part(signals, group, signals.predicted[group.rows])
         if response is not None:
             gains += _gain_sums(signals, ceiling, group, response, edges)
@@ -158,7 +163,7 @@ def _gain_sums(
         time, r = signals.layout.time[rows], signals.residual[rows]
         block = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, edges.size - 2)
         rate = np.gradient(response[k], signals.dt)
-        white = ceiling.noise.whitened(np.column_stack([r, response[k], rate]), time)
+        white = ceiling.noise.whitened(signals.tapered(rows, r, response[k], rate), time)
         sums.append(_sums_of_products(white[:, 1:], white[:, 0], block, edges.size - 1))
     return sums
 
@@ -178,11 +183,15 @@ def _sums_of_products(
 
 
 def _power_sums(
-    remnant: np.ndarray, block: np.ndarray, ceiling: Ceiling, per_record: float
+    remnant: np.ndarray,
+    known: np.ndarray,
+    block: np.ndarray,
+    ceiling: Ceiling,
+    per_record: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Relative power in blocks less its mean, and its variance in stationary Gaussian noise."""
-    count = np.bincount(block, minlength=N_BLOCKS).astype(float)
-    average = float(np.mean(remnant**2)) or 1.0
+    count = np.bincount(block, known, N_BLOCKS)
+    average = float(np.mean(remnant[known] ** 2)) or 1.0
     # Information per sample, so that the coefficient is the relative power.
     each = per_record * 2 * ceiling.noise.correlation_time / ceiling.noise.dt
     scores = (np.bincount(block, remnant**2, N_BLOCKS) / average - count) / each

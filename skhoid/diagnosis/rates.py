@@ -71,7 +71,13 @@ def check_rates(recording: Recording) -> list[Finding]:
         else:
             wrong.append((angle, rate, gain))
     of_wrong = [rate for _, rate, _ in wrong]
-    alone = [n for n in recording.names if _rate_stem(n) is not None and n not in right + of_wrong]
+    alone = [
+        name
+        for name, values in recording.values.items()
+        if _rate_stem(name) is not None
+        and name not in right + of_wrong
+        and np.isfinite(values).sum() > LEAST_STEPS
+    ]
     findings = [_wrong(recording, *found, alone) for found in wrong]
     return findings + [f for found in mixed if (f := _mixed(recording, *found, alone))]
 
@@ -234,6 +240,8 @@ def _mixed(
         return None
     for other in alone:
         change, integrals = _changes(recording, angle, [rate, other], gain.length)
+        if change.size < LEAST_STEPS:
+            continue
         change = change - change.mean()
         integrals = integrals - integrals.mean(axis=0)
         own, beside = np.linalg.lstsq(integrals, change, rcond=None)[0]

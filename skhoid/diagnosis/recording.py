@@ -68,7 +68,8 @@ def read_recording(X: Any, y: Any, dt: float | None, run: Any) -> Recording:
     except IrregularSamplingError:
         labels, starts, time = _raw_clock(X, run)
     signals = NamedSignals(X, y, run=run_column)
-    values = {name: signals.numbers[:, i] for i, name in enumerate(signals.channels)}
+    numbers = np.where(np.isfinite(signals.numbers), signals.numbers, np.nan)
+    values = {name: numbers[:, i] for i, name in enumerate(signals.channels)}
     output = None
     if signals.output is not None:
         output = signals.output_name

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy import fft
+from scipy.signal.windows import tukey
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
+from .._sklearn import safe_indexing
 from ..exceptions import MissingDataWarning, RunIndexError
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import raw_layout, reach_model, trimmed_rows
@@ -20,6 +22,9 @@ from ..runs import RunLayout, check_alignment, run_name
 SAME_TARGET = 0.02  # rms difference of targets of repeats, as a fraction of their rms
 LINE = 1e-4  # power of an excited line at least, as a fraction of that of the strongest
 BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
+SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
+LONGEST_SETTLING = 10.0  # s
+RAMPS = 0.04  # of a run, both ends together
 ROLES = ("e", "x", "f_t")
 PREFIXES = ("dist", "motion")
 
@@ -53,8 +58,8 @@ class Group:
 class Signals:
     """What a model predicts and what was measured, row by row.
 
-    ``scored`` are rows that were measured, outside a run-in; ``channels`` the channels of X that
-    have a role.
+    ``scored`` are rows that were measured, outside a run-in and settled; ``channels`` the channels
+    of X that have a role.
     """
 
     layout: RunLayout
@@ -72,6 +77,18 @@ class Signals:
     @property
     def residual(self) -> np.ndarray:
         return self.y - self.predicted
+
+    def tapered(self, rows: np.ndarray, *signals: np.ndarray) -> np.ndarray:
+        """Signals as columns that begin and end at zero, and are zero where not scored.
+
+        What a Fourier transform joins at the ends of a run then is no step.
+        """
+        known = np.flatnonzero(self.scored[rows])
+        weight = np.zeros(rows.size)
+        if known.size:
+            first, last = known[0], known[-1] + 1
+            weight[first:last] = tukey(last - first, RAMPS) * self.scored[rows[first:last]]
+        return np.column_stack(signals) * weight[:, None]
 
     @property
     def dt(self) -> float:
@@ -113,19 +130,32 @@ def read_signals(
             f"model.predict(X) returns {predicted.size} values for the {measured.size} rows of X; "
             "compare needs one for each row."
         )
-    scored = scored_rows(layout, run_in, None) & ~trimmed_rows(model, X)
-    scored_signals(measured, predicted, scored, layout, False)  # for its checks
-    scored &= ~np.isnan(measured)
+    trimmed = trimmed_rows(model, X)
+    used = scored_rows(layout, run_in, None) & ~trimmed
+    scored_signals(measured, predicted, used, layout, False)  # for its checks
+    used &= ~np.isnan(measured)
     channels = _channels(model, X, roles, run)
     notes = []
+    scored = used
+    if run_in is None:
+        settling = _settling_rows(model, X, layout, trimmed, predicted)
+        if settling.any() and (used & ~settling).any():
+            scored = used & ~settling
+            longest = max(np.diff(np.flatnonzero(np.diff(np.r_[0, settling, 0])))[::2])
+            notes.append(
+                f"the first {longest * layout.dt:.3g} s of each run, in which the free run "
+                "settles from its start at rest, are left out (run_in=0 keeps them)"
+            )
+            # Spectra and tests go over whole periods of the target; nothing is missing there.
+            predicted = np.where(used & settling, measured, predicted)
     n_missing = int(np.isnan(measured).sum())
     if n_missing:
         notes.append(f"{n_missing} rows in which the output is missing are left out")
-    stretches = _longest_stretches(layout, scored, channels)
+    stretches = _longest_stretches(layout, used, channels)
     covered = sum(stop - start for start, stop in stretches.values())
-    if covered < scored.sum():
+    if covered < used.sum():
         notes.append(
-            f"{int(scored.sum()) - covered} rows beside the longest gapless stretch of their run "
+            f"{int(used.sum()) - covered} rows beside the longest gapless stretch of their run "
             "count in the VAF, and not in spectra and tests"
         )
     return Signals(
@@ -144,6 +174,37 @@ def read_signals(
         },
         notes=notes,
     )
+
+
+def _settling_rows(
+    model: Any, X: Any, layout: RunLayout, trimmed: np.ndarray, predicted: np.ndarray
+) -> np.ndarray:
+    """Rows in which the prediction still depends on where in the recording it began.
+
+    A free run begins at rest, and the person does not. How long that lasts is measured: the same
+    rows are predicted again from a later start, until both predictions agree.
+    """
+    settling = np.zeros(layout.n_rows, dtype=bool)
+    starts = np.union1d(
+        layout.stretches[:-1], np.flatnonzero(trimmed[:-1] & ~trimmed[1:]) + 1
+    ).astype(int)
+    lengths = np.diff(np.append(starts, layout.n_rows))
+    longest = int(np.argmax(lengths))
+    first, n = int(starts[longest]), int(lengths[longest])
+    cut = min(n // 4, round(LONGEST_SETTLING / layout.dt))
+    if cut < 4:
+        return settling
+    rows = np.arange(first + cut, first + min(3 * cut, n))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # predict has said so
+        again = np.asarray(model.predict(safe_indexing(X, rows)), dtype=float).ravel()
+    apart = np.abs(again - predicted[rows])
+    rms = float(np.sqrt(np.mean(predicted[rows] ** 2)))
+    late = np.flatnonzero(apart > SETTLED * rms)
+    n_settling = min(int(late[-1]) + 1 if late.size else 0, cut)
+    for start, length in zip(starts, lengths, strict=True):
+        settling[start : start + min(n_settling, length)] = True
+    return settling
 
 
 def _one_step(model: Any, X: Any, y: Any) -> np.ndarray:
@@ -186,10 +247,10 @@ def _channels(
 
 
 def _longest_stretches(
-    layout: RunLayout, scored: np.ndarray, channels: dict[str, np.ndarray]
+    layout: RunLayout, used: np.ndarray, channels: dict[str, np.ndarray]
 ) -> dict[int, tuple[int, int]]:
     """First row, and last row + 1, of the longest stretch without a gap, by run number."""
-    whole = scored.copy()
+    whole = used.copy()
     for values in channels.values():
         whole &= np.isfinite(values)
     cut = np.zeros(layout.n_rows + 1, dtype=bool)
