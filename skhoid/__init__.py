@@ -5,6 +5,15 @@ from .arx.forgetting import forgetting_factor
 from .arx.recursive import RecursiveARX
 from .arx.recursive_cv import RecursiveARXCV
 from .arx.searches import DelaySearchCV, OrderSearchCV
+from .diagnosis import (
+    Comparison,
+    Finding,
+    RemnantEstimate,
+    check_channels,
+    compare,
+    performance_scores,
+    remnant_estimate,
+)
 from .ensemble import ensemble_average
 from .exceptions import (
     IrregularSamplingError,
@@ -56,11 +65,13 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ARXRegressor",
+    "Comparison",
     "CompensatoryTask",
     "ControlledElement",
     "Decimator",
     "DelaySearchCV",
     "DelayShift",
+    "Finding",
     "FrequencyResponse",
     "HumanOperator",
     "IrregularSamplingError",
@@ -74,6 +85,7 @@ __all__ = [
     "RecursiveARX",
     "RecursiveARXCV",
     "Remnant",
+    "RemnantEstimate",
     "RemnantIntensityError",
     "RunCutWarning",
     "RunInTrimmer",
@@ -87,6 +99,8 @@ __all__ = [
     "VAFScorer",
     "arx_to_operator",
     "auto_psd",
+    "check_channels",
+    "compare",
     "crossover",
     "crossover_path",
     "ensemble_average",
@@ -97,8 +111,10 @@ __all__ = [
     "make_tracking_runs",
     "mixed_condition",
     "operator_parameters",
+    "performance_scores",
     "read_runs",
     "reference_fits",
+    "remnant_estimate",
     "resample_runs",
     "run_labels",
     "sampling_time",

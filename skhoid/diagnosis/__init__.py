@@ -1,1 +1,17 @@
-"""What a fitted model misses, and what recordings hold: scores, remnant, checks."""
+"""Where a fitted model fails: comparison with measured runs, ceiling, remnant, channels, scores."""
+
+from .channels import check_channels
+from .comparison import Comparison, compare
+from .findings import Finding
+from .remnant import RemnantEstimate, remnant_estimate
+from .scores import performance_scores
+
+__all__ = [
+    "Comparison",
+    "Finding",
+    "RemnantEstimate",
+    "check_channels",
+    "compare",
+    "performance_scores",
+    "remnant_estimate",
+]

@@ -1,2 +1,357 @@
-def advise(c, signals, channels):
-    return []
+"""Findings: what the tests say, in the words of the field, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from .findings import Finding
+from .signals import Signals
+
+if TYPE_CHECKING:
+    from .comparison import Comparison
+
+SMALL = 0.05  # VAF points; what costs less is not worth a sentence
+GOOD_ONE_STEP, POOR = 95.0, 50.0  # percent; a model that only one-step predictions flatter
+
+
+def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[Finding]:
+    """Ordered findings: first what makes the data doubtful, then what costs most.
+
+    A test is a finding if it exceeds the false-alarm rate divided by the number of tests, so that
+    all findings together keep that rate.
+    """
+    found = list(of_channels)
+    tests = c.tests[c.tests["valid"]]
+    limit = c.false_alarm / max(int(tests["p"].notna().sum()), 1)
+    certain = tests[(tests["p"] < limit) | (tests["exceeds"] & tests["p"].isna())]
+    sure = {(t.test, t.signal): t for t in certain.itertuples()}
+    found += _runs(c, sure)
+    located = [f for f in _effects(c, sure, signals) if not f.severity < SMALL]
+    located.sort(key=lambda f: -np.nan_to_num(f.severity, nan=0.0))
+    found += located
+    found += _model(c)
+    if not located:
+        found += _nothing_located(c, sure)
+    return found + list(_design(c, signals))
+
+
+def _p(test: Any) -> str:
+    return "p < 1e-6" if test.p < 1e-6 else f"p = {test.p:.2g}"
+
+
+def _points(value: float) -> str:
+    return f"{value:.1f} VAF points"
+
+
+def _runs(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+    for (name, run), test in sure.items():
+        if name == "lost control":
+            yield Finding(
+                "lost control",
+                f"In run {run} control was lost at about {test.where:.4g} s",
+                f"The rms error over 4 s there is {test.size:.1f} times the largest of the other "
+                "runs.",
+                "A person who has lost control answers by other laws than before.",
+                "Leave the run out of estimation and validation, or cut it before that time.",
+                "RunComparisonDisplay",
+            )
+        if name == "outlying run":
+            yield Finding(
+                "outlying run",
+                f"Run {run} is unlike the others: {test.size:.2f} times their residual power",
+                f"{_p(test)}, from what remnant of this spectrum scatters between runs.",
+                "Another person, a practice run, fatigue, or a setting that was changed.",
+                "Look at its traces. Validate with and without it.",
+                "RunComparisonDisplay",
+            )
+        if name == "learning":
+            more = "grows" if test.size > 0 else "falls"
+            yield Finding(
+                "learning",
+                f"The residual power {more} by {abs(test.size):.0f} % a run",
+                f"Trend of its logarithm over the runs, {_p(test)}.",
+                "The person still learns (falling) or tires (growing) from run to run.",
+                "Fit the last runs only, select_runs(X, y, last=5), or compare first and last.",
+                "RunComparisonDisplay",
+            )
+
+
+def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[Finding]:
+    yield from _response(c, sure)
+    yield from _in_time(c, sure)
+    bias = sure.get(("bias", c.output))
+    if bias is not None:
+        yield Finding(
+            "bias",
+            f"The measured output is {bias.size:+.3g}{_unit(c)} beside the predicted one throughout",
+            f"Mean residual, {_p(bias)}; it costs {_points(bias.cost)}.",
+            "An offset of the recording, a trim of the stick, or integral action.",
+            "fit_intercept=True, or remove the mean of each run (VAFScorer(centered=True)).",
+            "OperatingPointDisplay",
+            bias.cost,
+        )
+    yield from _over_amplitude(c, sure)
+    for (name, signal), test in sure.items():
+        if name == "cross-correlation":
+            yield _follows(c, test, signal, sure)
+        if name == "level":
+            yield Finding(
+                "level",
+                f"{100 * test.size:.1f} % of the samples sit at {signal} = {test.where:.4g}",
+                f"{test.description}; neighbouring levels hold far fewer.",
+                "A stop of the stick, a limit of the recording, or a level the person returns to.",
+                "Add a saturation at this level, or record with a wider range; free runs of a "
+                "linear model go beyond it.",
+                "OperatingPointDisplay",
+            )
+        if name == "outlier":
+            yield Finding(
+                "outlier",
+                f"A single event at {test.where:.4g} s: {test.size:.0f} standard deviations",
+                f"Largest whitened residual, {_p(test)}, for normal remnant.",
+                "A slip of the hand, a spike or a gap of the recording, or an onset that the "
+                "model does not have.",
+                "Look at the traces there; set wrong samples to NaN (they are then left out).",
+                "ResidualTimeDisplay",
+            )
+
+
+def _response(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+    delay, gain = sure.get(("delay", c.output)), sure.get(("gain", c.output))
+    if delay is not None:
+        samples = delay.size / c.dt
+        later = "later" if delay.size > 0 else "earlier"
+        step = (
+            "Search the delay again, DelaySearchCV, or shift by as much with DelayShift"
+            if delay.size > 0
+            else "Take so many samples off nk, or search it again with DelaySearchCV"
+        )
+        yield Finding(
+            "delay",
+            f"The measured response is {abs(delay.size):.2g} s {later} than the predicted one",
+            f"{abs(samples):.1f} samples; {_p(delay)}; it costs about {_points(delay.cost)}.",
+            "The delay of the model is wrong, or its lag (a pole) stands for a delay.",
+            f"{step}.",
+            "ResidualFrequencyDisplay",
+            delay.cost,
+        )
+    if gain is not None:
+        more = "larger" if gain.size > 0 else "smaller"
+        yield Finding(
+            "gain",
+            f"The measured response is {100 * abs(gain.size):.0f} % {more} than the predicted one",
+            f"{_p(gain)}; it costs about {_points(gain.cost)}.",
+            "Another gain than in the runs it was fitted on, or a fit biased by remnant in the "
+            "loop or by a short memory.",
+            "Fit on runs of the same condition; compare with Fourier coefficients or instruments "
+            '(ARXRegressor(method="iv")).',
+            "ResidualFrequencyDisplay",
+            gain.cost,
+        )
+
+
+def _in_time(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+    change = sure.get(("gain change", "residual"))
+    if change is not None:
+        more = "grows" if change.size > 0 else "falls"
+        yield Finding(
+            "gain change",
+            f"The response {more} by {100 * abs(change.size):.0f} % of the predicted one at about "
+            f"{change.where:.3g} s",
+            f"Largest of all single changes of gain and delay, {_p(change)} for the whole search; "
+            f"it costs about {_points(change.cost)}.",
+            "The person's parameters change within the run, and the model's do not, or not as "
+            "much.",
+            "Use RecursiveARX (memory_horizon by RecursiveARXCV), or a gain that varies in time.",
+            "ResidualTimeDisplay",
+            change.cost,
+        )
+    power = sure.get(("remnant power change", "residual"))
+    if power is not None:
+        yield Finding(
+            "remnant power change",
+            f"The remnant's power changes by {100 * power.size:+.0f} % of its mean at about "
+            f"{power.where:.3g} s",
+            f"Largest of all single changes, {_p(power)} for the whole search.",
+            "Effort or workload change, or the remnant's gain follows the person's own. It is "
+            "noise: no model of the response wins it back.",
+            "Weight the parts of the run by it, or fit them separately; check the response there.",
+            "ResidualMapDisplay",
+        )
+    mean = sure.get(("mean change", "residual"))
+    if mean is not None:
+        yield Finding(
+            "mean change",
+            f"The mean residual changes at about {mean.where:.3g} s",
+            f"By {mean.size:.3g}{_unit(c)}; {_p(mean)} for the whole search.",
+            "A bias that drifts or steps: posture, trim, or an offset of the recording.",
+            "Add a drift, or remove the mean of each run (VAFScorer(centered=True)).",
+            "ResidualTimeDisplay",
+        )
+
+
+def _over_amplitude(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+    shaped = [t for (name, _), t in sure.items() if name == "nonlinearity"]
+    asymmetric = [t for (name, _), t in sure.items() if name == "asymmetry"]
+    # What one sign does more than the other is no straight line either: it is told once.
+    one_sided = {t.signal: t.statistic for t in asymmetric}
+    shaped = [t for t in shaped if t.statistic > 2 * one_sided.get(t.signal, 0.0)]
+    if shaped and not (asymmetric and max(one_sided.values()) > max(t.statistic for t in shaped)):
+        # A static nonlinearity shows over all signals that go with the one that it acts on.
+        best = max(shaped, key=lambda t: t.statistic)
+        others = [t.signal for t in shaped if t is not best]
+        harder = _curvature(c.by_operating_point, best.signal) > 0
+        also = f" (also over {', '.join(others)})" if others else ""
+        if harder:
+            title = f"The response is weaker at small {best.signal} than at large"
+            meaning = "An indifference threshold (dead zone), or a gain that grows with amplitude."
+            step = "Add a dead zone on the error, or an amplitude-dependent gain."
+        else:
+            title = f"The response is weaker at large {best.signal} than at small"
+            meaning = "Saturation or a rate limit of the output, or a gain that falls with size."
+            step = "Add a saturation, or an amplitude-dependent gain; check the stick's range."
+        yield Finding(
+            "nonlinearity",
+            title,
+            f"Mean residual over {best.signal}{also} against a straight line, {_p(best)}; it costs "
+            f"at least {_points(best.cost)}.",
+            meaning,
+            step,
+            "OperatingPointDisplay",
+            best.cost,
+        )
+    if asymmetric:
+        best = max(asymmetric, key=lambda t: t.statistic)
+        side = "positive" if best.size > 0 else "negative"
+        yield Finding(
+            "asymmetry",
+            f"The response to {side} {best.signal} is stronger",
+            f"Mean residual over {best.signal}: part that does not change sign with it, "
+            f"{_p(best)}.",
+            "Left and right are not alike: the arm, the stick, or an offset.",
+            "Add a gain for each sign, or a bias.",
+            "OperatingPointDisplay",
+            best.cost,
+        )
+
+
+def _curvature(table: pd.DataFrame, channel: str) -> float:
+    """Sign of the cubic part of the mean residual, of the sign of the response."""
+    own = table[table["channel"] == channel]
+    z = own["center"].to_numpy() / max(float(own["center"].abs().max()), 1e-300)
+    design = np.column_stack([np.ones(z.size), z, z**2, z**3])
+    weight = np.sqrt(own["count"].to_numpy())
+    cubic = np.linalg.lstsq(design * weight[:, None], own["mean"] * weight, rcond=None)[0][3]
+    return float(cubic * own["sign"].iloc[0])
+
+
+def _follows(c: Comparison, test: Any, signal: str, sure: dict[Any, Any]) -> Finding:
+    lag = test.where
+    when = f"{abs(lag):.2g} s " + ("after" if lag >= 0 else "before")
+    linear = [name for name in ("gain", "delay") if (name, c.output) in sure]
+    also = f" An error of {' and '.join(linear)} (see there) shows here as well." if linear else ""
+    if signal == "f_t":
+        meaning = (
+            "On a pursuit or preview display a target feedforward. On a compensatory one, where "
+            "the person does not see the target, it can only be precognition, a linear misfit of "
+            "the response to e, or something equivalent to it." + also
+        )
+        step = "On a pursuit display add the target as an input, inputs=['e', 'f_t']; else a lead."
+    else:
+        meaning = (
+            "The person, or the stick, answers the disturbance by a way that does not go through "
+            "e: motion, force, or vibration." + also
+        )
+        step = f"Add {signal!r} as an input."
+    return Finding(
+        "cross-correlation",
+        f"The residual follows {signal}: most {when} it",
+        f"Prewhitened correlation {test.size:+.2f} at that lag, {_p(test)} over all lags. "
+        f"{signal} comes from outside the loop, so that no remnant can make it.",
+        meaning,
+        step,
+        "ResidualCorrelationDisplay",
+        max(test.cost - sum(sure[name, c.output].cost for name in linear), 0.0),
+    )
+
+
+def _model(c: Comparison) -> Iterator[Finding]:
+    if c.overfit:
+        yield Finding(
+            "overfit",
+            f"Overfit: the error on validation runs is {c.overfit_ratio:.2f} times that on "
+            "estimation runs",
+            f"VAF {c.estimation_vaf:.1f} on estimation, {c.vaf:.1f} on validation runs; the limit "
+            "is 1.1.",
+            "The model has learnt the remnant of the runs it was fitted on, or these runs differ.",
+            "Fewer parameters, or a longer memory horizon.",
+            "RunComparisonDisplay",
+        )
+    if c.one_step_vaf > GOOD_ONE_STEP and c.vaf < POOR:
+        yield Finding(
+            "one step only",
+            f"Good one step ahead ({c.one_step_vaf:.1f}), poor as a free run ({c.vaf:.1f})",
+            "VAF in percent of the same runs.",
+            "The next sample is close to the last one, whatever the model. Only a free run shows "
+            "whether it has the response.",
+            "Judge by the free run; lower the sampling rate (Decimator), or search the orders.",
+            "ComparisonDisplay",
+        )
+
+
+def _nothing_located(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+    gap = sure.get(("explainable gap", "residual"))
+    several = bool(c.by_frequency["exceeds"].any() or c.by_time["exceeds"].any())
+    low, high = c.noise_ceiling_interval
+    if gap is not None and gap.cost > SMALL:
+        yield Finding(
+            "unknown",
+            f"{_points(gap.cost)} are left to explain, and no single cause stands out",
+            f"The residual repeats with the target, {_p(gap)}: ceiling {c.noise_ceiling:.1f} "
+            f"({low:.1f} to {high:.1f}), VAF {c.vaf:.1f}.",
+            "Several small misfits (order, lag, second mode), or an effect that these views do "
+            "not separate.",
+            "Look at the response over frequency; search the orders (OrderSearchCV).",
+            "ResidualFrequencyDisplay",
+            gap.cost,
+        )
+    elif not sure and not several and c.ceiling_route != "none":
+        yield Finding(
+            "none",
+            "Nothing is missing that these runs could show",
+            f"No test exceeds its false-alarm rate; {_points(c.explainable_gap)} between the VAF "
+            f"and the ceiling of {c.noise_ceiling:.1f} ({low:.1f} to {high:.1f}).",
+            "What the model does not explain is remnant.",
+            "Stop here, or record more runs to see smaller effects.",
+            "ComparisonDisplay",
+        )
+
+
+def _design(c: Comparison, signals: Signals) -> Iterator[Finding]:
+    if c.ceiling_route == "none":
+        yield Finding(
+            "no ceiling",
+            "How much is left to explain is not known",
+            f"There is no noise ceiling: {c.ceiling_note.removeprefix('none: ')}.",
+            "A low VAF may be remnant, or misfit: one run of an unknown target cannot tell.",
+            "Record runs that share the target, or a whole number of periods of a multisine.",
+            "NoiseCeilingDisplay",
+        )
+    several = [group for group in signals.groups if group.n_runs > 1]
+    if len(signals.groups) == 1 and several and "f_t" in signals.channels:
+        yield Finding(
+            "one target",
+            "All runs share one forcing function",
+            f"{several[0].n_runs} runs, one target.",
+            "Validation cannot separate what repeats with the target from what repeats with time.",
+            "Record a second realisation of the target (make_tracking_runs(random_phases=True) "
+            "shows how they differ).",
+        )
+
+
+def _unit(c: Comparison) -> str:
+    return f" {c.unit}" if c.unit else ""

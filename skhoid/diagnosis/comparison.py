@@ -7,16 +7,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.stats import norm
 
 from ..metrics import vaf_of_rows
 from ..pipelines import taken_apart
 from .advice import advise
 from .ceiling import Ceiling, noise_ceiling
-
-try:
-    from .channels import check_channels
-except ImportError:
-    check_channels = lambda *a, **k: []
+from .channels import check_channels
 from .correlation import correlations
 from .findings import Finding
 from .levels import level_tests
@@ -299,8 +296,6 @@ def _pooled(signals: Signals, prediction: np.ndarray, known: np.ndarray | None =
 def _gap_test(ceiling: Ceiling) -> list[Test]:
     if ceiling.route == "none" or ceiling.sd == 0:
         return []
-    from scipy.stats import norm
-
     z = ceiling.gap / ceiling.sd
     return [
         Test(
@@ -308,8 +303,8 @@ def _gap_test(ceiling: Ceiling) -> list[Test]:
             "residual",
             z,
             float(norm.sf(z)),
-            np.nan,
-            ceiling.gap,
+            size=ceiling.gap,
+            cost=ceiling.gap,
             description="power of what the residual repeats with the target, in VAF points",
         )
     ]

@@ -56,10 +56,11 @@ def correlations(
                 name,
                 statistic,
                 tail_probability(statistic, largest),
-                float(lags[k]),
-                float(score[k] * scale),
-                valid,
-                f"largest prewhitened correlation of the residual with {what}",
+                where=float(lags[k]),
+                size=float(score[k] * scale),
+                cost=_cost_of_target(signals, ceiling) if name == "f_t" else np.nan,
+                valid=valid,
+                description=f"largest prewhitened correlation of the residual with {what}",
             )
         )
     if not tables:
@@ -75,8 +76,8 @@ def _correlation(
     pairs = []
     for group in signals.groups:
         for rows in group.rows:
-            z = signals.channels[name][rows]
-            pair = signals.tapered(rows, signals.residual[rows], z - z.mean())
+            r, z = signals.residual[rows], signals.channels[name][rows]
+            pair = signals.tapered(rows, r - r.mean(), z - z.mean())
             pairs.append(ceiling.noise.whitened(pair, signals.layout.time[rows]))
     shortest = min(len(pair) for pair in pairs)
     step = min(
@@ -105,3 +106,16 @@ def _correlation(
         float(1 / np.sqrt(power_r)),
         np.abs(draws).max(axis=1),
     )
+
+
+def _cost_of_target(signals: Signals, ceiling: Ceiling) -> float:
+    """VAF points of the residual at the excited lines, less the noise there."""
+    lost = power = 0.0
+    for group in signals.groups:
+        if group.lines is None:
+            return np.nan
+        R = fft.rfft(signals.residual[group.rows], axis=1, norm="ortho")[:, group.lines]
+        noise = ceiling.noise.at(group.omega(signals.dt)[group.lines])
+        lost += 2 * float(np.sum(group.n_runs * np.abs(R.mean(axis=0)) ** 2 - noise))
+        power += float(np.sum(signals.y[group.rows] ** 2))
+    return max(100 * lost / power, 0.0)

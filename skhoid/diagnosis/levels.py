@@ -30,8 +30,8 @@ def level_tests(signals: Signals) -> list[Test]:
             signals.output,
             share,
             p,
-            level,
-            share,
+            where=level,
+            size=share,
             description=f"largest share of samples at one level of {signals.output}"
             + (f", at the {end} end of its range" if end else ""),
         )

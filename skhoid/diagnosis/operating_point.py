@@ -29,13 +29,13 @@ def by_operating_point(
     quantities = _quantities(signals)
     tables, tests = [], []
     for name, (values, source) in quantities.items():
-        lag = _response_lag(signals, source)
-        found = _bins(signals, ceiling, name, values, lag, false_alarm)
+        lag, sign = _response_lag(signals, source)
+        found = _bins(signals, ceiling, name, values, lag, sign, false_alarm)
         if found is not None:
             tables.append(found[0])
             tests += found[1]
     if not tables:
-        columns = ["channel", "lag", "low", "high", "center", "count", "mean", "sd", "band"]
+        columns = ["channel", "lag", "low", "high", "center", "count", "mean", "sd", "band", "sign"]
         return pd.DataFrame(columns=[*columns, "exceeds", "valid"]), tests
     return pd.concat(tables, ignore_index=True), tests
 
@@ -63,10 +63,10 @@ def _rate(signals: Signals, values: np.ndarray) -> np.ndarray:
     return rate
 
 
-def _response_lag(signals: Signals, values: np.ndarray) -> int:
-    """Samples by which the prediction follows a signal most closely."""
+def _response_lag(signals: Signals, values: np.ndarray) -> tuple[int, float]:
+    """Samples by which the prediction follows a signal most closely, and with which sign."""
     if values is signals.predicted:
-        return 0
+        return 0, 1.0
     total: np.ndarray | float = 0.0
     longest = max(int(LONGEST_LAG / signals.dt), 1)
     longest = min(longest, min(group.n_samples for group in signals.groups) // 8)
@@ -75,7 +75,8 @@ def _response_lag(signals: Signals, values: np.ndarray) -> int:
             z, m = values[rows], signals.predicted[rows]
             product = correlate(m - m.mean(), z - z.mean(), method="fft")
             total = total + product[rows.size - 1 : rows.size + longest]
-    return int(np.argmax(np.abs(total)))
+    lag = int(np.argmax(np.abs(total)))
+    return lag, float(np.sign(np.asarray(total)[lag]) or 1.0)
 
 
 def _bins(
@@ -84,6 +85,7 @@ def _bins(
     name: str,
     values: np.ndarray,
     lag: int,
+    sign: float,
     false_alarm: float,
 ) -> tuple[pd.DataFrame, list[Test]] | None:
     coordinates, residuals, times, scored = [], [], [], []
@@ -136,13 +138,15 @@ def _bins(
             "mean": mean,
             "sd": sd,
             "band": band,
+            "sign": sign,
             "exceeds": valid & (np.abs(mean) > band),
             "valid": valid,
         }
     )
+    power = float(np.mean(signals.y[signals.scored] ** 2))
     tests = [
-        _shape(name, "nonlinearity", center, mean, covariance, n, ceiling.noise.free, valid),
-        _shape(name, "asymmetry", center, mean, covariance, n, ceiling.noise.free, valid),
+        _shape(name, "nonlinearity", center, mean, covariance, n, ceiling.noise.free, power, valid),
+        _shape(name, "asymmetry", center, mean, covariance, n, ceiling.noise.free, power, valid),
     ]
     return table, tests
 
@@ -178,6 +182,7 @@ def _shape(
     covariance: np.ndarray,
     count: np.ndarray,
     free: float,
+    mean_square: float,
     valid: bool,
 ) -> Test:
     """Is the mean residual over a channel not a straight line; is it not an odd function."""
@@ -200,6 +205,9 @@ def _shape(
     rest = project @ mean
     worst = int(np.argmax(np.abs(rest) / np.sqrt(np.diag(covariance))))
     size = float(np.sqrt(np.average(rest**2, weights=count)))
+    # Noise alone gives that mean square too, on average that of its own in these bins.
+    by_chance = float(np.average(np.diag(project @ covariance), weights=count))
+    cost = 100 * max(size**2 - by_chance, 0.0) / mean_square
     if kind == "asymmetry":
         size = float(g[0] / M[0, 0]) if M[0, 0] > 0 else 0.0
     return Test(
@@ -207,10 +215,11 @@ def _shape(
         name,
         statistic,
         float(f_distribution.sf(statistic / rank, rank, free)),
-        float(z[worst] * scale),
-        size,
-        valid,
-        {
+        where=float(z[worst] * scale),
+        size=size,
+        cost=cost,
+        valid=valid,
+        description={
             "nonlinearity": f"mean residual over {name} against a straight line",
             "asymmetry": f"mean residual over {name}: gain of one sign against the other",
         }[kind],

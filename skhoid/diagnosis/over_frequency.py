@@ -9,7 +9,7 @@ from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling
 from .signals import Group, Signals
-from .tests_table import Test, of_several
+from .tests_table import of_several
 
 N_BANDS = 16
 FEW = 60  # excited lines; more of them are taken together in bands

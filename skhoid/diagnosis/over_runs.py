@@ -89,8 +89,8 @@ def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, lis
                 signals.run_label(int(used[worst])),
                 float(each[worst]),
                 float(alone[worst]),
-                float(used[worst]),
-                float(np.exp(log[worst] - np.median(log))),
+                where=float(used[worst]),
+                size=float(np.exp(log[worst] - np.median(log))),
                 description="residual power of one run against the others",
             )
         )
@@ -103,8 +103,7 @@ def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, lis
                 signals.output,
                 slope / sd,
                 float(2 * norm.sf(abs(slope / sd))),
-                np.nan,
-                float(100 * np.expm1(slope)),
+                size=float(100 * np.expm1(slope)),
                 description="trend of the residual power from run to run (percent a run)",
             )
         )
@@ -148,8 +147,8 @@ def _lost_control(signals: Signals) -> list[Test]:
             which,
             worst,
             np.nan,
-            where,
-            worst,
+            where=where,
+            size=worst,
             description=f"largest rms error over {LOST_WINDOW:g} s, over the largest of other runs",
             rule=worst > LOST,
         )

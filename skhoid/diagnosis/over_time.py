@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.signal.windows import hann
 from scipy.stats import chi2, norm
 from scipy.stats import f as f_distribution
 
-from .breaks import largest_break
+from .breaks import Break, largest_break
 from .ceiling import Ceiling, coherent_part
 from .signals import Group, Signals
 from .tests_table import Test, of_one, of_several
@@ -116,12 +117,22 @@ def tests_over_time(signals: Signals, ceiling: Ceiling) -> list[Test]:
         response = coherent_part(signals, group, signals.predicted[group.rows])
         if response is not None:
             gains += _gain_sums(signals, ceiling, group, response, edges)
+    rows = np.concatenate([group.rows.ravel() for group in signals.groups])
+    response_share = np.sum(signals.predicted[rows] ** 2) / np.sum(signals.y[rows] ** 2)
+
+    def of_gain(change: Break) -> float:
+        before = (change.block + 1) / N_BLOCKS
+        return float(100 * change.size[0] ** 2 * before * (1 - before) * response_share)
+
+    def unknown(change: Break) -> float:
+        return np.nan
+
     found = [
-        _break_test(name, parts, edges, free, what)
-        for name, parts, free, what in (
-            ("gain change", gains, np.inf, "one change of the response's gain and delay"),
-            ("remnant power change", powers, np.inf, "one change of the power of the remnant"),
-            ("mean change", means, ceiling.noise.free, "one change of the mean residual"),
+        _break_test(name, parts, edges, free, what, cost)
+        for name, parts, free, what, cost in (
+            ("gain change", gains, np.inf, "one change of the response's gain and delay", of_gain),
+            ("remnant power change", powers, np.inf, "one change of the remnant's power", unknown),
+            ("mean change", means, ceiling.noise.free, "one change of the mean residual", unknown),
         )
         if parts
     ]
@@ -133,8 +144,8 @@ def tests_over_time(signals: Signals, ceiling: Ceiling) -> list[Test]:
             signals.output,
             largest[0],
             p,
-            largest[1],
-            largest[0],
+            where=largest[1],
+            size=largest[0],
             description="largest whitened residual, in standard deviations",
         ),
     ]
@@ -163,7 +174,8 @@ def _gain_sums(
         time, r = signals.layout.time[rows], signals.residual[rows]
         block = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, edges.size - 2)
         rate = np.gradient(response[k], signals.dt)
-        white = ceiling.noise.whitened(signals.tapered(rows, r, response[k], rate), time)
+        z = response[k] - response[k].mean()
+        white = ceiling.noise.whitened(signals.tapered(rows, r - r.mean(), z, rate), time)
         sums.append(_sums_of_products(white[:, 1:], white[:, 0], block, edges.size - 1))
     return sums
 
@@ -204,6 +216,7 @@ def _break_test(
     edges: np.ndarray,
     free: float,
     what: str,
+    cost: Callable[[Break], float],
 ) -> Test:
     change = largest_break(sum(part[0] for part in parts), sum(part[1] for part in parts), free)
     return Test(
@@ -211,8 +224,9 @@ def _break_test(
         "residual",
         change.statistic,
         change.p,
-        float(edges[change.block + 1]),
-        float(change.size[0]),
+        where=float(edges[change.block + 1]),
+        size=float(change.size[0]),
+        cost=cost(change),
         description=what,
     )
 

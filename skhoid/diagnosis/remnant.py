@@ -218,8 +218,8 @@ def remnant_estimate(
     What a model gets wrong of the linear response to e is in its residual, and as remnant goes
     round the loop into e, it does not repeat either. It is estimated from the part of e that the
     target explains, and taken out; what a model lacks beyond that, and does not repeat, counts as
-    remnant. An ARX(2, 2) model of other runs gives P_n with a bias of 5 % of its value at most, and
-    intervals that hold the truth in about 85 % of the cases instead of 90 %.
+    remnant. With an ARX(2, 2) model of other runs, P_n comes out within 1.5 % of its value on
+    average for orders 1 to 3; for order 4 it is 5 % too high at P_n = 0.15 and 14 % at 0.30.
 
     References
     ----------

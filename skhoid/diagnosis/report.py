@@ -1,6 +1,85 @@
-def html(c):
-    return ""
+"""A comparison in words, and as a piece of HTML."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+if TYPE_CHECKING:
+    from .comparison import Comparison
 
 
-def summary(c):
-    return ""
+def summary(c: Comparison) -> str:
+    lines = [f"{c.model_name} against measured {c.output}", ""]
+    lines += [f"{name:<22} {value}" for name, value in figures(c)]
+    lines += ["", "Runs", _runs(c), ""]
+    lines += ["Findings" if c.findings else "No findings"]
+    for number, finding in enumerate(c.findings, 1):
+        lines += [
+            f"{number}. {line}" if i == 0 else f"   {line}"
+            for i, line in enumerate(str(finding).splitlines())
+        ]
+    lines += [
+        "",
+        f"Each test is wrong in {100 * c.false_alarm:g} % of cases with nothing missing; "
+        "all findings together are, too.",
+    ]
+    lines += [f"Note: {note}." for note in c.notes]
+    return "\n".join(lines)
+
+
+def figures(c: Comparison) -> list[tuple[str, str]]:
+    """The figures of a comparison, with what they are called."""
+    unit = f" {c.unit}" if c.unit else ""
+    ahead = "not available" if np.isnan(c.one_step_vaf) else f"{c.one_step_vaf:.1f} %"
+    if np.isnan(c.noise_ceiling):
+        ceiling, gap = c.ceiling_note, "not known"
+    else:
+        low, high = c.noise_ceiling_interval
+        ceiling = f"{c.noise_ceiling:.1f} % ({low:.1f} to {high:.1f}), {c.ceiling_note}"
+        gap = f"{c.explainable_gap:.1f} VAF points"
+    if c.overfit is None:
+        overfit = "not available (give estimation=(X, y))"
+    else:
+        overfit = (
+            f"{'yes' if c.overfit else 'no'}: squared error {c.overfit_ratio:.2f} times that on "
+            f"estimation runs (limit 1.1), VAF there {c.estimation_vaf:.1f} %"
+        )
+    return [
+        ("VAF, free run", f"{c.vaf:.1f} %"),
+        ("VAF, one step ahead", ahead),
+        ("RMSE, free run", f"{c.rmse:.4g}{unit}"),
+        ("Noise ceiling", ceiling),
+        ("Left to explain", gap),
+        ("Overfit", overfit),
+    ]
+
+
+def _runs(c: Comparison) -> str:
+    table = c.by_run[["data", "run", "vaf", "one_step_vaf", "rmse", "ratio", "exceeds"]]
+    if len(table) > 12:
+        table = pd.concat([table.head(6), table.tail(6)])
+    return table.round(3).to_string(index=False)
+
+
+def html(c: Comparison) -> str:
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{escape(name)}</th>"
+        f"<td style='text-align:left'>{escape(value)}</td></tr>"
+        for name, value in figures(c)
+    )
+    found = "".join(
+        f"<li><b>{escape(f.title)}</b><br>{escape(f.evidence)}<br>{escape(f.meaning)}<br>"
+        f"<i>{escape(f.next_step)}</i></li>"
+        for f in c.findings
+    )
+    runs = c.by_run.drop(columns=["target", "p"]).round(3).to_html(index=False, border=0)
+    notes = "".join(f"<p>{escape(note)}.</p>" for note in c.notes)
+    return (
+        f"<h4>{escape(c.model_name)} against measured {escape(c.output)}</h4>"
+        f"<table>{rows}</table><ol>{found}</ol><details><summary>By run</summary>{runs}"
+        f"</details>{notes}"
+    )

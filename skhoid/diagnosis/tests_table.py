@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import KW_ONLY, asdict, dataclass
 
 import numpy as np
 import pandas as pd
@@ -12,15 +12,18 @@ import pandas as pd
 class Test:
     """Outcome of one test; ``p`` accounts for the search inside it.
 
-    A rule of thumb has no p-value: ``rule`` says whether it is met.
+    ``cost`` are the VAF points that the effect takes, where that is known. A rule of thumb has no
+    p-value: ``rule`` says whether it is met.
     """
 
     test: str
     signal: str
     statistic: float
     p: float
+    _: KW_ONLY
     where: float = np.nan
     size: float = np.nan
+    cost: float = np.nan
     valid: bool = True
     description: str = ""
     rule: bool | None = None
@@ -28,7 +31,18 @@ class Test:
     __test__ = False  # not a test of pytest
 
 
-COLUMNS = ("test", "signal", "statistic", "p", "exceeds", "where", "size", "valid", "description")
+COLUMNS = (
+    "test",
+    "signal",
+    "statistic",
+    "p",
+    "exceeds",
+    "where",
+    "size",
+    "cost",
+    "valid",
+    "description",
+)
 
 
 def tests_table(tests: list[Test], false_alarm: float) -> pd.DataFrame:

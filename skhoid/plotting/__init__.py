@@ -1,22 +1,38 @@
 """Every picture: one Display per file, in the pattern of scikit-learn."""
 
 from .bode import BodeDisplay
+from .comparison import ComparisonDisplay
 from .delay_loss import DelayLossDisplay
 from .forgetting_profile import ForgettingProfileDisplay
 from .memory_horizon import MemoryHorizonDisplay
+from .noise_ceiling import NoiseCeilingDisplay
+from .operating_point import OperatingPointDisplay
 from .operator_parameters import OperatorParametersDisplay
 from .parameter_path import ParameterPathDisplay
+from .residual_correlation import ResidualCorrelationDisplay
+from .residual_frequency import ResidualFrequencyDisplay
+from .residual_map import ResidualMapDisplay
+from .residual_time import ResidualTimeDisplay
+from .run_comparison import RunComparisonDisplay
 from .simulation import SimulationDisplay
 from .tracking import TrackingDisplay
 from .vaf_contour import VAFContourDisplay
 
 __all__ = [
     "BodeDisplay",
+    "ComparisonDisplay",
     "DelayLossDisplay",
     "ForgettingProfileDisplay",
     "MemoryHorizonDisplay",
+    "NoiseCeilingDisplay",
+    "OperatingPointDisplay",
     "OperatorParametersDisplay",
     "ParameterPathDisplay",
+    "ResidualCorrelationDisplay",
+    "ResidualFrequencyDisplay",
+    "ResidualMapDisplay",
+    "ResidualTimeDisplay",
+    "RunComparisonDisplay",
     "SimulationDisplay",
     "TrackingDisplay",
     "VAFContourDisplay",

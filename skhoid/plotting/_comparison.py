@@ -1,0 +1,182 @@
+"""What pictures of a comparison share: how they are made, and what they say of missing parts."""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+from typing import Any, Self
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from ..diagnosis.comparison import Comparison, compare
+from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILLION, legend_columns, with_unit
+
+# One meaning a colour on every picture of a comparison.
+MEASURED = BLACK
+PREDICTED = BLUE
+RESIDUAL = PURPLE
+NOISE = GREY
+EXCEEDING = VERMILLION
+
+FEW_DECADES = 300.0  # from one end of an axis to the other
+ALL_RUNS = "all"  # the name in by_time of all validation runs together
+CLOSED_LOOP = "closed loop: not a test"
+CHANNELS = {"f_t": "target $f_t$", "dist": "disturbance $f_d$", "e": "error e", "x": "output x"}
+
+
+class ComparisonPicture:
+    """A picture whose constructor takes what it draws, by its names in a Comparison."""
+
+    @classmethod
+    def from_comparison(cls, comparison: Comparison, *, ax: Any = None) -> Self:
+        """Draw a comparison.
+
+        Parameters
+        ----------
+        comparison : Comparison
+            Result of :func:`skhoid.compare`.
+        ax : Axes, sequence of Axes or None, default=None
+            Where to draw, see :meth:`plot`. None makes a figure.
+
+        Returns
+        -------
+        display : Display
+            Of the class that this is called on.
+        """
+        if not isinstance(comparison, Comparison):
+            raise TypeError(
+                f"{cls.__name__}.from_comparison draws a result of skhoid.compare; got "
+                f"{type(comparison).__name__}. from_estimator(model, X, y) compares first."
+            )
+        names = inspect.signature(cls).parameters
+        return cls(**{name: getattr(comparison, name) for name in names}).plot(ax)
+
+    @classmethod
+    def from_estimator(cls, model: Any, X: Any, y: Any, *, ax: Any = None, **options: Any) -> Self:
+        """Compare a fitted model with measured runs, and draw that.
+
+        Parameters
+        ----------
+        model : fitted estimator
+            With ``predict``.
+        X : DataFrame of shape (n_rows, n_channels)
+            Channels of the validation runs.
+        y : Series of shape (n_rows,)
+            The operator's measured output.
+        ax : Axes, sequence of Axes or None, default=None
+            Where to draw, see :meth:`plot`. None makes a figure.
+        **options : dict
+            Other arguments of :func:`skhoid.compare`.
+
+        Returns
+        -------
+        display : Display
+            Of the class that this is called on.
+        """
+        return cls.from_comparison(compare(model, X, y, **options), ax=ax)
+
+    def plot(self, ax: Any = None) -> Self:
+        raise NotImplementedError
+
+
+def is_of_all_runs(table: pd.DataFrame) -> np.ndarray:
+    return (table["run"] == ALL_RUNS).to_numpy(dtype=bool)
+
+
+def exceeding(table: pd.DataFrame) -> np.ndarray:
+    """Rows that exceed chance; what is not known does not."""
+    return table["exceeds"].eq(True).to_numpy(dtype=bool)
+
+
+def beyond(false_alarm: float) -> str:
+    return f"beyond chance ({100 * false_alarm:g} %)"
+
+
+def chance(false_alarm: float) -> str:
+    return f"chance ({100 * (1 - false_alarm):g} %)"
+
+
+def channel_name(name: str) -> str:
+    return CHANNELS.get(name, name)
+
+
+def percent(value: float) -> str:
+    return f"{value:.1f} %"
+
+
+def residual_label(unit: str | None) -> str:
+    return with_unit("mean residual", unit)
+
+
+def wrapped(text: str, width: int) -> str:
+    return "\n".join(textwrap.wrap(text, width))
+
+
+def say_instead(panel: Axes, text: str, width: int = 46) -> None:
+    """What is not available, in the place where it would be drawn."""
+    # Not set_xticks([]), which panels that share the axis would lose their ticks by.
+    panel.tick_params(which="both", length=0, labelbottom=False, labelleft=False)
+    panel.text(
+        0.5,
+        0.5,
+        wrapped(text, width),
+        transform=panel.transAxes,
+        ha="center",
+        va="center",
+        color="0.35",
+        fontsize="small",
+    )
+
+
+def plain_logarithmic(axis: Axis) -> None:
+    """Plain numbers on a logarithmic axis, at 1, 2 and 5 where it spans few decades."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < FEW_DECADES * low else (1.0,)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def legend_entries(panels: Any) -> dict[str, Any]:
+    """Handles by label, each label once."""
+    entries: dict[str, Any] = {}
+    for panel in panels:
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    return entries
+
+
+def legend_below(panel: Axes, columns: int, pad: float, **options: Any) -> Any:
+    """A legend below a panel, so many heights of its letters away: where no data can be."""
+    entries = legend_entries([panel])
+    return panel.legend(
+        entries.values(),
+        entries.keys(),
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        borderaxespad=pad,
+        ncols=columns,
+        frameon=False,
+        fontsize="small",
+        **options,
+    )
+
+
+def explain(panels: Any, *, own: bool) -> None:
+    """One legend for the panels: below a figure of our own, else in the first."""
+    entries = legend_entries(panels)
+    if not entries:
+        return
+    if own:
+        panels[0].figure.legend(
+            entries.values(),
+            entries.keys(),
+            loc="outside lower center",
+            ncols=legend_columns(entries),
+            frameon=False,
+        )
+    else:
+        panels[0].legend(entries.values(), entries.keys(), loc="best", fontsize="small")

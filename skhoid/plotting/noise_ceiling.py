@@ -1,0 +1,161 @@
+"""What is explained, what could be, and what is noise: one bar."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+
+from ._axes import BLACK, given_axes
+from ._comparison import (
+    EXCEEDING,
+    NOISE,
+    PREDICTED,
+    ComparisonPicture,
+    legend_below,
+    percent,
+    wrapped,
+)
+
+INTERVAL = "90 % interval of the ceiling"
+BELOW_TICKS = 2.4
+
+
+class NoiseCeilingDisplay(ComparisonPicture):
+    """The measured output as a bar: explained, explainable and remnant.
+
+    Blue is what the model explains (its VAF), red what a better model could explain beyond it
+    (up to the noise ceiling), grey what no model driven by the measured error can. Without a
+    ceiling the bar has two parts, and the picture says why. A VAF below zero leaves no blue.
+
+    Make it with :meth:`from_comparison` or :meth:`from_estimator`.
+
+    Parameters
+    ----------
+    vaf : float
+        Free-run VAF of the model in percent.
+    noise_ceiling : float
+        The highest VAF that a model can reach, in percent; NaN if it is not known.
+    noise_ceiling_interval : (float, float)
+        Its 90 % interval.
+    explainable_gap : float
+        VAF points up to the ceiling, of the runs for which it is known.
+    ceiling_note : str, default=""
+        Where the ceiling comes from, or why there is none.
+
+    Attributes
+    ----------
+    ax_ : Axes
+        The panel.
+    figure_ : Figure
+        The figure that holds it.
+    parts_ : dict of Rectangle
+        The parts of the bar by name.
+    interval_ : ErrorbarContainer or None
+        The interval of the ceiling.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, compare, make_tracking_runs
+    >>> from skhoid.plotting import NoiseCeilingDisplay
+    >>> X, y = make_tracking_runs(
+    ...     "C1", n_runs=5, remnant_intensity=0.15, channels=["e", "f_t"], random_state=0
+    ... )
+    >>> model = ARXRegressor(nk=29).fit(X, y)
+    >>> display = NoiseCeilingDisplay.from_comparison(compare(model, X, y))
+    >>> list(display.parts_)
+    ['explained', 'explainable', 'remnant']
+    """
+
+    def __init__(
+        self,
+        *,
+        vaf: float,
+        noise_ceiling: float,
+        noise_ceiling_interval: tuple[float, float],
+        explainable_gap: float,
+        ceiling_note: str = "",
+    ) -> None:
+        self.vaf = vaf
+        self.noise_ceiling = noise_ceiling
+        self.noise_ceiling_interval = noise_ceiling_interval
+        self.explainable_gap = explainable_gap
+        self.ceiling_note = ceiling_note
+
+    def plot(self, ax: Any = None) -> Self:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : Axes or None, default=None
+            Where to draw. None makes a figure.
+
+        Returns
+        -------
+        self : NoiseCeilingDisplay
+        """
+        if ax is None:
+            _, ax = plt.subplots(figsize=(6.4, 2.4), layout="constrained")
+        (self.ax_,) = given_axes(ax, (1,), "the bar")
+        self.figure_ = self.ax_.figure
+        self.parts_, self.interval_ = draw_ceiling_bar(
+            self.ax_, self, columns=2, note=wrapped(f"Noise ceiling {self.ceiling_note}", 88)
+        )
+        self.ax_.set_title(ceiling_in_words(self), fontsize="medium")
+        return self
+
+
+def ceiling_in_words(comparison: Any) -> str:
+    """VAF and ceiling, for a title; of a comparison or whatever has its attributes."""
+    found = f"VAF {percent(comparison.vaf)}"
+    if np.isnan(comparison.noise_ceiling):
+        return f"{found}, noise ceiling not available"
+    gap = comparison.explainable_gap
+    left = f"{gap:.1f} points left to explain" if gap > 0 else "nothing left to explain"
+    return f"{found}, noise ceiling {percent(comparison.noise_ceiling)}: {left}"
+
+
+def draw_ceiling_bar(
+    panel: Axes, comparison: Any, columns: int, note: str = ""
+) -> tuple[dict[str, Any], Any]:
+    """The bar, its interval, and a legend below that names the parts and their sizes."""
+    ceiling = comparison.noise_ceiling
+    known = not np.isnan(ceiling)
+    # Where not all runs share their target, the ceiling and the gap are of those that do.
+    explained = ceiling - comparison.explainable_gap if known else comparison.vaf
+    end = float(np.clip(explained, 0.0, 100.0))
+    worse = ": worse than no model" if explained < 0 else ""
+    spans = {"explained": (PREDICTED, 0.0, end, f"explained {percent(explained)}{worse}")}
+    if known:
+        top = float(np.clip(ceiling, end, 100.0))
+        gap = f"explainable {comparison.explainable_gap:.1f} points"
+        spans["explainable"] = (EXCEEDING, end, top, gap)
+        spans["remnant"] = (NOISE, top, 100.0, f"remnant {percent(100.0 - ceiling)}")
+    else:
+        rest = f"not explained {percent(100.0 - explained)}: no ceiling"
+        spans["not explained"] = ("0.85", end, 100.0, rest)
+    parts = {}
+    for name, (colour, low, high, label) in spans.items():
+        (parts[name],) = panel.barh(0, high - low, left=low, height=0.8, color=colour, label=label)
+    low, high = np.clip(comparison.noise_ceiling_interval, 0.0, 100.0)
+    interval = None
+    if known and np.isfinite([low, high]).all():
+        at = float(np.clip(ceiling, low, high))
+        interval = panel.errorbar(
+            at,
+            0,
+            xerr=[[at - low], [high - at]],
+            color=BLACK,
+            lw=1.6,
+            capsize=5,
+            capthick=1.6,
+            label=INTERVAL,
+        )
+    panel.set_xlim(0.0, 100.0)
+    panel.set_ylim(-0.5, 0.5)
+    panel.set_yticks([])
+    panel.xaxis.set_major_formatter("{x:g} %")
+    legend_below(panel, columns, BELOW_TICKS, title=note or None, title_fontsize="small")
+    return parts, interval

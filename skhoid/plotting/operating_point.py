@@ -1,0 +1,166 @@
+"""Where in amplitude the model fails: mean residual over the level of a channel."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Self
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from ._axes import GREY, given_axes
+from ._comparison import (
+    CLOSED_LOOP,
+    EXCEEDING,
+    RESIDUAL,
+    ComparisonPicture,
+    beyond,
+    chance,
+    channel_name,
+    exceeding,
+    explain,
+    residual_label,
+    say_instead,
+)
+
+COLUMNS = 3
+
+
+class OperatingPointDisplay(ComparisonPicture):
+    """Mean residual over the level of each channel.
+
+    Each panel bins one channel, so much earlier than the residual as its label says. The grey
+    band holds all means of a panel with probability 1 - ``false_alarm`` if the residual does not
+    depend on the channel; means outside it are red. What cannot be tested in a closed loop is grey.
+    A slope is a wrong gain, a bend at zero an asymmetry or a dead zone, a bend at the ends a limit.
+
+    Make it with :meth:`from_comparison` or :meth:`from_estimator`.
+
+    Parameters
+    ----------
+    by_operating_point : DataFrame
+        ``Comparison.by_operating_point``.
+    unit : str or None, default=None
+        Unit of the output.
+    false_alarm : float, default=0.01
+        Of the bands.
+
+    Attributes
+    ----------
+    axes_ : ndarray of Axes, shape (n_channels,)
+        The panels.
+    figure_ : Figure
+        The figure that holds them.
+    lines_ : dict of Line2D
+        Mean residual by channel.
+    bands_ : dict of FillBetweenPolyCollection
+        Bands by channel.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, compare, make_tracking_runs
+    >>> from skhoid.plotting import OperatingPointDisplay
+    >>> X, y = make_tracking_runs(
+    ...     "C1", n_runs=3, remnant_intensity=0.15, channels=["e", "f_t"], random_state=0
+    ... )
+    >>> model = ARXRegressor(nk=29).fit(X, y)
+    >>> display = OperatingPointDisplay.from_comparison(compare(model, X, y))
+    >>> display.axes_[0].get_ylabel()
+    'mean residual, deg'
+    """
+
+    def __init__(
+        self,
+        *,
+        by_operating_point: pd.DataFrame,
+        unit: str | None = None,
+        false_alarm: float = 0.01,
+    ) -> None:
+        self.by_operating_point = by_operating_point
+        self.unit = unit
+        self.false_alarm = false_alarm
+
+    def plot(self, ax: Any = None) -> Self:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : Axes, sequence of Axes or None, default=None
+            As many as there are channels, one if there are none. None makes a figure.
+
+        Returns
+        -------
+        self : OperatingPointDisplay
+        """
+        tables = dict(list(self.by_operating_point.groupby("channel", sort=False)))
+        n = max(len(tables), 1)
+        own = ax is None
+        columns = min(n, COLUMNS)
+        if own:
+            rows = math.ceil(n / columns)
+            size = (max(4.2, 0.8 + 2.6 * columns), 0.9 + 2.3 * rows)
+            _, grid = plt.subplots(
+                rows, columns, sharey=True, squeeze=False, figsize=size, layout="constrained"
+            )
+            ax = grid.ravel()[:n]
+            for spare in grid.ravel()[n:]:
+                spare.remove()
+        self.axes_ = np.array(given_axes(ax, (n,), "one for each channel"))
+        self.figure_ = self.axes_[0].figure
+        self.lines_: dict[str, Any] = {}
+        self.bands_: dict[str, Any] = {}
+        if not tables:
+            say_instead(self.axes_[0], "Mean residual over levels: not available.")
+            return self
+        for i, (panel, (name, bins)) in enumerate(zip(self.axes_, tables.items(), strict=True)):
+            self.lines_[name], self.bands_[name] = draw_bins(panel, bins, self.false_alarm)
+            if not own or i % columns == 0:
+                panel.set_ylabel(residual_label(self.unit))
+        explain(self.axes_, own=own)
+        return self
+
+
+def draw_bins(panel: Axes, bins: pd.DataFrame, false_alarm: float) -> tuple[Any, Any]:
+    """Mean residual in the bins of one channel, and the band of chance around zero."""
+    bins = bins.sort_values("center")
+    at, mean, half = (bins[name].to_numpy(dtype=float) for name in ("center", "mean", "band"))
+    band = panel.fill_between(
+        at, -half, half, color=GREY, alpha=0.35, lw=0, label=chance(false_alarm)
+    )
+    panel.axhline(0.0, color=GREY, lw=0.8)
+    valid = bool(bins["valid"].all())
+    (line,) = panel.plot(
+        at,
+        mean,
+        color=RESIDUAL if valid else "0.45",
+        marker="o",
+        ms=3.5,
+        lw=1.2,
+        label="residual" if valid else CLOSED_LOOP,
+    )
+    raised = exceeding(bins)
+    if valid and raised.any():
+        panel.plot(
+            at[raised],
+            mean[raised],
+            color=EXCEEDING,
+            marker="o",
+            ms=5.5,
+            ls="none",
+            label=beyond(false_alarm),
+            zorder=3,
+        )
+    panel.set_xlabel(_label(bins))
+    panel.xaxis.set_major_locator(MaxNLocator(4))
+    if not valid:
+        panel.set_title(CLOSED_LOOP, fontsize="small", color="0.35")
+    panel.grid(alpha=0.3)
+    return line, band
+
+
+def _label(bins: pd.DataFrame) -> str:
+    name, lag = bins["channel"].iloc[0], float(bins["lag"].iloc[0])
+    return f"{channel_name(name)}, {lag:.2f} s earlier" if lag > 0 else channel_name(name)

@@ -1,0 +1,131 @@
+"""Residual power over time and frequency."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from ._axes import BLACK, given_axes
+from ._comparison import ComparisonPicture, beyond, explain, plain_logarithmic, say_instead
+
+LEAST = 6.0  # dB; chance alone does not use the whole scale
+MOST = 20.0
+SHOWN = 99.0  # percentile that the scale holds
+
+
+class ResidualMapDisplay(ComparisonPicture):
+    """Power of the residual over time and frequency, relative to the noise expected there.
+
+    White is what chance gives, red is more, blue less. Dots mark cells with more than chance gives
+    any cell of the map.
+
+    Make it with :meth:`from_comparison` or :meth:`from_estimator`.
+
+    Parameters
+    ----------
+    time_frequency : DataFrame
+        ``Comparison.time_frequency``: ratios, times in s as the index and frequencies in rad/s as
+        the columns; ``attrs["limit"]``, a ratio for each frequency, is what cells must exceed.
+    false_alarm : float, default=0.01
+        Rate of false alarms of what is marked.
+
+    Attributes
+    ----------
+    ax_ : Axes
+        The panel.
+    figure_ : Figure
+        The figure that holds it.
+    mesh_ : QuadMesh or None
+        The ratio in dB.
+    colorbar_ : Colorbar or None
+        Its scale.
+    exceeding_ : Line2D or None
+        The dots.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, compare, make_tracking_runs
+    >>> from skhoid.plotting import ResidualMapDisplay
+    >>> X, y = make_tracking_runs(
+    ...     "C1", n_runs=3, remnant_intensity=0.15, channels=["e", "f_t"], random_state=0
+    ... )
+    >>> model = ARXRegressor(nk=29).fit(X, y)
+    >>> display = ResidualMapDisplay.from_comparison(compare(model, X, y))
+    >>> display.ax_.get_yscale()
+    'log'
+    """
+
+    def __init__(self, *, time_frequency: pd.DataFrame, false_alarm: float = 0.01) -> None:
+        self.time_frequency = time_frequency
+        self.false_alarm = false_alarm
+
+    def plot(self, ax: Any = None) -> Self:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : Axes or None, default=None
+            Where to draw. None makes a figure.
+
+        Returns
+        -------
+        self : ResidualMapDisplay
+        """
+        own = ax is None
+        if own:
+            _, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
+        (self.ax_,) = given_axes(ax, (1,), "the map")
+        self.figure_ = self.ax_.figure
+        self.mesh_: Any = None
+        self.colorbar_: Any = None
+        self.exceeding_: Any = None
+        omega = self.time_frequency.columns.to_numpy(dtype=float)
+        time = self.time_frequency.index.to_numpy(dtype=float)
+        ratio = self.time_frequency.to_numpy(dtype=float)[:, omega > 0]
+        limit = np.broadcast_to(self.time_frequency.attrs.get("limit", np.inf), omega.shape)
+        cells = np.argwhere(ratio > limit[omega > 0])
+        omega = omega[omega > 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            level = np.ma.masked_invalid(10 * np.log10(ratio))
+        if min(ratio.shape) < 2 or level.count() == 0:
+            say_instead(self.ax_, "Time and frequency: not available, no run is long enough.")
+            return self
+        highest = float(np.percentile(np.abs(level.compressed()), SHOWN))
+        end = float(np.clip(np.ceil(highest), LEAST, MOST))
+        self.mesh_ = self.ax_.pcolormesh(
+            _edges(time),
+            np.exp(_edges(np.log(omega))),
+            level.T,
+            cmap="RdBu_r",
+            vmin=-end,
+            vmax=end,
+            rasterized=True,
+        )
+        if len(cells):
+            (self.exceeding_,) = self.ax_.plot(
+                time[cells[:, 0]],
+                omega[cells[:, 1]],
+                color=BLACK,
+                marker="o",
+                ms=2.5,
+                ls="none",
+                label=beyond(self.false_alarm),
+            )
+        explain([self.ax_], own=own)
+        self.ax_.set_yscale("log")
+        plain_logarithmic(self.ax_.yaxis)
+        self.ax_.set_xlabel("time in the run, s")
+        self.ax_.set_ylabel("frequency, rad/s")
+        self.colorbar_ = self.figure_.colorbar(
+            self.mesh_, ax=self.ax_, label="residual power / noise, dB (0: chance)", extend="both"
+        )
+        return self
+
+
+def _edges(centres: np.ndarray) -> np.ndarray:
+    """Edges of cells halfway between their centres."""
+    half = np.diff(centres) / 2
+    return np.concatenate([[centres[0] - half[0]], centres[:-1] + half, [centres[-1] + half[-1]]])

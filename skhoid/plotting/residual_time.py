@@ -1,0 +1,203 @@
+"""Where in time the model fails: the residual's power in windows of the runs."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from ._axes import BLACK, GREY, given_axes
+from ._comparison import (
+    EXCEEDING,
+    RESIDUAL,
+    ComparisonPicture,
+    beyond,
+    chance,
+    exceeding,
+    explain,
+    is_of_all_runs,
+    say_instead,
+)
+
+CHANGE = " change"  # ends the names of the tests that place a change in time
+CHANGE_STYLES = ("--", "-.", (0, (4, 1, 1, 1, 1, 1)))
+CHANCE = {"chance_low", "chance_high"}  # limits of the ratio of all runs, where they are known
+EVEN = "if spread evenly"
+
+
+class ResidualTimeDisplay(ComparisonPicture):
+    """The residual over the time in the run, in windows.
+
+    Above, the VAF points that each window costs, all runs together: the bars add up to 100 - VAF.
+    Below, the power of the residual relative to that of the whole run; thin lines are single
+    runs. Windows that exceed chance are red, instants at which the power changes are dashed.
+
+    Make it with :meth:`from_comparison` or :meth:`from_estimator`.
+
+    Parameters
+    ----------
+    by_time : DataFrame
+        ``Comparison.by_time``.
+    tests : DataFrame
+        ``Comparison.tests``: the changes in time among them are marked where they exceed chance.
+    false_alarm : float, default=0.01
+        Rate of false alarms of what is marked.
+
+    Attributes
+    ----------
+    axes_ : ndarray of Axes, shape (2,)
+        VAF points lost, and relative power.
+    figure_ : Figure
+        The figure that holds them.
+    bars_ : BarContainer or None
+        The VAF points.
+    runs_ : dict of Line2D
+        Relative power by run, where there are several.
+    line_ : Line2D or None
+        Relative power of all runs together.
+    band_ : FillBetweenPolyCollection or None
+        What chance gives it; None if ``by_time`` has no columns ``chance_low``, ``chance_high``.
+    changes_ : dict {str: float}
+        Instants marked, in s, by the name of the test.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, compare, make_tracking_runs
+    >>> from skhoid.plotting import ResidualTimeDisplay
+    >>> X, y = make_tracking_runs(
+    ...     "C1", n_runs=3, remnant_intensity=0.15, channels=["e", "f_t"], random_state=0
+    ... )
+    >>> model = ARXRegressor(nk=29).fit(X, y)
+    >>> display = ResidualTimeDisplay.from_comparison(compare(model, X, y))
+    >>> list(display.runs_)
+    ['0', '1', '2']
+    """
+
+    def __init__(
+        self, *, by_time: pd.DataFrame, tests: pd.DataFrame, false_alarm: float = 0.01
+    ) -> None:
+        self.by_time = by_time
+        self.tests = tests
+        self.false_alarm = false_alarm
+
+    def plot(self, ax: Any = None) -> Self:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : sequence of two Axes or None, default=None
+            Where to draw VAF points and relative power. None makes a figure.
+
+        Returns
+        -------
+        self : ResidualTimeDisplay
+        """
+        own = ax is None
+        if own:
+            _, ax = plt.subplots(2, sharex=True, figsize=(6.4, 5.2), layout="constrained")
+        self.axes_ = np.array(given_axes(ax, (2,), "VAF points lost and relative power"))
+        self.figure_ = self.axes_[0].figure
+        self.runs_: dict[Any, Any] = {}
+        self.line_: Any = None
+        self.band_: Any = None
+        top, bottom = self.axes_
+        together = self.by_time[is_of_all_runs(self.by_time)]
+        self.bars_ = draw_lost_points(top, together, self.false_alarm)
+        self.changes_ = changes_in_time(self.tests)
+        if self.bars_ is None:
+            say_instead(bottom, "Relative power is not available.")
+            return self
+        self._draw_power(bottom, together)
+        for panel in self.axes_:
+            mark_changes(panel, self.changes_)
+        bottom.set_xlabel("time in the run, s")
+        bottom.set_xlim(together["start"].min(), together["stop"].max())
+        explain(self.axes_, own=own)
+        return self
+
+    def _draw_power(self, panel: Axes, together: pd.DataFrame) -> None:
+        alone = self.by_time[~is_of_all_runs(self.by_time)]
+        runs = list(dict.fromkeys(alone["run"]))
+        if len(runs) > 1:  # the only one is what all runs are together
+            for run in runs:
+                rows = alone[alone["run"] == run]
+                (self.runs_[run],) = panel.plot(
+                    *_stairs(rows), color=GREY, lw=0.6, alpha=0.8, label="single runs"
+                )
+            raised = alone[worse_than_chance(alone)]
+            if len(raised):
+                panel.plot(
+                    (raised["start"] + raised["stop"]) / 2,
+                    raised["ratio"],
+                    color=EXCEEDING,
+                    marker="o",
+                    ms=4,
+                    ls="none",
+                    label=beyond(self.false_alarm),
+                )
+        panel.axhline(1.0, color=BLACK, lw=0.8, ls=":")
+        if set(together) >= CHANCE:
+            time, low = _stairs(together, "chance_low")
+            _, high = _stairs(together, "chance_high")
+            self.band_ = panel.fill_between(
+                time, low, high, color=GREY, alpha=0.35, lw=0, label=chance(self.false_alarm)
+            )
+        (self.line_,) = panel.plot(
+            *_stairs(together), color=RESIDUAL, lw=1.8, label="all runs", zorder=3
+        )
+        panel.set_ylabel("residual power /\nthat of the run")
+        panel.set_ylim(bottom=0.0)
+        panel.grid(alpha=0.3)
+
+
+def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> Any:
+    """VAF points that each window costs; None where there are none."""
+    share = windows["share"].to_numpy(dtype=float)
+    if not np.isfinite(share).any():
+        say_instead(panel, "Where in time: not available, no window holds scored rows.")
+        return None
+    raised = worse_than_chance(windows)
+    start, stop = windows["start"].to_numpy(), windows["stop"].to_numpy()
+    bars = panel.bar(
+        start,
+        share,
+        width=stop - start,
+        align="edge",
+        color=np.where(raised, EXCEEDING, RESIDUAL),
+        edgecolor="white",
+        linewidth=0.6,
+    )
+    if raised.any():
+        panel.bar(np.nan, np.nan, color=EXCEEDING, label=beyond(false_alarm))
+    even = np.nansum(share) * (stop - start) / np.sum((stop - start)[np.isfinite(share)])
+    panel.plot(*_stairs(windows.assign(even=even), "even"), color=BLACK, lw=0.8, ls=":", label=EVEN)
+    panel.set_ylabel("VAF points lost")
+    panel.grid(alpha=0.3, axis="y")
+    panel.set_axisbelow(True)
+    return bars
+
+
+def worse_than_chance(windows: pd.DataFrame) -> np.ndarray:
+    """Windows that exceed chance, without those that do because they hold less than others."""
+    return exceeding(windows) & (windows["ratio"] > 1).to_numpy()
+
+
+def changes_in_time(tests: pd.DataFrame) -> dict[str, float]:
+    """What changes by more than chance, and when."""
+    names = tests["test"].astype(str).str.endswith(CHANGE).to_numpy(dtype=bool)
+    found = tests[names & exceeding(tests)].dropna(subset=["where"])
+    return dict(zip(found["test"], found["where"].astype(float), strict=True))
+
+
+def mark_changes(panel: Axes, changes: dict[str, float]) -> None:
+    for style, (name, at) in zip(CHANGE_STYLES, changes.items(), strict=False):
+        panel.axvline(at, color=BLACK, ls=style, lw=1.1, label=f"{name}, {at:.1f} s")
+
+
+def _stairs(windows: pd.DataFrame, name: str = "ratio") -> tuple[np.ndarray, np.ndarray]:
+    """A column as a line that is level inside each window."""
+    time = windows[["start", "stop"]].to_numpy(dtype=float).ravel()
+    return time, np.repeat(windows[name].to_numpy(dtype=float), 2)

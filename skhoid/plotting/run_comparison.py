@@ -1,0 +1,208 @@
+"""VAF of each run, against the noise ceiling."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from ._axes import BLACK, GREY, given_axes
+from ._comparison import (
+    EXCEEDING,
+    PREDICTED,
+    ComparisonPicture,
+    beyond,
+    exceeding,
+    explain,
+    percent,
+    say_instead,
+)
+
+MOST_NAMED = 16  # runs that get a tick label each
+MOST_SAID = 4
+LONG = 4  # letters of a label; longer ones stand upright where there are many
+LOWEST = -20.0  # percent; runs below it are named at the edge
+PARTS = {"validation": PREDICTED, "estimation": GREY}
+
+
+class RunComparisonDisplay(ComparisonPicture):
+    """VAF by run, in validation and estimation, with the noise ceiling.
+
+    Runs whose residual power exceeds chance are ringed in red. A run far below zero is named at
+    the lower edge. The ceiling is that of the validation runs together.
+
+    Make it with :meth:`from_comparison` or :meth:`from_estimator`.
+
+    Parameters
+    ----------
+    by_run : DataFrame
+        ``Comparison.by_run``.
+    vaf : float
+        Of the validation runs together, in percent.
+    noise_ceiling : float
+        In percent; NaN if it is not known.
+    noise_ceiling_interval : (float, float)
+        Its 90 % interval.
+    false_alarm : float, default=0.01
+        Rate of false alarms of what is marked.
+
+    Attributes
+    ----------
+    ax_ : Axes
+        The panel.
+    figure_ : Figure
+        The figure that holds it.
+    lines_ : dict of Line2D
+        VAF by run, ``"validation"`` and, if there are any, ``"estimation"``.
+    exceeding_ : Line2D or None
+        Rings around runs that exceed chance.
+    ceiling_ : Line2D or None
+        The ceiling.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs
+    >>> from skhoid.plotting import RunComparisonDisplay
+    >>> X, y = make_tracking_runs(
+    ...     "C1", n_runs=5, remnant_intensity=0.15, channels=["e", "f_t"], random_state=0
+    ... )
+    >>> estimation, validation = select_runs(X, y, first=2), select_runs(X, y, last=3)
+    >>> model = ARXRegressor(nk=29).fit(*estimation)
+    >>> display = RunComparisonDisplay.from_estimator(model, *validation, estimation=estimation)
+    >>> [len(line.get_ydata()) for line in display.lines_.values()]
+    [3, 2]
+    """
+
+    def __init__(
+        self,
+        *,
+        by_run: pd.DataFrame,
+        vaf: float,
+        noise_ceiling: float,
+        noise_ceiling_interval: tuple[float, float],
+        false_alarm: float = 0.01,
+    ) -> None:
+        self.by_run = by_run
+        self.vaf = vaf
+        self.noise_ceiling = noise_ceiling
+        self.noise_ceiling_interval = noise_ceiling_interval
+        self.false_alarm = false_alarm
+
+    def plot(self, ax: Any = None) -> Self:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : Axes or None, default=None
+            Where to draw. None makes a figure.
+
+        Returns
+        -------
+        self : RunComparisonDisplay
+        """
+        own = ax is None
+        if own:
+            _, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
+        (self.ax_,) = given_axes(ax, (1,), "the VAF of the runs")
+        self.figure_ = self.ax_.figure
+        self.lines_: dict[str, Any] = {}
+        self.exceeding_: Any = None
+        self.ceiling_: Any = None
+        parts = [self.by_run[self.by_run["data"] == name] for name in PARTS]
+        table = pd.concat(parts, ignore_index=True)
+        if not np.isfinite(table["vaf"].to_numpy(dtype=float)).any():
+            say_instead(self.ax_, "VAF by run: not available.")
+            return self
+        n_validation = len(parts[0])
+        # A gap between validation and estimation.
+        at = np.arange(len(table)) + np.where(np.arange(len(table)) < n_validation, 0.0, 0.6)
+        self._draw_levels(n_validation)
+        self._draw_runs(table, at)
+        self._name_runs(table, at)
+        self.ax_.set_ylabel("free-run VAF, %")
+        self.ax_.set_title(self._in_words(table), fontsize="medium")
+        self.ax_.grid(alpha=0.3, axis="y")
+        explain([self.ax_], own=own)
+        return self
+
+    def _draw_levels(self, n_validation: int) -> None:
+        """The ceiling and the VAF of all validation runs, over these runs only."""
+        span = np.array([-0.5, n_validation - 0.5])
+        if not np.isnan(self.noise_ceiling):
+            low, high = self.noise_ceiling_interval
+            if np.isfinite([low, high]).all():
+                self.ax_.fill_between(span, low, high, color=BLACK, alpha=0.12, lw=0)
+            (self.ceiling_,) = self.ax_.plot(
+                span,
+                np.repeat(self.noise_ceiling, 2),
+                color=BLACK,
+                lw=1.4,
+                label=f"noise ceiling {percent(self.noise_ceiling)}, 90 % interval",
+            )
+        self.ax_.plot(
+            span,
+            np.repeat(self.vaf, 2),
+            color=PREDICTED,
+            lw=1.2,
+            ls="--",
+            label=f"validation runs together {percent(self.vaf)}",
+        )
+
+    def _draw_runs(self, table: pd.DataFrame, at: np.ndarray) -> None:
+        vaf = table["vaf"].to_numpy(dtype=float)
+        below = vaf < LOWEST
+        for name, colour in PARTS.items():
+            rows = (table["data"] == name).to_numpy()
+            if rows.any():
+                (self.lines_[name],) = self.ax_.plot(
+                    at[rows], vaf[rows], color=colour, marker="o", ms=6, ls="none", label=name
+                )
+        raised = exceeding(table)
+        if raised.any():
+            (self.exceeding_,) = self.ax_.plot(
+                at[raised],
+                vaf[raised],
+                ls="none",
+                marker="o",
+                ms=12,
+                mfc="none",
+                mec=EXCEEDING,
+                mew=1.8,
+                label=beyond(self.false_alarm),
+            )
+        if below.any():
+            self.ax_.set_ylim(LOWEST, 100.0)
+            for x, value, red in zip(at[below], vaf[below], raised[below], strict=True):
+                colour = EXCEEDING if red else BLACK
+                self.ax_.annotate(
+                    f"{value:.0f} %",
+                    (x, LOWEST),
+                    xytext=(0, 18),
+                    textcoords="offset points",
+                    ha="center",
+                    fontsize="small",
+                    color=colour,
+                    arrowprops={"arrowstyle": "->", "color": colour},
+                )
+        else:
+            self.ax_.margins(y=0.15)
+
+    def _name_runs(self, table: pd.DataFrame, at: np.ndarray) -> None:
+        names = table["run"].tolist()
+        every = -(-len(names) // MOST_NAMED)
+        upright = len(names) > 6 and max(map(len, names)) > LONG
+        self.ax_.set_xticks(at[::every], names[::every], rotation=90 if upright else 0)
+        self.ax_.set_xlim(at[0] - 0.7, at[-1] + 0.7)
+        self.ax_.set_xlabel("run")
+
+    def _in_words(self, table: pd.DataFrame) -> str:
+        if table["p"].isna().all():
+            return "Too few runs to test one against the others"
+        raised = table.loc[exceeding(table), "run"].tolist()
+        if not raised:
+            return "No run differs from the others by more than chance"
+        more = f" and {len(raised) - MOST_SAID} more" if len(raised) > MOST_SAID else ""
+        runs = "run" if len(raised) == 1 else "runs"
+        return f"Beyond chance: {runs} {', '.join(raised[:MOST_SAID])}{more}"
