@@ -34,8 +34,8 @@ def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[
     located.sort(key=lambda f: -np.nan_to_num(f.severity, nan=0.0))
     found += located
     found += _model(c)
-    if not located:
-        found += _nothing_located(c, sure)
+    named = sum(np.nan_to_num(f.severity) for f in located)
+    found += _not_located(c, sure, named, bool(located))
     return found + list(_design(c, signals))
 
 
@@ -98,6 +98,8 @@ def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[
     for (name, signal), test in sure.items():
         if name == "cross-correlation":
             yield _follows(c, test, signal, sure)
+        if name == "distortion":
+            yield _distorted(test, signal)
         if name == "level":
             yield Finding(
                 "level",
@@ -118,6 +120,23 @@ def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[
                 "Look at the traces there; set wrong samples to NaN (they are then left out).",
                 "ResidualTimeDisplay",
             )
+
+
+def _distorted(test: Any, signal: str) -> Finding:
+    order = {
+        "odd lines": "of odd order, such as a cubic gain or stiffness, a dead zone, saturation",
+        "odd harmonics": "of odd order, such as a cubic gain or stiffness, a dead zone, saturation",
+        "even harmonics": "of even order: asymmetry, rectification, an offset before a gain",
+    }.get(signal, "or a response that varies in time")
+    return Finding(
+        "distortion",
+        f"The residual holds distortion at the {signal}",
+        f"{test.size:.3g} times the power that noise has there, {_p(test)}; {_points(test.cost)}.",
+        f"A nonlinearity {order}. No linear model makes it.",
+        "Look at the amplitude view for its shape; add the nonlinearity.",
+        "ResidualFrequencyDisplay",
+        test.cost,
+    )
 
 
 def _response(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
@@ -160,8 +179,7 @@ def _in_time(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
         more = "grows" if change.size > 0 else "falls"
         yield Finding(
             "gain change",
-            f"The response {more} by {100 * abs(change.size):.0f} % of the predicted one at about "
-            f"{change.where:.3g} s",
+            f"The response {more} by {100 * abs(change.size):.0f} % at about {change.where:.3g} s",
             f"Largest of all single changes of gain and delay, {_p(change)} for the whole search; "
             f"it costs about {_points(change.cost)}.",
             "The person's parameters change within the run, and the model's do not, or not as "
@@ -174,7 +192,7 @@ def _in_time(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
     if power is not None:
         yield Finding(
             "remnant power change",
-            f"The remnant's power changes by {100 * power.size:+.0f} % of its mean at about "
+            f"The remnant's power changes to {1 + power.size:.2g} times at about "
             f"{power.where:.3g} s",
             f"Largest of all single changes, {_p(power)} for the whole search.",
             "Effort or workload change, or the remnant's gain follows the person's own. It is "
@@ -303,14 +321,17 @@ def _model(c: Comparison) -> Iterator[Finding]:
         )
 
 
-def _nothing_located(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+def _not_located(
+    c: Comparison, sure: dict[Any, Any], named: float, any_located: bool
+) -> Iterator[Finding]:
     gap = sure.get(("explainable gap", "residual"))
     several = bool(c.by_frequency["exceeds"].any() or c.by_time["exceeds"].any())
     low, high = c.noise_ceiling_interval
-    if gap is not None and gap.cost > SMALL:
+    if gap is not None and gap.cost > SMALL and named < gap.cost / 2:
+        beside = " by the above" if any_located else ""
         yield Finding(
             "unknown",
-            f"{_points(gap.cost)} are left to explain, and no single cause stands out",
+            f"{_points(gap.cost - named)} are left to explain that are not located{beside}",
             f"The residual repeats with the target, {_p(gap)}: ceiling {c.noise_ceiling:.1f} "
             f"({low:.1f} to {high:.1f}), VAF {c.vaf:.1f}.",
             "Several small misfits (order, lag, second mode), or an effect that these views do "
@@ -319,7 +340,7 @@ def _nothing_located(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
             "ResidualFrequencyDisplay",
             gap.cost,
         )
-    elif not sure and not several and c.ceiling_route != "none":
+    elif not any_located and not sure and not several and c.ceiling_route != "none":
         yield Finding(
             "none",
             "Nothing is missing that these runs could show",

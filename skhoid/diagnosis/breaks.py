@@ -12,15 +12,18 @@ N_DRAWS = 2000
 
 @dataclass(frozen=True)
 class Break:
-    """The most likely change: the block after which it is, its statistic, p, and its size.
-
-    ``size`` is the change of the coefficients, after less before.
-    """
+    """The most likely change: the block after which it is, its statistic, p, and coefficients."""
 
     block: int
     statistic: float
     p: float
-    size: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+    @property
+    def ratio(self) -> float:
+        """Of one plus the first coefficient, after over before."""
+        return float((1 + self.after[0]) / max(1 + self.before[0], 1e-3))
 
 
 def largest_break(scores: np.ndarray, information: np.ndarray, free: float = np.inf) -> Break:
@@ -59,7 +62,8 @@ def largest_break(scores: np.ndarray, information: np.ndarray, free: float = np.
     k = int(best)
     first = np.linalg.pinv(before[k]) @ scores[: at[k] + 1].sum(axis=0)
     last = np.linalg.pinv(total - before[k]) @ scores[at[k] + 1 :].sum(axis=0)
-    return Break(int(at[k]), float(found), tail_probability(float(found), reference), last - first)
+    p_value = tail_probability(float(found), reference)
+    return Break(int(at[k]), float(found), p_value, first, last)
 
 
 def tail_probability(value: float, reference: np.ndarray) -> float:

@@ -73,7 +73,7 @@ def noise_ceiling(signals: Signals) -> Ceiling:
             continue
         covered[group.rows.ravel()] = True
         y, r = signals.y[group.rows], signals.residual[group.rows]
-        power += float(np.sum(y**2))
+        power += float(np.sum(y[signals.scored[group.rows]] ** 2))
         lost += float(np.sum(r**2))
         noise_power, spread = _noise_power(group, route, remnant, noise)
         gap += float(np.sum(r**2)) - noise_power
@@ -107,6 +107,8 @@ def _noise(
         part = r
         if route == "repeats":
             part = (r - r.mean(axis=0)) * np.sqrt(group.n_runs / (group.n_runs - 1))
+        elif route == "lines":
+            part = r - _on_lines(r, group)
         parts.append(part)
         if route == best:
             records += list(part)

@@ -19,7 +19,7 @@ from .findings import Finding
 from .levels import level_tests
 from .misfit import linear_misfit
 from .operating_point import by_operating_point
-from .over_frequency import by_frequency
+from .over_frequency import by_frequency, distortion_tests
 from .over_runs import by_run, tests_over_runs
 from .over_time import by_time, tests_over_time, time_frequency
 from .report import html, summary
@@ -244,6 +244,7 @@ def compare(
         *_gap_test(ceiling),
         *linear_misfit(signals, ceiling),
         *tests_over_time(signals, ceiling),
+        *distortion_tests(signals, ceiling),
         *of_correlation,
         *of_amplitude,
         *level_tests(signals),

@@ -9,9 +9,11 @@ from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling
 from .signals import Group, Signals
-from .tests_table import of_several
+from .tests_table import Test, of_several
 
 N_BANDS = 16
+SHARED = 0.95  # of the lines, that several targets must have in common
+LINES_SHARE_NOISE = 10  # neighbourhoods of the density that lines over all frequencies draw on
 FEW = 60  # excited lines; more of them are taken together in bands
 COLUMNS = (
     "omega", "kind", "n_bins", "psd_output", "psd_residual", "psd_noise", "share", "coherence",
@@ -82,11 +84,8 @@ class _Part:
 def _sets_of_bins(parts: list[_Part], n: int, omega: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Bins that a row of the table is about, with their kind."""
     all_bins = np.arange(1, omega.size)
-    lines = parts[0].lines
-    periodic = lines is not None and all(
-        part.lines is not None and np.array_equal(part.lines, lines) for part in parts
-    )
-    if not periodic or lines is None:
+    lines = _common_lines(parts)
+    if lines is None:
         return [("band", bins) for bins in _bands(all_bins, np.ones(omega.size, bool))]
     if lines.size <= FEW:
         sets = [("excited", np.array([line])) for line in lines]
@@ -105,6 +104,93 @@ def _sets_of_bins(parts: list[_Part], n: int, omega: np.ndarray) -> list[tuple[s
         if bins.size:
             sets += [(kind, b) for b in _bands(bins, np.isin(np.arange(omega.size), bins))]
     return sets
+
+
+def _common_lines(parts: list[_Part]) -> np.ndarray | None:
+    """Excited lines of all groups; None if they do not share nearly all of them."""
+    common = parts[0].lines
+    for part in parts:
+        if common is None or part.lines is None:
+            return None
+        most = max(common.size, part.lines.size)
+        common = np.intersect1d(common, part.lines)
+        if common.size < SHARED * most:
+            return None
+    if common is None:
+        return None
+    # Mains hum beside a multisine of odd lines does not make it one of all lines.
+    odd = common[common // np.gcd.reduce(common) % 2 == 1]
+    return odd if odd.size >= SHARED * common.size else common
+
+
+def distortion_tests(signals: Signals, ceiling: Ceiling) -> list[Test]:
+    """Does the residual hold, at excited lines or beside them, what no linear response makes.
+
+    At the lines, what is left of the residuals of several targets when the best linear response
+    of each line is taken out; beside them, what repeats over runs. A nonlinearity of odd order
+    (cubic) distorts the odd harmonics of odd lines, one of even order the even harmonics.
+    """
+    n = min(group.n_samples for group in signals.groups)
+    parts = [_Part.of(signals, group, n) for group in signals.groups]
+    lines = _common_lines(parts)
+    if lines is None or ceiling.route == "none":
+        return []
+    omega = 2 * np.pi * fft.rfftfreq(n, signals.dt)
+    S, known = ceiling.noise.at(omega), ceiling.noise.known(omega)
+    total = sum(float(np.sum(signals.y[rows] ** 2)) for g in signals.groups for rows in g.rows)
+    free = ceiling.noise.free
+    base = int(np.gcd.reduce(lines))
+    odd = bool(np.all(lines // base % 2 == 1))
+    tests = []
+    used = lines[known[lines]]
+    if len(parts) > 1 and used.size and parts[0].F is not None:
+        F = np.stack([part.F[0, used] for part in parts])  # type: ignore[index]
+        R = np.stack([part.R[:, used].mean(axis=0) for part in parts])
+        runs = np.array([part.group.n_runs for part in parts])[:, None]
+        c = np.sum(runs * F.conj() * R, axis=0) / np.sum(runs * np.abs(F) ** 2, axis=0)
+        left = np.sum(runs * np.abs(R - c * F) ** 2, axis=0)
+        count = used.size * (len(parts) - 1)
+        statistic = float(np.sum(left / S[used])) / count
+        tests.append(
+            Test(
+                "distortion",
+                "odd lines" if odd else "lines",
+                statistic,
+                float(f_distribution.sf(statistic, 2 * count, free * LINES_SHARE_NOISE)),
+                size=statistic,
+                cost=100 * 2 * max(float(np.sum(left)) - count * float(S[used].mean()), 0) / total,
+                description="power at the excited lines that changes from target to target, over "
+                "the noise there",
+            )
+        )
+    if ceiling.route == "repeats":
+        rest = np.setdiff1d(np.flatnonzero(known)[1:], lines)
+        even = rest[rest // base % 2 == 0]
+        kinds = {"odd harmonics": rest[rest // base % 2 == 1], "even harmonics": even}
+        for name, bins in kinds.items() if odd else [("between lines", rest)]:
+            if not bins.size:
+                continue
+            p = _repeatable(bins, parts, S[bins], free)
+            power = sum(
+                part.group.n_runs * float(np.sum(np.abs(part.R[:, bins].mean(axis=0)) ** 2))
+                for part in parts
+                if part.group.n_runs > 1
+            )
+            n_groups = sum(part.group.n_runs > 1 for part in parts)
+            expected = n_groups * float(np.sum(S[bins]))
+            tests.append(
+                Test(
+                    "distortion",
+                    name,
+                    power / expected,
+                    p,
+                    size=power / expected,
+                    cost=100 * 2 * max(power - expected, 0.0) / total,
+                    description="power beside the excited lines that repeats over runs, over the "
+                    "noise there",
+                )
+            )
+    return tests
 
 
 def _bands(bins: np.ndarray, member: np.ndarray) -> list[np.ndarray]:

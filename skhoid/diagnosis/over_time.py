@@ -122,17 +122,25 @@ def tests_over_time(signals: Signals, ceiling: Ceiling) -> list[Test]:
 
     def of_gain(change: Break) -> float:
         before = (change.block + 1) / N_BLOCKS
-        return float(100 * change.size[0] ** 2 * before * (1 - before) * response_share)
+        step = float(change.after[0] - change.before[0])
+        return float(100 * step**2 * before * (1 - before) * response_share)
+
+    def relative(change: Break) -> float:
+        return change.ratio - 1
+
+    def absolute(change: Break) -> float:
+        return float(change.after[0] - change.before[0])
 
     def unknown(change: Break) -> float:
         return np.nan
 
+    inf, free = np.inf, ceiling.noise.free
     found = [
-        _break_test(name, parts, edges, free, what, cost)
-        for name, parts, free, what, cost in (
-            ("gain change", gains, np.inf, "one change of the response's gain and delay", of_gain),
-            ("remnant power change", powers, np.inf, "one change of the remnant's power", unknown),
-            ("mean change", means, ceiling.noise.free, "one change of the mean residual", unknown),
+        _break_test(name, parts, edges, known, what, size, cost)
+        for name, parts, known, what, size, cost in (
+            ("gain change", gains, inf, "one change of the response", relative, of_gain),
+            ("remnant power change", powers, inf, "one change of its power", relative, unknown),
+            ("mean change", means, free, "one change of the mean residual", absolute, unknown),
         )
         if parts
     ]
@@ -216,6 +224,7 @@ def _break_test(
     edges: np.ndarray,
     free: float,
     what: str,
+    size: Callable[[Break], float],
     cost: Callable[[Break], float],
 ) -> Test:
     change = largest_break(sum(part[0] for part in parts), sum(part[1] for part in parts), free)
@@ -225,7 +234,7 @@ def _break_test(
         change.statistic,
         change.p,
         where=float(edges[change.block + 1]),
-        size=float(change.size[0]),
+        size=size(change),
         cost=cost(change),
         description=what,
     )

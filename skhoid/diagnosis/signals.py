@@ -20,7 +20,7 @@ from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..runs import RunLayout, check_alignment, run_name
 
 SAME_TARGET = 0.02  # rms difference of targets of repeats, as a fraction of their rms
-LINE = 1e-4  # power of an excited line at least, as a fraction of that of the strongest
+LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest
 BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
 SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
 LONGEST_SETTLING = 10.0  # s
