@@ -140,7 +140,8 @@ def _distorted(test: Any, signal: str) -> Finding:
 
 
 def _response(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
-    delay, gain = sure.get(("delay", c.output)), sure.get(("gain", c.output))
+    delay, lag = sure.get(("delay", c.output)), sure.get(("lag", c.output))
+    gain = sure.get(("gain", c.output))
     if delay is not None:
         samples = delay.size / c.dt
         later = "later" if delay.size > 0 else "earlier"
@@ -151,12 +152,26 @@ def _response(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
         )
         yield Finding(
             "delay",
-            f"The measured response is {abs(delay.size):.2g} s {later} than the predicted one",
-            f"{abs(samples):.1f} samples; {_p(delay)}; it costs about {_points(delay.cost)}.",
-            "The delay of the model is wrong, or its lag (a pole) stands for a delay.",
+            f"The delay is {abs(delay.size):.2g} s {later} than that of the model",
+            f"{abs(samples):.0f} samples, the best shift with gain and two lags of the response "
+            f"free, {_p(delay)}; it costs about {_points(delay.cost)}.",
+            "The delay of the model is wrong, and a lag (a pole) stands for it.",
             f"{step}.",
             "ResidualFrequencyDisplay",
             delay.cost,
+        )
+    if lag is not None:
+        later = "later" if lag.size > 0 else "earlier"
+        yield Finding(
+            "lag",
+            f"The measured response is {abs(lag.size):.2g} s {later} than the predicted one",
+            f"{_p(lag)}; it costs about {_points(lag.cost)}.",
+            "The delay of the model is wrong, or its lag or lead: a fit biased by remnant in the "
+            "loop does that too.",
+            "Search the delay (DelaySearchCV) and the orders again; compare with Fourier "
+            "coefficients.",
+            "ResidualFrequencyDisplay",
+            lag.cost,
         )
     if gain is not None:
         more = "larger" if gain.size > 0 else "smaller"
@@ -270,7 +285,7 @@ def _curvature(table: pd.DataFrame, channel: str) -> float:
 def _follows(c: Comparison, test: Any, signal: str, sure: dict[Any, Any]) -> Finding:
     lag = test.where
     when = f"{abs(lag):.2g} s " + ("after" if lag >= 0 else "before")
-    linear = [name for name in ("gain", "delay") if (name, c.output) in sure]
+    linear = [name for name in ("gain", "lag", "bias") if (name, c.output) in sure]
     also = f" An error of {' and '.join(linear)} (see there) shows here as well." if linear else ""
     if signal == "f_t":
         meaning = (

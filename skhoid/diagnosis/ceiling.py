@@ -109,6 +109,8 @@ def _noise(
             part = (r - r.mean(axis=0)) * np.sqrt(group.n_runs / (group.n_runs - 1))
         elif route == "lines":
             part = r - _on_lines(r, group)
+        elif "f_t" in signals.channels:
+            part = r - response_to_target(signals, group, r)
         parts.append(part)
         if route == best:
             records += list(part)
@@ -246,12 +248,16 @@ def coherent_part(signals: Signals, group: Group, values: np.ndarray) -> np.ndar
         return _on_lines(values, group)
     if "f_t" not in signals.channels:
         return None
+    return response_to_target(signals, group, values)
+
+
+def response_to_target(signals: Signals, group: Group, values: np.ndarray) -> np.ndarray:
+    """Response of the signal of one run to the target, by a finite impulse response."""
     target = signals.channels["f_t"][group.rows[0]]
+    target = target - target.mean()
     step = tap_spacing(target[None], signals.dt)
     taps = step * np.arange(min(4 * N_TAPS, group.n_samples // (8 * step)))
-    if taps.size < 2:
-        return None
-    lagged = _lagged(target, taps)
+    lagged = np.column_stack([_lagged(target, taps), np.ones(target.size)])
     return (lagged @ np.linalg.lstsq(lagged, values[0], rcond=1e-8)[0])[None]
 
 

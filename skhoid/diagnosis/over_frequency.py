@@ -11,7 +11,8 @@ from .ceiling import Ceiling
 from .signals import Group, Signals
 from .tests_table import Test, of_several
 
-N_BANDS = 16
+N_BANDS = 16  # at most
+WIDTH = 1.4  # ratio of the ends of a band, at least
 SHARED = 0.95  # of the lines, that several targets must have in common
 LINES_SHARE_NOISE = 10  # neighbourhoods of the density that lines over all frequencies draw on
 FEW = 60  # excited lines; more of them are taken together in bands
@@ -195,7 +196,9 @@ def distortion_tests(signals: Signals, ceiling: Ceiling) -> list[Test]:
 
 def _bands(bins: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
     """Bins in bands of equal width on a logarithmic scale, four bins at least."""
-    edges = np.geomspace(max(bins[0], 1), bins[-1] + 1, N_BANDS + 1)
+    low, high = max(int(bins[0]), 1), int(bins[-1]) + 1
+    n_bands = int(np.clip(np.log(high / low) / np.log(WIDTH), 1, N_BANDS))
+    edges = np.geomspace(low, high, n_bands + 1)
     sets: list[np.ndarray] = []
     held = np.array([], dtype=int)
     for low, high in zip(edges[:-1], edges[1:], strict=True):
