@@ -153,9 +153,9 @@ def _response(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
         yield Finding(
             "delay",
             f"The delay is {abs(delay.size):.2g} s {later} than that of the model",
-            f"{abs(samples):.0f} samples, the best shift with gain and two lags of the response "
-            f"free, {_p(delay)}; it costs about {_points(delay.cost)}.",
-            "The delay of the model is wrong, and a lag (a pole) stands for it.",
+            f"Best delay {delay.where:.2g} s, with gain, lead and two lags free; off by "
+            f"{abs(samples):.0f} samples, {_p(delay)}; it costs {_points(delay.cost)} at least.",
+            "The delay of the model is wrong, whatever its lags make up for.",
             f"{step}.",
             "ResidualFrequencyDisplay",
             delay.cost,

@@ -268,12 +268,16 @@ def _lagged(signal: np.ndarray, taps: np.ndarray) -> np.ndarray:
     return out
 
 
-def tap_spacing(signal: np.ndarray, dt: float) -> int:
-    """Samples between taps that resolve 99 % of the power of a signal."""
+def bandwidth(signal: np.ndarray, dt: float) -> float:
+    """Frequency (rad/s) below which signals (rows) have 99 % of their power."""
     power = (np.abs(fft.rfft(signal - signal.mean(axis=1, keepdims=True))) ** 2).sum(axis=0)
     share = np.cumsum(power) / power.sum() if power.any() else np.ones(power.size)
-    omega = 2 * np.pi * max(int(np.searchsorted(share, 0.99)), 1) / (signal.shape[1] * dt)
-    return max(int(0.7 / (omega * dt)), 1)
+    return 2 * np.pi * max(int(np.searchsorted(share, 0.99)), 1) / (signal.shape[1] * dt)
+
+
+def tap_spacing(signal: np.ndarray, dt: float) -> int:
+    """Samples between taps that resolve a signal within its bandwidth."""
+    return max(int(0.7 / (bandwidth(signal, dt) * dt)), 1)
 
 
 def _note(signals: Signals, route: str) -> str:

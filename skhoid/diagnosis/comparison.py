@@ -15,6 +15,7 @@ from .advice import advise
 from .ceiling import Ceiling, noise_ceiling
 from .channels import check_channels
 from .correlation import correlations
+from .delay import delay_test
 from .findings import Finding
 from .levels import level_tests
 from .misfit import linear_misfit
@@ -243,6 +244,7 @@ def compare(
     tests = [
         *_gap_test(ceiling),
         *linear_misfit(signals, ceiling),
+        *delay_test(signals, ceiling),
         *tests_over_time(signals, ceiling),
         *distortion_tests(signals, ceiling),
         *of_correlation,
