@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from scipy import fft
 from scipy.signal import resample
 from scipy.stats import norm
@@ -15,6 +16,7 @@ from .signals import Group, Signals
 CONFIDENCE = 0.90
 STRONG = 3e-4  # of the strongest direction; what the instruments excite less is left alone
 N_TAPS = 10  # of the finite impulse response that a linear misfit may have
+N_IN_TIME = 3  # order of the polynomials of time that taps may be
 N_AR = 12  # order of the autoregression that describes noise
 SILENT = 1e-9  # of the output power; residuals below are rounding errors
 
@@ -162,10 +164,32 @@ def _without_linear_misfit(
     taps = step * np.arange(N_TAPS)
     if taps[-1] * 4 > group.n_samples:
         return r, 0.0
-    g, V, A = np.zeros(N_TAPS), np.zeros((N_TAPS, N_TAPS)), np.zeros((N_TAPS, N_TAPS))
-    lagged = [_lagged(signal, taps) for signal in e]
+    rest, spread = _answered(signals, group, noise, r, e, instrument, taps, 0)
+    if group.n_runs > 1:
+        # What varies in time answers e with other taps at other times.
+        rest, more = _answered(signals, group, noise, rest, e, instrument, taps, N_IN_TIME)
+        spread += more
+    return rest, spread
+
+
+def _answered(
+    signals: Signals,
+    group: Group,
+    noise: Noise,
+    r: np.ndarray,
+    e: np.ndarray,
+    instrument: np.ndarray,
+    taps: np.ndarray,
+    order: int,
+) -> tuple[np.ndarray, float]:
+    """Residuals less a response to e, constant or with taps that are polynomials of time."""
+    time = np.linspace(-1, 1, group.n_samples)
+    shapes = legvander(time, order)[:, min(order, 1) :].T
+    n = taps.size * len(shapes)
+    g, V, A = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
+    lagged = [_varying(_lagged(signal, taps), shapes) for signal in e]
     for k in range(group.n_runs):
-        Z = _lagged(instrument[k], taps)
+        Z = _varying(_lagged(instrument[k], taps), shapes)
         g += Z.T @ r[k]
         A += Z.T @ lagged[k]
         V += noise.covariance(Z, signals.layout.time[group.rows[k]])
@@ -179,11 +203,13 @@ def _without_linear_misfit(
     part = _part_by_way_of_error(r, response, group, noise)
     inverse, rest = part * inverse, r - part * response
     scattered = rest - rest.mean(axis=0) if group.n_runs > 1 else rest - _on_lines(rest, group)
-    slope = 2 * sum(
-        (L.T @ part for L, part in zip(lagged, scattered, strict=True)), np.zeros(N_TAPS)
-    )
+    slope = 2 * sum((L.T @ x for L, x in zip(lagged, scattered, strict=True)), np.zeros(n))
     slope *= group.n_runs / max(group.n_runs - 1, 1)
     return rest, float(slope @ inverse @ V @ inverse.T @ slope)
+
+
+def _varying(lagged: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    return np.concatenate([lagged * shape[:, None] for shape in shapes], axis=1)
 
 
 def _part_by_way_of_error(r: np.ndarray, response: np.ndarray, group: Group, noise: Noise) -> float:
@@ -268,11 +294,11 @@ def _lagged(signal: np.ndarray, taps: np.ndarray) -> np.ndarray:
     return out
 
 
-def bandwidth(signal: np.ndarray, dt: float) -> float:
-    """Frequency (rad/s) below which signals (rows) have 99 % of their power."""
+def bandwidth(signal: np.ndarray, dt: float, share_of_power: float = 0.99) -> float:
+    """Frequency (rad/s) below which signals (rows) have most of their power."""
     power = (np.abs(fft.rfft(signal - signal.mean(axis=1, keepdims=True))) ** 2).sum(axis=0)
     share = np.cumsum(power) / power.sum() if power.any() else np.ones(power.size)
-    return 2 * np.pi * max(int(np.searchsorted(share, 0.99)), 1) / (signal.shape[1] * dt)
+    return 2 * np.pi * max(int(np.searchsorted(share, share_of_power)), 1) / (signal.shape[1] * dt)
 
 
 def tap_spacing(signal: np.ndarray, dt: float) -> int:

@@ -12,9 +12,11 @@ from .signals import Group, Signals
 from .tests_table import Test
 
 N_DELAYS = 61
-LONGEST = 6.0  # over the bandwidth (rad/s) of the response
+LONGEST = 0.6  # s
+REACH = 12  # delays to either side, within which a ripple of the loss is no minimum
 N_ITERATIONS = 8
-MOST_BINS = 400  # of a group
+MOST_BINS = 400  # of all groups
+SHARE = 0.999  # of the power of the response, in the frequencies used
 PARAMETERS = 5  # b0, b1, a1, a2 and the delay
 
 
@@ -31,10 +33,12 @@ def delay_test(signals: Signals, ceiling: Ceiling) -> list[Test]:
     omega, E, U, M, S, power = spectra
     if omega.size < PARAMETERS:
         return []
-    delays = np.linspace(0, LONGEST / omega.max(), N_DELAYS)
+    longest = min(LONGEST, signals.dt * min(group.n_samples for group in signals.groups) / 8)
+    delays = np.linspace(0, longest, N_DELAYS)
     measured, beside = np.array([_misfit(omega, E, U, S, tau) for tau in delays]).T
     model, _ = np.array([_misfit(omega, E, M, S, tau) for tau in delays]).T
-    best, of_model = int(np.argmin(measured)), int(np.argmin(model))
+    of_model = int(np.argmin(model))
+    best = _nearest_minimum(measured, of_model)
     free = 2 * omega.size - PARAMETERS
     scatter = max(measured[best] / free, 1.0)
     fall = float((measured[of_model] - measured[best]) / scatter)
@@ -45,9 +49,9 @@ def delay_test(signals: Signals, ceiling: Ceiling) -> list[Test]:
             signals.output,
             fall,
             float(f_distribution.sf(fall, 1, free)),
-            size=_refined(delays, measured) - _refined(delays, model),
+            size=_refined(delays, measured, best) - _refined(delays, model, of_model),
             cost=cost,
-            where=_refined(delays, measured),
+            where=_refined(delays, measured, best),
             description="delay (s) of the measured response, beyond that of the predicted one",
         )
     ]
@@ -84,7 +88,7 @@ def _of_group(
         # The mean over runs adds no remnant of its own but what is over their number.
         means.append(of_runs.mean(axis=0))
     omega = group.omega(signals.dt)
-    top = bandwidth(means[2][None], signals.dt)
+    top = bandwidth(means[2][None], signals.dt, SHARE)
     bins = np.flatnonzero((omega > 0) & (omega <= top))
     window = np.ones(group.n_samples)
     if group.lines is not None:
@@ -92,9 +96,9 @@ def _of_group(
     else:
         window = hann(group.n_samples, sym=False)
         window /= np.sqrt(np.mean(window**2))
-        bins = bins[:: max(bins.size // MOST_BINS, 1)]
     if not bins.size or not means[2].any():
         return None
+    bins = bins[:: -(-bins.size * len(signals.groups) // MOST_BINS)]
     root = np.sqrt(group.n_runs)
     spectra = [root * fft.rfft((mean - mean.mean()) * window, norm="ortho")[bins] for mean in means]
     return omega[bins], *spectra, ceiling.noise.at(omega[bins])
@@ -112,17 +116,27 @@ def _misfit(
     for _ in range(N_ITERATIONS):
         weight = 1 / (np.sqrt(S) * np.abs(denominator))
         A, b = columns * weight[:, None], U * weight
-        c = np.linalg.lstsq(
-            np.concatenate([A.real, A.imag]), np.concatenate([b.real, b.imag]), rcond=None
-        )[0]
+        gram = np.real(A.conj().T @ A)
+        gram += 1e-12 * np.trace(gram) * np.eye(len(gram))
+        c = np.linalg.solve(gram, np.real(A.conj().T @ b))
         denominator = 1 + c[2] * s + c[3] * s**2
         error = U - (c[0] + c[1] * s) * input_ / denominator
     return float(np.sum(2 * np.abs(error) ** 2 / S)), float(np.sum(2 * np.abs(error) ** 2))
 
 
-def _refined(delays: np.ndarray, loss: np.ndarray) -> float:
-    """Minimum of a parabola through the smallest loss and its neighbours."""
-    k = int(np.argmin(loss))
+def _nearest_minimum(loss: np.ndarray, start: int) -> int:
+    """Downhill from the start: a slow target allows far delays with a lead of equal size."""
+    at = start
+    while True:
+        around = range(max(at - REACH, 0), min(at + REACH + 1, loss.size))
+        lowest = min(around, key=lambda k: float(loss[k]))
+        if loss[lowest] >= loss[at]:
+            return at
+        at = lowest
+
+
+def _refined(delays: np.ndarray, loss: np.ndarray, k: int) -> float:
+    """Minimum of a parabola through a smallest loss and its neighbours."""
     if k in (0, loss.size - 1):
         return float(delays[k])
     below, at, above = loss[k - 1 : k + 2]

@@ -21,6 +21,7 @@ from ..runs import RunLayout, check_alignment, run_name
 
 SAME_TARGET = 0.02  # rms difference of targets of repeats, as a fraction of their rms
 LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest
+BESIDE = 0.05  # of the lines, at most, are neighbours
 BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
 SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
 LONGEST_SETTLING = 10.0  # s
@@ -336,6 +337,7 @@ def excited_lines(target: np.ndarray) -> np.ndarray | None:
     if not power.any():
         return None
     lines = np.flatnonzero(power > LINE * power.max())
-    alone = lines.size <= 0.7 * (lines[-1] - lines[0] + 1) and lines.size <= power.size / 3
+    # A window of no whole period leaks from each line into its neighbours.
+    alone = np.sum(np.diff(lines) == 1) <= BESIDE * lines.size
     off = power.sum() - power[lines].sum()
     return lines if alone and off <= BETWEEN * power.sum() else None
