@@ -14,6 +14,7 @@ from .signals import Signals
 if TYPE_CHECKING:
     from .comparison import Comparison
 
+REMARKS = ("first samples", "jitter", "constant channel", "missing samples", "clock jitter", "gaps")
 SMALL = 0.05  # VAF points; what costs less is not worth a sentence
 GOOD_ONE_STEP, POOR = 95.0, 50.0  # percent; a model that only one-step predictions flatter
 
@@ -24,7 +25,7 @@ def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[
     A test is a finding if it exceeds the false-alarm rate divided by the number of tests, so that
     all findings together keep that rate.
     """
-    found = list(of_channels)
+    found = [finding for finding in of_channels if finding.name not in REMARKS]
     tests = c.tests[c.tests["valid"]]
     limit = c.false_alarm / max(int(tests["p"].notna().sum()), 1)
     certain = tests[(tests["p"] < limit) | (tests["exceeds"] & tests["p"].isna())]
@@ -36,6 +37,7 @@ def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[
     found += _model(c)
     named = sum(np.nan_to_num(f.severity) for f in located)
     found += _not_located(c, sure, named, bool(located))
+    found += [finding for finding in of_channels if finding.name in REMARKS]
     return found + list(_design(c, signals))
 
 
@@ -90,21 +92,23 @@ def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[
             f"The measured output is {bias.size:+.3g}{_unit(c)} beside the predicted one throughout",
             f"Mean residual, {_p(bias)}; it costs {_points(bias.cost)}.",
             "An offset of the recording, a trim of the stick, or integral action.",
-            "fit_intercept=True, or remove the mean of each run (VAFScorer(centered=True)).",
+            "fit_intercept=True, or subtract the mean of each run from X and y.",
             "OperatingPointDisplay",
             bias.cost,
         )
     yield from _over_amplitude(c, sure)
+    # Distortion is what a nonlinearity or a change in time leaves: it is told once.
+    shaped = {"gain change", "nonlinearity", "asymmetry"} & {name for name, _ in sure}
     for (name, signal), test in sure.items():
         if name == "cross-correlation":
             yield _follows(c, test, signal, sure)
-        if name == "distortion":
+        if name == "distortion" and not shaped:
             yield _distorted(test, signal)
         if name == "level":
             yield Finding(
                 "level",
-                f"{100 * test.size:.1f} % of the samples sit at {signal} = {test.where:.4g}",
-                f"{test.description}; neighbouring levels hold far fewer.",
+                f"{100 * test.size:.1f} % of the samples sit {test.description}",
+                f"{_p(test)}; neighbouring levels hold far fewer.",
                 "A stop of the stick, a limit of the recording, or a level the person returns to.",
                 "Add a saturation at this level, or record with a wider range; free runs of a "
                 "linear model go beyond it.",
@@ -113,7 +117,8 @@ def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[
         if name == "outlier":
             yield Finding(
                 "outlier",
-                f"A single event at {test.where:.4g} s: {test.size:.0f} standard deviations",
+                f"A single event in run {signal} at {test.where:.4g} s: {test.size:.0f} standard "
+                "deviations",
                 f"Largest whitened residual, {_p(test)}, for normal remnant.",
                 "A slip of the hand, a spike or a gap of the recording, or an onset that the "
                 "model does not have.",
@@ -128,9 +133,10 @@ def _distorted(test: Any, signal: str) -> Finding:
         "odd harmonics": "of odd order, such as a cubic gain or stiffness, a dead zone, saturation",
         "even harmonics": "of even order: asymmetry, rectification, an offset before a gain",
     }.get(signal, "or a response that varies in time")
+    where = "between the excited lines" if signal == "between lines" else f"at the {signal}"
     return Finding(
         "distortion",
-        f"The residual holds distortion at the {signal}",
+        f"The residual holds distortion {where}",
         f"{test.size:.3g} times the power that noise has there, {_p(test)}; {_points(test.cost)}.",
         f"A nonlinearity {order}. No linear model makes it.",
         "Look at the amplitude view for its shape; add the nonlinearity.",
@@ -142,7 +148,7 @@ def _distorted(test: Any, signal: str) -> Finding:
 def _response(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
     delay, lag = sure.get(("delay", c.output)), sure.get(("lag", c.output))
     gain = sure.get(("gain", c.output))
-    if delay is not None:
+    if delay is not None and not (lag is not None and delay.size * lag.size < 0):
         samples = delay.size / c.dt
         later = "later" if delay.size > 0 else "earlier"
         step = (
@@ -222,7 +228,7 @@ def _in_time(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
             f"The mean residual changes at about {mean.where:.3g} s",
             f"By {mean.size:.3g}{_unit(c)}; {_p(mean)} for the whole search.",
             "A bias that drifts or steps: posture, trim, or an offset of the recording.",
-            "Add a drift, or remove the mean of each run (VAFScorer(centered=True)).",
+            "Add a drift, or subtract the mean of each run from X and y.",
             "ResidualTimeDisplay",
         )
 
@@ -359,7 +365,7 @@ def _not_located(
         yield Finding(
             "none",
             "Nothing is missing that these runs could show",
-            f"No test exceeds its false-alarm rate; {_points(c.explainable_gap)} between the VAF "
+            f"No test exceeds chance when all are counted; {_points(c.explainable_gap)} between the VAF "
             f"and the ceiling of {c.noise_ceiling:.1f} ({low:.1f} to {high:.1f}).",
             "What the model does not explain is remnant.",
             "Stop here, or record more runs to see smaller effects.",

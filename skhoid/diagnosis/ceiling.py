@@ -310,8 +310,8 @@ def _note(signals: Signals, route: str) -> str:
     if route == "repeats":
         return (
             "from what the residual does not repeat over runs that share the target; a lower bound "
-            "where a missing effect depends on the remnant itself (quantised, intermittent, dead "
-            "zone) or differs from run to run"
+            "where a missing effect answers the remnant otherwise than a linear response does (dead "
+            "zone, steps, lapses, fast changes) or differs from run to run"
         )
     if route == "lines":
         return (
@@ -323,7 +323,9 @@ def _note(signals: Signals, route: str) -> str:
             "none: the target is not known. Add a channel f_t (or e and x), or say with repeats= "
             "which runs share a target"
         )
+    which = "the only run has a target that" if len(signals.groups) == 1 else "every run has a "
+    which += "" if len(signals.groups) == 1 else "target of its own, which"
     return (
-        "none: every run has a target of its own, which is not periodic in the window. Record "
+        f"none: {which} is not periodic in the window. Record "
         "runs that share the target, or a whole number of periods of a multisine"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -315,14 +316,15 @@ def _gap_test(ceiling: Ceiling) -> list[Test]:
 
 def _name_of(model: Any) -> str:
     steps, last = taken_apart(model)
-    return " → ".join(" ".join(repr(step).split()) for step in [*steps, last])
+    names = [" ".join(repr(step).split()) for step in [*steps, last]]
+    return re.sub(r" at 0x[0-9a-f]+", "", " → ".join(names))
 
 
 def _traces(signals: Signals) -> pd.DataFrame:
     columns = {
         "measured": signals.y,
-        "predicted": signals.predicted,
-        "residual": signals.residual,
+        "predicted": signals.free_run,
+        "residual": signals.y - signals.free_run,
         "one_step": signals.one_step,
         "scored": signals.scored,
     }

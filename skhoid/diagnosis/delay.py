@@ -13,7 +13,7 @@ from .tests_table import Test
 
 N_DELAYS = 61
 LONGEST = 0.6  # s
-REACH = 12  # delays to either side, within which a ripple of the loss is no minimum
+REACH = 6  # delays to either side, within which a ripple of the loss is no minimum
 N_ITERATIONS = 8
 MOST_BINS = 400  # of all groups
 SHARE = 0.999  # of the power of the response, in the frequencies used

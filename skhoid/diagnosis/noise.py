@@ -144,7 +144,7 @@ def _envelope(
         at = np.searchsorted(grid, time, side="right") - 1
         power += np.bincount(at, record**2, grid.size)
         count += np.bincount(at, known, grid.size)
-    width = min(max(int(round(ENVELOPE / (grid[1] - grid[0]))), 1), grid.size)
+    width = min(max(round(ENVELOPE / (grid[1] - grid[0])), 1), grid.size)
     mean = uniform_filter1d(power, width, mode="nearest")
     mean = mean / np.maximum(uniform_filter1d(count, width, mode="nearest"), 1e-9)
     average = power.sum() / count.sum()

@@ -76,6 +76,8 @@ def _response_lag(signals: Signals, values: np.ndarray) -> tuple[int, float]:
             product = correlate(m - m.mean(), z - z.mean(), method="fft")
             total = total + product[rows.size - 1 : rows.size + longest]
     lag = int(np.argmax(np.abs(total)))
+    if lag == longest:  # no peak within reach
+        lag = 0
     return lag, float(np.sign(np.asarray(total)[lag]) or 1.0)
 
 

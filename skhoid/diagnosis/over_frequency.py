@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pandas as pd
 from scipy import fft
@@ -65,7 +67,7 @@ class _Part:
     def __init__(self, group: Group, signals: dict[str, np.ndarray], lines: np.ndarray | None):
         self.group = group
         self.lines = lines
-        self.F = signals["f_t"] if "f_t" in signals else None
+        self.F = signals.get("f_t")
         self.E = signals.get("driving")
         self.U, self.M = signals["u"], signals["model"]
         self.R = self.U - self.M
@@ -201,7 +203,7 @@ def _bands(bins: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
     edges = np.geomspace(low, high, n_bands + 1)
     sets: list[np.ndarray] = []
     held = np.array([], dtype=int)
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges):
         inside = np.arange(int(np.ceil(low)), int(np.ceil(high)))
         held = np.concatenate([held, inside[member[inside]]])
         if held.size >= 4:

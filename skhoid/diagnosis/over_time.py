@@ -24,7 +24,10 @@ N_BANDS = 14  # of the map
 
 
 def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFrame:
-    """Residual of all runs, and of each, in windows of time in the run."""
+    """Residual of all runs, and of each, in windows of time in the run.
+
+    ``exceeds`` says that a window has more, or less, than chance.
+    """
     rows = np.flatnonzero(signals.scored)
     time, run = signals.layout.time[rows], signals.layout.run_of(rows)
     edges = _edges(time, signals.dt)
@@ -96,7 +99,7 @@ def tests_over_time(signals: Signals, ceiling: Ceiling) -> list[Test]:
     start, stop = _span(signals)
     edges = np.linspace(start, stop, N_BLOCKS + 1)
     gains, powers, means, largest = [], [], [], (0.0, np.nan)
-    n_rows = 0
+    n_rows, of_run = 0, ""
     for group, remnant in zip(signals.groups, ceiling.remnant, strict=True):
         repeated = ceiling.route == "repeats" and group.n_runs > 1
         # Deviations from a mean of R runs have R - 1 degrees of freedom in R records.
@@ -114,6 +117,7 @@ def tests_over_time(signals: Signals, ceiling: Ceiling) -> list[Test]:
             score = np.abs(inner) / max(np.std(inner), 1e-300)
             if score.size and score.max() > largest[0]:
                 largest = float(score.max()), float(time[values[:, 1] == 1.0][score.argmax()])
+                of_run = signals.run_label(int(group.runs[k]))
         response = coherent_part(signals, group, signals.predicted[group.rows])
         if response is not None:
             gains += _gain_sums(signals, ceiling, group, response, edges)
@@ -149,7 +153,7 @@ def tests_over_time(signals: Signals, ceiling: Ceiling) -> list[Test]:
         *found,
         Test(
             "outlier",
-            signals.output,
+            of_run,
             largest[0],
             p,
             where=largest[1],

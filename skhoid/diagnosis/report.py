@@ -26,6 +26,8 @@ def summary(c: Comparison) -> str:
         "",
         f"Each test is wrong in {100 * c.false_alarm:g} % of cases with nothing missing; "
         "all findings together are, too.",
+        "Costs overlap, and later findings may follow from earlier ones: correct the first, and "
+        "compare again.",
     ]
     lines += [f"Note: {note}." for note in c.notes]
     return "\n".join(lines)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from ..metrics import scored_rows, scored_signals
 from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..runs import RunLayout, check_alignment, run_name
 
-SAME_TARGET = 0.02  # rms difference of targets of repeats, as a fraction of their rms
+SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
 LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest
 BESIDE = 0.05  # of the lines, at most, are neighbours
 BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
@@ -59,13 +60,15 @@ class Group:
 class Signals:
     """What a model predicts and what was measured, row by row.
 
-    ``scored`` are rows that were measured, outside a run-in and settled; ``channels`` the channels
+    ``predicted`` is the free run where it has settled, and the measurement before. ``scored`` are
+    rows that were measured, outside a run-in and settled; ``channels`` the channels
     of X that have a role.
     """
 
     layout: RunLayout
     index: pd.Index
     y: np.ndarray
+    free_run: np.ndarray
     predicted: np.ndarray
     one_step: np.ndarray
     scored: np.ndarray
@@ -125,7 +128,7 @@ def read_signals(
     check_alignment(X, y)
     layout = raw_layout(model, X, dt=dt, run=run)
     measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
-    predicted = np.asarray(model.predict(X), dtype=float).ravel()
+    predicted = free_run = np.asarray(model.predict(X), dtype=float).ravel()
     if predicted.size != measured.size:
         raise ValueError(
             f"model.predict(X) returns {predicted.size} values for the {measured.size} rows of X; "
@@ -163,12 +166,13 @@ def read_signals(
         layout=layout,
         index=X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(layout.n_rows),
         y=measured,
+        free_run=free_run,
         predicted=predicted,
         one_step=_one_step(model, X, y),
         scored=scored,
         channels=channels,
         groups=_groups(layout, stretches, channels, repeats),
-        output=str(getattr(y, "name", None) or "y"),
+        output=str(getattr(y, "name", None) or "u"),
         units={
             **getattr(X, "attrs", {}).get("units", {}),
             **getattr(y, "attrs", {}).get("units", {}),
@@ -258,7 +262,7 @@ def _longest_stretches(
     cut[layout.starts] = True
     edges = np.flatnonzero((np.diff(np.concatenate([[0], whole, [0]])) != 0) | cut)
     best: dict[int, tuple[int, int]] = {}
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in itertools.pairwise(edges):
         if whole[start]:
             run = int(layout.run_of(np.asarray(start)))
             if run not in best or stop - start > best[run][1] - best[run][0]:

@@ -78,10 +78,12 @@ class OperatingPointDisplay(ComparisonPicture):
         by_operating_point: pd.DataFrame,
         unit: str | None = None,
         false_alarm: float = 0.01,
+        tests: pd.DataFrame | None = None,
     ) -> None:
         self.by_operating_point = by_operating_point
         self.unit = unit
         self.false_alarm = false_alarm
+        self.tests = tests
 
     def plot(self, ax: Any = None) -> Self:
         """Draw.
@@ -117,10 +119,19 @@ class OperatingPointDisplay(ComparisonPicture):
             return self
         for i, (panel, (name, bins)) in enumerate(zip(self.axes_, tables.items(), strict=True)):
             self.lines_[name], self.bands_[name] = draw_bins(panel, bins, self.false_alarm)
+            self._mark_level(panel, name)
             if not own or i % columns == 0:
                 panel.set_ylabel(residual_label(self.unit))
         explain(self.axes_, own=own)
         return self
+
+    def _mark_level(self, panel: Axes, name: str) -> None:
+        """Where the output sticks or clips, if it does."""
+        if self.tests is None:
+            return
+        of_level = self.tests["test"].eq("level") & self.tests["signal"].eq(name)
+        for level in self.tests.loc[of_level & self.tests["exceeds"], "where"]:
+            panel.axvline(level, color=EXCEEDING, ls="--", lw=1.0, label="level held")
 
 
 def draw_bins(panel: Axes, bins: pd.DataFrame, false_alarm: float) -> tuple[Any, Any]:
