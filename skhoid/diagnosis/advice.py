@@ -89,7 +89,7 @@ def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[
     if bias is not None:
         yield Finding(
             "bias",
-            f"The measured output is {bias.size:+.3g}{_unit(c)} beside the predicted one throughout",
+            f"The measured output is {bias.size:+.3g}{_unit(c)} beside the predicted one",
             f"Mean residual, {_p(bias)}; it costs {_points(bias.cost)}.",
             "An offset of the recording, a trim of the stick, or integral action.",
             "fit_intercept=True, or subtract the mean of each run from X and y.",
@@ -164,9 +164,9 @@ def _response(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
             "The delay of the model is wrong, whatever its lags make up for.",
             f"{step}.",
             "ResidualFrequencyDisplay",
-            delay.cost,
+            delay.cost if lag is None else max(delay.cost, lag.cost),
         )
-    if lag is not None:
+    if lag is not None and not (delay is not None and delay.size * lag.size > 0):
         later = "later" if lag.size > 0 else "earlier"
         yield Finding(
             "lag",
@@ -291,7 +291,7 @@ def _curvature(table: pd.DataFrame, channel: str) -> float:
 def _follows(c: Comparison, test: Any, signal: str, sure: dict[Any, Any]) -> Finding:
     lag = test.where
     when = f"{abs(lag):.2g} s " + ("after" if lag >= 0 else "before")
-    linear = [name for name in ("gain", "lag", "bias") if (name, c.output) in sure]
+    linear = [name for name in ("gain", "lag", "delay", "bias") if (name, c.output) in sure]
     also = f" An error of {' and '.join(linear)} (see there) shows here as well." if linear else ""
     if signal == "f_t":
         meaning = (
@@ -365,8 +365,8 @@ def _not_located(
         yield Finding(
             "none",
             "Nothing is missing that these runs could show",
-            f"No test exceeds chance when all are counted; {_points(c.explainable_gap)} between the VAF "
-            f"and the ceiling of {c.noise_ceiling:.1f} ({low:.1f} to {high:.1f}).",
+            f"No test exceeds chance when all are counted; {_points(c.explainable_gap)} between "
+            f"the VAF and the ceiling of {c.noise_ceiling:.1f} ({low:.1f} to {high:.1f}).",
             "What the model does not explain is remnant.",
             "Stop here, or record more runs to see smaller effects.",
             "ComparisonDisplay",

@@ -310,8 +310,8 @@ def _note(signals: Signals, route: str) -> str:
     if route == "repeats":
         return (
             "from what the residual does not repeat over runs that share the target; a lower bound "
-            "where a missing effect answers the remnant otherwise than a linear response does (dead "
-            "zone, steps, lapses, fast changes) or differs from run to run"
+            "where a missing effect answers the remnant otherwise than a linear response does "
+            "(dead zone, steps, lapses, fast changes) or differs from run to run"
         )
     if route == "lines":
         return (

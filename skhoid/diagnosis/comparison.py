@@ -33,16 +33,24 @@ OVERFIT = 1.1  # mean squared error of validation over that of estimation (thesi
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """What :func:`compare` found; see there for examples.
+    """What :func:`compare` found.
 
-    Attributes
+    Parameters
     ----------
+    model_name, output : str
+        The model, and the name of the measured output.
+    unit : str or None
+        Unit of the output.
+    dt : float
+        Sampling time in s.
+    false_alarm : float
+        Rate at which each test, and each table as a whole, exceeds chance with nothing missing.
     vaf : float
         VAF of the free run on all scored rows, in percent, unclipped.
     one_step_vaf : float
         VAF one step ahead; NaN for a model that makes no such prediction.
     rmse : float
-        Root mean squared residual of the free run, in the unit of y.
+        Root mean squared residual of the free run, in the unit of the output.
     estimation_vaf : float
         VAF on the runs given as ``estimation``; NaN if there are none.
     overfit_ratio : float
@@ -61,11 +69,18 @@ class Comparison:
         Where the ceiling is from.
     ceiling_note : str
         The same in words.
+    traces : DataFrame
+        ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
+        a role, row by row.
     by_run, by_time, by_frequency, by_operating_point : DataFrame
-        The residual by run, window of time in the run, frequency, and value of signals.
+        The residual by run, by window of time in the run, by frequency, and by value of signals.
+        ``exceeds`` is two-sided: a window that holds less than the others exceeds chance too.
+        In ``by_time``, ``explainable`` is the part of ``share`` (VAF points lost) that repeats
+        over runs.
     tests : DataFrame
         One row for each test; ``p`` accounts for the search inside the test, ``exceeds`` is
-        p < ``false_alarm``.
+        p < ``false_alarm``; ``cost`` in VAF points; ``valid`` is False for what is described and
+        not tested.
     correlations : DataFrame
         Cross-correlation of the prewhitened residual with signals, by lag.
     time_frequency : DataFrame
@@ -73,13 +88,17 @@ class Comparison:
         the noise expected there.
     remnant_spectrum : DataFrame
         Density over ``omega`` (rad/s) of what does not repeat; described, not tested.
-    traces : DataFrame
-        ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
-        a role, row by row.
     findings : list of Finding
         What it means and what to do next, the most important first.
     notes : list of str
         What was left out.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, compare, make_tracking_runs
+    >>> X, y = make_tracking_runs("C1", n_runs=3, remnant_intensity=0.1, random_state=0)
+    >>> compare(ARXRegressor(nk=29).fit(X, y), X, y, repeats=True).ceiling_route
+    'repeats'
     """
 
     model_name: str

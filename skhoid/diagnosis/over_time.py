@@ -80,12 +80,47 @@ def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFr
                 }
             )
         )
+    tables[0] = tables[0].assign(**_repeating(signals, ceiling, edges, tables[0]))
     gain = gain_over_time(signals, ceiling, edges)
     if gain is not None and len(tables[0]) == len(gain):
         tables[0] = tables[0].join(gain)
     table = pd.concat(tables, ignore_index=True)
     table["exceeds"] = table["p"] < false_alarm
     return table
+
+
+def _repeating(
+    signals: Signals, ceiling: Ceiling, edges: np.ndarray, table: pd.DataFrame
+) -> dict[str, np.ndarray]:
+    """VAF points of each window that repeat over runs, and the p-value that they are noise."""
+    lost, spread = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
+    known = False
+    for group in signals.groups:
+        if group.n_runs < 2:
+            continue
+        known = True
+        r = signals.residual[group.rows]
+        mean = r.mean(axis=0)
+        noise = np.sum((r - mean) ** 2, axis=0) / (group.n_runs - 1)
+        time = signals.layout.time[group.rows[0]]
+        at = np.clip(np.searchsorted(edges, time + signals.dt / 4, side="right") - 1, 0, None)
+        at = np.minimum(at, edges.size - 2)
+        lost += np.bincount(at, group.n_runs * mean**2 - noise, edges.size - 1)
+        # The product of two runs' noise, as for the ceiling, over the samples of the window.
+        variance = np.bincount(at, noise, edges.size - 1) ** 2
+        count = np.maximum(np.bincount(at, minlength=edges.size - 1), 1) * signals.dt
+        pairs = 2 * group.n_runs / (group.n_runs - 1)
+        spread += pairs * variance * ceiling.noise.correlation_time / count
+    power = float(np.sum(signals.y[signals.scored] ** 2))
+    if not known or not power:
+        return {}
+    used = np.isin(edges[:-1], table["start"])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p = norm.sf(lost / np.sqrt(spread))
+    return {
+        "explainable": (100 * lost / power)[used],
+        "p_explainable": of_several(np.nan_to_num(p, nan=1.0))[used],
+    }
 
 
 def _edges(time: np.ndarray, dt: float) -> np.ndarray:
@@ -270,7 +305,8 @@ def time_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd
     omega = 2 * np.pi * transform.f
     expected = ceiling.noise.at(omega) * signals.dt
     ratio = np.asarray(total)[1:, inside] / n_runs / np.maximum(expected[1:, None], 1e-300)
-    edges = np.unique(np.round(np.geomspace(1, omega.size - 1, N_BANDS + 1)).astype(int))
+    top = int(np.flatnonzero(ceiling.noise.known(omega))[-1])
+    edges = np.unique(np.round(np.geomspace(1, top + 1, N_BANDS + 1)).astype(int))
     bands = [ratio[a - 1 : b - 1].mean(axis=0) for a, b in pairwise(edges)]
     centre = [np.sqrt(omega[a] * omega[b]) for a, b in pairwise(edges)]
     start = float(signals.layout.time[signals.groups[0].rows[0, 0]])

@@ -170,7 +170,7 @@ def remnant_estimate(
     The remnant n is what does not repeat in the residual over runs that share the target; with
     one run and a periodic target, the residual between the excited lines; otherwise it cannot be
     told from what the model lacks, and the whole residual is an upper bound. Its spectrum is
-    compared with the filters |K_n / (T_n j omega + 1)^m|² (Eq. 27) of orders 1 to 4.
+    compared with the filters ``|K_n / (T_n j omega + 1)^m|²`` (Eq. 27) of orders 1 to 4.
 
     Parameters
     ----------

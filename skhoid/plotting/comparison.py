@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from ..runs import read_layout, run_name
 from ._axes import BLACK, GREY, given_axes, with_unit
 from ._comparison import (
+    exceeding,
     EXCEEDING,
     MEASURED,
     PREDICTED,
@@ -246,7 +247,7 @@ class ComparisonDisplay(ComparisonPicture):
 
     def _draw_amplitude(self, panel: Axes) -> None:
         title = "where in amplitude"
-        channel = _strongest(self.by_operating_point)
+        channel = _strongest(self.by_operating_point, self.tests)
         if channel is None:
             say_instead(panel, "Where in amplitude: not available.", 28)
         else:
@@ -258,8 +259,12 @@ class ComparisonDisplay(ComparisonPicture):
         panel.set_title(title, fontsize="medium", color=BLACK)
 
 
-def _strongest(bins: pd.DataFrame) -> str | None:
-    """The channel whose mean residual lies furthest outside its band; a valid one, if any."""
+def _strongest(bins: pd.DataFrame, tests: pd.DataFrame) -> str | None:
+    """The channel with the strongest evidence of a nonlinearity, else furthest outside its band."""
+    shaped = tests[tests["test"].isin(["nonlinearity", "asymmetry"]) & exceeding(tests)]
+    shaped = shaped[shaped["signal"].isin(bins["channel"])]
+    if not shaped.empty:
+        return str(shaped.loc[shaped["statistic"].idxmax(), "signal"])
     tested = bins[bins["valid"].eq(True)]
     bins = bins if tested.empty else tested
     evidence = (bins["mean"].abs() / bins["band"]).groupby(bins["channel"], sort=False).max()

@@ -22,6 +22,7 @@ from ._comparison import (
     say_instead,
 )
 
+SMALL = 0.05  # VAF points
 CHANGE = " change"  # ends the names of the tests that place a change in time
 CHANGE_STYLES = ("--", "-.", (0, (4, 1, 1, 1, 1, 1)))
 CHANCE = {"chance_low", "chance_high"}  # limits of the ratio of all runs, where they are known
@@ -159,17 +160,32 @@ def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> 
     if not np.isfinite(share).any():
         say_instead(panel, "Where in time: not available, no window holds scored rows.")
         return None
-    raised = worse_than_chance(windows)
+    repeating = "explainable" in windows and windows["explainable"].notna().all()
+    raised = (
+        (windows["p_explainable"] < false_alarm).to_numpy()
+        if repeating
+        else worse_than_chance(windows)
+    )
     start, stop = windows["start"].to_numpy(), windows["stop"].to_numpy()
     bars = panel.bar(
         start,
         share,
         width=stop - start,
         align="edge",
-        color=np.where(raised, EXCEEDING, RESIDUAL),
+        color=RESIDUAL if repeating else np.where(raised, EXCEEDING, RESIDUAL),
         edgecolor="white",
         linewidth=0.6,
     )
+    if repeating:  # what is left is noise
+        panel.bar(
+            start,
+            np.where(raised, np.clip(windows["explainable"], 0, share), 0.0),
+            width=stop - start,
+            align="edge",
+            color=EXCEEDING,
+            edgecolor="white",
+            linewidth=0.6,
+        )
     if raised.any():
         panel.bar(np.nan, np.nan, color=EXCEEDING, label=beyond(false_alarm))
     even = np.nansum(share) * (stop - start) / np.sum((stop - start)[np.isfinite(share)])
@@ -188,6 +204,8 @@ def worse_than_chance(windows: pd.DataFrame) -> np.ndarray:
 def changes_in_time(tests: pd.DataFrame) -> dict[str, float]:
     """What changes by more than chance, and when."""
     names = tests["test"].astype(str).str.endswith(CHANGE).to_numpy(dtype=bool)
+    # What costs next to nothing is no finding either.
+    names &= ~(tests["cost"] < SMALL).to_numpy(dtype=bool) if "cost" in tests else True
     found = tests[names & exceeding(tests)].dropna(subset=["where"])
     return dict(zip(found["test"], found["where"].astype(float), strict=True))
 
