@@ -30,7 +30,7 @@ def delay_test(signals: Signals, ceiling: Ceiling) -> list[Test]:
     spectra = _spectra(signals, ceiling)
     if spectra is None:
         return []
-    omega, E, U, M, S, power = spectra
+    (omega, E, U, M, S), power = spectra
     if omega.size < PARAMETERS:
         return []
     longest = min(LONGEST, signals.dt * min(group.n_samples for group in signals.groups) / 8)
@@ -57,8 +57,8 @@ def delay_test(signals: Signals, ceiling: Ceiling) -> list[Test]:
     ]
 
 
-def _spectra(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, ...] | None:
-    """Frequencies, and driving signal, output, prediction and noise there."""
+def _spectra(signals: Signals, ceiling: Ceiling) -> tuple[tuple[np.ndarray, ...], float] | None:
+    """Frequencies, and driving signal, output, prediction and noise there; power of the output."""
     if signals.driving is None:
         return None
     driving = signals.channels[signals.driving]
@@ -71,7 +71,7 @@ def _spectra(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, ...] | Non
             power += float(np.sum(signals.y[group.rows] ** 2))
     if not parts:
         return None
-    return *(np.concatenate(part) for part in zip(*parts, strict=True)), np.float64(power)
+    return tuple(np.concatenate(part) for part in zip(*parts, strict=True)), power
 
 
 def _of_group(

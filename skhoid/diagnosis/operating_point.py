@@ -42,7 +42,7 @@ def by_operating_point(
 
 def _quantities(signals: Signals) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Values at every row, and the signal whose response lag is theirs."""
-    found = {}
+    found: dict[str, np.ndarray] = {}
     for name in ("e", "x", "f_t"):
         if name in signals.channels:
             found[name] = signals.channels[name]

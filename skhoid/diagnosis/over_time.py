@@ -266,7 +266,9 @@ def _break_test(
     size: Callable[[Break], float],
     cost: Callable[[Break], float],
 ) -> Test:
-    change = largest_break(sum(part[0] for part in parts), sum(part[1] for part in parts), free)
+    scores = np.sum([part[0] for part in parts], axis=0)
+    information = np.sum([part[1] for part in parts], axis=0)
+    change = largest_break(scores, information, free)
     return Test(
         name,
         "residual",

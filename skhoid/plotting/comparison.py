@@ -13,12 +13,12 @@ from matplotlib.axes import Axes
 from ..runs import read_layout, run_name
 from ._axes import BLACK, GREY, given_axes, with_unit
 from ._comparison import (
-    exceeding,
     EXCEEDING,
     MEASURED,
     PREDICTED,
     ComparisonPicture,
     beyond,
+    exceeding,
     explain,
     is_of_all_runs,
     legend_entries,
