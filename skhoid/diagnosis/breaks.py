@@ -26,7 +26,9 @@ class Break:
         return float((1 + self.after[0]) / max(1 + self.before[0], 1e-3))
 
 
-def largest_break(scores: np.ndarray, information: np.ndarray, free: float = np.inf) -> Break:
+def largest_break(
+    scores: np.ndarray, information: np.ndarray, free: float = np.inf
+) -> Break | None:
     """Look for one change of coefficients c in r = Z c + n over all instants.
 
     ``scores`` are the sums of z n in each block of time, of shape (n_blocks, n_coefficients), and
@@ -34,13 +36,17 @@ def largest_break(scores: np.ndarray, information: np.ndarray, free: float = np.
     the same matrix. The statistic is the largest Lagrange multiplier (Andrews 1993, Econometrica
     61: 821), its p-value that of independent normal scores with these covariances (the fixed
     regressor bootstrap of Hansen 2000, Journal of Econometrics 97: 93); ``free`` are the degrees of
-    freedom with which the level of the noise is known.
+    freedom with which the level of the noise is known. None where there is no information.
     """
     n_blocks, p = scores.shape
     total = information.sum(axis=0)
+    if not np.trace(total) > 0:
+        return None
     before = np.cumsum(information, axis=0)[:-1]
     share = np.trace(before, axis1=1, axis2=2) / np.trace(total)
     at = np.flatnonzero((share > TRIM) & (share < 1 - TRIM))
+    if at.size == 0:
+        return None
     before = before[at]
     inverse = np.linalg.pinv(total, rcond=1e-9)
     bridge = np.linalg.pinv(before - before @ inverse @ before, rcond=1e-9, hermitian=True)

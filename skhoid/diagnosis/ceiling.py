@@ -18,7 +18,7 @@ STRONG = 3e-4  # of the strongest direction; what the instruments excite less is
 N_TAPS = 10  # of the finite impulse response that a linear misfit may have
 N_IN_TIME = 3  # order of the polynomials of time that taps may be
 N_AR = 12  # order of the autoregression that describes noise
-SILENT = 1e-9  # of the output power; residuals below are rounding errors
+SILENT = 1e-12  # of the output power; residuals below are rounding errors
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,8 @@ def _noise(
             scored += [signals.scored[rows] for rows in group.rows]
             without += [group.lines if route == "lines" else None] * group.n_runs
             independent += group.n_runs - (route == "repeats")
-    return noise_of(records, times, signals.dt, without, scored, independent), parts
+    floor = SILENT * float(np.mean(signals.y[signals.scored] ** 2))
+    return noise_of(records, times, signals.dt, without, scored, independent, floor), parts
 
 
 def _noise_power(
@@ -196,7 +197,8 @@ def _answered(
     U, s, Wt = np.linalg.svd(A)
     kept = s > STRONG * s[0]
     U, s, Wt = U[:, kept], s[kept], Wt[kept]
-    found = float(U.T @ g @ np.linalg.solve(U.T @ V @ U, U.T @ g))
+    z = U.T @ g
+    found = float(z @ np.linalg.pinv(U.T @ V @ U, hermitian=True) @ z)
     shrunk = max(0.0, 1.0 - max(s.size - 2, 0) / found) if found > 0 else 0.0
     inverse = shrunk * (Wt.T / s) @ U.T
     response = np.array([L @ (inverse @ g) for L in lagged])

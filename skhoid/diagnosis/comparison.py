@@ -14,6 +14,7 @@ from ..metrics import vaf_of_rows
 from ..pipelines import taken_apart
 from .advice import advise
 from .ceiling import Ceiling, noise_ceiling
+from .changes import BlockSums, cusum, tests_of_changes
 from .channels import check_channels
 from .correlation import correlations
 from .delay import delay_test
@@ -23,7 +24,7 @@ from .misfit import linear_misfit
 from .operating_point import by_operating_point
 from .over_frequency import by_frequency, distortion_tests
 from .over_runs import by_run, tests_over_runs
-from .over_time import by_time, tests_over_time, time_frequency
+from .over_time import by_time, time_frequency
 from .report import html, summary
 from .signals import Signals, read_signals
 from .tests_table import Test, tests_table
@@ -83,6 +84,9 @@ class Comparison:
         not tested.
     correlations : DataFrame
         Cross-correlation of the prewhitened residual with signals, by lag.
+    cusum : DataFrame
+        CUSUM of the whitened residual and of the squares of the remnant, over ``time`` in the
+        run, with the ``band`` that neither leaves by chance.
     time_frequency : DataFrame
         Power of the residual over time (index, s) and frequency (columns, rad/s), relative to
         the noise expected there.
@@ -124,6 +128,7 @@ class Comparison:
     by_operating_point: pd.DataFrame
     tests: pd.DataFrame
     correlations: pd.DataFrame
+    cusum: pd.DataFrame
     time_frequency: pd.DataFrame
     remnant_spectrum: pd.DataFrame
     findings: list[Finding]
@@ -246,6 +251,7 @@ def compare(
         raise ValueError(f"false_alarm is a rate between 0 and 0.5; got {false_alarm!r}.")
     options = {"roles": roles, "run_in": run_in, "dt": dt, "run": run}
     signals = read_signals(model, X, y, repeats=repeats, **options)
+    vaf = _pooled(signals, signals.predicted)
     ceiling = noise_ceiling(signals)
     table = by_run(signals, "validation")
     p, tests = tests_over_runs(signals, ceiling)
@@ -255,17 +261,17 @@ def compare(
         fitted = read_signals(model, *estimation, repeats=False, **options)
         estimation_vaf = _pooled(fitted, fitted.predicted)
         table = pd.concat([table, by_run(fitted, "estimation")], ignore_index=True)
-    vaf = _pooled(signals, signals.predicted)
     if estimation is not None:
         # Both relative to their output's power, as runs differ in what is to be explained.
         ratio = (100 - vaf) / (100 - estimation_vaf) if estimation_vaf < 100 else np.nan
     correlation, of_correlation = correlations(signals, ceiling, false_alarm)
     amplitude, of_amplitude = by_operating_point(signals, ceiling, false_alarm)
+    sums = BlockSums.of(signals, ceiling)
     tests = [
         *_gap_test(ceiling),
         *linear_misfit(signals, ceiling),
         *delay_test(signals, ceiling),
-        *tests_over_time(signals, ceiling),
+        *tests_of_changes(signals, ceiling, sums),
         *distortion_tests(signals, ceiling),
         *of_correlation,
         *of_amplitude,
@@ -298,6 +304,7 @@ def compare(
         by_operating_point=amplitude,
         tests=tests_table(tests, false_alarm),
         correlations=correlation,
+        cusum=cusum(ceiling, sums, false_alarm),
         time_frequency=time_frequency(signals, ceiling, false_alarm),
         remnant_spectrum=pd.DataFrame(
             {

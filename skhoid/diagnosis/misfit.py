@@ -28,7 +28,8 @@ def linear_misfit(signals: Signals, ceiling: Ceiling) -> list[Test]:
             white = ceiling.noise.whitened(values, signals.layout.time[rows])
             g += white[:, 1:].T @ white[:, 0]
             V += white[:, 1:].T @ white[:, 1:]
-    if np.linalg.cond(V) > 1e12:
+    scale = np.sqrt(np.diag(V))
+    if np.any(scale == 0) or np.linalg.cond(V / np.outer(scale, scale)) > 1e10:
         return []
     c, sd = np.linalg.solve(V, g), np.sqrt(np.diag(np.linalg.inv(V)))
     rows = np.concatenate([group.rows.ravel() for group, _ in responses])

@@ -91,11 +91,12 @@ def noise_of(
     without: list[np.ndarray | None],
     scored: list[np.ndarray],
     independent: float,
+    floor: float,
 ) -> Noise:
     """Noise of records, whose excited bins (``without``) say nothing about it.
 
     Records are zero where they are not ``scored``. So many of them are ``independent``: deviations
-    from a mean are one less.
+    from a mean are one less. Rounding errors are below the density ``floor``.
     """
     longest = max(len(record) for record in records)
     omega = 2 * np.pi * fft.rfftfreq(longest, dt)[1:]
@@ -111,7 +112,7 @@ def noise_of(
         at = np.minimum(at - 1, omega.size - 1)
         np.add.at(power, at, (periodogram * used)[1:])
         np.add.at(count, at, used[1:])
-    density = _smoothed(power, count)
+    density = np.maximum(_smoothed(power, count), floor)
     time, envelope = _envelope(records, times, scored, dt)
     free = 2 * (2 * LEAST_BINS + 1) * independent
     return Noise(omega, density, time, envelope, dt, free)

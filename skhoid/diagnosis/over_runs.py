@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
-from ..metrics import vaf_of_rows
+from ..metrics import VAF_FLOOR
 from .ceiling import Ceiling
 from .signals import Signals
 from .tests_table import Test, of_several
@@ -49,10 +49,13 @@ def by_run(signals: Signals, data: str) -> pd.DataFrame:
 
 
 def _vaf(signals: Signals, prediction: np.ndarray, keep: np.ndarray | None = None) -> np.ndarray:
-    keep = signals.scored if keep is None else keep
-    if not keep.any():
-        return np.full(len(signals.layout.labels), np.nan)
-    return np.asarray(vaf_of_rows(signals.y, prediction, keep, signals.layout, None, False))
+    rows = np.flatnonzero(signals.scored if keep is None else keep)
+    run, n = signals.layout.run_of(rows), len(signals.layout.labels)
+    lost = np.bincount(run, (signals.y[rows] - prediction[rows]) ** 2, n)
+    power = np.bincount(run, signals.y[rows] ** 2, n)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        vaf = np.maximum(100 * (1 - lost / power), VAF_FLOOR)
+    return np.where(power > 0, vaf, np.nan)  # a run in which the output rests has none
 
 
 def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, list[Test]]:

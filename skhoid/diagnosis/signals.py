@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from scipy.signal.windows import tukey
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from .._sklearn import safe_indexing
-from ..exceptions import MissingDataWarning, RunIndexError
+from ..exceptions import MissingDataWarning, RunIndexError, ShortRunError
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..runs import RunLayout, check_alignment, run_name
@@ -27,6 +27,8 @@ BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
 SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
 LONGEST_SETTLING = 10.0  # s
 RAMPS = 0.04  # of a run, both ends together
+OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
+LEAST_ROWS = 64  # of a run, for spectra and tests
 ROLES = ("e", "x", "f_t")
 PREFIXES = ("dist", "motion")
 
@@ -126,6 +128,8 @@ def read_signals(
     """Predict, and sort rows, channels and repeats out."""
     check_consistent_length(X, y)
     check_alignment(X, y)
+    if run_in is not None and not run_in >= 0:
+        raise ValueError(f"run_in is a time in seconds, at least 0; got {run_in!r}.")
     layout = raw_layout(model, X, dt=dt, run=run)
     measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
     predicted = free_run = np.asarray(model.predict(X), dtype=float).ravel()
@@ -156,6 +160,13 @@ def read_signals(
     if n_missing:
         notes.append(f"{n_missing} rows in which the output is missing are left out")
     stretches = _longest_stretches(layout, used, channels)
+    if not stretches:
+        raise ShortRunError(
+            f"No run has {LEAST_ROWS} successive rows ({LEAST_ROWS * layout.dt:.3g} s) in which "
+            "the output and all channels with a role were measured, and compare needs as many for "
+            "spectra and tests. Join pieces of a recording, interpolate single missing values, or "
+            "leave out the channel that is missing."
+        )
     covered = sum(stop - start for start, stop in stretches.values())
     if covered < used.sum():
         notes.append(
@@ -226,6 +237,8 @@ def _channels(
     model: Any, X: Any, roles: Mapping[Any, str] | None, run: Any
 ) -> dict[str, np.ndarray]:
     """Channels by role; the target is e + x where it was not recorded."""
+    if roles is not None and not isinstance(roles, Mapping):
+        raise TypeError(f"roles is a dict {{column: role}}; got {roles!r}.")
     if roles is None:
         roles = getattr(reach_model(model, X)[0], "roles", None)
     if isinstance(X, pd.DataFrame):
@@ -245,7 +258,16 @@ def _channels(
         if run is not None and name == run:
             continue
         if role in ROLES or role.startswith(PREFIXES):
-            found[role] = np.asarray(column, dtype=float)
+            if role in found:
+                raise ValueError(f"Two columns have the role {role!r}; name one of them by roles=.")
+            values = np.asarray(column, dtype=float)
+            if not np.isnan(values).all():
+                found[role] = values
+        elif name in (roles or {}):
+            raise ValueError(
+                f"roles gives {name!r} the role {role!r}; there are 'e', 'x', 'f_t', and names "
+                "that begin with 'dist' or 'motion'."
+            )
     if "f_t" not in found and {"e", "x"} <= found.keys():
         found["f_t"] = found["e"] + found["x"]
     return found
@@ -265,6 +287,8 @@ def _longest_stretches(
     for start, stop in itertools.pairwise(edges):
         if whole[start]:
             run = int(layout.run_of(np.asarray(start)))
+            if stop - start < LEAST_ROWS:
+                continue
             if run not in best or stop - start > best[run][1] - best[run][0]:
                 best[run] = (int(start), int(stop))
     return best
@@ -286,7 +310,7 @@ def _groups(
             if labels is not None and labels[members[0]] != labels[run]:
                 continue
             shared = np.intersect1d(common, own, assume_unique=True)
-            if shared.size <= 0.5 * max(common.size, own.size):
+            if shared.size < OVERLAP * max(common.size, own.size):
                 continue
             first = stretches[members[0]][0]
             if labels is None and not _same_target(
@@ -317,6 +341,11 @@ def _repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
         if unknown:
             raise ValueError(f"repeats names run {unknown[0]!r}; the runs are {layout.labels}.")
         return [repeats.get(label, ("alone", label)) for label in layout.labels]
+    if isinstance(repeats, str) or not isinstance(repeats, Iterable):
+        raise TypeError(
+            "repeats is None, True, False, a dict {run: label} or a sequence of one label a run; "
+            f"got {repeats!r}."
+        )
     labels = list(repeats)
     if len(labels) != n_runs:
         raise ValueError(

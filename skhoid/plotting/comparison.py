@@ -17,7 +17,6 @@ from ._comparison import (
     MEASURED,
     PREDICTED,
     ComparisonPicture,
-    beyond,
     exceeding,
     explain,
     is_of_all_runs,
@@ -29,7 +28,14 @@ from ._comparison import (
 from .noise_ceiling import ceiling_in_words, draw_ceiling_bar
 from .operating_point import draw_bins
 from .residual_frequency import draw_spectra
-from .residual_time import changes_in_time, draw_lost_points, mark_changes, worse_than_chance
+from .residual_time import (
+    changes_in_time,
+    draw_lost_points,
+    failing,
+    failing_label,
+    knows_repeats,
+    mark_changes,
+)
 
 AROUND = 1.5  # windows shown to either side of the worst
 ENTRIES = 5  # in a row of the legend
@@ -42,7 +48,7 @@ class ComparisonDisplay(ComparisonPicture):
     From above: the measured and the predicted output around the worst window of the worst run;
     the VAF points lost over time, the spectra of output, residual and noise, and the mean residual
     over the channel with the strongest evidence; the output as explained, explainable and
-    remnant. What exceeds chance is red.
+    remnant. What exceeds chance is red; in time, if runs share the target, what repeats over them.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -220,13 +226,18 @@ class ComparisonDisplay(ComparisonPicture):
         _legend_above(panel)
 
     def _shade(self, panel: Axes, windows: pd.DataFrame, worst: tuple[float, float]) -> None:
-        raised = windows[worse_than_chance(windows)]
+        """The worst window, red if the model fails there, and others in which it does."""
+        together = self.by_time[is_of_all_runs(self.by_time)]
+        rule = windows
+        if knows_repeats(together):  # over runs, so it is not known of one alone
+            rule = together[together["start"].isin(windows["start"])]
+        raised = rule[failing(rule, self.false_alarm)]
         colour = GREY
         for window in zip(raised["start"], raised["stop"], strict=True):
             if window == worst:
                 colour = EXCEEDING
             else:
-                label = f"also {beyond(self.false_alarm)}"
+                label = f"also {failing_label(rule, self.false_alarm)}"
                 panel.axvspan(*window, color=EXCEEDING, alpha=0.12, lw=0, label=label)
         label = "worst window of the worst run"
         panel.axvspan(*worst, color=colour, alpha=0.3, lw=0, label=label)
@@ -234,7 +245,7 @@ class ComparisonDisplay(ComparisonPicture):
     def _draw_time(self, panel: Axes) -> None:
         panel.set_title("where in time", fontsize="medium")
         together = self.by_time[is_of_all_runs(self.by_time)]
-        if draw_lost_points(panel, together, self.false_alarm) is None:
+        if draw_lost_points(panel, together, self.false_alarm)[0] is None:
             return
         mark_changes(panel, changes_in_time(self.tests))
         panel.set_xlim(together["start"].min(), together["stop"].max())
@@ -253,7 +264,7 @@ class ComparisonDisplay(ComparisonPicture):
         else:
             table = self.by_operating_point
             bins = table[table["channel"] == channel]
-            draw_bins(panel, bins, self.false_alarm)
+            draw_bins(panel, bins, self.false_alarm, self.output)
             panel.set_ylabel(residual_label(self.unit))
             title += "" if bins["valid"].all() else " (not a test)"
         panel.set_title(title, fontsize="medium", color=BLACK)
@@ -262,7 +273,7 @@ class ComparisonDisplay(ComparisonPicture):
 def _strongest(bins: pd.DataFrame, tests: pd.DataFrame) -> str | None:
     """The channel with the strongest evidence of a nonlinearity, else furthest outside its band."""
     shaped = tests[tests["test"].isin(["nonlinearity", "asymmetry"]) & exceeding(tests)]
-    shaped = shaped[shaped["signal"].isin(bins["channel"])]
+    shaped = shaped[shaped["signal"].isin(bins["channel"]) & shaped["statistic"].notna()]
     if not shaped.empty:
         return str(shaped.loc[shaped["statistic"].idxmax(), "signal"])
     tested = bins[bins["valid"].eq(True)]

@@ -36,6 +36,8 @@ class OperatingPointDisplay(ComparisonPicture):
     band holds all means of a panel with probability 1 - ``false_alarm`` if the residual does not
     depend on the channel; means outside it are red. What cannot be tested in a closed loop is grey.
     A slope is a wrong gain, a bend at zero an asymmetry or a dead zone, a bend at the ends a limit.
+    The levels of the output are those predicted; a level at which the measured one is held, such as
+    that of a stop, is a dashed line among them.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -47,6 +49,10 @@ class OperatingPointDisplay(ComparisonPicture):
         Unit of the output.
     false_alarm : float, default=0.01
         Of the bands.
+    tests : DataFrame or None, default=None
+        ``Comparison.tests``: the levels held (test ``"level"``) that exceed chance are marked.
+    output : str, default="u"
+        Name of the output.
 
     Attributes
     ----------
@@ -58,6 +64,8 @@ class OperatingPointDisplay(ComparisonPicture):
         Mean residual by channel.
     bands_ : dict of FillBetweenPolyCollection
         Bands by channel.
+    levels_ : dict {str: list of float}
+        Levels marked, by channel.
 
     Examples
     --------
@@ -79,11 +87,13 @@ class OperatingPointDisplay(ComparisonPicture):
         unit: str | None = None,
         false_alarm: float = 0.01,
         tests: pd.DataFrame | None = None,
+        output: str = "u",
     ) -> None:
         self.by_operating_point = by_operating_point
         self.unit = unit
         self.false_alarm = false_alarm
         self.tests = tests
+        self.output = output
 
     def plot(self, ax: Any = None) -> Self:
         """Draw.
@@ -114,27 +124,33 @@ class OperatingPointDisplay(ComparisonPicture):
         self.figure_ = self.axes_[0].figure
         self.lines_: dict[str, Any] = {}
         self.bands_: dict[str, Any] = {}
+        self.levels_: dict[str, list[float]] = {}
         if not tables:
             say_instead(self.axes_[0], "Mean residual over levels: not available.")
             return self
         for i, (panel, (name, bins)) in enumerate(zip(self.axes_, tables.items(), strict=True)):
-            self.lines_[name], self.bands_[name] = draw_bins(panel, bins, self.false_alarm)
-            self._mark_level(panel, name)
+            self.lines_[name], self.bands_[name] = draw_bins(
+                panel, bins, self.false_alarm, self.output
+            )
+            self._mark_levels(panel, name)
             if not own or i % columns == 0:
                 panel.set_ylabel(residual_label(self.unit))
         explain(self.axes_, own=own)
         return self
 
-    def _mark_level(self, panel: Axes, name: str) -> None:
-        """Where the output sticks or clips, if it does."""
+    def _mark_levels(self, panel: Axes, name: str) -> None:
+        """Where the signal sticks or clips, if it does."""
         if self.tests is None:
             return
-        of_level = self.tests["test"].eq("level") & self.tests["signal"].eq(name)
-        for level in self.tests.loc[of_level & self.tests["exceeds"], "where"]:
-            panel.axvline(level, color=EXCEEDING, ls="--", lw=1.0, label="level held")
+        held = self.tests[self.tests["test"].eq("level") & exceeding(self.tests)]
+        levels = held.loc[held["signal"].eq(name), "where"].dropna().tolist()
+        for level in levels:
+            panel.axvline(level, color=EXCEEDING, ls="--", lw=1.0, label="level held, measured")
+        if levels:
+            self.levels_[name] = levels
 
 
-def draw_bins(panel: Axes, bins: pd.DataFrame, false_alarm: float) -> tuple[Any, Any]:
+def draw_bins(panel: Axes, bins: pd.DataFrame, false_alarm: float, output: str) -> tuple[Any, Any]:
     """Mean residual in the bins of one channel, and the band of chance around zero."""
     bins = bins.sort_values("center")
     at, mean, half = (bins[name].to_numpy(dtype=float) for name in ("center", "mean", "band"))
@@ -164,7 +180,7 @@ def draw_bins(panel: Axes, bins: pd.DataFrame, false_alarm: float) -> tuple[Any,
             label=beyond(false_alarm),
             zorder=3,
         )
-    panel.set_xlabel(_label(bins))
+    panel.set_xlabel(_label(bins, output))
     panel.xaxis.set_major_locator(MaxNLocator(4))
     if not valid:
         panel.set_title(CLOSED_LOOP, fontsize="small", color="0.35")
@@ -172,6 +188,10 @@ def draw_bins(panel: Axes, bins: pd.DataFrame, false_alarm: float) -> tuple[Any,
     return line, band
 
 
-def _label(bins: pd.DataFrame) -> str:
-    name, lag = bins["channel"].iloc[0], float(bins["lag"].iloc[0])
-    return f"{channel_name(name)}, {lag:.2f} s earlier" if lag > 0 else channel_name(name)
+def _label(bins: pd.DataFrame, output: str) -> str:
+    channel, lag = bins["channel"].iloc[0], float(bins["lag"].iloc[0])
+    name = channel_name(channel)
+    if channel in (output, f"{output} rate"):
+        # Not the measured one, which holds the residual itself.
+        name = f"predicted {'control ' if output == 'u' else ''}{channel}"
+    return f"{name}, {lag:.2f} s earlier" if lag > 0 else name

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from ..diagnosis.advice import SMALL
 from ._axes import BLACK, GREY, given_axes
 from ._comparison import (
     EXCEEDING,
@@ -22,19 +23,21 @@ from ._comparison import (
     say_instead,
 )
 
-SMALL = 0.05  # VAF points
 CHANGE = " change"  # ends the names of the tests that place a change in time
 CHANGE_STYLES = ("--", "-.", (0, (4, 1, 1, 1, 1, 1)))
 CHANCE = {"chance_low", "chance_high"}  # limits of the ratio of all runs, where they are known
 EVEN = "if spread evenly"
+REPEATS = {"explainable", "p_explainable"}  # of all runs, where several share the target
 
 
 class ResidualTimeDisplay(ComparisonPicture):
     """The residual over the time in the run, in windows.
 
     Above, the VAF points that each window costs, all runs together: the bars add up to 100 - VAF.
-    Below, the power of the residual relative to that of the whole run; thin lines are single
-    runs. Windows that exceed chance are red, instants at which the power changes are dashed.
+    What repeats over runs is misfit, and red where it is beyond chance; the rest is remnant, which
+    may grow without a fault of the model. Where no runs share the target, windows with more than
+    chance are red. Below, the power of the residual relative to that of the whole run; thin lines
+    are single runs. Changes in time that cost something are dashed.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -43,7 +46,8 @@ class ResidualTimeDisplay(ComparisonPicture):
     by_time : DataFrame
         ``Comparison.by_time``.
     tests : DataFrame
-        ``Comparison.tests``: the changes in time among them are marked where they exceed chance.
+        ``Comparison.tests``: the changes in time among them are marked where they exceed chance,
+        and do not cost next to nothing.
     false_alarm : float, default=0.01
         Rate of false alarms of what is marked.
 
@@ -55,6 +59,8 @@ class ResidualTimeDisplay(ComparisonPicture):
         The figure that holds them.
     bars_ : BarContainer or None
         The VAF points.
+    misfit_ : BarContainer or None
+        The part of them that is red; None where no part is.
     runs_ : dict of Line2D
         Relative power by run, where there are several.
     line_ : Line2D or None
@@ -106,7 +112,7 @@ class ResidualTimeDisplay(ComparisonPicture):
         self.band_: Any = None
         top, bottom = self.axes_
         together = self.by_time[is_of_all_runs(self.by_time)]
-        self.bars_ = draw_lost_points(top, together, self.false_alarm)
+        self.bars_, self.misfit_ = draw_lost_points(top, together, self.false_alarm)
         self.changes_ = changes_in_time(self.tests)
         if self.bars_ is None:
             say_instead(bottom, "Relative power is not available.")
@@ -130,14 +136,15 @@ class ResidualTimeDisplay(ComparisonPicture):
                 )
             raised = alone[worse_than_chance(alone)]
             if len(raised):
+                # Red is misfit, where that is known; a single run's power may be remnant.
                 panel.plot(
                     (raised["start"] + raised["stop"]) / 2,
                     raised["ratio"],
-                    color=EXCEEDING,
+                    color=BLACK if knows_repeats(together) else EXCEEDING,
                     marker="o",
-                    ms=4,
+                    ms=3,
                     ls="none",
-                    label=beyond(self.false_alarm),
+                    label=f"single run {beyond(self.false_alarm)}",
                 )
         panel.axhline(1.0, color=BLACK, lw=0.8, ls=":")
         if set(together) >= CHANCE:
@@ -154,46 +161,56 @@ class ResidualTimeDisplay(ComparisonPicture):
         panel.grid(alpha=0.3)
 
 
-def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> Any:
-    """VAF points that each window costs; None where there are none."""
+def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> tuple[Any, Any]:
+    """VAF points that each window costs, and the red part of them; None where there is none."""
     share = windows["share"].to_numpy(dtype=float)
     if not np.isfinite(share).any():
         say_instead(panel, "Where in time: not available, no window holds scored rows.")
-        return None
-    repeating = "explainable" in windows and windows["explainable"].notna().all()
-    raised = (
-        (windows["p_explainable"] < false_alarm).to_numpy()
-        if repeating
-        else worse_than_chance(windows)
-    )
+        return None, None
     start, stop = windows["start"].to_numpy(), windows["stop"].to_numpy()
-    bars = panel.bar(
-        start,
-        share,
-        width=stop - start,
-        align="edge",
-        color=RESIDUAL if repeating else np.where(raised, EXCEEDING, RESIDUAL),
-        edgecolor="white",
-        linewidth=0.6,
-    )
-    if repeating:  # what is left is noise
-        panel.bar(
-            start,
-            np.where(raised, np.clip(windows["explainable"], 0, share), 0.0),
-            width=stop - start,
-            align="edge",
-            color=EXCEEDING,
-            edgecolor="white",
-            linewidth=0.6,
-        )
+    look: dict[str, Any] = {
+        "width": stop - start,
+        "align": "edge",
+        "edgecolor": "white",
+        "linewidth": 0.6,
+    }
+    bars = panel.bar(start, share, color=RESIDUAL, **look)
+    raised = failing(windows, false_alarm)
+    misfit = None
     if raised.any():
-        panel.bar(np.nan, np.nan, color=EXCEEDING, label=beyond(false_alarm))
+        height = share
+        if knows_repeats(windows):  # a part of the bar, though estimates of it may exceed the bar
+            height = np.clip(windows["explainable"].to_numpy(dtype=float), 0, share)
+        misfit = panel.bar(
+            start,
+            np.where(raised, height, 0.0),
+            color=EXCEEDING,
+            label=failing_label(windows, false_alarm),
+            **look,
+        )
     even = np.nansum(share) * (stop - start) / np.sum((stop - start)[np.isfinite(share)])
     panel.plot(*_stairs(windows.assign(even=even), "even"), color=BLACK, lw=0.8, ls=":", label=EVEN)
     panel.set_ylabel("VAF points lost")
     panel.grid(alpha=0.3, axis="y")
     panel.set_axisbelow(True)
-    return bars
+    return bars, misfit
+
+
+def knows_repeats(windows: pd.DataFrame) -> bool:
+    """Whether it is known how much of the windows repeats over runs."""
+    return set(windows) >= REPEATS and bool(windows["p_explainable"].notna().any())
+
+
+def failing(windows: pd.DataFrame, false_alarm: float) -> np.ndarray:
+    """Windows in which the model fails: what repeats there, if that is known, is beyond chance."""
+    if knows_repeats(windows):
+        return (windows["p_explainable"] < false_alarm).to_numpy(dtype=bool)
+    return worse_than_chance(windows)
+
+
+def failing_label(windows: pd.DataFrame, false_alarm: float) -> str:
+    what = f"repeats over runs: misfit {beyond(false_alarm)}"
+    return what if knows_repeats(windows) else beyond(false_alarm)
 
 
 def worse_than_chance(windows: pd.DataFrame) -> np.ndarray:
@@ -202,11 +219,11 @@ def worse_than_chance(windows: pd.DataFrame) -> np.ndarray:
 
 
 def changes_in_time(tests: pd.DataFrame) -> dict[str, float]:
-    """What changes by more than chance, and when."""
-    names = tests["test"].astype(str).str.endswith(CHANGE).to_numpy(dtype=bool)
-    # What costs next to nothing is no finding either.
-    names &= ~(tests["cost"] < SMALL).to_numpy(dtype=bool) if "cost" in tests else True
-    found = tests[names & exceeding(tests)].dropna(subset=["where"])
+    """What changes by more than chance, and does not cost next to nothing, and when."""
+    found = tests[exceeding(tests) & tests["test"].astype(str).str.endswith(CHANGE)]
+    if "cost" in found:  # what costs next to nothing is no finding either
+        found = found[~(found["cost"] < SMALL)]
+    found = found.dropna(subset=["where"])
     return dict(zip(found["test"], found["where"].astype(float), strict=True))
 
 
