@@ -60,7 +60,7 @@ def largest_break(
     best, found = largest(scores)
     rng = np.random.default_rng(0)  # the reference distribution, the same for equal data
     values, vectors = np.linalg.eigh(information)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :] @ vectors.swapaxes(1, 2)
     draws = np.einsum("bij,dbj->dbi", root, rng.standard_normal((N_DRAWS, n_blocks, p)))
     _, reference = largest(draws)
     if np.isfinite(free):

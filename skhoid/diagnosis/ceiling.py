@@ -130,11 +130,9 @@ def _noise_power(
     """Sum of squares of the noise of a group, and the variance of the error of the gap."""
     n = group.n_samples
     S = noise.at(group.omega(noise.dt)[1:])
-    # A density that varies in time: the mean of its square exceeds the square of its mean.
-    varying = float(np.mean(noise.envelope**2) / np.mean(noise.envelope) ** 2)
     if route == "repeats":
         # r_k r_l of two runs, summed over n samples, has the variance 2 sum S^2 over the bins.
-        spread = 2 * group.n_runs / (group.n_runs - 1) * varying * 2 * float(np.sum(S**2))
+        spread = 2 * group.n_runs / (group.n_runs - 1) * noise.unevenness * 2 * float(np.sum(S**2))
         return float(np.sum(remnant**2)), spread
     assert group.lines is not None
     periodogram = np.abs(fft.rfft(remnant[0], norm="ortho")) ** 2
@@ -224,6 +222,8 @@ def _part_by_way_of_error(r: np.ndarray, response: np.ndarray, group: Group, noi
     if group.n_runs == 1 or not response.any():
         return 1.0
     deviations = [part - part.mean(axis=0) for part in (r, response)]
+    if np.sum(deviations[0] ** 2) <= SILENT * np.sum(r**2):
+        return 1.0
     top = noise.omega[noise.known(noise.omega)].max()
     n = group.n_samples
     m = min(n, max(int(np.ceil(top * noise.dt / np.pi * n)), 8 * N_AR))

@@ -97,7 +97,7 @@ def _correlation(
         cross += fft.irfft(R * Z.conj(), size)[lags]
         auto += fft.irfft(np.abs(Z) ** 2, size)[step * np.arange(2 * n_lags + 1)]
     values, vectors = np.linalg.eigh(toeplitz(auto / power_z))
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     # The same draws for equal data; the largest of them has the distribution without a fault.
     draws = np.random.default_rng(0).standard_normal((N_DRAWS, lags.size)) @ root.T
     return (

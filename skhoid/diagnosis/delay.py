@@ -116,9 +116,9 @@ def _misfit(
     for _ in range(N_ITERATIONS):
         weight = 1 / (np.sqrt(S) * np.abs(denominator))
         A, b = columns * weight[:, None], U * weight
-        gram = np.real(A.conj().T @ A)
-        gram += 1e-12 * np.trace(gram) * np.eye(len(gram))
-        c = np.linalg.solve(gram, np.real(A.conj().T @ b))
+        A /= (unit := np.sqrt(np.sum(np.abs(A) ** 2, axis=0)))
+        gram = np.real(A.conj().T @ A) + 1e-12 * np.eye(A.shape[1])
+        c = np.linalg.solve(gram, np.real(A.conj().T @ b)) / unit
         denominator = 1 + c[2] * s + c[3] * s**2
         error = U - (c[0] + c[1] * s) * input_ / denominator
     return float(np.sum(2 * np.abs(error) ** 2 / S)), float(np.sum(2 * np.abs(error) ** 2))

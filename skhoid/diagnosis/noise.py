@@ -53,6 +53,11 @@ class Noise:
             / float(np.sum(self.density * spacing)) ** 2
         )
 
+    @property
+    def unevenness(self) -> float:
+        """Mean of the squared power over time, over the square of the mean power; 1 if steady."""
+        return float(np.mean(self.envelope**2) / np.mean(self.envelope) ** 2)
+
     def covariance(self, Z: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Covariance of Z' n under noise alone."""
         Fz = fft.rfft(Z * self.scale(time)[:, None], axis=0, norm="ortho")
@@ -101,9 +106,9 @@ def noise_of(
     longest = max(len(record) for record in records)
     omega = 2 * np.pi * fft.rfftfreq(longest, dt)[1:]
     power, count = np.zeros(omega.size), np.zeros(omega.size)
-    for record, bins in zip(records, without, strict=True):
+    for record, bins, known in zip(records, without, scored, strict=True):
         n = len(record)
-        periodogram = np.abs(fft.rfft(record, norm="ortho")) ** 2
+        periodogram = np.abs(fft.rfft(record, norm="ortho")) ** 2 / known.mean()
         used = np.ones(periodogram.size)
         used[0] = 0.0
         if bins is not None:

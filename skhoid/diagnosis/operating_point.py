@@ -170,7 +170,7 @@ def _linear_in_remnant(r: np.ndarray, z: np.ndarray, known: np.ndarray) -> np.nd
 def _largest_of_bins(covariance: np.ndarray, sd: np.ndarray, free: float) -> np.ndarray:
     """Draws of the largest mean, in its standard deviations, that noise alone would give."""
     values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     rng = np.random.default_rng(0)
     draws = rng.standard_normal((N_DRAWS, sd.size)) @ root.T
     return np.abs(draws).max(axis=1) / np.sqrt(rng.chisquare(free, N_DRAWS) / free)

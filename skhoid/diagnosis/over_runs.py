@@ -73,7 +73,7 @@ def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, lis
     if used.size >= 3 and np.all(power > 0):
         order = np.argsort(used)
         used, duration, power = used[order], duration[order], power[order]
-        free = duration / ceiling.noise.correlation_time
+        free = duration / (ceiling.noise.correlation_time * ceiling.noise.unevenness)
         # The logarithm of a mean square with f degrees of freedom scatters by about sqrt(2 / f).
         log = np.log(power)
         scatter = np.sqrt(2 / free)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.signal import ShortTimeFFT
 from scipy.signal.windows import hann
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling
@@ -95,32 +95,29 @@ def _repeating(
     signals: Signals, ceiling: Ceiling, edges: np.ndarray, table: pd.DataFrame
 ) -> dict[str, np.ndarray]:
     """VAF points of each window that repeat over runs, and the p-value that they are noise."""
-    lost, spread = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
-    known = False
+    n = edges.size - 1
+    repeated, noise, runs = np.zeros(n), np.zeros(n), []
+    free = np.zeros((2, n))
     for group in signals.groups:
         if group.n_runs < 2:
             continue
-        known = True
         r = signals.residual[group.rows]
         mean = r.mean(axis=0)
-        noise = np.sum((r - mean) ** 2, axis=0) / (group.n_runs - 1)
         time = signals.layout.time[group.rows[0]]
-        at = np.clip(np.searchsorted(edges, time + signals.dt / 4, side="right") - 1, 0, None)
-        at = np.minimum(at, edges.size - 2)
-        lost += np.bincount(at, group.n_runs * mean**2 - noise, edges.size - 1)
-        # The product of two runs' noise, as for the ceiling, over the samples of the window.
-        variance = np.bincount(at, noise, edges.size - 1) ** 2
-        count = np.maximum(np.bincount(at, minlength=edges.size - 1), 1) * signals.dt
-        pairs = 2 * group.n_runs / (group.n_runs - 1)
-        spread += pairs * variance * ceiling.noise.correlation_time / count
+        at = np.clip(np.searchsorted(edges, time + signals.dt / 4, side="right") - 1, 0, n - 1)
+        repeated += np.bincount(at, group.n_runs * mean**2, n)
+        noise += np.bincount(at, np.sum((r - mean) ** 2, axis=0) / (group.n_runs - 1), n)
+        count = np.bincount(at, minlength=n) * signals.dt / ceiling.noise.correlation_time
+        free += np.stack([count, count * (group.n_runs - 1)])
+        runs.append(group.n_runs)
     power = float(np.sum(signals.y[signals.scored] ** 2))
-    if not known or not power:
+    if not runs or not power:
         return {}
     used = np.isin(edges[:-1], table["start"])
     with np.errstate(divide="ignore", invalid="ignore"):
-        p = norm.sf(lost / np.sqrt(spread))
+        p = f_distribution.sf(repeated / noise, *np.maximum(free, 1.0))
     return {
-        "explainable": (100 * lost / power)[used],
+        "explainable": (100 * (repeated - noise) / power)[used],
         "p_explainable": of_several(np.nan_to_num(p, nan=1.0))[used],
     }
 

@@ -26,6 +26,7 @@ BESIDE = 0.05  # of the lines, at most, are neighbours
 BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
 SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
 LONGEST_SETTLING = 10.0  # s
+MOST_MASKED = 0.05  # of the rows; a longer settling is cut off, and whole periods with it
 RAMPS = 0.04  # of a run, both ends together
 OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
 LEAST_ROWS = 64  # of a run, for spectra and tests
@@ -149,6 +150,8 @@ def read_signals(
         settling = _settling_rows(model, X, layout, trimmed, predicted)
         if settling.any() and (used & ~settling).any():
             scored = used & ~settling
+            if settling.mean() > MOST_MASKED:
+                used = scored
             longest = max(np.diff(np.flatnonzero(np.diff(np.r_[0, settling, 0])))[::2])
             notes.append(
                 f"the first {longest * layout.dt:.3g} s of each run, in which the free run "
