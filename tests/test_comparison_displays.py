@@ -11,6 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from hidden_effects import Effects, simulate_runs
 from matplotlib.colors import same_color
 from scipy.stats import norm
 
@@ -26,7 +27,7 @@ from skhoid.plotting import (
     ResidualTimeDisplay,
     RunComparisonDisplay,
 )
-from skhoid.plotting._comparison import EXCEEDING
+from skhoid.plotting._comparison import EXCEEDING, RESIDUAL
 
 DISPLAYS = [
     ComparisonDisplay,
@@ -118,6 +119,48 @@ def all_runs(table):
     return table[table["run"] == "all"]
 
 
+def heights(bars):
+    return [bar.get_height() for bar in bars]
+
+
+def labels_in(display):
+    """Labels of everything drawn in the panels."""
+    return {label for p in display.axes_ for label in p.get_legend_handles_labels()[1]}
+
+
+def repeating(table, **by_window):
+    """Windows of which it is known what repeats: nothing but as stated, {window: (points, p)}."""
+    known = (table["run"] == "all").to_numpy()
+    table = table.assign(
+        explainable=np.where(known, 0.0, np.nan), p_explainable=np.where(known, 1.0, np.nan)
+    )
+    for window, (points, p) in by_window.items():
+        at = table.index[int(window[1:])]
+        table.loc[at, ["explainable", "p_explainable"]] = points, p
+    return table
+
+
+def of_all_alone(table):
+    """Windows of which it is not known what repeats."""
+    return table.drop(columns=["explainable", "p_explainable"])
+
+
+def a_test(name, signal="residual", **columns):
+    row = {
+        "test": name,
+        "signal": signal,
+        "statistic": 9.0,
+        "p": 1e-9,
+        "exceeds": True,
+        "where": 20.0,
+        "size": 1.0,
+        "cost": np.nan,
+        "valid": True,
+        "description": "",
+    }
+    return row | columns
+
+
 def test_page_shows_the_worst_window_of_the_worst_run(found):
     display = ComparisonDisplay.from_comparison(found)
     validation = found.by_run[found.by_run["data"] == "validation"]
@@ -134,6 +177,38 @@ def test_page_shows_the_worst_window_of_the_worst_run(found):
     assert list(display.lines_) == ["measured", "predicted"]
 
 
+@pytest.mark.parametrize(
+    ("failing", "shaded"),
+    [([], []), ([7], [7]), ([0, 6], [6]), (range(16), [5, 6, 7, 8, 9])],
+)
+def test_page_shades_windows_in_which_misfit_repeats(found, failing, shaded):
+    table = found.by_time.assign(exceeds=True)  # remnant of the run shown does not count
+    table.loc[(table["run"] == "2") & (table["start"] == table["start"][7]), "rmse"] = 99.0
+    runs = found.by_run.assign(vaf=np.where(found.by_run["run"] == "2", -99.0, 0.0))
+    windows = {f"w{i}": (1.0, 1e-9) for i in failing}
+    display = ComparisonDisplay.from_comparison(
+        dataclasses.replace(found, by_run=runs, by_time=repeating(table, **windows))
+    )
+    assert display.window_ == (table["start"][7], table["stop"][7])
+    red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], EXCEEDING)]
+    assert sorted(p.get_x() for p in red) == table["start"][list(shaded)].tolist()
+    labels = display.axes_[0].get_legend_handles_labels()[1]
+    others = set(shaded) - {7}  # the worst window has a label of its own
+    assert ("repeats over runs: misfit" in labels) == bool(others)
+
+
+def test_page_of_runs_that_do_not_repeat_shades_windows_beyond_chance(found):
+    table = of_all_alone(found.by_time)
+    table = table.assign(exceeds=(table["run"] != "all") & (table["ratio"] > 1))
+    display = ComparisonDisplay.from_comparison(dataclasses.replace(found, by_time=table))
+    raised = table[table["exceeds"] & (table["run"] == display.run_)]
+    left, right = display.axes_[0].get_xlim()
+    seen = raised[(raised["start"] < right) & (raised["stop"] > left)]
+    red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], EXCEEDING)]
+    assert {p.get_x() for p in red} == set(seen["start"])
+    assert len(red) > 1
+
+
 def test_page_says_how_good_and_what_first(found):
     first = Finding("gain", "The gain is 50 % too low.", "p < 0.001", "", "")
     told = ComparisonDisplay.from_comparison(dataclasses.replace(found, findings=[first]))
@@ -146,14 +221,35 @@ def test_page_says_how_good_and_what_first(found):
     assert untold.figure_.get_suptitle() == title.split("\n")[0]
 
 
-def test_page_takes_the_channel_with_the_strongest_evidence(found):
+def amplitude_of_page(found, tests):
+    """What the page shows of amplitude, where the mean residual is largest over x."""
     table = found.by_operating_point
     x = table["channel"] == "x"
     table = table.assign(mean=table["mean"].where(~x, 50 * table["band"]), valid=True)
     display = ComparisonDisplay.from_comparison(
-        dataclasses.replace(found, by_operating_point=table)
+        dataclasses.replace(found, by_operating_point=table, tests=tests)
     )
-    assert "output x" in display.axes_[3].get_xlabel()
+    return display.axes_[3].get_xlabel()
+
+
+def test_page_takes_the_channel_of_the_strongest_test_of_shape(found):
+    tests = pd.DataFrame(
+        [
+            a_test("nonlinearity", "e", statistic=20.0),
+            a_test("asymmetry", "f_t", statistic=30.0),
+            a_test("nonlinearity", "x", statistic=90.0, exceeds=False),
+            a_test("nonlinearity", "force", statistic=90.0),  # has no bins
+            a_test("nonlinearity", "u", statistic=np.nan),
+            a_test("cross-correlation", "x", statistic=90.0),
+        ]
+    )
+    assert "target" in amplitude_of_page(found, tests)
+    assert "error" in amplitude_of_page(found, tests.drop(index=1))
+
+
+def test_page_takes_the_channel_furthest_outside_its_band_where_no_test_exceeds(found):
+    assert "output x" in amplitude_of_page(found, found.tests.assign(exceeds=False))
+    assert "output x" in amplitude_of_page(found, found.tests.iloc[:0])
 
 
 def test_bar_adds_up(found):
@@ -216,19 +312,55 @@ def test_bar_of_a_ceiling_known_for_some_runs():
 
 
 def test_time_shows_shares_and_ratios(found):
-    table = marked(found.by_time, 3, 12)
-    assert (table["ratio"].iloc[[3, 12]] > 1).tolist() == [False, True]
+    table = found.by_time
     display = ResidualTimeDisplay(by_time=table, tests=found.tests).plot()
     together = all_runs(table)
-    heights = [bar.get_height() for bar in display.bars_]
-    np.testing.assert_allclose(heights, together["share"])
-    assert sum(heights) == pytest.approx(100 - found.vaf)
-    red = [same_color(bar.get_facecolor(), EXCEEDING) for bar in display.bars_]
-    assert np.flatnonzero(red).tolist() == [12]
+    np.testing.assert_allclose(heights(display.bars_), together["share"])
+    assert sum(heights(display.bars_)) == pytest.approx(100 - found.vaf)
     assert list(display.runs_) == list("01234")
     third = table[table["run"] == "2"]
     np.testing.assert_array_equal(display.runs_["2"].get_ydata()[::2], third["ratio"])
     np.testing.assert_array_equal(display.line_.get_ydata()[1::2], together["ratio"])
+
+
+def test_time_is_red_where_what_repeats_is_beyond_chance(found):
+    share = found.by_time["share"]
+    table = repeating(
+        found.by_time.assign(exceeds=True),  # remnant may grow
+        w2=(share[2] / 2, 1e-4),
+        w5=(share[5] / 2, 0.5),
+        w9=(2 * share[9], 1e-9),  # an estimate; the bar is not exceeded
+        w11=(share[11], np.nan),
+    )
+    display = ResidualTimeDisplay(by_time=table, tests=found.tests).plot()
+    assert all(same_color(bar.get_facecolor(), RESIDUAL) for bar in display.bars_)
+    assert all(same_color(bar.get_facecolor(), EXCEEDING) for bar in display.misfit_)
+    expected = np.zeros(len(display.bars_))
+    expected[[2, 9]] = share[2] / 2, share[9]
+    np.testing.assert_allclose(heights(display.misfit_), expected)
+    assert {"repeats over runs: misfit", "does not repeat"} <= labels_in(display)
+    # Nor is the remnant of single runs red.
+    assert not any(same_color(line.get_color(), EXCEEDING) for line in display.axes_[1].lines)
+
+
+def test_time_is_not_red_where_nothing_repeats(found):
+    table = repeating(found.by_time.assign(exceeds=True))
+    display = ResidualTimeDisplay(by_time=table, tests=found.tests).plot()
+    assert display.misfit_ is None
+    assert not {"repeats over runs: misfit", "does not repeat"} & labels_in(display)
+
+
+@pytest.mark.parametrize(
+    "unknown", [of_all_alone, lambda table: repeating(table).assign(p_explainable=np.nan)]
+)
+def test_time_of_runs_that_do_not_repeat_is_red_where_more_is_lost(found, unknown):
+    table = marked(found.by_time, 3, 12)
+    assert (table["ratio"].iloc[[3, 12]] > 1).tolist() == [False, True]
+    display = ResidualTimeDisplay(by_time=unknown(table), tests=found.tests).plot()
+    red = np.flatnonzero(heights(display.misfit_))
+    assert red.tolist() == [12]
+    assert display.misfit_[12].get_height() == table["share"][12]
+    assert "beyond chance (1 %)" in labels_in(display)
 
 
 def test_time_shows_what_chance_gives(found):
@@ -248,6 +380,22 @@ def test_time_marks_changes_that_exceed_chance(found):
         assert marks == set(display.changes_.values())
     quiet = found.tests.assign(exceeds=False)
     assert ResidualTimeDisplay(by_time=found.by_time, tests=quiet).plot().changes_ == {}
+
+
+def test_time_does_not_mark_changes_that_cost_next_to_nothing(found):
+    tests = pd.DataFrame(
+        [
+            a_test("gain change", cost=0.049),
+            a_test("delay change", cost=0.051, where=30.0),
+            a_test("remnant power change", where=40.0),  # no model wins it back: it has no cost
+            a_test("mean change", where=np.nan),
+            a_test("lag", where=50.0),
+        ]
+    )
+    display = ResidualTimeDisplay(by_time=found.by_time, tests=tests).plot()
+    assert display.changes_ == {"delay change": 30.0, "remnant power change": 40.0}
+    without = ResidualTimeDisplay(by_time=found.by_time, tests=tests.drop(columns="cost")).plot()
+    assert without.changes_ == {"gain change": 20.0} | display.changes_
 
 
 def test_time_of_one_run_has_no_thin_lines(of_one_run):
@@ -304,6 +452,49 @@ def test_operating_points(found):
         assert vertices[:, 1].max() == pytest.approx(bins["band"].max())
         red = [line for line in panel.lines if same_color(line.get_color(), EXCEEDING)]
         assert sum(len(line.get_xdata()) for line in red) == bins["exceeds"].sum()
+
+
+def test_operating_points_of_the_output_are_those_predicted(found):
+    display = OperatingPointDisplay.from_comparison(found)
+    named = dict(zip(display.lines_, (p.get_xlabel() for p in display.axes_), strict=True))
+    assert named["u"] == "predicted control u"
+    assert named["u rate"] == "predicted control u rate"
+    assert "predicted" not in named["e"] + named["x"] + named["f_t"]
+    table = found.by_operating_point.replace({"channel": {"u": "force", "u rate": "force rate"}})
+    other = OperatingPointDisplay(by_operating_point=table, output="force").plot()
+    assert [p.get_xlabel() for p in other.axes_[-2:]] == [
+        "predicted force",
+        "predicted force rate",
+    ]
+
+
+def test_levels_held_are_marked_in_the_panel_of_the_output(found):
+    tests = pd.DataFrame(
+        [
+            a_test("level", "u", where=-0.15),
+            a_test("level", "u", where=0.15),
+            a_test("level", "u", where=np.nan),
+            a_test("level", "u", where=0.3, exceeds=False),
+            a_test("level", "force", where=0.4),
+            a_test("outlier", "u", where=0.5),
+        ]
+    )
+    table = found.by_operating_point
+    display = OperatingPointDisplay(by_operating_point=table, tests=tests).plot()
+    assert display.levels_ == {"u": [-0.15, 0.15]}
+    for name, panel in zip(display.lines_, display.axes_, strict=True):
+        dashed = [line for line in panel.lines if line.get_linestyle() == "--"]
+        assert [line.get_xdata()[0] for line in dashed] == display.levels_.get(name, [])
+    for none in (None, tests.iloc[:0], tests.assign(exceeds=np.nan)):
+        bare = OperatingPointDisplay(by_operating_point=table, tests=none).plot()
+        assert bare.levels_ == {}
+
+
+def test_levels_of_a_stop_are_marked():
+    X, y, _ = simulate_runs("C1", 3, effects=Effects(saturation=0.15))
+    display = OperatingPointDisplay.from_estimator(ARXRegressor(nk=29).fit(X, y), X, y)
+    np.testing.assert_allclose(np.abs(display.levels_["u"]), 0.15, atol=1e-6)
+    assert {"level held, measured"} <= labels_in(display)
 
 
 def test_what_is_no_test_is_said_and_not_red(found):

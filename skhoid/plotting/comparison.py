@@ -237,7 +237,7 @@ class ComparisonDisplay(ComparisonPicture):
             if window == worst:
                 colour = EXCEEDING
             else:
-                label = f"also {failing_label(rule, self.false_alarm)}"
+                label = failing_label(rule, self.false_alarm)
                 panel.axvspan(*window, color=EXCEEDING, alpha=0.12, lw=0, label=label)
         label = "worst window of the worst run"
         panel.axvspan(*worst, color=colour, alpha=0.3, lw=0, label=label)

@@ -17,10 +17,11 @@ SHOWN = 99.0  # percentile that the scale holds
 
 
 class ResidualMapDisplay(ComparisonPicture):
-    """Power of the residual over time and frequency, relative to the noise expected there.
+    """Power of the residual over time and frequency, relative to the mean noise of the frequency.
 
-    White is what chance gives, red is more, blue less. Dots mark cells with more than chance gives
-    any cell of the map.
+    White is that noise, red is more, blue less. Dots mark cells with more than chance gives any
+    cell of the map if the noise does not change in time: a column of red and dots at all
+    frequencies is remnant that grows, red and dots at some frequencies are misfit.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -120,7 +121,7 @@ class ResidualMapDisplay(ComparisonPicture):
         self.ax_.set_xlabel("time in the run, s")
         self.ax_.set_ylabel("frequency, rad/s")
         self.colorbar_ = self.figure_.colorbar(
-            self.mesh_, ax=self.ax_, label="residual power / noise, dB (0: chance)", extend="both"
+            self.mesh_, ax=self.ax_, label="residual power / mean noise, dB", extend="both"
         )
         return self
 

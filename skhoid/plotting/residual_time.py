@@ -117,6 +117,8 @@ class ResidualTimeDisplay(ComparisonPicture):
         if self.bars_ is None:
             say_instead(bottom, "Relative power is not available.")
             return self
+        if self.misfit_ is not None and knows_repeats(together):
+            self.bars_.set_label("does not repeat")
         self._draw_power(bottom, together)
         for panel in self.axes_:
             mark_changes(panel, self.changes_)
@@ -209,8 +211,7 @@ def failing(windows: pd.DataFrame, false_alarm: float) -> np.ndarray:
 
 
 def failing_label(windows: pd.DataFrame, false_alarm: float) -> str:
-    what = f"repeats over runs: misfit {beyond(false_alarm)}"
-    return what if knows_repeats(windows) else beyond(false_alarm)
+    return "repeats over runs: misfit" if knows_repeats(windows) else beyond(false_alarm)
 
 
 def worse_than_chance(windows: pd.DataFrame) -> np.ndarray:
