@@ -70,7 +70,7 @@ def _runs(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
                 "Look at its traces. Validate with and without it.",
                 "RunComparisonDisplay",
             )
-        if name == "learning":
+        if name == "learning" and "outlying run" not in {other for other, _ in sure}:
             more = "grows" if test.size > 0 else "falls"
             yield Finding(
                 "learning",

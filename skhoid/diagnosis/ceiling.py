@@ -205,7 +205,9 @@ def _answered(
     scattered = rest - rest.mean(axis=0) if group.n_runs > 1 else rest - _on_lines(rest, group)
     slope = 2 * sum((L.T @ x for L, x in zip(lagged, scattered, strict=True)), np.zeros(n))
     slope *= group.n_runs / max(group.n_runs - 1, 1)
-    return rest, float(slope @ inverse @ V @ inverse.T @ slope)
+    of_taps = inverse @ V @ inverse.T
+    curved = of_taps @ sum((L.T @ L for L in lagged), np.zeros((n, n)))
+    return rest, float(slope @ of_taps @ slope) + 2 * float(np.sum(curved * curved.T))
 
 
 def _varying(lagged: np.ndarray, shapes: np.ndarray) -> np.ndarray:

@@ -84,8 +84,11 @@ def tests_of_changes(signals: Signals, ceiling: Ceiling, sums: BlockSums) -> lis
         found.append(_test("remnant power change", change, sums, change.ratio - 1, "of its power"))
     change = _largest(sums.means, ceiling.noise.free)
     if change is not None:
+        before = (change.block + 1) / N_BLOCKS
         step = float(change.after[0] - change.before[0])
-        found.append(_test("mean change", change, sums, step, "of the mean residual"))
+        power = float(np.mean(signals.y[signals.scored] ** 2))
+        cost = 100 * step**2 * before * (1 - before) / power
+        found.append(_test("mean change", change, sums, step, "of the mean residual", cost))
     return found
 
 

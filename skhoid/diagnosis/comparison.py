@@ -258,6 +258,10 @@ def compare(
     table["p"], table["exceeds"] = p, p < false_alarm
     estimation_vaf = ratio = np.nan
     if estimation is not None:
+        if not isinstance(estimation, (tuple, list)) or len(estimation) != 2:
+            raise TypeError(
+                "estimation is the pair (X, y) of the runs that the model was fitted on."
+            )
         fitted = read_signals(model, *estimation, repeats=False, **options)
         estimation_vaf = _pooled(fitted, fitted.predicted)
         table = pd.concat([table, by_run(fitted, "estimation")], ignore_index=True)
@@ -267,10 +271,12 @@ def compare(
     correlation, of_correlation = correlations(signals, ceiling, false_alarm)
     amplitude, of_amplitude = by_operating_point(signals, ceiling, false_alarm)
     sums = BlockSums.of(signals, ceiling)
+    linear = linear_misfit(signals, ceiling)
+    lag = next((test.size for test in linear if test.test == "lag"), 0.0)
     tests = [
         *_gap_test(ceiling),
-        *linear_misfit(signals, ceiling),
-        *delay_test(signals, ceiling),
+        *linear,
+        *delay_test(signals, ceiling, lag),
         *tests_of_changes(signals, ceiling, sums),
         *distortion_tests(signals, ceiling),
         *of_correlation,
@@ -279,7 +285,8 @@ def compare(
         *tests,
     ]
     known = np.isfinite(signals.one_step)
-    low, high = ceiling.interval
+    # With rows that have no route left out, the ceiling is that of all rows that count.
+    low, high = (edge - ceiling.vaf + vaf for edge in ceiling.interval)
     found = Comparison(
         model_name=_name_of(model),
         output=signals.output,
@@ -292,7 +299,7 @@ def compare(
         estimation_vaf=estimation_vaf,
         overfit_ratio=ratio,
         overfit=None if np.isnan(ratio) else bool(ratio > OVERFIT),
-        noise_ceiling=ceiling.value,
+        noise_ceiling=vaf + ceiling.gap,
         noise_ceiling_interval=(low, high),
         explainable_gap=ceiling.gap,
         ceiling_route=ceiling.route,

@@ -20,12 +20,13 @@ SHARE = 0.999  # of the power of the response, in the frequencies used
 PARAMETERS = 5  # b0, b1, a1, a2 and the delay
 
 
-def delay_test(signals: Signals, ceiling: Ceiling) -> list[Test]:
+def delay_test(signals: Signals, ceiling: Ceiling, lag: float) -> list[Test]:
     """Fit a gain, lead and second-order lag with every delay, to measurement and to model.
 
     H(jω) = (b0 + b1 jω) exp(-jωτ) / (1 + a1 jω + a2 (jω)²), the structure of Eq. 3 of the thesis,
     by iterated least squares (Sanathanan and Koerner 1963) at the frequencies at which there is a
-    response, between the parts of signals that are caused from outside the loop.
+    response, between the parts of signals that are caused from outside the loop. The search goes
+    downhill from the delay of the model, and from there by the ``lag`` of the response (s).
     """
     spectra = _spectra(signals, ceiling)
     if spectra is None:
@@ -38,7 +39,11 @@ def delay_test(signals: Signals, ceiling: Ceiling) -> list[Test]:
     measured, beside = np.array([_misfit(omega, E, U, S, tau) for tau in delays]).T
     model, _ = np.array([_misfit(omega, E, M, S, tau) for tau in delays]).T
     of_model = int(np.argmin(model))
-    best = _nearest_minimum(measured, of_model)
+    by_lag = int(np.clip(round((delays[of_model] + lag) / delays[1]), 0, N_DELAYS - 1))
+    best = min(
+        (_nearest_minimum(measured, start) for start in (of_model, by_lag)),
+        key=lambda k: float(measured[k]),
+    )
     free = 2 * omega.size - PARAMETERS
     scatter = max(measured[best] / free, 1.0)
     fall = float((measured[of_model] - measured[best]) / scatter)
@@ -116,9 +121,10 @@ def _misfit(
     for _ in range(N_ITERATIONS):
         weight = 1 / (np.sqrt(S) * np.abs(denominator))
         A, b = columns * weight[:, None], U * weight
-        A /= (unit := np.sqrt(np.sum(np.abs(A) ** 2, axis=0)))
+        unit = np.sqrt(np.sum(np.abs(A) ** 2, axis=0))
+        A /= np.where(unit > 0, unit, 1.0)
         gram = np.real(A.conj().T @ A) + 1e-12 * np.eye(A.shape[1])
-        c = np.linalg.solve(gram, np.real(A.conj().T @ b)) / unit
+        c = np.linalg.solve(gram, np.real(A.conj().T @ b)) / np.where(unit > 0, unit, 1.0)
         denominator = 1 + c[2] * s + c[3] * s**2
         error = U - (c[0] + c[1] * s) * input_ / denominator
     return float(np.sum(2 * np.abs(error) ** 2 / S)), float(np.sum(2 * np.abs(error) ** 2))

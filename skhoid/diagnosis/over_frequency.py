@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pandas as pd
 from scipy import fft
+from scipy.signal.windows import hann
 from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling
@@ -15,6 +16,7 @@ from .tests_table import Test, of_several
 
 N_BANDS = 16  # at most
 WIDTH = 1.4  # ratio of the ends of a band, at least
+HANN = 35 / 18  # 1 + 2 (2/3)^2 + 2 (1/6)^2: correlation of bins under a Hann window
 SHARED = 0.95  # of the lines, that several targets must have in common
 LINES_SHARE_NOISE = 10  # neighbourhoods of the density that lines over all frequencies draw on
 FEW = 60  # excited lines; more of them are taken together in bands
@@ -62,15 +64,21 @@ def by_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.D
 
 
 class _Part:
-    """Transforms of a group: target, driving signal, output, prediction and residual by run."""
+    """Transforms of a group: target, driving signal, output, prediction and residual by run.
+
+    A target without excited lines leaks over the ends of its window; responses to it are taken
+    between signals under a Hann window, which leaves neighbouring bins correlated.
+    """
 
     def __init__(self, group: Group, signals: dict[str, np.ndarray], lines: np.ndarray | None):
         self.group = group
         self.lines = lines
+        self.correlated = 1.0 if lines is not None else HANN
         self.F = signals.get("f_t")
         self.E = signals.get("driving")
         self.U, self.M = signals["u"], signals["model"]
         self.R = self.U - self.M
+        self.output, self.residual = self.U, self.R
 
     @classmethod
     def of(cls, signals: Signals, group: Group, n: int) -> _Part:
@@ -80,8 +88,22 @@ class _Part:
             values["f_t"] = signals.channels["f_t"]
         if signals.driving is not None:
             values["driving"] = signals.channels[signals.driving]
-        spectra = {k: fft.rfft(v[rows], axis=1, norm="ortho") for k, v in values.items()}
-        return cls(group, spectra, group.lines if group.n_samples == n else None)
+        lines = group.lines if group.n_samples == n else None
+        window = np.ones(n)
+        if lines is None:
+            window = hann(n, sym=False)
+            window /= np.sqrt(np.mean(window**2))
+        spectra = {
+            k: fft.rfft(
+                (v[rows] - v[rows].mean(axis=1, keepdims=True)) * window, axis=1, norm="ortho"
+            )
+            for k, v in values.items()
+        }
+        part = cls(group, spectra, lines)
+        if lines is None:  # powers are those of the signals as they are
+            part.output = fft.rfft(signals.y[rows], axis=1, norm="ortho")
+            part.residual = fft.rfft(signals.residual[rows], axis=1, norm="ortho")
+        return part
 
 
 def _sets_of_bins(parts: list[_Part], n: int, omega: np.ndarray) -> list[tuple[str, np.ndarray]]:
@@ -229,8 +251,8 @@ def _row(
     weight = np.where((bins == omega.size - 1) & (omega.size > 1), 1.0, 2.0)
     density = dt / np.pi
     n_runs = sum(part.group.n_runs for part in parts)
-    U2 = sum(np.sum(np.abs(part.U[:, bins]) ** 2, axis=0) for part in parts)
-    R2 = sum(np.sum(np.abs(part.R[:, bins]) ** 2, axis=0) for part in parts)
+    U2 = sum(np.sum(np.abs(part.output[:, bins]) ** 2, axis=0) for part in parts)
+    R2 = sum(np.sum(np.abs(part.residual[:, bins]) ** 2, axis=0) for part in parts)
     row: dict[str, object] = {
         "omega": float(np.exp(np.mean(np.log(omega[bins])))),
         "kind": kind,
@@ -243,26 +265,28 @@ def _row(
         **dict.fromkeys(COLUMNS[7:14], np.nan),
     }
     if kind in ("excited", "band") and parts[0].F is not None:
-        row |= _response(bins, parts, S[bins], free)
+        row |= _response(bins, parts, S[bins], bool(known[bins].all()), free)
     elif route == "repeats" and known[bins].all():
         row["p"] = _repeatable(bins, parts, S[bins], free)
     return row
 
 
-def _response(bins: np.ndarray, parts: list[_Part], S: np.ndarray, free: float) -> dict[str, float]:
+def _response(
+    bins: np.ndarray, parts: list[_Part], S: np.ndarray, known: bool, free: float
+) -> dict[str, float]:
     """Response in a band by way of the target, and a test of the residual's."""
     FF = FE = FU = FM = FR = U2 = spread = 0.0 + 0.0j
     for part in parts:
         F = part.F[:, bins]  # type: ignore[index]
         FF += np.sum(np.abs(F) ** 2)
-        spread += np.sum(np.abs(F) ** 2 * S)
+        spread += part.correlated * np.sum(np.abs(F) ** 2 * S)
         FE += np.sum(F.conj() * part.E[:, bins])  # type: ignore[index]
         FU += np.sum(F.conj() * part.U[:, bins])
         FM += np.sum(F.conj() * part.M[:, bins])
         FR += np.sum(F.conj() * part.R[:, bins])
         U2 += np.sum(np.abs(part.U[:, bins]) ** 2)
     row: dict[str, float] = {}
-    if spread.real > 0:
+    if spread.real > 0 and known:
         row["p"] = float(f_distribution.sf(abs(FR) ** 2 / spread.real, 2, free))
     if abs(FE) > 0 and FF.real > 0:
         measured, model = FU / FE, FM / FE

@@ -18,6 +18,7 @@ from .._sklearn import safe_indexing
 from ..exceptions import MissingDataWarning, RunIndexError, ShortRunError
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import raw_layout, reach_model, trimmed_rows
+from ..preprocessing.base import check_numbers
 from ..runs import RunLayout, check_alignment, run_name
 
 SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
@@ -26,7 +27,7 @@ BESIDE = 0.05  # of the lines, at most, are neighbours
 BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
 SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
 LONGEST_SETTLING = 10.0  # s
-MOST_MASKED = 0.05  # of the rows; a longer settling is cut off, and whole periods with it
+MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole periods with them
 RAMPS = 0.04  # of a run, both ends together
 OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
 LEAST_ROWS = 64  # of a run, for spectra and tests
@@ -142,14 +143,19 @@ def read_signals(
     trimmed = trimmed_rows(model, X)
     used = scored_rows(layout, run_in, None) & ~trimmed
     scored_signals(measured, predicted, used, layout, False)  # for its checks
-    used &= ~np.isnan(measured)
+    missing = np.isnan(measured)
     channels = _channels(model, X, roles, run)
     notes = []
-    scored = used
+    scored = used & ~missing
+    if missing[used].mean() <= MOST_MASKED:
+        # A few missing values do not cut a run: there is no residual in them.
+        measured = np.where(missing, predicted, measured)
+    else:
+        used = scored
     if run_in is None:
         settling = _settling_rows(model, X, layout, trimmed, predicted)
-        if settling.any() and (used & ~settling).any():
-            scored = used & ~settling
+        if settling.any() and (scored & ~settling).any():
+            scored = scored & ~settling
             if settling.mean() > MOST_MASKED:
                 used = scored
             longest = max(np.diff(np.flatnonzero(np.diff(np.r_[0, settling, 0])))[::2])
@@ -159,7 +165,7 @@ def read_signals(
             )
             # Spectra and tests go over whole periods of the target; nothing is missing there.
             predicted = np.where(used & settling, measured, predicted)
-    n_missing = int(np.isnan(measured).sum())
+    n_missing = int(missing.sum())
     if n_missing:
         notes.append(f"{n_missing} rows in which the output is missing are left out")
     stretches = _longest_stretches(layout, used, channels)
@@ -263,7 +269,14 @@ def _channels(
         if role in ROLES or role.startswith(PREFIXES):
             if role in found:
                 raise ValueError(f"Two columns have the role {role!r}; name one of them by roles=.")
+            check_numbers(pd.DataFrame({name: column}), "X")
             values = np.asarray(column, dtype=float)
+            if np.isinf(values).any():
+                row = int(np.flatnonzero(np.isinf(values))[0])
+                raise ValueError(
+                    f"Column {name!r} of X contains infinity, first in row {row}; mark missing "
+                    "values by NaN."
+                )
             if not np.isnan(values).all():
                 found[role] = values
         elif name in (roles or {}):
