@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -19,10 +19,16 @@ Sums = tuple[np.ndarray, np.ndarray]  # of z r and of z z' in blocks of time
 
 @dataclass(frozen=True)
 class BlockSums:
-    """Sums over blocks of time that tests of changes and CUSUMs start from, by run."""
+    """Sums over blocks of time that tests of changes and CUSUMs start from, by run.
+
+    ``gains`` are those with what the response owes to causes outside the loop: they test.
+    ``placing`` are those with the whole response, which went on where the target rested: they
+    tell when, and would test nothing in a closed loop.
+    """
 
     edges: np.ndarray
     gains: list[Sums]
+    placing: list[Sums]
     powers: list[Sums]
     means: list[Sums]
     outlier: Test
@@ -32,7 +38,7 @@ class BlockSums:
         """Walk through the runs once."""
         start, stop = time_span(signals)
         edges = np.linspace(start, stop, N_BLOCKS + 1)
-        gains, powers, means, largest = [], [], [], (0.0, np.nan)
+        gains, placing, powers, means, largest = [], [], [], [], (0.0, np.nan)
         n_rows, of_run = 0, ""
         for group, remnant in zip(signals.groups, ceiling.remnant, strict=True):
             repeated = ceiling.route == "repeats" and group.n_runs > 1
@@ -55,6 +61,8 @@ class BlockSums:
             response = coherent_part(signals, group, signals.predicted[group.rows])
             if response is not None:
                 gains += _gain_sums(signals, ceiling, group, response, edges)
+                whole = signals.predicted[group.rows]
+                placing += _gain_sums(signals, ceiling, group, whole, edges)
         p = float(of_several(np.full(n_rows, 2 * norm.sf(largest[0])))[0])
         outlier = Test(
             "outlier",
@@ -65,7 +73,7 @@ class BlockSums:
             size=largest[0],
             description="largest whitened residual, in standard deviations",
         )
-        return cls(edges, gains, powers, means, outlier)
+        return cls(edges, gains, placing, powers, means, outlier)
 
 
 def tests_of_changes(signals: Signals, ceiling: Ceiling, sums: BlockSums) -> list[Test]:
@@ -78,7 +86,10 @@ def tests_of_changes(signals: Signals, ceiling: Ceiling, sums: BlockSums) -> lis
         before = (change.block + 1) / N_BLOCKS
         step = float(change.after[0] - change.before[0])
         cost = float(100 * step**2 * before * (1 - before) * share)
-        found.append(_test("gain change", change, sums, change.ratio - 1, "of the response", cost))
+        size = change.ratio - 1
+        placed = _largest(sums.placing) or change
+        test = _test("gain change", change, sums, size, "of the response", cost)
+        found.append(replace(test, where=float(sums.edges[placed.block + 1])))
     change = _largest(sums.powers)
     if change is not None:
         found.append(_test("remnant power change", change, sums, change.ratio - 1, "of its power"))

@@ -301,7 +301,7 @@ def _intensity(
     variance = sum(
         float(np.sum(p["nn"] - 2 * P * p["nu"] + P**2 * (p["uu"] + p["response"]))) for p in parts
     )
-    sd = np.sqrt(variance * _varying(ceiling)) / U
+    sd = np.sqrt(variance * ceiling.noise.unevenness) / U
     return P, _log_interval(P, sd)
 
 
@@ -359,12 +359,6 @@ def _averaged(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return total / np.maximum(count, 1.0 / NEIGHBOURS)
 
 
-def _varying(ceiling: Ceiling) -> float:
-    """How much a power that varies in time raises the variance of its mean."""
-    envelope = ceiling.noise.envelope
-    return float(np.mean(envelope**2) / np.mean(envelope) ** 2)
-
-
 def _spectrum(used: list[tuple[Group, np.ndarray]], ceiling: Ceiling, dt: float) -> pd.DataFrame:
     """Averaged tapered periodogram, its degrees of freedom, and where it is fitted."""
     route = ceiling.route
@@ -390,7 +384,7 @@ def _spectrum(used: list[tuple[Group, np.ndarray]], ceiling: Ceiling, dt: float)
     psd = power[known] / dof[known] / np.pi
     # A taper and a varying power leave fewer independent ordinates than there are bins.
     taper = tukey(longest, TAPER)
-    fewer = _varying(ceiling) * np.mean(taper**4) / np.mean(taper**2) ** 2
+    fewer = ceiling.noise.unevenness * np.mean(taper**4) / np.mean(taper**2) ** 2
     table = pd.DataFrame({"omega": omega[known], "psd": psd, "dof": dof[known] / fewer})
     table["used"] = table["omega"] <= _highest(table, np.pi / dt)
     return table
