@@ -98,11 +98,12 @@ def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[
         )
     yield from _over_amplitude(c, sure)
     # Distortion is what a nonlinearity or a change in time leaves: it is told once.
-    shaped = {"gain change", "nonlinearity", "asymmetry"} & {name for name, _ in sure}
+    causes = ("gain change", "nonlinearity", "asymmetry")
+    told = max((t.cost for (name, _), t in sure.items() if name in causes), default=0.0)
     for (name, signal), test in sure.items():
         if name == "cross-correlation":
             yield _follows(c, test, signal, sure)
-        if name == "distortion" and not shaped:
+        if name == "distortion" and test.cost > 2 * told:
             yield _distorted(test, signal)
         if name == "level":
             yield Finding(
