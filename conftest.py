@@ -4,9 +4,14 @@ import sys
 from doctest import ELLIPSIS, NORMALIZE_WHITESPACE
 
 import pytest
+from hypothesis import settings
 from sybil import Sybil
 from sybil.evaluators.doctest import NUMBER
 from sybil.parsers.myst import PythonCodeBlockParser, SkipParser
+
+# No test depends on how fast the machine is.
+settings.register_profile("skhoid", deadline=None)
+settings.load_profile("skhoid")
 
 pytest_collect_file = Sybil(
     parsers=[
