@@ -1,0 +1,52 @@
+"""Named physical effects, which models take and searches try."""
+
+from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
+from .base import Effect, Parameter
+from .catalogue import catalogue, effect
+from .composition import Effects
+from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
+from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
+from .offsets import Bias, Drift, Integral, Tremor
+from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
+from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
+from .timing import Intermittent, TimeVaryingDelay, WrongDelay
+
+__all__ = [
+    "AbsoluteValue",
+    "AsymmetricGain",
+    "Backlash",
+    "Bias",
+    "CrossAxis",
+    "CubicGain",
+    "DeadZone",
+    "Disturbance",
+    "Drift",
+    "Effect",
+    "Effects",
+    "ExtraLag",
+    "ExtraLead",
+    "Feedforward",
+    "GainDrift",
+    "HardeningStiffness",
+    "HigherOrder",
+    "Integral",
+    "Intermittent",
+    "Lapses",
+    "MotionFeedback",
+    "NeuromuscularMode",
+    "OutputFeedback",
+    "Parameter",
+    "Preview",
+    "Quantised",
+    "RateLimit",
+    "Rectified",
+    "Saturation",
+    "ScheduledGain",
+    "Stiction",
+    "TimeVaryingDelay",
+    "TimeVaryingGain",
+    "Tremor",
+    "WrongDelay",
+    "catalogue",
+    "effect",
+]

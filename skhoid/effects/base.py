@@ -1,0 +1,176 @@
+"""What an effect is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from sklearn.base import BaseEstimator, clone
+
+from .record import Record
+
+PLACES = ("input", "delay", "gain", "path", "command", "spring", "sum", "output")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    Parameters
+    ----------
+    name : str
+        Name of the constructor argument; None there means that it is estimated.
+    unit : str
+        Unit, in which ``{e}`` and ``{u}`` stand for those of input and output.
+    low, high : float
+        Physical bounds, times ``scale``.
+    starts : tuple of float
+        Values to start estimation from, times ``scale``; one of each parameter at a time.
+    scale : str
+        ``"e"``, ``"u"`` or a product like ``"u/e"``: bounds and starts are in standard deviations
+        of input and output; ``"T"`` in durations of a run; ``""`` as they are.
+    meaning : str
+        What it is, for tables.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Parameter
+    >>> Parameter("width", "{e}", 0.0, 3.0, starts=(0.3, 1.0), scale="e").name
+    'width'
+    """
+
+    name: str
+    unit: str = "-"
+    low: float = -np.inf
+    high: float = np.inf
+    starts: tuple[float, ...] = (1.0,)
+    scale: str = ""
+    meaning: str = ""
+
+    def scale_of(self, record: Record) -> float:
+        """The unit that bounds and starts are in."""
+        value = 1.0
+        if not self.scale:
+            return value
+        for i, factor in enumerate(self.scale.split("/")):
+            for name in factor.split("*"):
+                size = {"T": record.duration, "1": 1.0}.get(name)
+                value *= (record.sd(name) if size is None else size) ** (1 if i == 0 else -1)
+        return value
+
+
+class Effect(BaseEstimator):
+    """Base of all effects; a subclass is an effect of your own.
+
+    A subclass names its ``parameters``, takes each as a keyword argument of ``__init__`` with the
+    default None, and implements ``apply``.
+
+    Attributes
+    ----------
+    name : str
+        Fixed id, which tables, JSON and scripts use.
+    place : str
+        Where it acts: ``"input"`` maps the error, ``"delay"`` the delay, ``"gain"`` the gains on
+        error and error rate, ``"path"`` adds to the command, ``"command"`` maps the command before
+        the neuromuscular system, ``"spring"`` stiffens it, ``"sum"`` adds to the output and
+        ``"output"`` maps it.
+    physics : str
+        One sentence.
+    formula : str
+        The same as a formula.
+    source : str
+        Where it comes from.
+    parameters : tuple of Parameter
+        Its numbers.
+    smooth : bool
+        Whether the response changes smoothly with the parameters; they are searched on a
+        grid of their starts otherwise.
+
+    See Also
+    --------
+    skhoid.testing.check_effect : Checks of an effect of your own.
+
+    Examples
+    --------
+    A response that grows with the square root of the error:
+
+    >>> import numpy as np
+    >>> from skhoid.effects import Effect, Parameter
+    >>> class SquareRoot(Effect):
+    ...     name = "square_root"
+    ...     place = "input"
+    ...     physics = "Large errors are answered less than in proportion."
+    ...     formula = "e' = sign(e) sqrt(|e| knee)"
+    ...     parameters = (Parameter("knee", "{e}", 0.01, 10.0, starts=(1.0,), scale="e"),)
+    ...     def __init__(self, *, knee=None):
+    ...         self.knee = knee
+    ...     def apply(self, signal, record, knee):
+    ...         return np.sign(signal) * np.sqrt(np.abs(signal) * knee)
+    >>> SquareRoot(knee=2.0)
+    SquareRoot(knee=2.0)
+    """
+
+    name: ClassVar[str]
+    place: ClassVar[str]
+    physics: ClassVar[str] = ""
+    formula: ClassVar[str] = ""
+    source: ClassVar[str] = ""
+    parameters: tuple[Parameter, ...] = ()
+    smooth: ClassVar[bool] = True
+
+    def apply(self, signal: Any, record: Record, **values: float) -> Any:
+        """What comes out of the effect when ``signal`` goes in, at values of the parameters."""
+        raise NotImplementedError(f"{type(self).__name__} must implement apply.")
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        """Why the effect does not apply to a record and a core ("operator" or "arx"), or None."""
+        return None
+
+    def variants(self, record: Record) -> list[Effect]:
+        """The effect with each choice that is open (form, channel) made: one object a choice."""
+        return [self]
+
+    def starts(self, record: Record) -> list[dict[str, float]]:
+        """Values of the parameters to start estimation from, in the units of the data."""
+        found: list[dict[str, float]] = [{}]
+        for p in self.parameters:
+            scale = p.scale_of(record)
+            found = [{**f, p.name: s * scale} for f in found for s in p.starts]
+        return found
+
+    def limits(self, record: Record) -> dict[str, tuple[float, float]]:
+        """Bounds of the parameters in the units of the data."""
+        bounds = {}
+        for p in self.parameters:
+            scale = p.scale_of(record)
+            bounds[p.name] = (p.low * scale, p.high * scale)
+        return bounds
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """Values at which the effect does nothing, where there are such."""
+        return {}
+
+    @property
+    def free(self) -> list[Parameter]:
+        """Parameters that are estimated."""
+        return [p for p in self.parameters if getattr(self, p.name) is None]
+
+    @property
+    def fixed(self) -> dict[str, float]:
+        """Parameters that are given."""
+        return {
+            p.name: float(getattr(self, p.name))
+            for p in self.parameters
+            if getattr(self, p.name) is not None
+        }
+
+    def with_choices(self, **choices: Any) -> Any:
+        """A copy with some arguments set."""
+        return clone(self).set_params(**choices)
+
+    def __add__(self, other: Any) -> Any:
+        from .composition import Effects
+
+        return Effects.of(self) + other

@@ -1,0 +1,141 @@
+"""Effects together, under fixed names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from .._sklearn import BaseComposition
+from .base import PLACES, Effect
+
+
+class Effects(BaseComposition):
+    """A flat, named composition of effects, as ``effect_a + effect_b`` makes it.
+
+    Parameters
+    ----------
+    steps : list of (str, Effect)
+        Names and effects. Signals pass effects of the same place in this order.
+
+    See Also
+    --------
+    Effect : One effect.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Bias, DeadZone
+    >>> both = DeadZone(width=0.3) + Bias()
+    >>> [name for name, _ in both.steps]
+    ['dead_zone', 'bias']
+    >>> both.get_params()["dead_zone__width"]
+    0.3
+    >>> [name for name, _ in (both + DeadZone()).steps]
+    ['dead_zone', 'bias', 'dead_zone-2']
+    """
+
+    def __init__(self, steps: list[tuple[str, Effect]]):
+        self.steps = steps
+
+    @classmethod
+    def of(cls, effects: Any) -> Effects:
+        """A composition of anything that names effects: None, one, a list of them, a composition.
+
+        Parameters
+        ----------
+        effects : None, Effect, Effects, str or list of these
+            A string is an id of the catalogue.
+
+        Returns
+        -------
+        effects : Effects
+
+        Examples
+        --------
+        >>> from skhoid.effects import Effects
+        >>> Effects.of(["dead_zone", "bias"]).names
+        ['dead_zone', 'bias']
+        """
+        if isinstance(effects, Effects):
+            steps = effects.steps
+        else:
+            steps = []
+            if effects is None:
+                return cls([])
+            listed = effects if isinstance(effects, (list, tuple)) else [effects]
+            for item in listed:
+                steps = [*steps, *cls.of(item).steps] if _is_many(item) else [*steps, _named(item)]
+        named: list[tuple[str, Effect]] = []
+        for name, effect in steps:
+            if not isinstance(effect, Effect):
+                raise TypeError(
+                    f"An effect is an instance of skhoid.effects.Effect; got {effect!r}."
+                )
+            if effect.place not in PLACES:
+                raise ValueError(
+                    f"{type(effect).__name__}.place must be one of {', '.join(PLACES)}; got "
+                    f"{effect.place!r}."
+                )
+            taken = {n for n, _ in named}
+            base, number, unique = name, 1, name
+            while unique in taken:
+                number += 1
+                unique = f"{base}-{number}"
+            named.append((unique, effect))
+        return cls(named)
+
+    @property
+    def names(self) -> list[str]:
+        """Names, in the order of the steps."""
+        return [name for name, _ in self.steps]
+
+    def __iter__(self) -> Iterator[tuple[str, Effect]]:
+        return iter(self.steps)
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __add__(self, other: Any) -> Effects:
+        return Effects.of([*(e for _, e in self.steps), *(e for _, e in Effects.of(other).steps)])
+
+    def get_params(self, deep: bool = True) -> dict:
+        """Names and values of the parameters, of all effects when deep.
+
+        Parameters
+        ----------
+        deep : bool, default=True
+            Include the effects and their parameters as ``<name>__<parameter>``.
+
+        Returns
+        -------
+        params : dict
+        """
+        return self._get_params("steps", deep=deep)
+
+    def set_params(self, **params: Any) -> Effects:
+        """Set parameters, of effects by ``<name>__<parameter>``.
+
+        Parameters
+        ----------
+        **params : dict
+            Values.
+
+        Returns
+        -------
+        self : Effects
+        """
+        self._set_params("steps", **params)
+        return self
+
+
+def _is_many(item: Any) -> bool:
+    return isinstance(item, (Effects, list, tuple))
+
+
+def _named(item: Any) -> tuple[str, Effect]:
+    if isinstance(item, str):
+        from .catalogue import effect
+
+        item = effect(item)
+    if isinstance(item, type):
+        raise TypeError(f"Pass an instance, {item.__name__}(), not the class {item.__name__}.")
+    return getattr(item, "name", type(item).__name__), item

@@ -1,0 +1,216 @@
+"""Further linear dynamics of the operator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy import signal as scipy_signal
+
+from .. import _kernels
+from .base import Effect, Parameter
+from .record import Record, differentiated
+
+
+class ExtraLag(Effect):
+    """Equalization lag: 1 / (time s + 1).
+
+    Parameters
+    ----------
+    time : float or None, default=None
+        T_I in seconds; None estimates it.
+
+    References
+    ----------
+    McRuer and Krendel (1974), the precision model.
+
+    Examples
+    --------
+    >>> from skhoid.effects import ExtraLag
+    >>> ExtraLag(time=0.2).name
+    'extra_lag'
+    """
+
+    name = "extra_lag"
+    place = "command"
+    physics = "The operator smooths what is seen."
+    formula = "1 / (time s + 1)"
+    source = "McRuer and Krendel (1974)"
+    parameters = (Parameter("time", "s", 0.0, 20.0, (0.1, 1.0), "", "lag time constant T_I"),)
+
+    def __init__(self, *, time: float | None = None):
+        self.time = time
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"time": 0.0}
+
+    def apply(self, signal: Any, record: Record, time: float) -> Any:
+        return shaped(signal, record, [0.0, 0.0, 1.0], [0.0, time, 1.0])
+
+
+class ExtraLead(Effect):
+    """A second lead: time s + 1.
+
+    Parameters
+    ----------
+    time : float or None, default=None
+        In seconds; None estimates it.
+
+    References
+    ----------
+    McRuer and Krendel (1974).
+
+    Examples
+    --------
+    >>> from skhoid.effects import ExtraLead
+    >>> ExtraLead().place
+    'command'
+    """
+
+    name = "extra_lead"
+    place = "command"
+    physics = "The operator answers the acceleration of the error too."
+    formula = "time s + 1"
+    source = "McRuer and Krendel (1974)"
+    parameters = (Parameter("time", "s", 0.0, 2.0, (0.05, 0.3), "", "second lead"),)
+
+    def __init__(self, *, time: float | None = None):
+        self.time = time
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"time": 0.0}
+
+    def apply(self, signal: Any, record: Record, time: float) -> Any:
+        faster = signal.position + differentiated(signal.rate, record.dt)
+        return signal._replace(rate=signal.rate + time * faster)
+
+
+class NeuromuscularMode(Effect):
+    """A second neuromuscular mode: omega^2 / (s^2 + 2 zeta omega s + omega^2).
+
+    Parameters
+    ----------
+    omega : float or None, default=None
+        In rad/s; None estimates it.
+    zeta : float or None, default=None
+        Damping ratio; None estimates it.
+
+    References
+    ----------
+    Magdaleno and McRuer, Experimental validation of neuromuscular models (1971).
+
+    Examples
+    --------
+    >>> from skhoid.effects import NeuromuscularMode
+    >>> NeuromuscularMode(zeta=0.3).fixed
+    {'zeta': 0.3}
+    """
+
+    name = "nm_mode"
+    place = "command"
+    physics = "Limb and stick together have a second mode."
+    formula = "omega^2 / (s^2 + 2 zeta omega s + omega^2)"
+    source = "Magdaleno and McRuer (1971)"
+    parameters = (
+        Parameter("omega", "rad/s", 4.0, 60.0, (15.0, 25.0), "", "frequency of the mode"),
+        Parameter("zeta", "-", 0.03, 2.0, (0.3,), "", "its damping ratio"),
+    )
+
+    def __init__(self, *, omega: float | None = None, zeta: float | None = None):
+        self.omega = omega
+        self.zeta = zeta
+
+    def apply(self, signal: Any, record: Record, omega: float, zeta: float) -> Any:
+        poles = [1.0, 2 * zeta * omega, omega**2]
+        return shaped(signal, record, [0.0, 0.0, omega**2], poles)
+
+
+class HigherOrder(Effect):
+    """Two more poles and zeros, of gain 1 at low frequency.
+
+    Parameters
+    ----------
+    zero_frequency, pole_frequency : float or None, default=None
+        In rad/s; None estimates it.
+    zero_damping, pole_damping : float or None, default=None
+        Damping ratios; None estimates them.
+
+    References
+    ----------
+    Ljung (1999), order selection.
+
+    Examples
+    --------
+    >>> from skhoid.effects import HigherOrder
+    >>> len(HigherOrder().free)
+    4
+    """
+
+    name = "higher_order"
+    place = "command"
+    physics = "The linear dynamics are of higher order."
+    formula = "(s^2/w_z^2 + 2 z_z s/w_z + 1) / (s^2/w_p^2 + 2 z_p s/w_p + 1)"
+    source = "Ljung (1999)"
+    parameters = (
+        Parameter("zero_frequency", "rad/s", 0.3, 40.0, (1.5, 6.0, 15.0), "", "of the zeros"),
+        Parameter("zero_damping", "-", 0.0, 5.0, (0.6,), "", "of the zeros"),
+        Parameter("pole_frequency", "rad/s", 0.3, 40.0, (1.5, 6.0, 15.0), "", "of the poles"),
+        Parameter("pole_damping", "-", 0.02, 5.0, (0.6,), "", "of the poles"),
+    )
+
+    def __init__(
+        self,
+        *,
+        zero_frequency: float | None = None,
+        zero_damping: float | None = None,
+        pole_frequency: float | None = None,
+        pole_damping: float | None = None,
+    ):
+        self.zero_frequency = zero_frequency
+        self.zero_damping = zero_damping
+        self.pole_frequency = pole_frequency
+        self.pole_damping = pole_damping
+
+    def starts(self, record: Record) -> list[dict[str, float]]:
+        """Zeros and poles at the same places (shifted a little, so that they can part)."""
+        found = []
+        for p in super().starts(record):
+            if p["zero_frequency"] == p["pole_frequency"]:
+                found.append({**p, "zero_frequency": 1.1 * p["zero_frequency"]})
+        return found
+
+    def apply(
+        self,
+        signal: Any,
+        record: Record,
+        zero_frequency: float,
+        zero_damping: float,
+        pole_frequency: float,
+        pole_damping: float,
+    ) -> Any:
+        zeros = [zero_frequency**-2, 2 * zero_damping / zero_frequency, 1.0]
+        poles = [pole_frequency**-2, 2 * pole_damping / pole_frequency, 1.0]
+        return shaped(signal, record, zeros, poles)
+
+
+def shaped(command: Any, record: Record, b: list[float], a: list[float]) -> Any:
+    """A command through b(s) / a(s), both with s^2, s and 1."""
+    numerator, denominator = bilinear(b, a, record.dt)
+
+    def through(x: np.ndarray) -> np.ndarray:
+        return _kernels.greybox.filtered(_kernels.gate(x), numerator, denominator)
+
+    return command._replace(position=through(command.position), rate=through(command.rate))
+
+
+def bilinear(b: Any, a: Any, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients b0, b1, b2 and a1, a2 of a filter of at most second order, by Tustin's rule."""
+    leading = np.trim_zeros(np.asarray(a, dtype=float), "f")
+    numerator = np.trim_zeros(np.asarray(b, dtype=float), "f")
+    bz, az = scipy_signal.bilinear(numerator, leading, fs=1 / dt)
+    bz, az = np.r_[np.zeros(len(az) - len(bz)), bz], az
+    full_b, full_a = np.zeros(3), np.zeros(3)
+    full_b[: len(bz)], full_a[: len(az)] = bz, az
+    return full_b / full_a[0], full_a[1:] / full_a[0]

@@ -1,0 +1,250 @@
+"""Nonlinear answers to the error."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .base import Effect, Parameter
+from .record import Record
+
+
+class DeadZone(Effect):
+    """Indifference threshold: small errors are not answered.
+
+    ``"gap"``: e' = sign(e) max(abs(e) - width, 0); ``"jump"``: e' = e where abs(e) > width, else 0.
+
+    Parameters
+    ----------
+    width : float or None, default=None
+        Half-width in units of the error; None estimates it.
+    form : {"gap", "jump"} or None, default=None
+        Whether the answer starts from zero at the threshold or jumps; None tries both.
+
+    References
+    ----------
+    McRuer and Krendel, Mathematical models of human pilot behavior, AGARDograph 188 (1974):
+    indifference thresholds.
+
+    Examples
+    --------
+    >>> from skhoid.effects import DeadZone
+    >>> DeadZone(width=0.3).name
+    'dead_zone'
+    """
+
+    name = "dead_zone"
+    place = "input"
+    physics = "Errors below a threshold are not seen, or not answered."
+    formula = "e' = sign(e) max(|e| - width, 0), or e where |e| > width"
+    source = "McRuer and Krendel (1974)"
+    parameters = (
+        Parameter("width", "{e}", 0.02, 3.0, (0.25, 0.7), "e", "half-width of the threshold"),
+    )
+
+    def __init__(self, *, width: float | None = None, form: str | None = None):
+        self.width = width
+        self.form = form
+
+    def variants(self, record: Record) -> list[Effect]:
+        forms = ("gap", "jump") if self.form is None else (self.form,)
+        return [self.with_choices(form=form) for form in forms]
+
+    def apply(self, signal: np.ndarray, record: Record, width: float) -> np.ndarray:
+        if self.form == "jump":
+            # A sample at the threshold counts as far as it is inside: smooth in width.
+            edge = 0.02 * record.sd("e")
+            return signal * np.clip((np.abs(signal) - width) / edge + 0.5, 0.0, 1.0)
+        return signal - np.clip(signal, -width, width)
+
+
+class AsymmetricGain(Effect):
+    """Left and right are answered with different gains: e' = e (1 + asymmetry sign(e)).
+
+    Parameters
+    ----------
+    asymmetry : float or None, default=None
+        Half the relative difference of the gains, without unit; None estimates it.
+
+    References
+    ----------
+    McRuer and Krendel (1974).
+
+    Examples
+    --------
+    >>> from skhoid.effects import AsymmetricGain
+    >>> AsymmetricGain(asymmetry=0.2)
+    AsymmetricGain(asymmetry=0.2)
+    """
+
+    name = "asym_gain"
+    place = "input"
+    physics = "Errors to one side are answered more strongly than to the other."
+    formula = "e' = e (1 + asymmetry sign(e))"
+    source = "McRuer and Krendel (1974)"
+    parameters = (
+        Parameter("asymmetry", "-", -0.7, 0.7, (-0.2, 0.2), meaning="positive errors stronger"),
+    )
+
+    def __init__(self, *, asymmetry: float | None = None):
+        self.asymmetry = asymmetry
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"asymmetry": 0.0}
+
+    def apply(self, signal: np.ndarray, record: Record, asymmetry: float) -> np.ndarray:
+        return signal + asymmetry * np.abs(signal)
+
+
+class Rectified(Effect):
+    """Half-wave rectification: errors of one sign are answered, the others hardly.
+
+    e' = e on its side, leak e on the other.
+
+    Parameters
+    ----------
+    leak : float or None, default=None
+        Relative gain on the other side, at most 0.18 (above, see :class:`AsymmetricGain`); None
+        estimates it.
+    side : {"positive", "negative"} or None, default=None
+        Sign of the errors that are answered; None tries both.
+
+    References
+    ----------
+    Semicircular and visual half-wave channels: Young, Human control capabilities (1973).
+
+    Examples
+    --------
+    >>> from skhoid.effects import Rectified
+    >>> Rectified(side="positive").name
+    'rectified'
+    """
+
+    name = "rectified"
+    place = "input"
+    physics = "Only errors of one sign are answered."
+    formula = "e' = max(e, leak e), or min(e, leak e)"
+    source = "Young (1973)"
+    parameters = (Parameter("leak", "-", 0.0, 0.18, (0.05,), meaning="gain of the other side"),)
+
+    def __init__(self, *, leak: float | None = None, side: str | None = None):
+        self.leak = leak
+        self.side = side
+
+    def variants(self, record: Record) -> list[Effect]:
+        sides = ("positive", "negative") if self.side is None else (self.side,)
+        return [self.with_choices(side=side) for side in sides]
+
+    def apply(self, signal: np.ndarray, record: Record, leak: float) -> np.ndarray:
+        answered = signal > 0 if self.side == "positive" else signal < 0
+        return np.where(answered, signal, leak * signal)
+
+
+class CubicGain(Effect):
+    """Gain that grows (hardening) or falls (softening) with amplitude.
+
+    ``"cubic"``: e' = e + hardening e^3; ``"square"``: e' = e + hardening e abs(e); ``"power"``:
+    e' = sign(e) abs(e)^(1 + hardening), in units of the standard deviation of the error.
+
+    Parameters
+    ----------
+    hardening : float or None, default=None
+        In the unit of the error to the power -2, -1 and without unit; None estimates it.
+    form : {"cubic", "square", "power"} or None, default=None
+        None tries all.
+    reference : float or None, default=None
+        Standard deviation of the error that ``"power"`` refers to; None takes it from the data.
+
+    References
+    ----------
+    Ljung, System identification (1999), Hammerstein models.
+
+    Examples
+    --------
+    >>> from skhoid.effects import CubicGain
+    >>> CubicGain(form="cubic").name
+    'cubic_gain'
+    """
+
+    name = "cubic_gain"
+    place = "input"
+    physics = "Large errors are answered more (or less) than in proportion."
+    formula = "e' = e + hardening e^3, e + hardening e |e|, or sign(e) |e|^(1 + hardening)"
+    source = "Hammerstein models, Ljung (1999)"
+
+    def __init__(
+        self,
+        *,
+        hardening: float | None = None,
+        form: str | None = None,
+        reference: float | None = None,
+    ):
+        self.hardening = hardening
+        self.form = form
+        self.reference = reference
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        meaning = "growth of the gain with amplitude"
+        if self.form == "power":
+            return (Parameter("hardening", "-", -0.7, 2.5, (-0.3, 0.3), "", meaning),)
+        if self.form == "square":
+            return (Parameter("hardening", "1/{e}", -0.12, 20.0, (-0.08, 0.3), "1/e", meaning),)
+        return (Parameter("hardening", "1/{e}^2", -0.03, 20.0, (-0.02, 0.1), "1/e*e", meaning),)
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"hardening": 0.0}
+
+    def variants(self, record: Record) -> list[Effect]:
+        forms = ("cubic", "square", "power") if self.form is None else (self.form,)
+        reference = record.sd("e") if self.reference is None else self.reference
+        return [self.with_choices(form=form, reference=reference) for form in forms]
+
+    def apply(self, signal: np.ndarray, record: Record, hardening: float) -> np.ndarray:
+        size = np.abs(signal)
+        if self.form == "power":
+            relative = np.maximum(size / self.reference, 1e-6)
+            return signal * relative**hardening
+        return signal * (1 + hardening * (size if self.form == "square" else size * size))
+
+
+class AbsoluteValue(Effect):
+    """The size of the error is answered besides its sign: the command gets gain abs(e).
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        In units of the output per unit of the error; None estimates it.
+
+    References
+    ----------
+    McRuer and Krendel (1974).
+
+    Examples
+    --------
+    >>> from skhoid.effects import AbsoluteValue
+    >>> AbsoluteValue().place
+    'path'
+    """
+
+    name = "absolute_value"
+    place = "path"
+    physics = "The stick moves to one side with the size of the error, whatever its sign."
+    formula = "command + gain |e(t - tau_e)|"
+    source = "McRuer and Krendel (1974)"
+    parameters = (
+        Parameter("gain", "{u}/{e}", -5.0, 5.0, (-0.3, 0.3), "u/e", "answer to the size"),
+    )
+
+    def __init__(self, *, gain: float | None = None):
+        self.gain = gain
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"gain": 0.0}
+
+    def apply(self, signal: Any, record: Record, gain: float) -> Any:
+        return signal.plus(gain * np.abs(signal.error))

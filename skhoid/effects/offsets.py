@@ -1,0 +1,182 @@
+"""Offsets, trim and tremor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .base import Effect, Parameter
+from .record import Record
+
+
+class Bias(Effect):
+    """A constant offset of the output.
+
+    Parameters
+    ----------
+    level : float or None, default=None
+        In units of the output; None estimates it.
+
+    References
+    ----------
+    Ljung, System identification (1999), section 14.1.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Bias
+    >>> Bias(level=0.1).fixed
+    {'level': 0.1}
+    """
+
+    name = "bias"
+    place = "sum"
+    physics = "The output is off its zero: trim, or a sensor's offset."
+    formula = "u + level"
+    source = "Ljung (1999)"
+    parameters = (Parameter("level", "{u}", -20.0, 20.0, (0.1,), "u", "offset"),)
+
+    def __init__(self, *, level: float | None = None):
+        self.level = level
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"level": 0.0}
+
+    def apply(self, signal: np.ndarray, record: Record, level: float) -> np.ndarray:
+        return signal + level
+
+
+class Drift(Effect):
+    """An offset of the output that changes linearly in the run.
+
+    Parameters
+    ----------
+    rate : float or None, default=None
+        In units of the output per second; None estimates it.
+    reference : float or None, default=None
+        Time in the run at which it is zero, in seconds; None takes the middle.
+
+    References
+    ----------
+    Ljung (1999), section 14.1.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Drift
+    >>> Drift().name
+    'drift'
+    """
+
+    name = "drift"
+    place = "sum"
+    physics = "The output drifts away steadily."
+    formula = "u + rate (t - reference)"
+    source = "Ljung (1999)"
+    parameters = (Parameter("rate", "{u}/s", -20.0, 20.0, (0.5,), "u/T", "of the drift"),)
+
+    def __init__(self, *, rate: float | None = None, reference: float | None = None):
+        self.rate = rate
+        self.reference = reference
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"rate": 0.0}
+
+    def variants(self, record: Record) -> list[Effect]:
+        return [with_middle(self, record)]
+
+    def apply(self, signal: np.ndarray, record: Record, rate: float) -> np.ndarray:
+        return signal + rate * (record.t - self.reference)
+
+
+class Integral(Effect):
+    """Trim: the integral of the error is answered.
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        In units of the output per unit of the error and second; None estimates it.
+
+    References
+    ----------
+    McRuer and Krendel (1974), low-frequency trim.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Integral
+    >>> Integral().place
+    'path'
+    """
+
+    name = "integral"
+    place = "path"
+    physics = "A standing error is trimmed away slowly."
+    formula = "command + gain * integral of e(t - tau_e)"
+    source = "McRuer and Krendel (1974)"
+    parameters = (
+        Parameter("gain", "{u}/({e} s)", 0.0, 20.0, (0.1, 0.5), "u/e", "of the integral"),
+    )
+
+    def __init__(self, *, gain: float | None = None):
+        self.gain = gain
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"gain": 0.0}
+
+    def apply(self, signal: Any, record: Record, gain: float) -> Any:
+        total = np.cumsum(signal.error, axis=0) * record.dt
+        return signal.plus(gain * total)
+
+
+class Tremor(Effect):
+    """A periodic movement of the hand, of unknown phase: noise, which no input explains.
+
+    Parameters
+    ----------
+    frequency : float or None, default=None
+        In Hz; None estimates it.
+    amplitude : float or None, default=None
+        In units of the output; None estimates it.
+
+    Notes
+    -----
+    Its phase is not known beforehand: it is named and measured, and the free run stays as it is.
+
+    References
+    ----------
+    Elble and Randall, Mechanistic components of normal hand tremor (1978): 8-12 Hz.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Tremor
+    >>> Tremor(frequency=9.0).name
+    'tremor'
+    """
+
+    name = "tremor"
+    place = "sum"
+    physics = "The hand trembles at a steady frequency."
+    formula = "u + amplitude sin(2 pi frequency t + phase), the phase unknown"
+    source = "Elble and Randall (1978)"
+    parameters = (
+        Parameter("frequency", "Hz", 5.0, 15.0, (9.0,), "", "of the tremor"),
+        Parameter("amplitude", "{u}", 0.0, 5.0, (0.1,), "u", "of the tremor"),
+    )
+
+    def __init__(self, *, frequency: float | None = None, amplitude: float | None = None):
+        self.frequency = frequency
+        self.amplitude = amplitude
+
+    def apply(
+        self, signal: np.ndarray, record: Record, frequency: float, amplitude: float
+    ) -> np.ndarray:
+        return signal
+
+
+def with_middle(effect: Any, record: Record) -> Any:
+    """Refer an effect to the middle of the runs, unless it has a reference."""
+    if effect.reference is not None:
+        return effect
+    return effect.with_choices(reference=float((record.t[0] + record.t[-1]).mean() / 2))

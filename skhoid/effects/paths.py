@@ -1,0 +1,450 @@
+"""Further paths from channels to the command."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .. import _kernels
+from .base import Effect, Parameter
+from .dynamics import bilinear
+from .record import OTHER, Record, differentiated
+from .time_variation import needs_channel
+
+FASTEST = 0.06  # s; a faster answer to what the loop moves is the loop itself
+
+
+class Feedforward(Effect):
+    """The target is answered, besides the error.
+
+    ``"inverse"``: gain times the inverse controlled element of f_t; ``"rate"``: gain times the
+    target's rate; ``"gain"``: gain times the target.
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        Without unit for ``"inverse"`` (1 is perfect), else in units of the output per unit of the
+        target (times seconds); None estimates it.
+    delay : float or None, default=None
+        In seconds; None estimates it.
+    form : {"inverse", "rate", "gain"} or None, default=None
+        None tries all.
+
+    References
+    ----------
+    Wasicko, McRuer and Magdaleno, Human pilot dynamic response in single-loop systems with
+    compensatory and pursuit displays (1966).
+
+    Examples
+    --------
+    >>> from skhoid.effects import Feedforward
+    >>> Feedforward(form="inverse").name
+    'feedforward'
+    """
+
+    name = "feedforward"
+    place = "path"
+    physics = "The operator answers the target itself, as a pursuit display allows."
+    formula = "command + gain f_t(t - delay) / H_CE"
+    source = "Wasicko et al. (1966)"
+
+    def __init__(
+        self, *, gain: float | None = None, delay: float | None = None, form: str | None = None
+    ):
+        self.gain = gain
+        self.delay = delay
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        return (
+            gain_of_target(self.form),
+            Parameter("delay", "s", 0.0, 0.8, (0.05, 0.3), "", "of the answer to the target"),
+        )
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"gain": 0.0}
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        return needs_target(record, self.form)
+
+    def variants(self, record: Record) -> list[Effect]:
+        return [self.with_choices(form=form) for form in target_forms(record, self.form)]
+
+    def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
+        return signal.plus(gain * record.delayed(shaped_target(record, self.form), delay))
+
+
+class Preview(Effect):
+    """The target is answered before it comes, as a preview display allows.
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        As of :class:`Feedforward`; None estimates it.
+    time : float or None, default=None
+        How far ahead, in seconds; None estimates it.
+    form : {"inverse", "rate", "gain"} or None, default=None
+        As of :class:`Feedforward`.
+
+    References
+    ----------
+    Van der El et al., An empirical human controller model for preview tracking tasks (2016).
+
+    Examples
+    --------
+    >>> from skhoid.effects import Preview
+    >>> Preview(time=0.5).fixed
+    {'time': 0.5}
+    """
+
+    name = "preview"
+    place = "path"
+    physics = "The operator sees the target coming and answers ahead."
+    formula = "command + gain f_t(t + time) / H_CE"
+    source = "Van der El et al. (2016)"
+
+    def __init__(
+        self, *, gain: float | None = None, time: float | None = None, form: str | None = None
+    ):
+        self.gain = gain
+        self.time = time
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        return (
+            gain_of_target(self.form),
+            Parameter("time", "s", 0.0, 1.5, (0.2, 0.6), "", "looked ahead"),
+        )
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"gain": 0.0}
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        return needs_target(record, self.form)
+
+    def variants(self, record: Record) -> list[Effect]:
+        return [self.with_choices(form=form) for form in target_forms(record, self.form)]
+
+    def apply(self, signal: Any, record: Record, gain: float, time: float) -> Any:
+        return signal.plus(gain * record.delayed(shaped_target(record, self.form), -time))
+
+
+class OutputFeedback(Effect):
+    """The controlled element's output and its rate are answered: H_x of a pursuit display.
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        On the output x, in units of u per unit of x; None estimates it.
+    rate_gain : float or None, default=None
+        On its rate, times seconds; None estimates it.
+    delay : float or None, default=None
+        In seconds; None estimates it.
+
+    References
+    ----------
+    Wasicko et al. (1966).
+
+    Examples
+    --------
+    >>> from skhoid.effects import OutputFeedback
+    >>> OutputFeedback().place
+    'path'
+    """
+
+    name = "output_feedback"
+    place = "path"
+    physics = "The operator answers the motion of the controlled element besides the error."
+    formula = "command - gain x(t - delay) - rate_gain dx/dt(t - delay)"
+    source = "Wasicko et al. (1966)"
+    parameters = (
+        Parameter("gain", "{u}/[x]", 0.0, 20.0, (0.05,), "u/e", "on x"),
+        Parameter("rate_gain", "{u} s/[x]", 0.0, 20.0, (0.05,), "u/e", "on the rate of x"),
+        Parameter("delay", "s", FASTEST, 0.8, (0.12, 0.3), "", "of the answer to x"),
+    )
+
+    def __init__(
+        self,
+        *,
+        gain: float | None = None,
+        rate_gain: float | None = None,
+        delay: float | None = None,
+    ):
+        self.gain = gain
+        self.rate_gain = rate_gain
+        self.delay = delay
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"gain": 0.0, "rate_gain": 0.0}
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        return needs_channel(None, record, "x", "column of role x, the controlled output")
+
+    def apply(
+        self, signal: Any, record: Record, gain: float, rate_gain: float, delay: float
+    ) -> Any:
+        x = record.delayed(record.channels[record.with_role("x")[0]], delay)
+        return signal.plus(-gain * x, -rate_gain * x)
+
+
+class MotionFeedback(Effect):
+    """Vehicle motion is felt and answered, or shakes the hand.
+
+    ``"direct"``: the channel as it is; ``"canal"``: through semicircular-canal dynamics
+    (0.11 s + 1) / ((5.9 s + 1)(0.005 s + 1)); ``"feedthrough"``: involuntarily, added to the
+    output without delay (biodynamic feedthrough).
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        In units of the output per unit of the channel; None estimates it.
+    delay : float or None, default=None
+        In seconds; None estimates it.
+    channel : str or None, default=None
+        None tries each channel of role ``motion``.
+    form : {"direct", "canal", "feedthrough"} or None, default=None
+        None tries all.
+
+    References
+    ----------
+    Hosman and Stassen, Pilot's perception in the control of aircraft motions (1999); Venrooij et
+    al., biodynamic feedthrough (2011).
+
+    Examples
+    --------
+    >>> from skhoid.effects import MotionFeedback
+    >>> MotionFeedback(channel="motion_acc").name
+    'motion_feedback'
+    """
+
+    name = "motion_feedback"
+    physics = "The operator feels the vehicle's motion and answers it."
+    formula = "command - gain motion(t - delay)"
+    source = "Hosman and Stassen (1999)"
+
+    def __init__(
+        self,
+        *,
+        gain: float | None = None,
+        delay: float | None = None,
+        channel: str | None = None,
+        form: str | None = None,
+    ):
+        self.gain = gain
+        self.delay = delay
+        self.channel = channel
+        self.form = form
+
+    @property
+    def place(self) -> str:  # type: ignore[override]
+        return "sum" if self.form == "feedthrough" else "path"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        unit, scale = f"{{u}}/[{self.channel}]", f"u/{self.channel}"
+        if self.form == "feedthrough":
+            return (
+                Parameter("gain", unit, -20.0, 20.0, (0.1, -0.1), scale, "of the feedthrough"),
+                Parameter("delay", "s", 0.0, 0.06, (0.0,), "", "of the feedthrough"),
+            )
+        return (
+            Parameter("gain", unit, 0.0, 20.0, (0.1,), scale, "on the motion"),
+            Parameter("delay", "s", FASTEST, 0.6, (0.1, 0.25), "", "of the answer to motion"),
+        )
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"gain": 0.0}
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        return needs_channel(self.channel, record, "motion", "column of role motion")
+
+    def variants(self, record: Record) -> list[Effect]:
+        names = record.with_role("motion") if self.channel is None else [self.channel]
+        forms = ("direct", "canal", "feedthrough") if self.form is None else (self.form,)
+        made = [(n, f) for n in names for f in forms]
+        # What u itself moves at once (acceleration of the controlled element) would give u back.
+        closed = bool(record.with_role("x"))
+        return [
+            self.with_choices(channel=n, form=f)
+            for n, f in made
+            if f != "feedthrough" or self.form == f or not (closed and moved_by_output(record, n))
+        ]
+
+    def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
+        motion = record.channels[self.channel]
+        if self.form == "feedthrough":
+            return signal - gain * record.delayed(motion, delay)
+        if self.form == "canal":
+            motion = record._once(("canal", self.channel), lambda: canal(motion, record.dt))
+        return signal.plus(-gain * record.delayed(motion, delay))
+
+
+class Disturbance(Effect):
+    """A measured disturbance is answered directly.
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        In units of the output per unit of the channel; None estimates it.
+    delay : float or None, default=None
+        In seconds; None estimates it.
+    channel : str or None, default=None
+        None tries each channel of role ``dist``.
+
+    References
+    ----------
+    Pool et al., Identification of multimodal pilot models using ramp target and multisine
+    disturbance signals (2011).
+
+    Examples
+    --------
+    >>> from skhoid.effects import Disturbance
+    >>> Disturbance().name
+    'disturbance'
+    """
+
+    name = "disturbance"
+    place = "path"
+    physics = "The operator sees or feels the disturbance and answers it before the error shows."
+    formula = "command - gain dist(t - delay)"
+    source = "Pool et al. (2011)"
+
+    def __init__(
+        self,
+        *,
+        gain: float | None = None,
+        delay: float | None = None,
+        channel: str | None = None,
+    ):
+        self.gain = gain
+        self.delay = delay
+        self.channel = channel
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        unit, scale = f"{{u}}/[{self.channel}]", f"u/{self.channel}"
+        return (
+            Parameter("gain", unit, -20.0, 20.0, (0.1,), scale, "on the disturbance"),
+            Parameter("delay", "s", 0.0, 0.8, (0.1, 0.3), "", "of the answer"),
+        )
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"gain": 0.0}
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        return needs_channel(self.channel, record, "dist", "column of role dist")
+
+    def variants(self, record: Record) -> list[Effect]:
+        names = record.with_role("dist") if self.channel is None else [self.channel]
+        return [self.with_choices(channel=name) for name in names]
+
+    def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
+        return signal.plus(-gain * record.delayed(record.channels[self.channel], delay))
+
+
+class CrossAxis(Effect):
+    """Another axis is answered too: e' = e + gain times the other channel, before equalization.
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        In units of the error per unit of the channel; None estimates it.
+    channel : str or None, default=None
+        None tries each channel that has no role.
+
+    References
+    ----------
+    Barendswaard et al., Effect of crossfeed on human performance in dual-axis manual control (2019).
+
+    Examples
+    --------
+    >>> from skhoid.effects import CrossAxis
+    >>> CrossAxis(channel="e_y").name
+    'cross_axis'
+    """
+
+    name = "cross_axis"
+    place = "input"
+    physics = "The error of another axis leaks into this hand."
+    formula = "e' = e + gain channel"
+    source = "Barendswaard et al. (2019)"
+
+    def __init__(self, *, gain: float | None = None, channel: str | None = None):
+        self.gain = gain
+        self.channel = channel
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        unit, scale = f"{{e}}/[{self.channel}]", f"e/{self.channel}"
+        return (Parameter("gain", unit, -20.0, 20.0, (0.1, -0.1), scale, "of the crossfeed"),)
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"gain": 0.0}
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        return needs_channel(self.channel, record, OTHER, "channel without role")
+
+    def variants(self, record: Record) -> list[Effect]:
+        names = record.with_role(OTHER) if self.channel is None else [self.channel]
+        return [self.with_choices(channel=name) for name in names]
+
+    def apply(self, signal: np.ndarray, record: Record, gain: float) -> np.ndarray:
+        return signal + gain * record.channels[self.channel]
+
+
+def gain_of_target(form: str | None) -> Parameter:
+    """The gain on a target in one of the three forms."""
+    if form == "inverse":
+        return Parameter("gain", "-", 0.0, 3.0, (0.3,), "", "of the inverse controlled element")
+    unit, scale = ("{u} s/[f_t]", "u/f_t") if form == "rate" else ("{u}/[f_t]", "u/f_t")
+    return Parameter("gain", unit, 0.0, 20.0, (0.1,), scale, "on the target")
+
+
+def needs_target(record: Record, form: str | None) -> str | None:
+    """Why a response to the target does not apply."""
+    missing = needs_channel(None, record, "f_t", "target: a column of role f_t, or e and x")
+    if missing is None and form == "inverse" and record.controlled_element is None:
+        return "the controlled element is not known: pass controlled_element=ControlledElement(...)"
+    return missing
+
+
+def target_forms(record: Record, form: str | None) -> list[str]:
+    """Forms of a response to the target that can be tried."""
+    if form is not None:
+        return [form]
+    return ["inverse", "rate", "gain"] if record.controlled_element is not None else ["rate", "gain"]
+
+
+def shaped_target(record: Record, form: str | None) -> np.ndarray:
+    """The target, its rate, or the output that makes the controlled element follow it."""
+    name = record.with_role("f_t")[0]
+    if form == "inverse":
+        return record.inverse_dynamics(name)
+    return record.rate(name) if form == "rate" else record.channels[name]
+
+
+def canal(motion: np.ndarray, dt: float) -> np.ndarray:
+    """Response of the semicircular canals."""
+    b, a = bilinear([0.11, 1.0], np.polymul([5.9, 1.0], [0.005, 1.0]), dt)
+    return _kernels.greybox.filtered(_kernels.gate(motion), b, a)
+
+
+def moved_by_output(record: Record, channel: str) -> bool:
+    """Whether a channel follows the output within some samples, as acceleration in a loop does."""
+    if record.y is None:
+        return False
+    motion, y, known = record.channels[channel], record.y, record.known
+    K_c, omega_b = record.controlled_element or (1.0, 0.0)
+    x = record.channels[record.with_role("x")[0]]
+    acceleration = differentiated(differentiated(x, record.dt), record.dt)
+    driven = [y, acceleration, acceleration + omega_b * differentiated(x, record.dt)]
+    return any(abs(np.corrcoef(s[known], motion[known])[0, 1]) > 0.3 for s in driven)

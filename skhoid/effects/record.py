@@ -1,0 +1,113 @@
+"""Runs side by side: what effects and simulations work on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .. import _kernels
+
+OTHER = ""  # role of a channel that has none
+
+
+@dataclass(frozen=True)
+class Record:
+    """Channels of runs side by side, as arrays of shape (n_samples, n_runs).
+
+    A gap begins a new run here. Runs shorter than the longest are zero at the end, and not
+    ``known`` there.
+
+    Attributes
+    ----------
+    dt : float
+        Sampling time in seconds.
+    t : ndarray of shape (n_samples, 1 or n_runs)
+        Time in the run, in seconds.
+    channels : dict of str to ndarray of shape (n_samples, n_runs)
+        All channels, by name.
+    roles : dict of str to str
+        Role of each channel; ``""`` for those without.
+    inputs : tuple of str
+        Names of the linear inputs.
+    known : ndarray of bool, shape (n_samples, n_runs)
+        Samples at which the output counts.
+    y : ndarray of shape (n_samples, n_runs) or None
+        Measured output, zero where unknown.
+    controlled_element : (float, float) or None
+        K_c and omega_b.
+    prediction : ndarray of shape (n_samples, n_runs) or None
+        What a model without the effect predicts.
+    """
+
+    dt: float
+    t: np.ndarray
+    channels: Mapping[str, np.ndarray]
+    roles: Mapping[str, str]
+    inputs: tuple[str, ...]
+    known: np.ndarray
+    y: np.ndarray | None = None
+    controlled_element: tuple[float, float] | None = None
+    prediction: np.ndarray | None = None
+    _derived: dict = field(default_factory=dict, repr=False)
+
+    @property
+    def n_runs(self) -> int:
+        return self.known.shape[1]
+
+    @property
+    def duration(self) -> float:
+        """Length of the longest run in seconds."""
+        return self.known.shape[0] * self.dt
+
+    @property
+    def input(self) -> np.ndarray:
+        """The first linear input."""
+        return self.channels[self.inputs[0]]
+
+    def with_role(self, role: str) -> list[str]:
+        """Names of channels of a role: exactly for e, x and f_t, by prefix for motion and dist."""
+        whole = role in ("e", "x", "f_t", OTHER)
+        return [n for n, r in self.roles.items() if (r == role if whole else r.startswith(role))]
+
+    def sd(self, name: str) -> float:
+        """Standard deviation of a channel, of the input for "e", of the output for "u"."""
+        return self._once(("sd", name), lambda: self._sd(name))
+
+    def _sd(self, name: str) -> float:
+        if name == "u":
+            values = self.y if self.y is not None else np.zeros_like(self.known, dtype=float)
+        else:
+            values = self.input if name == "e" else self.channels[name]
+        return float(np.std(values[self.known])) or 1.0
+
+    def rate(self, name: str) -> np.ndarray:
+        """Rate of a channel per second, by central differences."""
+        return self._once(("rate", name), lambda: differentiated(self.channels[name], self.dt))
+
+    def inverse_dynamics(self, name: str) -> np.ndarray:
+        """Output that makes the controlled element follow a channel (needs the element)."""
+
+        def invert() -> np.ndarray:
+            assert self.controlled_element is not None
+            K_c, omega_b = self.controlled_element
+            rate = self.rate(name)
+            return (differentiated(rate, self.dt) + omega_b * rate) / K_c
+
+        return self._once(("inverse", name), invert)
+
+    def delayed(self, signal: np.ndarray, delay: float | np.ndarray) -> np.ndarray:
+        """A signal some seconds ago; negative delays look ahead."""
+        samples = np.atleast_2d(np.asarray(delay, dtype=float)) / self.dt
+        return _kernels.greybox.delayed(_kernels.gate(signal), _kernels.gate(samples))
+
+    def _once(self, key: tuple, compute) -> object:
+        if key not in self._derived:
+            self._derived[key] = compute()
+        return self._derived[key]
+
+
+def differentiated(signal: np.ndarray, dt: float) -> np.ndarray:
+    """Central differences along time."""
+    return np.gradient(signal, dt, axis=0)

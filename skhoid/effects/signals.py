@@ -1,0 +1,52 @@
+"""What effects inside the operator work on."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Gains(NamedTuple):
+    """Factors on parameters of the core, of shape (1 or n_samples, 1 or n_runs).
+
+    Attributes
+    ----------
+    error, rate : ndarray
+        On the gains on error and error rate; an ARX model has the first only.
+    omega, zeta : ndarray
+        On neuromuscular frequency and damping, of shape (1 or n_samples, 1).
+    """
+
+    error: np.ndarray
+    rate: np.ndarray
+    omega: np.ndarray
+    zeta: np.ndarray
+
+    def times(self, factor: np.ndarray) -> Gains:
+        """The same factor on the gains on error and error rate."""
+        return self._replace(error=self.error * factor, rate=self.rate * factor)
+
+
+class Command(NamedTuple):
+    """Command before the neuromuscular system: position + d(rate)/dt.
+
+    Attributes
+    ----------
+    position, rate : ndarray of shape (n_samples, n_runs)
+        In units of the output, and of output times seconds.
+    error : ndarray of shape (n_samples, n_runs)
+        The error that is answered, delayed.
+    delay : float or ndarray
+        Delay of the answer to the error in seconds.
+    """
+
+    position: np.ndarray
+    rate: np.ndarray
+    error: np.ndarray
+    delay: float | np.ndarray
+
+    def plus(self, position: np.ndarray, rate: np.ndarray | None = None) -> Command:
+        """The command with a further answer."""
+        added = self._replace(position=self.position + position)
+        return added if rate is None else added._replace(rate=self.rate + rate)

@@ -1,0 +1,346 @@
+"""Operators that change in the run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.special import expit
+
+from .base import Effect, Parameter
+from .offsets import with_middle
+from .record import OTHER, Record
+from .signals import Gains
+
+
+def sigmoid(record: Record, rate: float, time: float) -> np.ndarray:
+    """The sigmoid of Eq. 28 over the time in the run, from 0 to 1."""
+    return expit(rate * (record.t - time))
+
+
+class TimeVaryingGain(Effect):
+    """Gains on error and error rate change in the run, by a sigmoid or a ramp.
+
+    K(t) = K [1 + change / (1 + exp(-rate (t - time)))], with a change of its own for K_e and
+    K_edot; large rates are steps. ``"ramp"`` changes linearly within 4 / rate seconds.
+
+    Parameters
+    ----------
+    K_e_change, K_edot_change : float or None, default=None
+        Relative change of the gains on error and error rate; None estimates it. An ARX model has
+        the first only.
+    rate : float or None, default=None
+        Steepness G in 1/s; None estimates it.
+    time : float or None, default=None
+        Middle of the change t_M in seconds; None estimates it.
+    omega_nm_change, zeta_nm_change : float or None, default=0.0
+        Relative change of neuromuscular frequency and damping; None estimates it.
+    form : {"sigmoid", "ramp"} or None, default="sigmoid"
+        None tries both.
+
+    References
+    ----------
+    Thesis, Eqs. 26-28, and its reference [12], which estimates the same by maximum likelihood.
+
+    Examples
+    --------
+    >>> from skhoid.effects import TimeVaryingGain
+    >>> [p.name for p in TimeVaryingGain().free]
+    ['K_e_change', 'K_edot_change', 'rate', 'time']
+    """
+
+    name = "tv_gain"
+    place = "gain"
+    physics = "The operator adapts: gain and lead change in the run."
+    formula = "K (1 + change / (1 + exp(-rate (t - time))))"
+    source = "Thesis, Eqs. 26-28"
+
+    def __init__(
+        self,
+        *,
+        K_e_change: float | None = None,
+        K_edot_change: float | None = None,
+        rate: float | None = None,
+        time: float | None = None,
+        omega_nm_change: float | None = 0.0,
+        zeta_nm_change: float | None = 0.0,
+        form: str | None = "sigmoid",
+    ):
+        self.K_e_change = K_e_change
+        self.K_edot_change = K_edot_change
+        self.rate = rate
+        self.time = time
+        self.omega_nm_change = omega_nm_change
+        self.zeta_nm_change = zeta_nm_change
+        self.form = form
+
+    parameters = (
+        Parameter("K_e_change", "-", -0.98, 10.0, (0.0,), "", "relative change of K_e"),
+        Parameter("K_edot_change", "-", -0.98, 10.0, (0.0,), "", "relative change of K_edot"),
+        Parameter("rate", "1/s", 0.03, 30.0, (0.4, 2.0), "", "steepness G"),
+        Parameter("time", "s", 0.0, 1.0, (0.15, 0.32, 0.5, 0.68, 0.85), "T", "middle t_M"),
+        Parameter("omega_nm_change", "-", -0.8, 4.0, (0.0,), "", "relative change of omega_nm"),
+        Parameter("zeta_nm_change", "-", -0.8, 4.0, (0.0,), "", "relative change of zeta_nm"),
+    )
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {
+            "K_e_change": 0.0,
+            "K_edot_change": 0.0,
+            "omega_nm_change": 0.0,
+            "zeta_nm_change": 0.0,
+        }
+
+    def variants(self, record: Record) -> list[Effect]:
+        forms = ("sigmoid", "ramp") if self.form is None else (self.form,)
+        return [self.with_choices(form=form) for form in forms]
+
+    def apply(
+        self,
+        signal: Gains,
+        record: Record,
+        K_e_change: float,
+        K_edot_change: float,
+        rate: float,
+        time: float,
+        omega_nm_change: float,
+        zeta_nm_change: float,
+    ) -> Gains:
+        if self.form == "ramp":
+            share = np.clip(0.5 + rate / 4 * (record.t - time), 0.0, 1.0)
+        else:
+            share = sigmoid(record, rate, time)
+        gains = signal._replace(
+            error=signal.error * (1 + K_e_change * share),
+            rate=signal.rate * (1 + K_edot_change * share),
+        )
+        if omega_nm_change or zeta_nm_change:
+            of_time = share[:, :1]
+            gains = gains._replace(
+                omega=gains.omega * (1 + omega_nm_change * of_time),
+                zeta=gains.zeta * (1 + zeta_nm_change * of_time),
+            )
+        return gains
+
+
+class GainDrift(Effect):
+    """Both gains drift steadily in the run: fatigue, or learning.
+
+    Parameters
+    ----------
+    rate : float or None, default=None
+        Relative change per second; None estimates it.
+    reference : float or None, default=None
+        Time in the run at which the gains are nominal, in seconds; None takes the middle.
+
+    References
+    ----------
+    Thesis, Section II: slow variation.
+
+    Examples
+    --------
+    >>> from skhoid.effects import GainDrift
+    >>> GainDrift().name
+    'gain_drift'
+    """
+
+    name = "gain_drift"
+    place = "gain"
+    physics = "The operator's gain falls (fatigue) or grows steadily."
+    formula = "K (1 + rate (t - reference))"
+    source = "Thesis, Section II"
+    parameters = (Parameter("rate", "1/s", -1.9, 1.9, (0.4, -0.4), "1/T", "relative, per second"),)
+
+    def __init__(self, *, rate: float | None = None, reference: float | None = None):
+        self.rate = rate
+        self.reference = reference
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"rate": 0.0}
+
+    def variants(self, record: Record) -> list[Effect]:
+        return [with_middle(self, record)]
+
+    def apply(self, signal: Gains, record: Record, rate: float) -> Gains:
+        return signal.times(np.maximum(1 + rate * (record.t - self.reference), 0.0))
+
+
+class ScheduledGain(Effect):
+    """Both gains follow a measured channel.
+
+    Parameters
+    ----------
+    slope : float or None, default=None
+        Relative change of the gains per unit of the channel; None estimates it.
+    channel : str or None, default=None
+        Its name; None tries each channel that has no role.
+    reference : float or None, default=None
+        Value of the channel at which the gains are nominal; None takes its mean.
+
+    References
+    ----------
+    Gain scheduling; Toth, Modeling and identification of linear parameter-varying systems (2010).
+
+    Examples
+    --------
+    >>> from skhoid.effects import ScheduledGain
+    >>> ScheduledGain(channel="speed").name
+    'scheduled_gain'
+    """
+
+    name = "scheduled_gain"
+    place = "gain"
+    physics = "The operator adapts the gain to a measured condition, such as speed."
+    formula = "K (1 + slope (channel - reference))"
+    source = "Toth (2010)"
+
+    def __init__(
+        self,
+        *,
+        slope: float | None = None,
+        channel: str | None = None,
+        reference: float | None = None,
+    ):
+        self.slope = slope
+        self.channel = channel
+        self.reference = reference
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        unit = f"1/[{self.channel}]"
+        scale = f"1/{self.channel}"
+        return (Parameter("slope", unit, -3.0, 3.0, (0.15, -0.15), scale, "relative change"),)
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"slope": 0.0}
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        return needs_channel(self.channel, record, OTHER, "a channel without role to follow")
+
+    def variants(self, record: Record) -> list[Effect]:
+        names = record.with_role(OTHER) if self.channel is None else [self.channel]
+        made = []
+        for name in names:
+            reference = self.reference
+            if reference is None:
+                reference = float(record.channels[name][record.known].mean())
+            made.append(self.with_choices(channel=name, reference=reference))
+        return made
+
+    def apply(self, signal: Gains, record: Record, slope: float) -> Gains:
+        away = record.channels[self.channel] - self.reference
+        return signal.times(np.maximum(1 + slope * away, 0.0))
+
+
+class Lapses(Effect):
+    """Lapses of attention: in stretches of time, the same in each run, nothing is answered.
+
+    Parameters
+    ----------
+    depth : float or None, default=None
+        Share of the command that is missing in a lapse; None estimates it.
+    shift : float or None, default=None
+        What the stretches are later than ``intervals``, in seconds; None estimates it.
+    intervals : list of (float, float) or None, default=None
+        Beginnings and ends in seconds of time in the run; None finds them.
+
+    References
+    ----------
+    Hidden two-state process, Viterbi (1967).
+
+    Examples
+    --------
+    >>> from skhoid.effects import Lapses
+    >>> Lapses(intervals=[(10.0, 12.5)], shift=0.0).fixed
+    {'shift': 0.0}
+    """
+
+    name = "lapses"
+    place = "gain"
+    physics = "The operator looks away, and does not answer for seconds."
+    formula = "K (1 - depth) within the intervals"
+    source = "Viterbi (1967)"
+    parameters = (
+        Parameter("depth", "-", 0.0, 1.0, (0.95,), "", "share not answered"),
+        Parameter("shift", "s", -0.8, 0.4, (-0.15,), "", "of the intervals"),
+    )
+
+    def __init__(
+        self,
+        *,
+        depth: float | None = None,
+        shift: float | None = None,
+        intervals: Any = None,
+    ):
+        self.depth = depth
+        self.shift = shift
+        self.intervals = intervals
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"depth": 0.0}
+
+    @property
+    def n_hidden(self) -> int:
+        """Numbers that were found beside the parameters."""
+        return 2 * len(self.intervals or ())
+
+    def variants(self, record: Record) -> list[Effect]:
+        if self.intervals is not None:
+            return [self]
+        found = silent_stretches(record)
+        return [self.with_choices(intervals=found)] if found else []
+
+    def apply(self, signal: Gains, record: Record, depth: float, shift: float) -> Gains:
+        away = np.zeros_like(record.t)
+        for begin, end in self.intervals:
+            inside = (record.t - begin - shift) / record.dt + 0.5
+            until = (end + shift - record.t) / record.dt + 0.5
+            away = np.maximum(away, np.clip(np.minimum(inside, until), 0.0, 1.0))
+        return signal.times(1 - depth * away)
+
+
+def needs_channel(channel: str | None, record: Record, role: str, what: str) -> str | None:
+    """Why a channel that an effect needs is not there."""
+    if channel is not None and channel not in record.channels:
+        return f"X has no channel {channel!r}"
+    if channel is None and not record.with_role(role):
+        return f"X has no {what}"
+    return None
+
+
+def silent_stretches(record: Record) -> list[tuple[float, float]]:
+    """Stretches in which all runs answer nothing rather than the input, by Viterbi's algorithm."""
+    if record.prediction is None or record.y is None:
+        return []
+    answer, y, known = record.prediction, record.y, record.known
+    variance = float(np.median(((y - answer) ** 2)[known])) / 0.455 + 1e-12
+    # Residuals are alike over some tenths of a second: each counts as that much less.
+    weight = record.dt / 0.15
+    against = np.where(known, (y - answer) ** 2 - y**2, 0.0) / (2 * variance) * weight
+    evidence = np.clip(against, -5 * weight, 5 * weight).sum(axis=1)
+    cost = 8.0  # of a change of state: log odds of one in half a minute at 100 Hz
+    n = evidence.size
+    score = np.array([0.0, -cost])
+    came = np.zeros((n, 2), dtype=np.int8)
+    for k in range(n):
+        stay, go = score[1], score[0] - cost
+        back = score[1] - cost
+        came[k] = (1 if back > score[0] else 0, 1 if stay >= go else 0)
+        score = np.array([max(score[0], back), max(stay, go) + evidence[k]])
+    state = int(score[1] > score[0])
+    states = np.zeros(n, dtype=bool)
+    for k in range(n - 1, -1, -1):
+        states[k] = state == 1
+        state = int(came[k, state])
+    edges = np.flatnonzero(np.diff(np.r_[False, states, False].astype(int)))
+    t = record.t[:, 0]
+    found = [
+        (float(t[a]), float(t[min(b, n - 1)]))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if (b - a) * record.dt >= 0.4
+    ]
+    return [] if sum(e - b for b, e in found) > 0.5 * record.duration else found

@@ -1,0 +1,193 @@
+"""Delays, and control that is not continuous."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .. import _kernels
+from .base import Effect, Parameter
+from .record import Record, differentiated
+from .time_variation import sigmoid
+
+
+class WrongDelay(Effect):
+    """The delay is another than assumed.
+
+    Parameters
+    ----------
+    extra : float or None, default=None
+        What the delay is longer, in seconds; None estimates it.
+
+    Notes
+    -----
+    It frees a delay that the model was given (``OperatorRegressor(delay=0.28)``, or ``nk`` of an
+    ARX model); a model that estimates its delay needs it not.
+
+    References
+    ----------
+    Thesis, Section V: n_k fixed or estimated.
+
+    Examples
+    --------
+    >>> from skhoid.effects import WrongDelay
+    >>> WrongDelay().name
+    'wrong_delay'
+    """
+
+    name = "wrong_delay"
+    place = "delay"
+    physics = "The answer comes earlier or later than the model assumes."
+    formula = "e(t - delay - extra)"
+    source = "Thesis, Section V"
+    parameters = (Parameter("extra", "s", -0.4, 0.6, (-0.08, 0.08), "", "longer than assumed"),)
+
+    def __init__(self, *, extra: float | None = None):
+        self.extra = extra
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"extra": 0.0}
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        if core == "operator, free delay":
+            return "the model estimates its delay already (delay=None)"
+        return None
+
+    def apply(self, signal: Any, record: Record, extra: float) -> Any:
+        return signal + extra
+
+
+class TimeVaryingDelay(Effect):
+    """The delay changes in the run, by a sigmoid.
+
+    Parameters
+    ----------
+    change : float or None, default=None
+        In seconds; None estimates it.
+    rate : float or None, default=None
+        Steepness G of the sigmoid in 1/s; None estimates it.
+    time : float or None, default=None
+        Middle of the change, in seconds; None estimates it.
+
+    References
+    ----------
+    Thesis, Eq. 28, for its sigmoid.
+
+    Examples
+    --------
+    >>> from skhoid.effects import TimeVaryingDelay
+    >>> TimeVaryingDelay(change=0.1).name
+    'tv_delay'
+    """
+
+    name = "tv_delay"
+    place = "delay"
+    physics = "The operator becomes slower, or faster, to answer in the run."
+    formula = "tau_e + change / (1 + exp(-rate (t - time)))"
+    source = "Thesis, Eq. 28"
+    parameters = (
+        Parameter("change", "s", -0.5, 0.5, (0.05, -0.05), "", "of the delay"),
+        Parameter("rate", "1/s", 0.05, 20.0, (0.5,), "", "steepness"),
+        Parameter("time", "s", 0.02, 0.98, (0.3, 0.7), "T", "middle of the change"),
+    )
+
+    def __init__(
+        self,
+        *,
+        change: float | None = None,
+        rate: float | None = None,
+        time: float | None = None,
+    ):
+        self.change = change
+        self.rate = rate
+        self.time = time
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"change": 0.0}
+
+    def apply(self, signal: Any, record: Record, change: float, rate: float, time: float) -> Any:
+        return signal + change * sigmoid(record, rate, time)
+
+
+class Intermittent(Effect):
+    """Sampled control: the command is held between decisions.
+
+    Parameters
+    ----------
+    hold_time : float or None, default=None
+        Time between decisions at least, in seconds; None estimates it.
+    threshold : float or None, default=None
+        Change of the command that makes a decision, in units of the output; 0 is a clock, None
+        estimates it.
+    phase : float or None, default=None
+        First decision after the start of a run, in seconds; None estimates it.
+    trigger : {"clock", "event"} or None, default=None
+        None tries both.
+
+    References
+    ----------
+    Gawthrop et al., Intermittent control: a computational theory of human control (2011).
+
+    Examples
+    --------
+    >>> from skhoid.effects import Intermittent
+    >>> Intermittent(trigger="clock", hold_time=0.4).place
+    'command'
+    """
+
+    name = "intermittent"
+    place = "command"
+    physics = "The operator decides at instants, and holds the command between."
+    formula = "command(t_i) for t_i <= t < t_(i+1)"
+    source = "Gawthrop et al. (2011)"
+    smooth = False
+
+    def __init__(
+        self,
+        *,
+        hold_time: float | None = None,
+        threshold: float | None = None,
+        phase: float | None = None,
+        trigger: str | None = None,
+    ):
+        self.hold_time = hold_time
+        self.threshold = threshold
+        self.phase = phase
+        self.trigger = trigger
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        times = tuple(np.arange(0.12, 0.81, 0.04).round(2).tolist())
+        if self.trigger == "event":
+            return (
+                Parameter("hold_time", "s", 0.0, 1.0, (0.05, 0.2, 0.4), "", "refractory time"),
+                Parameter(
+                    "threshold", "{u}", 0.02, 3.0, (0.1, 0.2, 0.4, 0.7), "u", "that triggers"
+                ),
+            )
+        return (
+            Parameter("hold_time", "s", 0.04, 1.0, times, "", "between decisions"),
+            Parameter("phase", "s", 0.0, 1.0, (0.0,), "", "of the first decision"),
+        )
+
+    def variants(self, record: Record) -> list[Effect]:
+        triggers = ("clock", "event") if self.trigger is None else (self.trigger,)
+        return [self.with_choices(trigger=trigger) for trigger in triggers]
+
+    def apply(
+        self,
+        signal: Any,
+        record: Record,
+        hold_time: float,
+        threshold: float = 0.0,
+        phase: float = 0.0,
+    ) -> Any:
+        dt = record.dt
+        whole = _kernels.gate(signal.position + differentiated(signal.rate, dt))
+        if self.trigger != "event":
+            threshold = 0.0
+        kept = _kernels.greybox.held(whole, max(hold_time / dt, 1.0), threshold, phase / dt)
+        return signal._replace(position=kept, rate=np.zeros_like(kept))

@@ -1,0 +1,156 @@
+"""The linear core of a model: a human operator, or an ARX system."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from .. import _kernels
+from ..effects.base import Parameter
+from ..effects.record import Record
+from ..effects.signals import Command, Gains
+
+BOUND = 1e9  # of simulated outputs
+
+
+class Core(Protocol):
+    """What a simulation needs to know of the linear core."""
+
+    kind: str
+    parameters: tuple[Parameter, ...]
+
+    def delay(self, values: dict[str, float]) -> float:
+        """Delay of the answer to the input in seconds, without effects."""
+
+    def command(self, error: np.ndarray, gains: Gains, values: dict[str, float]) -> tuple:
+        """Position and rate command for a delayed error."""
+
+    def response(
+        self, command: Command, gains: Gains, stiffness: float, values: dict[str, float], dt: float
+    ) -> np.ndarray:
+        """Output for a command."""
+
+
+class OperatorCore:
+    """Human operator: K_e e + K_edot de/dt, delayed, through the neuromuscular system (Eqs. 3-5).
+
+    ``fixed_delay`` in seconds, or None to estimate it.
+    """
+
+    kind = "operator"
+
+    def __init__(self, fixed_delay: float | None):
+        self.fixed_delay = fixed_delay
+        free = (
+            Parameter("K_e", "{u}/{e}", -50.0, 50.0, (0.5,), "u/e", "gain on the error"),
+            Parameter("K_edot", "{u} s/{e}", 0.0, 50.0, (0.2,), "u/e", "gain on the error rate"),
+            Parameter("omega_nm", "rad/s", 1.5, 60.0, (10.0,), "", "neuromuscular frequency"),
+            Parameter("zeta_nm", "-", 0.02, 3.0, (0.4,), "", "neuromuscular damping ratio"),
+        )
+        delay = Parameter("tau_e", "s", 0.0, 1.5, (0.25,), "", "effective time delay")
+        self.parameters = free if fixed_delay is not None else (*free, delay)
+        if fixed_delay is None:
+            self.kind = "operator, free delay"
+
+    def delay(self, values: dict[str, float]) -> float:
+        return self.fixed_delay if self.fixed_delay is not None else values["tau_e"]
+
+    def command(
+        self, error: np.ndarray, gains: Gains, values: dict[str, float]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        return values["K_e"] * gains.error * error, values["K_edot"] * gains.rate * error
+
+    def response(
+        self, command: Command, gains: Gains, stiffness: float, values: dict[str, float], dt: float
+    ) -> np.ndarray:
+        coefficients = first_order_hold(
+            values["omega_nm"] * gains.omega, values["zeta_nm"] * gains.zeta, dt
+        )
+        return _kernels.greybox.second_order(
+            _kernels.gate(command.position),
+            _kernels.gate(command.rate),
+            *coefficients,
+            float(stiffness),
+            BOUND,
+        )
+
+
+class ARXCore:
+    """A(q) y = B(q) x(t - nk) with orders of one input (Eq. 6)."""
+
+    kind = "arx"
+
+    def __init__(self, na: int, nb: int, nk: int):
+        self.na, self.nb, self.nk = na, nb, nk
+        names = [f"a{i + 1}" for i in range(na)] + [f"b{i}" for i in range(nb)]
+        self.parameters = tuple(Parameter(n, "-", meaning="ARX coefficient") for n in names)
+
+    def delay(self, values: dict[str, float]) -> float:
+        return 0.0
+
+    def command(
+        self, error: np.ndarray, gains: Gains, values: dict[str, float]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        return gains.error * error, np.zeros_like(error)
+
+    def response(
+        self, command: Command, gains: Gains, stiffness: float, values: dict[str, float], dt: float
+    ) -> np.ndarray:
+        theta = np.array(list(values.values()))
+        x = command.position
+        if command.rate.any():
+            x = x + np.gradient(command.rate, dt, axis=0)
+        b = np.r_[np.zeros(self.nk), theta[self.na :]]
+        return _kernels.greybox.arx_response(
+            _kernels.gate(x), _kernels.gate(theta[: self.na]), b, float(stiffness), BOUND
+        )
+
+
+def first_order_hold(omega: Any, zeta: Any, dt: float) -> tuple[np.ndarray, ...]:
+    """Exact discretisation of the neuromuscular system for inputs linear between samples.
+
+    s' = [[-2 zeta omega, 1], [-omega^2, 0]] s + omega^2 [[0, 1], [1, 0]] w with s = (output,
+    companion) and w = (position, rate command). Returns the matrices on s(k), w(k) and w(k+1),
+    each of shape (1 or n_samples, 4).
+    """
+    omega, zeta = np.broadcast_arrays(np.ravel(omega).astype(float), np.ravel(zeta).astype(float))
+    square = omega**2
+    m = np.empty((omega.size, 2, 2))
+    m[:, 0, 0], m[:, 0, 1], m[:, 1, 0], m[:, 1, 1] = -2 * zeta * omega, 1.0, -square, 0.0
+    mean = -zeta * omega
+    root = np.sqrt((mean**2 - square).astype(complex))
+    small = np.abs(root) * dt < 1e-7
+    safe = np.where(small, 1.0, root)
+    cosine = np.cosh(root * dt).real
+    sine = np.where(small, dt, (np.sinh(safe * dt) / safe).real)
+    eye = np.eye(2)
+    growth = np.exp(mean * dt)
+    away = m - mean[:, None, None] * eye
+    phi = growth[:, None, None] * (cosine[:, None, None] * eye + sine[:, None, None] * away)
+    inverse = np.empty_like(m)  # of m, whose determinant is omega^2
+    inverse[:, 0, 0], inverse[:, 0, 1] = 0.0, -1.0 / square
+    inverse[:, 1, 0], inverse[:, 1, 1] = 1.0, -2 * zeta / omega
+    whole = inverse @ (phi - eye)
+    ramp = inverse @ inverse @ (phi - eye - m * dt) / dt
+    swap = square[:, None, None] * np.array([[0.0, 1.0], [1.0, 0.0]])
+    return (
+        _flat(phi),
+        _flat((whole - ramp) @ swap),
+        _flat(ramp @ swap),
+    )
+
+
+def _flat(matrices: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(matrices.reshape(-1, 4))
+
+
+def neutral_gains() -> Gains:
+    """No effect on any gain."""
+    one = np.ones((1, 1))
+    return Gains(one, one, one, one)
+
+
+def names_of(parameters: Sequence[Parameter]) -> list[str]:
+    return [p.name for p in parameters]

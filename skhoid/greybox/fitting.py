@@ -1,0 +1,208 @@
+"""Maximum likelihood in simulation: bounded Levenberg-Marquardt on whitened residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+
+from .. import _kernels
+from ..effects.record import Record
+from .simulator import Simulator
+
+AR_ORDER = 6
+WHITE_FLOOR = 3e-3  # of the residual's variance is white at least
+CRITERION_RATE = 25.0  # Hz; operators do not answer faster than half of it
+STEP = 1e-4  # of finite differences, relative
+COARSE_STEP = 5e-3  # where the response is not smooth
+
+
+@dataclass(frozen=True)
+class Noise:
+    """AR model of the remnant on the criterion's rows, and the scale of each run."""
+
+    ar: np.ndarray
+    scale: np.ndarray
+
+    @classmethod
+    def white(cls, n_runs: int) -> Noise:
+        return cls(np.zeros(0), np.ones(n_runs))
+
+
+class Criterion:
+    """Squares of whitened residuals on every so-manieth row, and their derivatives."""
+
+    def __init__(self, record: Record, noise: Noise | None = None):
+        assert record.y is not None
+        self.record = record
+        self.thin = max(1, round(1.0 / (CRITERION_RATE * record.dt)))
+        self.y = np.ascontiguousarray(record.y[:: self.thin])
+        self.known = np.ascontiguousarray(record.known[:: self.thin])
+        self.set_noise(noise or Noise.white(record.n_runs))
+
+    def set_noise(self, noise: Noise) -> None:
+        self.noise = noise
+        order = noise.ar.size
+        weight = self.known.copy()
+        for lag in range(1, order + 1):
+            weight[lag:] &= self.known[:-lag]
+        weight[:order] = False
+        self.n = int(weight.sum())
+        self.weight = weight / noise.scale
+
+    def residual(self, output: np.ndarray) -> np.ndarray:
+        """Residuals on the criterion's rows, zero where nothing is known."""
+        return np.where(self.known, self.y - output[:: self.thin], 0.0)
+
+    def whitened(self, signals: np.ndarray) -> np.ndarray:
+        """Signals (count, n, runs) on the criterion's rows as whitened rows of a table."""
+        if self.noise.ar.size == 0:
+            return (signals * self.weight).reshape(len(signals), -1)
+        out = _kernels.greybox.whitened(
+            _kernels.gate(signals), _kernels.gate(self.noise.ar), _kernels.gate(self.weight)
+        )
+        return out.reshape(len(signals), -1)
+
+    def sse(self, output: np.ndarray) -> float:
+        """Sum of squares; infinite where the output is not finite."""
+        if not np.isfinite(output[-1]).all():
+            return np.inf
+        r = self.whitened(self.residual(output)[None])[0]
+        value = float(r @ r)
+        return value if np.isfinite(value) else np.inf
+
+    def noise_of(self, output: np.ndarray, order: int = AR_ORDER) -> Noise:
+        """AR model of the residual of an output, one for all runs, by Yule and Walker."""
+        return noise_of(self.residual(output), self.known, order)
+
+
+def noise_of(residual: np.ndarray, known: np.ndarray, order: int = AR_ORDER) -> Noise:
+    """AR model of residuals (n, runs), and the rms of whitened residuals of each run."""
+    lags = np.zeros(order + 1)
+    for lag in range(order + 1):
+        n = residual.shape[0] - lag
+        pairs = max(int((known[lag:] & known[:n]).sum()), 1)
+        lags[lag] = (residual[lag:] * residual[:n]).sum() / pairs
+    if lags[0] <= 0.0:
+        return Noise(np.zeros(order), np.ones(residual.shape[1]))
+    lags[0] *= 1 + WHITE_FLOOR
+    ar = -solve_toeplitz(lags[:order], lags[1:])
+    white = Noise(ar, np.ones(residual.shape[1]))
+    errors = _kernels.greybox.whitened(
+        _kernels.gate(residual[None]), _kernels.gate(ar), _kernels.gate(known.astype(float))
+    )[0]
+    counts = np.maximum(known.sum(axis=0), 1)
+    power = (errors**2).sum(axis=0) / counts
+    # Runs whose remnant is stronger count less; within a factor of three, lest one run decide.
+    scale = np.sqrt(np.clip(power, power.mean() / 9, None))
+    return Noise(white.ar, scale / np.sqrt(power.mean()) if power.mean() > 0 else white.scale)
+
+
+@dataclass
+class Fit:
+    """Parameters at a minimum, and the normal equations there."""
+
+    theta: np.ndarray
+    sse: float
+    n: int
+    normal: np.ndarray
+    gradient: np.ndarray
+    n_iterations: int
+
+    def covariance(self, free: np.ndarray) -> np.ndarray:
+        """Covariance of the parameters; those not ``free`` (at a bound) have none."""
+        covariance = np.full_like(self.normal, np.nan)
+        if free.any():
+            block = self.normal[np.ix_(free, free)]
+            d = np.sqrt(np.maximum(np.diag(block), 1e-300))
+            inverse = np.linalg.pinv(block / np.outer(d, d), rcond=1e-12) / np.outer(d, d)
+            sigma2 = self.sse / max(self.n - free.sum(), 1)
+            covariance[np.ix_(free, free)] = sigma2 * inverse
+        return covariance
+
+
+def minimise(
+    simulator: Simulator,
+    criterion: Criterion,
+    theta: np.ndarray,
+    *,
+    max_iter: int = 20,
+    tol: float = 1e-5,
+    fixed: np.ndarray | None = None,
+) -> Fit:
+    """Levenberg-Marquardt with bounds by projection and finite differences.
+
+    Stops when a step lowers the sum of squares by less than ``tol`` of itself.
+    """
+    low, high = simulator.low, simulator.high
+    theta = np.clip(theta, low, high)
+    held = np.zeros(theta.size, dtype=bool) if fixed is None else fixed
+    output = simulator.run(theta)
+    sse = criterion.sse(output)
+    damping = 1e-3
+    normal, gradient = np.eye(theta.size), np.zeros(theta.size)
+    done = 0
+    if not np.isfinite(sse):
+        return Fit(theta, np.inf, criterion.n, normal, gradient, 0)
+    for done in range(1, max_iter + 1):
+        normal, gradient = normal_equations(simulator, criterion, theta, output)
+        at_low = (theta <= low) & (gradient < 0)
+        at_high = (theta >= high) & (gradient > 0)
+        free = ~(held | at_low | at_high)
+        if not free.any():
+            break
+        better = False
+        for _ in range(6):
+            step = np.zeros_like(theta)
+            block = normal[np.ix_(free, free)]
+            diagonal = np.maximum(np.diag(block), 1e-12 * np.trace(block) + 1e-300)
+            try:
+                step[free] = np.linalg.solve(block + damping * np.diag(diagonal), gradient[free])
+            except np.linalg.LinAlgError:
+                damping *= 10
+                continue
+            trial = np.clip(theta + step, low, high)
+            new_output = simulator.run(trial)
+            new = criterion.sse(new_output)
+            if new < sse:
+                better = True
+                break
+            damping *= 8
+        if not better:
+            break
+        gain = sse - new
+        theta, output, sse = trial, new_output, new
+        damping = max(damping / 6, 1e-9)
+        if gain < tol * sse:
+            break
+    if not better:
+        simulator.run(theta)
+    return Fit(theta, sse, criterion.n, normal, gradient, done)
+
+
+def normal_equations(
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """J'J and J'r for whitened residuals r and derivatives J of the output at the last run."""
+    table = whitened_derivatives(simulator, criterion, theta, output)
+    gram = table @ table.T
+    return gram[:-1, :-1], gram[:-1, -1]
+
+
+def whitened_derivatives(
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
+) -> np.ndarray:
+    """Whitened derivatives by each parameter, and the whitened residual as the last row."""
+    relative = STEP if simulator.smooth else COARSE_STEP
+    thin = criterion.thin
+    rows = np.empty((theta.size + 1, *criterion.y.shape))
+    here = output[::thin]
+    for i, value in enumerate(theta):
+        h = relative * max(abs(value), 0.05 * simulator.scale[i])
+        if value + h > simulator.high[i]:
+            h = -h
+        rows[i] = (simulator.beside(i, value + h)[::thin] - here) / h
+    rows[:-1] *= criterion.known
+    rows[-1] = criterion.residual(output)
+    return criterion.whitened(rows)

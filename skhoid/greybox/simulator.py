@@ -1,0 +1,179 @@
+"""Simulation of a core with effects: stages, of which only those behind a change run again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..effects.base import PLACES, Effect, Parameter
+from ..effects.composition import Effects
+from ..effects.record import Record
+from ..effects.signals import Command, Gains
+from .cores import BOUND, Core, neutral_gains
+
+
+class State(NamedTuple):
+    """Signals as far as they are known after a stage."""
+
+    error: np.ndarray
+    delay: Any
+    gains: Gains
+    command: Any
+    stiffness: float
+    output: Any
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of the simulation, and the positions of the parameters that it takes."""
+
+    run: Callable[[State, dict[str, float]], State]
+    positions: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """A parameter that is estimated: qualified name and what is known of it."""
+
+    name: str
+    spec: Parameter
+    low: float
+    high: float
+    scale: float
+
+
+class Simulator:
+    """Free runs of a core with effects on a record.
+
+    ``effects`` have all their choices made (see ``Effect.variants``). ``parameters`` lists what
+    is estimated, in the order of the vectors theta that ``run`` takes.
+    """
+
+    def __init__(self, core: Core, effects: Effects, record: Record):
+        self.core, self.effects, self.record = core, effects, record
+        self.parameters: list[FreeParameter] = []
+        for p in core.parameters:
+            scale = p.scale_of(record)
+            self._add(p.name, p, p.low * scale, p.high * scale, scale)
+        for name, effect in effects:
+            limits = effect.limits(record)
+            for p in effect.free:
+                low, high = limits[p.name]
+                self._add(f"{name}__{p.name}", p, low, high, p.scale_of(record))
+        self.names = [p.name for p in self.parameters]
+        self.low = np.array([p.low for p in self.parameters])
+        self.high = np.array([p.high for p in self.parameters])
+        self.scale = np.array([p.scale for p in self.parameters])
+        self.smooth = all(effect.smooth for _, effect in effects)
+        self._stages = self._build()
+        self._begins = [
+            min((i for i, s in enumerate(self._stages) if j in s.positions), default=0)
+            for j in range(len(self.parameters))
+        ]
+        self._theta: np.ndarray | None = None
+        self._states: list[State] = []
+
+    def _add(self, name: str, p: Parameter, low: float, high: float, scale: float) -> None:
+        self.parameters.append(FreeParameter(name, p, low, high, scale))
+
+    def _build(self) -> list[Stage]:
+        core, record = self.core, self.record
+        n_core = len(core.parameters)
+        core_names = [p.name for p in core.parameters]
+        of_core = tuple(range(n_core))
+        dynamic = tuple(i for i, n in enumerate(core_names) if n not in ("K_e", "K_edot", "tau_e"))
+        gain = tuple(i for i, n in enumerate(core_names) if n in ("K_e", "K_edot"))
+        delay = tuple(i for i, n in enumerate(core_names) if n == "tau_e")
+
+        def values(theta: dict[int, float], positions: tuple[int, ...]) -> dict[str, float]:
+            return {core_names[i]: theta[i] for i in positions}
+
+        def start_delay(s: State, theta: Any) -> State:
+            return s._replace(delay=core.delay(values(theta, delay)))
+
+        def delayed(s: State, theta: Any) -> State:
+            late = s.delay
+            if np.ndim(late) or late != 0.0:
+                late = np.maximum(late, 0.0)
+                return s._replace(error=record.delayed(s.error, late), delay=late)
+            return s
+
+        def command(s: State, theta: Any) -> State:
+            position, rate = core.command(s.error, s.gains, values(theta, gain))
+            return s._replace(command=Command(position, rate, s.error, s.delay))
+
+        def respond(s: State, theta: Any) -> State:
+            given = values(theta, dynamic)
+            output = core.response(s.command, s.gains, s.stiffness, given, record.dt)
+            return s._replace(output=output)
+
+        stages = [*self._stages_at("input", "error"), Stage(start_delay, delay)]
+        stages += [*self._stages_at("delay", "delay"), Stage(delayed, ())]
+        stages += [*self._stages_at("gain", "gains"), Stage(command, gain)]
+        stages += self._stages_at("path", "command")
+        stages += self._stages_at("command", "command")
+        stages += self._stages_at("spring", "stiffness")
+        stages += [Stage(respond, dynamic if core.kind != "arx" else of_core)]
+        stages += self._stages_at("sum", "output")
+        stages += self._stages_at("output", "output")
+        return stages
+
+    def _stages_at(self, place: str, signal: str) -> list[Stage]:
+        assert place in PLACES
+        position = {p.name: i for i, p in enumerate(self.parameters)}
+        made = []
+        for name, effect in self.effects:
+            if effect.place != place:
+                continue
+            free = {p.name: position[f"{name}__{p.name}"] for p in effect.free}
+            made.append(_effect_stage(effect, self.record, free, signal))
+        return made
+
+    def _start(self) -> State:
+        return State(self.record.input, 0.0, neutral_gains(), None, 0.0, None)
+
+    def run(self, theta: np.ndarray) -> np.ndarray:
+        """Output for parameters, of shape (n_samples, n_runs); its stages are kept."""
+        if self._theta is not None and np.array_equal(theta, self._theta):
+            return self._states[-1].output
+        begin = 0
+        if self._theta is not None:
+            changed = np.flatnonzero(theta != self._theta)
+            begin = min(self._begins[j] for j in changed)
+        self._states = self._states[: begin + 1] or [self._start()]
+        for stage in self._stages[begin:]:
+            self._states.append(stage.run(self._states[-1], theta))
+        self._theta = theta.copy()
+        return self._states[-1].output
+
+    def beside(self, position: int, value: float) -> np.ndarray:
+        """Output with one parameter changed against the last ``run``."""
+        assert self._theta is not None
+        theta = self._theta.copy()
+        theta[position] = value
+        begin = self._begins[position]
+        state = self._states[begin]
+        for stage in self._stages[begin:]:
+            state = stage.run(state, theta)
+        return state.output
+
+    @property
+    def last_state(self) -> State:
+        """Signals of the last run."""
+        return self._states[-1]
+
+    def diverged(self, output: np.ndarray) -> bool:
+        return not np.abs(output).max(initial=0.0) < BOUND
+
+
+def _effect_stage(effect: Effect, record: Record, free: dict[str, int], signal: str) -> Stage:
+    fixed = effect.fixed
+
+    def run(state: State, theta: Any) -> State:
+        values = {**fixed, **{name: float(theta[i]) for name, i in free.items()}}
+        return state._replace(**{signal: effect.apply(getattr(state, signal), record, **values)})
+
+    return Stage(run, tuple(free.values()))
