@@ -7,6 +7,7 @@ from .arx.recursive_cv import RecursiveARXCV
 from .arx.searches import DelaySearchCV, OrderSearchCV
 from .diagnosis import (
     Comparison,
+    EffectSearchCV,
     Finding,
     RemnantEstimate,
     check_channels,
@@ -34,6 +35,7 @@ from .frequency import (
     crossover_path,
     fourier_coefficients,
 )
+from .greybox import OperatorRegressor
 from .human import (
     ControlledElement,
     HumanOperator,
@@ -71,6 +73,7 @@ __all__ = [
     "Decimator",
     "DelaySearchCV",
     "DelayShift",
+    "EffectSearchCV",
     "Finding",
     "FrequencyResponse",
     "HumanOperator",
@@ -78,6 +81,7 @@ __all__ = [
     "MissingDataWarning",
     "Mixture",
     "Multisine",
+    "OperatorRegressor",
     "OrderSearchCV",
     "PoorExcitationWarning",
     "Ramp",

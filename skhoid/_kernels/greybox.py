@@ -32,9 +32,7 @@ def delayed(x, delay):
         i = k + whole
         if constant and i >= 1 and i + 2 < n:
             for j in range(runs):
-                out[k, j] = (
-                    w0 * x[i - 1, j] + w1 * x[i, j] + w2 * x[i + 1, j] + w3 * x[i + 2, j]
-                )
+                out[k, j] = w0 * x[i - 1, j] + w1 * x[i, j] + w2 * x[i + 1, j] + w3 * x[i + 2, j]
             continue
         for j in range(runs):
             at = k - delay[min(k, delay.shape[0] - 1), min(j, delay.shape[1] - 1)]
@@ -138,22 +136,29 @@ def filtered(x, b, a):
 
 @njit(**OPTIONS)
 def whitened(signals, ar, weight):
-    """Prediction errors of signals (n_signals, n_samples, n_runs) under an AR model, weighted.
+    """Prediction errors of signals (n_signals, n_samples, n_runs) under an AR(6) model, weighted.
 
-    The first ``ar.size`` samples are zero.
+    The first six samples are zero. Returns a table (n_signals, n_samples * n_runs).
     """
-    count, n, runs = signals.shape
-    order = ar.size
-    out = np.zeros((count, n, runs))
+    count, n, r = signals.shape
+    length = n * r
+    flat = signals.reshape(count, length)
+    by_row = weight.reshape(length)
+    out = np.zeros((count, length))
+    a1, a2, a3, a4, a5, a6 = ar[0], ar[1], ar[2], ar[3], ar[4], ar[5]
     for i in range(count):
-        for k in range(order, n):
-            for j in range(runs):
-                out[i, k, j] = signals[i, k, j]
-            for m in range(order):
-                for j in range(runs):
-                    out[i, k, j] += ar[m] * signals[i, k - 1 - m, j]
-            for j in range(runs):
-                out[i, k, j] *= weight[k, j]
+        x = flat[i]
+        to = out[i]
+        for k in range(6 * r, length):  # the sample before lies one row of runs before
+            to[k] = by_row[k] * (
+                x[k]
+                + a1 * x[k - r]
+                + a2 * x[k - 2 * r]
+                + a3 * x[k - 3 * r]
+                + a4 * x[k - 4 * r]
+                + a5 * x[k - 5 * r]
+                + a6 * x[k - 6 * r]
+            )
     return out
 
 

@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 import warnings
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import pandas as pd
-from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils.validation import check_consistent_length, check_is_fitted, column_or_1d
 
 from .. import _kernels
 from ..exceptions import (
     MissingDataWarning,
-    RunIndexError,
-    SamplingJitterWarning,
     ShortRunError,
 )
-from ..metrics import scored_rows, vaf_of_rows
-from ..preprocessing.base import check_numbers, read_table
+from ..metrics import vaf_of_rows
 from ..preprocessing.grid import ModelGrid
-from ..runs import DecimationMark, check_alignment, input_columns
+from ..regression import RunRegressor, segments
 from .orders import Orders, regressors
 from .transfer import transfer_function
 
 BOUND = 1e100  # of simulated outputs; its square still sums without overflow
-NOTED_JITTER = 0.01  # of a sampling time
 
 
-class BaseARX(RegressorMixin, BaseEstimator):
+class BaseARX(RunRegressor):
     """An ARX model with parameters ``coef_`` on the grid that marks of X leave."""
 
     na: Any
@@ -41,66 +33,6 @@ class BaseARX(RegressorMixin, BaseEstimator):
     dt: float | None
     run: Any
     n_rows_missing_: int
-
-    def _read_X(self, X: Any, *, reset: bool) -> tuple[ModelGrid, np.ndarray]:
-        """Read the layout and all columns of X, checked."""
-        layout, values = read_table(self, X, reset=reset)
-        if reset:
-            self._mark = layout.mark
-        elif layout.mark != self._mark:
-            raise RunIndexError(
-                f"{type(self).__name__} was fitted on X {_marked(self._mark)} and now gets X "
-                f"{_marked(layout.mark)}. Pass X through the same Decimator, best by putting both "
-                "in one Pipeline."
-            )
-        return ModelGrid.of(layout), values
-
-    def _read_y(self, X: Any, y: Any) -> np.ndarray:
-        """Read y, in which NaN means no measurement."""
-        if y is None:
-            raise ValueError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None."
-            )
-        check_alignment(X, y)
-        output = column_or_1d(y, warn=True)
-        if output.dtype.kind not in "iufb":
-            check_numbers(pd.DataFrame({getattr(y, "name", None) or "y": output}), "y")
-        output = np.asarray(output, dtype=np.float64)
-        check_consistent_length(X, output)
-        if np.isinf(output).any():
-            row = int(np.flatnonzero(np.isinf(output))[0])
-            raise ValueError(
-                "Input y contains infinity or a value too large for dtype('float64'), first in "
-                f"row {row}. Mark missing measurements by NaN."
-            )
-        return output
-
-    def _channel_names(self, positions: list[int]) -> list[str]:
-        return [f"x{p}" if self._names is None else str(self._names[p]) for p in positions]
-
-    def _read_data(self, X: Any, y: Any) -> tuple[ModelGrid, np.ndarray, np.ndarray, np.ndarray]:
-        """Read data to fit; return the grid, and inputs, output and all columns of X on it."""
-        grid, values = self._read_X(X, reset=True)
-        output = self._read_y(X, y)
-        self._output_name = str(getattr(y, "name", None) or "y")
-        self._columns = input_columns(
-            self._names, values.shape[1], self.inputs, self._run, self.roles
-        )
-        self.inputs_ = self._channel_names(self._columns)
-        self.dt_ = grid.dt
-        self.jitter_ = grid.layout.jitter
-        if self.jitter_ > NOTED_JITTER:
-            warnings.warn(
-                f"The sampling instants jitter by up to {100 * self.jitter_:.1f} % of "
-                f"{grid.layout.dt:.6g} s. The model takes them as regular; "
-                "skhoid.resample_runs(X, y) brings them onto a regular grid.",
-                SamplingJitterWarning,
-                stacklevel=4,
-            )
-        thinned = grid.thin_inputs(values)
-        whole = self._columns == list(range(values.shape[1]))
-        inputs = thinned if whole else thinned[:, self._columns]
-        return grid, inputs, grid.thin_output(output), thinned
 
     def _set_orders(self, grid: ModelGrid) -> None:
         self.orders_ = Orders.of(
@@ -140,9 +72,6 @@ class BaseARX(RegressorMixin, BaseEstimator):
                 stacklevel=5,
             )
 
-    def _check_fitted(self) -> None:
-        check_is_fitted(self)
-
     def to_transfer_function(self, backend: str = "scipy") -> Any:
         """Return the discrete-time transfer function from the inputs to the output.
 
@@ -170,29 +99,8 @@ class BaseARX(RegressorMixin, BaseEstimator):
     def _held_inputs(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         return self._hold(grid, grid.thin_inputs(values)[:, self._columns])
 
-    def _hold(self, grid: ModelGrid, inputs: np.ndarray) -> np.ndarray:
-        """Inputs whose NaN hold the last value, and are zero before the first."""
-        missing = np.isnan(inputs)
-        if not missing.any():
-            return inputs
-        inputs = inputs.copy()
-        held = np.zeros(len(inputs), dtype=bool)
-        for a, b in segments(grid):
-            part, gaps = inputs[a:b], missing[a:b]
-            last = np.maximum.accumulate(np.where(gaps, -1, np.arange(b - a)[:, None]), axis=0)
-            part[:] = np.where(last >= 0, np.take_along_axis(part, np.maximum(last, 0), 0), 0.0)
-            # Rows before the first value only lack a past (DelayShift), unless none ever comes.
-            held[a:b] = (gaps & ((last >= 0) | gaps.all(axis=0))).any(axis=1)
-        if held.any():
-            first = grid.full_row(int(np.flatnonzero(held)[0]))
-            warnings.warn(
-                f"{int(held.sum())} rows of the inputs {self.inputs_} are NaN, first "
-                f"{grid.layout.where(first)}; the simulation holds the last value there, or zero "
-                "where there is none.",
-                MissingDataWarning,
-                stacklevel=4,
-            )
-        return inputs
+    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        return self._simulate(grid, self._held_inputs(grid, values))
 
     def _simulate(
         self, grid: ModelGrid, inputs: np.ndarray, y0: np.ndarray | None = None
@@ -208,32 +116,6 @@ class BaseARX(RegressorMixin, BaseEstimator):
     def _parameters_before(self, grid: ModelGrid, horizon: int) -> tuple[np.ndarray, np.ndarray]:
         """The same, as they were known ``horizon`` rows before."""
         return self._parameters(grid)
-
-    def predict(self, X: Any) -> np.ndarray:
-        """Simulate the output from the inputs alone (free run).
-
-        The output is zero before each run, and before the first row after a gap or a marked
-        run-in; inputs are zero before the recording begins. A NaN input holds the last value, and
-        a warning says how many. Unstable models stay finite (within 1e100).
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-
-        Returns
-        -------
-        y_pred : ndarray of shape (n_rows,)
-            Simulated output, in the unit of ``y``.
-
-        See Also
-        --------
-        predict_ahead : Predictions that use the measured output.
-        simulate : Free run from an estimated initial state.
-        """
-        self._check_fitted()
-        grid, values = self._read_X(X, reset=False)
-        return grid.to_full_rate(self._simulate(grid, self._held_inputs(grid, values)))
 
     def simulate(self, X: Any, y: Any = None, *, initial_state: str = "zero") -> np.ndarray:
         """Simulate the output, from a zero or an estimated initial state.
@@ -337,27 +219,6 @@ class BaseARX(RegressorMixin, BaseEstimator):
         """Output that the regressors of grid rows give."""
         return regressors @ self.coef_
 
-    def score(self, X: Any, y: Any) -> float:
-        """Score the free run by its VAF in percent, pooled over runs.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Measured output.
-
-        Returns
-        -------
-        vaf : float
-            Unclipped, at least -1000; rows of a marked run-in are left out.
-        """
-        self._check_fitted()
-        grid, values = self._read_X(X, reset=False)
-        prediction = grid.to_full_rate(self._simulate(grid, self._held_inputs(grid, values)))
-        keep = scored_rows(grid.layout, None, None)
-        return vaf_of_rows(self._read_y(X, y), prediction, keep, grid.layout, "pooled", False)
-
     def _score_at_model_rate(
         self, X: Any, y: Any, keep: np.ndarray, average: str, centered: bool
     ) -> float:
@@ -371,11 +232,6 @@ class BaseARX(RegressorMixin, BaseEstimator):
         thinned = np.full(output.size, np.nan)
         full[rows], thinned[rows] = free, grid.thin_output(output)
         return vaf_of_rows(thinned, full, keep, grid.layout, average, centered)
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
-        return tags
 
 
 def free_run(
@@ -404,16 +260,6 @@ def free_run(
 def _as_kernels_take(orders: Orders, theta: np.ndarray, at: np.ndarray) -> tuple[Any, ...]:
     theta, at = _kernels.gate(theta), _kernels.gate(at, np.int64)
     return theta, at, orders.na, np.array(orders.nb), np.array(orders.nk)
-
-
-def _marked(mark: DecimationMark | None) -> str:
-    return "not decimated" if mark is None else f"decimated by {mark.factor} ({mark.method})"
-
-
-def segments(grid: ModelGrid) -> list[tuple[int, int]]:
-    """Begin and end of runs, cut at gaps but not at the end of a run-in."""
-    begin = np.unique(grid.past)
-    return list(pairwise([*begin.tolist(), int(grid.end[-1])]))
 
 
 def longest_stretches(grid: ModelGrid) -> np.ndarray:

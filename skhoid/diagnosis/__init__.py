@@ -2,12 +2,14 @@
 
 from .channels import check_channels
 from .comparison import Comparison, compare
+from .effect_search import EffectSearchCV
 from .findings import Finding
 from .remnant import RemnantEstimate, remnant_estimate
 from .scores import performance_scores
 
 __all__ = [
     "Comparison",
+    "EffectSearchCV",
     "Finding",
     "RemnantEstimate",
     "check_channels",

@@ -79,9 +79,7 @@ class RateLimit(Effect):
     physics = "Hand or actuator cannot move faster."
     formula = "|du'/dt| <= limit"
     source = "Duda (1997)"
-    parameters = (
-        Parameter("limit", "{u}/s", 0.1, 30.0, (1.0, 2.0, 4.0), "u", "greatest rate"),
-    )
+    parameters = (Parameter("limit", "{u}/s", 0.1, 30.0, (1.0, 2.0, 4.0), "u", "greatest rate"),)
 
     def __init__(self, *, limit: float | None = None):
         self.limit = limit
@@ -237,7 +235,7 @@ class HardeningStiffness(Effect):
     formula = "u + stiffness u^3 in place of u in the spring"
     source = "Wigren and Schoukens (2013)"
     parameters = (
-        Parameter("stiffness", "1/{u}^2", -0.03, 20.0, (0.02, 0.3), "1/u*u", "of the cubic spring"),
+        Parameter("stiffness", "1/{u}^2", 0.0, 20.0, (0.02, 0.3), "1/u*u", "of the cubic spring"),
     )
 
     def __init__(self, *, stiffness: float | None = None):

@@ -103,8 +103,10 @@ class Effect(BaseEstimator):
     ...     physics = "Large errors are answered less than in proportion."
     ...     formula = "e' = sign(e) sqrt(|e| knee)"
     ...     parameters = (Parameter("knee", "{e}", 0.01, 10.0, starts=(1.0,), scale="e"),)
+    ...
     ...     def __init__(self, *, knee=None):
     ...         self.knee = knee
+    ...
     ...     def apply(self, signal, record, knee):
     ...         return np.sign(signal) * np.sqrt(np.abs(signal) * knee)
     >>> SquareRoot(knee=2.0)

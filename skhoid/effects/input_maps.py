@@ -54,7 +54,7 @@ class DeadZone(Effect):
     def apply(self, signal: np.ndarray, record: Record, width: float) -> np.ndarray:
         if self.form == "jump":
             # A sample at the threshold counts as far as it is inside: smooth in width.
-            edge = 0.02 * record.sd("e")
+            edge = 0.05 * width
             return signal * np.clip((np.abs(signal) - width) / edge + 0.5, 0.0, 1.0)
         return signal - np.clip(signal, -width, width)
 

@@ -421,7 +421,9 @@ def target_forms(record: Record, form: str | None) -> list[str]:
     """Forms of a response to the target that can be tried."""
     if form is not None:
         return [form]
-    return ["inverse", "rate", "gain"] if record.controlled_element is not None else ["rate", "gain"]
+    return (
+        ["inverse", "rate", "gain"] if record.controlled_element is not None else ["rate", "gain"]
+    )
 
 
 def shaped_target(record: Record, form: str | None) -> np.ndarray:

@@ -291,8 +291,7 @@ class Lapses(Effect):
     def variants(self, record: Record) -> list[Effect]:
         if self.intervals is not None:
             return [self]
-        found = silent_stretches(record)
-        return [self.with_choices(intervals=found)] if found else []
+        return [self.with_choices(intervals=silent_stretches(record))]
 
     def apply(self, signal: Gains, record: Record, depth: float, shift: float) -> Gains:
         away = np.zeros_like(record.t)

@@ -9,7 +9,6 @@ import numpy as np
 
 from .. import _kernels
 from ..effects.base import Parameter
-from ..effects.record import Record
 from ..effects.signals import Command, Gains
 
 BOUND = 1e9  # of simulated outputs

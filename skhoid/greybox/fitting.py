@@ -11,7 +11,7 @@ from .. import _kernels
 from ..effects.record import Record
 from .simulator import Simulator
 
-AR_ORDER = 6
+AR_ORDER = 6  # what the kernel is written for
 WHITE_FLOOR = 3e-3  # of the residual's variance is white at least
 CRITERION_RATE = 25.0  # Hz; operators do not answer faster than half of it
 STEP = 1e-4  # of finite differences, relative
@@ -59,10 +59,9 @@ class Criterion:
         """Signals (count, n, runs) on the criterion's rows as whitened rows of a table."""
         if self.noise.ar.size == 0:
             return (signals * self.weight).reshape(len(signals), -1)
-        out = _kernels.greybox.whitened(
+        return _kernels.greybox.whitened(
             _kernels.gate(signals), _kernels.gate(self.noise.ar), _kernels.gate(self.weight)
         )
-        return out.reshape(len(signals), -1)
 
     def sse(self, output: np.ndarray) -> float:
         """Sum of squares; infinite where the output is not finite."""
@@ -72,13 +71,14 @@ class Criterion:
         value = float(r @ r)
         return value if np.isfinite(value) else np.inf
 
-    def noise_of(self, output: np.ndarray, order: int = AR_ORDER) -> Noise:
+    def noise_of(self, output: np.ndarray) -> Noise:
         """AR model of the residual of an output, one for all runs, by Yule and Walker."""
-        return noise_of(self.residual(output), self.known, order)
+        return noise_of(self.residual(output), self.known)
 
 
-def noise_of(residual: np.ndarray, known: np.ndarray, order: int = AR_ORDER) -> Noise:
+def noise_of(residual: np.ndarray, known: np.ndarray) -> Noise:
     """AR model of residuals (n, runs), and the rms of whitened residuals of each run."""
+    order = AR_ORDER
     lags = np.zeros(order + 1)
     for lag in range(order + 1):
         n = residual.shape[0] - lag
@@ -93,7 +93,7 @@ def noise_of(residual: np.ndarray, known: np.ndarray, order: int = AR_ORDER) -> 
         _kernels.gate(residual[None]), _kernels.gate(ar), _kernels.gate(known.astype(float))
     )[0]
     counts = np.maximum(known.sum(axis=0), 1)
-    power = (errors**2).sum(axis=0) / counts
+    power = (errors.reshape(residual.shape) ** 2).sum(axis=0) / counts
     # Runs whose remnant is stronger count less; within a factor of three, lest one run decide.
     scale = np.sqrt(np.clip(power, power.mean() / 9, None))
     return Noise(white.ar, scale / np.sqrt(power.mean()) if power.mean() > 0 else white.scale)

@@ -50,6 +50,11 @@ class Model:
     def values(self) -> dict[str, float]:
         return dict(zip(self.simulator.names, self.theta.tolist(), strict=True))
 
+    def covariance(self) -> np.ndarray:
+        """Covariance of the parameters; NaN for those at a bound."""
+        inside = (self.theta > self.simulator.low) & (self.theta < self.simulator.high)
+        return self.fit.covariance(inside)
+
     def refined(self, criterion: Criterion, max_iter: int = 12, tol: float = 1e-5) -> Model:
         """The same model at the minimum of another criterion nearby."""
         fit = minimise(self.simulator, criterion, self.theta, max_iter=max_iter, tol=tol)

@@ -1,0 +1,278 @@
+"""Forward search over effects, on records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from ..effects.base import Effect
+from ..effects.composition import Effects
+from ..effects.record import Record
+from ..greybox.cores import Core
+from ..greybox.fitting import Criterion, whitened_derivatives
+from ..greybox.model import Model, extended
+from ..greybox.simulator import Simulator
+
+LEAST_EVIDENCE = 25.0  # n log(SSE before / after) - k log n of an effect that counts
+LEAST_GAIN = 0.35  # VAF points on held-out rows of an effect that counts
+CONFUSED = 12.0  # of evidence, within which two effects are not told apart
+
+
+@dataclass
+class Fold:
+    """Rows to hold out, and rows to fit on, of shape (n_samples, n_runs)."""
+
+    test: np.ndarray
+    train: np.ndarray
+
+
+@dataclass
+class Candidate:
+    """An effect tried beside a parent, and what came of it."""
+
+    name: str
+    effect: Effect
+    model: Model | None = None
+    reason: str = ""
+    evidence: float = -np.inf
+    loglik: float = -np.inf
+    n_parameters: int = 0
+    vaf: float = -np.inf
+    gain: float = -np.inf
+    p_value: float = 1.0
+    prediction: np.ndarray | None = None
+    confused_with: list[str] = field(default_factory=list)
+
+    @property
+    def id(self) -> str:
+        return self.effect.name
+
+    @property
+    def passes(self) -> bool:
+        """Both keys: likelihood and free run."""
+        return self.evidence > LEAST_EVIDENCE and self.gain >= LEAST_GAIN
+
+
+@dataclass
+class Step:
+    """A parent, and all candidates beside it, best first."""
+
+    parent: Model
+    vaf: float
+    prediction: np.ndarray
+    candidates: list[Candidate]
+
+    @property
+    def best(self) -> Candidate | None:
+        first = self.candidates[0] if self.candidates else None
+        return first if first is not None and first.passes else None
+
+
+def held_out(model: Model, criterion: Criterion, folds: Sequence[Fold]) -> np.ndarray:
+    """Free runs of each fold's rows by parameters that did not see them.
+
+    The parameters of a fold are one Gauss-Newton step from those of all rows, with the normal
+    equations of its training rows; rows in no fold keep the prediction of all rows.
+    """
+    simulator, record = model.simulator, model.simulator.record
+    output = model.output
+    prediction = output.copy()
+    table = whitened_derivatives(simulator, criterion, model.theta, output)
+    by_row = table.reshape(len(table), *criterion.y.shape)
+    inside = (model.theta > simulator.low) & (model.theta < simulator.high)
+    if not inside.any():
+        return prediction
+    for fold in folds:
+        train = fold.train[:: criterion.thin]
+        rows = by_row[:, train]
+        gram = rows @ rows.T
+        normal, gradient = gram[:-1, :-1], gram[:-1, -1]
+        block = normal[np.ix_(inside, inside)]
+        ridge = 1e-9 * np.diag(block).max() if block.size else 0.0
+        step = np.zeros_like(model.theta)
+        scale = np.sqrt(np.maximum(np.diag(block), ridge + 1e-300))
+        scaled = block / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
+        step[inside] = np.linalg.solve(scaled, gradient[inside] / scale) / scale
+        moved = simulator.run(np.clip(model.theta + step, simulator.low, simulator.high))
+        prediction[fold.test] = moved[fold.test]
+    assert record.y is not None
+    return np.where(np.isfinite(prediction), prediction, 0.0)
+
+
+def pooled_vaf(record: Record, prediction: np.ndarray) -> float:
+    """VAF in percent over what is known."""
+    assert record.y is not None
+    y, error = record.y[record.known], (record.y - prediction)[record.known]
+    return 100.0 * (1.0 - float(error @ error) / max(float(y @ y), 1e-300))
+
+
+def unique_name(effect: Effect, effects: Effects) -> str:
+    """The name that a composition gives a further effect."""
+    return (effects + effect).names[-1]
+
+
+class Search:
+    """Tries effects beside parents, all on the same record and under one noise model a step."""
+
+    def __init__(self, core: Core, record: Record, effects: Sequence[Effect], folds: list[Fold]):
+        self.core, self.record, self.folds = core, record, folds
+        self.effects = list(effects)
+
+    def step(self, parent: Model, among: Sequence[Effect] | None = None) -> Step:
+        """All candidates beside a parent that was fitted by output error."""
+        criterion = Criterion(self.record)
+        candidates = []
+        taken = {effect.name for _, effect in parent.effects}
+        for effect in self.effects if among is None else among:
+            candidate = Candidate(unique_name(effect, parent.effects), effect)
+            candidate.reason = effect.refusal(self.record, self.core.kind) or ""
+            if not candidate.reason and effect.name not in taken:
+                candidate.model = extended(parent, candidate.name, effect, criterion)
+                if candidate.model is None:
+                    candidate.reason = "nothing to try on these data"
+                candidates.append(candidate)
+            elif candidate.reason:
+                candidates.append(candidate)
+        return self.judged(parent, candidates)
+
+    def judged(self, parent: Model, candidates: list[Candidate]) -> Step:
+        """Refine all under the noise model of the best, and rank."""
+        criterion = Criterion(self.record)
+        tried = [c for c in candidates if c.model is not None]
+        best = min([parent, *(c.model for c in tried if c.model)], key=lambda m: m.sse)
+        criterion.set_noise(criterion.noise_of(best.output))
+        base = parent.refined(criterion)
+        base_prediction = held_out(base, criterion, self.folds)
+        base_vaf = pooled_vaf(self.record, base_prediction)
+        n = criterion.n
+        for c in tried:
+            assert c.model is not None
+            c.model = c.model.refined(criterion)
+            c.n_parameters = c.model.n_parameters - base.n_parameters
+            ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
+            c.loglik = ratio / 2
+            c.evidence = ratio - c.n_parameters * np.log(n)
+            c.prediction = held_out(c.model, criterion, self.folds)
+            c.vaf = pooled_vaf(self.record, c.prediction)
+            c.gain = c.vaf - base_vaf
+            single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
+            c.p_value = min(1.0, single * len(tried))
+        candidates.sort(key=lambda c: (not c.passes, -c.evidence))
+        mark_confused(candidates)
+        return Step(base, base_vaf, base_prediction, candidates)
+
+
+def mark_confused(candidates: list[Candidate]) -> None:
+    """Note for each candidate which others explain as much."""
+    for c in candidates:
+        c.confused_with = [
+            o.id
+            for o in candidates
+            if o is not c and o.passes and c.passes and abs(o.evidence - c.evidence) < CONFUSED
+        ]
+
+
+@dataclass
+class Path:
+    """What a search did: its steps, and the model and effects it ended with."""
+
+    steps: list[Step]
+    model: Model
+    vaf: float
+    prediction: np.ndarray
+
+    @property
+    def ids(self) -> list[str]:
+        return [effect.name for _, effect in self.model.effects]
+
+
+def forward(search: Search, baseline: Model, most: int) -> Path:
+    """Add the best effect as long as one pays; try the second best first effect too."""
+    first = search.step(baseline)
+    greedy = follow(search, first, first.best, most)
+    rivals = [c for c in first.candidates[1:3] if c.passes]
+    if len(greedy.steps) > 1 and greedy.model.effects and len(greedy.ids) > 1:
+        for rival in rivals:
+            if rival.id in greedy.ids[:1]:
+                continue
+            other = follow(search, first, rival, 2)
+            if len(other.ids) > 1 and set(other.ids[:2]) != set(greedy.ids[:2]):
+                pair = path_of_length(greedy, 2)
+                if better(search, other.model, pair):
+                    greedy = follow_from(search, other, most)
+    return without_superfluous(search, greedy)
+
+
+def follow(search: Search, first: Step, start: Candidate | None, most: int) -> Path:
+    """Add ``start`` and then the best of each step."""
+    if start is None or start.model is None or start.prediction is None:
+        return Path([first], first.parent, first.vaf, first.prediction)
+    return follow_from(search, Path([first], start.model, start.vaf, start.prediction), most)
+
+
+def follow_from(search: Search, path: Path, most: int) -> Path:
+    steps = list(path.steps)
+    model, vaf, prediction = path.model, path.vaf, path.prediction
+    while len(model.effects) < most:
+        step = search.step(output_error_fit(model))
+        steps.append(step)
+        best = step.best
+        if best is None or best.model is None or best.prediction is None:
+            break
+        model, vaf, prediction = best.model, best.vaf, best.prediction
+    return Path(steps, model, vaf, prediction)
+
+
+def output_error_fit(model: Model) -> Model:
+    """The same model at the minimum of the plain simulation error."""
+    return model.refined(Criterion(model.simulator.record))
+
+
+def path_of_length(path: Path, n: int) -> Model:
+    """The model with the first n effects of a path."""
+    for step in path.steps:
+        if len(step.parent.effects) == n:
+            return step.parent
+    return path.model
+
+
+def better(search: Search, one: Model, other: Model) -> bool:
+    """Whether one model explains more than the other, under the noise of the better."""
+    criterion = Criterion(search.record)
+    both = [output_error_fit(m) for m in (one, other)]
+    best = min(both, key=lambda m: m.sse)
+    criterion.set_noise(criterion.noise_of(best.output))
+    a, b = (m.refined(criterion) for m in both)
+    n = criterion.n
+    return n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n) > 0
+
+
+def without_superfluous(search: Search, path: Path) -> Path:
+    """Take out effects that pay no longer beside those added after them."""
+    names = path.model.effects.names
+    if len(names) < 2:
+        return path
+    for name in names[:-1]:
+        fewer = without(path.model, name)
+        one = Candidate(
+            name, dict(path.model.effects.steps)[name], model=output_error_fit(path.model)
+        )
+        step = search.judged(output_error_fit(fewer), [one])
+        if not one.passes:
+            path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
+            return without_superfluous(search, path)
+    return path
+
+
+def without(model: Model, name: str) -> Model:
+    """A model without one of its effects, at the same other parameters."""
+    kept = Effects([(n, e) for n, e in model.effects if n != name])
+    simulator = Simulator(model.simulator.core, kept, model.simulator.record)
+    values = model.values()
+    theta = np.array([values[n] for n in simulator.names])
+    return Model(simulator, replace(model.fit, theta=theta)).refined(
+        Criterion(model.simulator.record)
+    )

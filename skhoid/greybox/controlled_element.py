@@ -1,0 +1,64 @@
+"""The controlled element, estimated from output and response."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..effects.record import Record
+
+WORST_FIT = 0.2  # of the power of x, at most, is not explained
+
+
+def estimate_element(record: Record) -> tuple[float, float] | None:
+    """K_c and omega_b from u and x by least squares on integrals of dx/dt = v, dv/dt = K_c u - ...
+
+    x(t) = K_c (integral of integral of u) - omega_b (integral of x) + c_0 + c_1 t for each run; a
+    measured disturbance adds to u. None where x is not measured or does not answer u so.
+    """
+    names = record.with_role("x")
+    if not names or record.y is None:
+        return None
+    K_c = omega_b = 0.0
+    columns, target = [], []
+    disturbances = record.with_role("dist")
+    for disturbed in [d for d in disturbances[:1]] + [None]:
+        rows_of = []
+        for j in range(record.n_runs):
+            known = np.flatnonzero(record.known[:, j])
+            if known.size < 50:
+                continue
+            span = slice(known[0], known[-1] + 1)
+            # Pieces of some seconds, each with its own start: integrals forget slow errors.
+            for piece in _pieces(span, round(8.0 / record.dt)):
+                x = record.channels[names[0]][piece, j]
+                u = record.y[piece, j]
+                if disturbed is not None:
+                    u = u + record.channels[disturbed][piece, j]
+                t = np.arange(x.size) * record.dt
+                once = _integral(x, record.dt)
+                twice = _integral(_integral(u, record.dt), record.dt)
+                nuisance = np.stack([np.ones_like(t), t], 1)
+                block = np.stack([twice, -once, x], 1)
+                block -= nuisance @ np.linalg.lstsq(nuisance, block, rcond=None)[0]
+                rows_of.append(block)
+        if not rows_of:
+            return None
+        table = np.concatenate(rows_of)
+        solved, *_ = np.linalg.lstsq(table[:, :2], table[:, 2], rcond=None)
+        error = table[:, 2] - table[:, :2] @ solved
+        columns.append(solved)
+        target.append(float(error @ error) / max(float(table[:, 2] @ table[:, 2]), 1e-300))
+    best = int(np.argmin(target))
+    K_c, omega_b = columns[best]
+    if target[best] > WORST_FIT or not K_c > 0:
+        return None
+    return float(K_c), float(max(omega_b, 0.0))
+
+
+def _integral(x: np.ndarray, dt: float) -> np.ndarray:
+    return np.r_[0.0, np.cumsum((x[1:] + x[:-1]) * dt / 2)]
+
+
+def _pieces(span: slice, length: int) -> list[slice]:
+    starts = range(span.start, span.stop - length // 2, length)
+    return [slice(s, min(s + length, span.stop)) for s in starts]

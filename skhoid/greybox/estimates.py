@@ -1,0 +1,114 @@
+"""Tables and texts of estimated parameters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+
+from ..effects.composition import Effects
+from .model import Model
+from .simulator import Simulator
+
+NORMAL_95 = 1.96
+
+
+def with_unit(unit: str, units: dict[str, str | None]) -> str:
+    """A unit with those of the data put in; names of channels stay where units are not known."""
+    text = unit
+    for name in ("e", "u"):
+        text = text.replace(f"{{{name}}}", units.get(name) or f"[{name}]")
+    for name, known in units.items():
+        if known and name.startswith("["):
+            text = text.replace(name, known)
+    return text
+
+
+def parameter_table(
+    simulator: Simulator,
+    theta: np.ndarray,
+    covariance: np.ndarray,
+    units: dict[str, str | None],
+    fixed: dict[str, float],
+) -> pd.DataFrame:
+    """Values, standard errors and intervals of all parameters, derived and fixed ones too."""
+    rows = []
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    position = {name: i for i, name in enumerate(simulator.names)}
+
+    def add(name: str, value: float, s: float, unit: str, meaning: str) -> None:
+        low, high = value - NORMAL_95 * s, value + NORMAL_95 * s
+        text = with_unit(unit, units)
+        rows.append((name, value, s, low, high, text, meaning))
+
+    for i, p in enumerate(simulator.parameters):
+        add(p.name, float(theta[i]), float(sd[i]), p.spec.unit, p.spec.meaning)
+        if p.name == "K_edot" and "K_e" in position:
+            k = position["K_e"]
+            K_e, K_edot = float(theta[k]), float(theta[i])
+            if K_e != 0.0:
+                slope = np.array([-K_edot / K_e**2, 1 / K_e])
+                block = covariance[np.ix_([k, i], [k, i])]
+                variance = float(slope @ block @ slope)
+                add("T_L", K_edot / K_e, np.sqrt(max(variance, 0.0)), "s", "lead time constant")
+    for name, value in fixed.items():
+        add(name, value, 0.0, "s", "given")
+    for name, effect in simulator.effects:
+        spec = {p.name: p for p in effect.parameters}
+        for key, value in effect.fixed.items():
+            add(f"{name}__{key}", value, 0.0, spec[key].unit, f"{spec[key].meaning} (given)")
+    table = pd.DataFrame(
+        rows, columns=["parameter", "value", "sd", "low", "high", "unit", "meaning"]
+    )
+    return table.set_index("parameter")
+
+
+def covariance_frame(simulator: Simulator, covariance: np.ndarray) -> pd.DataFrame:
+    return pd.DataFrame(covariance, index=simulator.names, columns=simulator.names)
+
+
+def effects_with_values(model: Model) -> Effects:
+    """The effects with their estimated values set."""
+    values = model.values()
+    done = []
+    for name, effect in model.effects:
+        found = {p.name: values[f"{name}__{p.name}"] for p in effect.free}
+        done.append((name, clone(effect).set_params(**found)))
+    return Effects(done)
+
+
+def parameter_text(table: pd.DataFrame, prefix: str) -> str:
+    """Parameters of an effect as ``width = 0.300 +- 0.004 deg``."""
+    parts = []
+    for full, row in table.iterrows():
+        if not str(full).startswith(f"{prefix}__"):
+            continue
+        name = str(full).split("__", 1)[1]
+        unit = "" if row["unit"] == "-" else f" {row['unit']}"
+        if row["sd"] == 0.0:
+            continue
+        if np.isfinite(row["sd"]):
+            digits = max(0, 1 - int(np.floor(np.log10(row["sd"])))) if row["sd"] > 0 else 3
+            digits = min(digits, 6)
+            parts.append(f"{name} = {row['value']:.{digits}f} ± {row['sd']:.{digits}f}{unit}")
+        else:
+            parts.append(f"{name} = {row['value']:.3g}{unit} (at its bound)")
+    return ", ".join(parts)
+
+
+def summary_text(model: Any) -> str:
+    """What a fitted model says of itself."""
+    head = [
+        f"{type(model).__name__}: VAF {model.vaf_:.1f} % of the fitted rows, "
+        f"log-likelihood {model.loglik_:.1f}, BIC {model.bic_:.1f}",
+        "",
+    ]
+    table = model.parameters_.copy()
+    for column in ("value", "sd", "low", "high"):
+        table[column] = [f"{v:.4g}" if np.isfinite(v) else "-" for v in table[column]]
+    lines = [*head, table.to_string()]
+    for name, effect in model.effects_:
+        lines.append(f"{name}: {effect.physics} {effect.formula}")
+    return "\n".join(lines)
