@@ -57,32 +57,79 @@ def delayed(x, delay):
 
 
 @njit(**OPTIONS)
-def second_order(position, rate, phi, before, after, stiffness, bound):
+def held_linearly(omega, zeta, dt):
+    """Exact discretisation of the neuromuscular system for inputs linear between samples.
+
+    s' = M s + omega^2 [[0, 1], [1, 0]] w with M = [[-2 zeta omega, 1], [-omega^2, 0]], s = (output,
+    companion) and w = (position, rate command). Rows of the result hold the 2 x 2 matrices phi on
+    s(k), ``before`` on w(k) and ``after`` on w(k + 1).
+    """
+    n = omega.size
+    out = np.empty((n, 12))
+    for i in range(n):
+        w, z = omega[i], zeta[i]
+        mean, square = -z * w, w * w
+        root = np.sqrt(complex(mean * mean - square))
+        if abs(root) * dt < 1e-7:
+            sine = dt
+        else:
+            sine = (np.sinh(root * dt) / root).real
+        growth = np.exp(mean * dt)
+        cosine = growth * np.cosh(root * dt).real
+        sine *= growth
+        # phi = cosine I + sine (M - mean I)
+        p0, p1 = cosine + sine * mean, sine
+        p2, p3 = -sine * square, cosine - sine * mean
+        # M^-1 = [[0, -1 / square], [1, 2 mean / square]]
+        f0, f1, f2, f3 = p0 - 1.0, p1, p2, p3 - 1.0
+        h0, h1 = -f2 / square, -f3 / square
+        h2, h3 = f0 + 2 * mean / square * f2, f1 + 2 * mean / square * f3
+        g0, g1, g2, g3 = h0 - dt, h1, h2, h3 - dt
+        r0, r1 = -g2 / square / dt, -g3 / square / dt
+        r2, r3 = (g0 + 2 * mean / square * g2) / dt, (g1 + 2 * mean / square * g3) / dt
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = p0, p1, p2, p3
+        out[i, 4], out[i, 5] = square * (h1 - r1), square * (h0 - r0)
+        out[i, 6], out[i, 7] = square * (h3 - r3), square * (h2 - r2)
+        out[i, 8], out[i, 9] = square * r1, square * r0
+        out[i, 10], out[i, 11] = square * r3, square * r2
+    return out
+
+
+@njit(**OPTIONS)
+def second_order(position, rate, matrices, stiffness, bound):
     """Response from rest of a second-order system to a position and a rate command.
 
     s(k+1) = phi s(k) + before w(k) + after w(k+1), with s = (output, its companion) and
-    w = (position - stiffness output^3, rate); 2 x 2 matrices are rows of four.
+    w = (position - stiffness output^3, rate); see ``held_linearly`` for the matrices.
     """
     n, runs = position.shape
     out = np.empty((n, runs))
+    drive = np.empty(runs)
     z = np.zeros(runs)
     v = np.zeros(runs)
     last = np.zeros(runs)
-    for j in range(runs):
-        out[0, j] = 0.0
-    varies = phi.shape[0] > 1
+    out[0] = 0.0
+    varies = matrices.shape[0] > 1
+    q = matrices[0]
     for k in range(n - 1):
-        i = k if varies else 0
-        a, b, c, d = phi[i, 0], phi[i, 1], phi[i, 2], phi[i, 3]
-        b0, b1, b2, b3 = before[i, 0], before[i, 1], before[i, 2], before[i, 3]
-        c0, c1, c2, c3 = after[i, 0], after[i, 1], after[i, 2], after[i, 3]
+        if varies:
+            q = matrices[k]
+        a, b, c, d = q[0], q[1], q[2], q[3]
+        b0, b1, b2, b3 = q[4], q[5], q[6], q[7]
+        c0, c1, c2, c3 = q[8], q[9], q[10], q[11]
+        if stiffness == 0.0:
+            for j in range(runs):
+                p0, p1, r0, r1 = position[k, j], position[k + 1, j], rate[k, j], rate[k + 1, j]
+                drive[j] = b0 * p0 + b1 * r0 + c0 * p1 + c1 * r1
+                out[k + 1, j] = drive[j] + (a * z[j] + b * v[j])
+                v[j] = (b2 * p0 + b3 * r0 + c2 * p1 + c3 * r1) + (c * z[j] + d * v[j])
+                z[j] = out[k + 1, j]
+            continue
         for j in range(runs):
-            p0, p1 = position[k, j], position[k + 1, j]
-            if stiffness != 0.0:
-                ahead = 2 * z[j] - last[j]
-                p0 -= stiffness * z[j] * z[j] * z[j]
-                p1 -= stiffness * ahead * ahead * ahead
-                last[j] = z[j]
+            ahead = 2 * z[j] - last[j]
+            last[j] = z[j]
+            p0 = position[k, j] - stiffness * z[j] * z[j] * z[j]
+            p1 = position[k + 1, j] - stiffness * ahead * ahead * ahead
             r0, r1 = rate[k, j], rate[k + 1, j]
             new = a * z[j] + b * v[j] + b0 * p0 + b1 * r0 + c0 * p1 + c1 * r1
             v[j] = c * z[j] + d * v[j] + b2 * p0 + b3 * r0 + c2 * p1 + c3 * r1
@@ -163,33 +210,34 @@ def whitened(signals, ar, weight):
 
 
 @njit(**OPTIONS)
-def held(x, period, threshold, phase):
+def held(x, watched, period, threshold, phase):
     """Sample and hold, of shape like x; times in samples.
 
-    A new sample is taken when ``period`` has passed since the last one and x differs from the
-    held value by more than ``threshold``; within a step the change is weighed by time.
+    A new sample is taken when ``period`` has passed since the last one and ``watched`` is more
+    than ``threshold`` away from its value then. A clock (threshold 0) ticks between samples too:
+    x is interpolated, and the step in which it changes weighed by time.
     """
     n, runs = x.shape
     out = np.empty((n, runs))
     for j in range(runs):
         due = phase  # when the next sample may be taken
         value = 0.0
+        seen = 0.0
         for k in range(n):
             out[k, j] = value
+            if threshold > 0.0:
+                if k >= due and abs(watched[k, j] - seen) > threshold:
+                    value = x[k, j]
+                    seen = watched[k, j]
+                    out[k, j] = value
+                    due = k + period
+                continue
             while due <= k:
-                if due > k - 1 and threshold <= 0.0 and k > 0:
-                    f = k - due
-                    new = (1 - f) * x[k, j] + f * x[k - 1, j]
-                    share = f
-                else:
-                    new = x[k, j]
-                    share = 1.0
-                if abs(new - value) > threshold:
-                    out[k, j] = share * new + (1 - share) * out[k, j]
-                    value = new
-                    due = max(due, k - 1.0) + period
-                else:
-                    due = k + 1.0
+                f = min(k - due, 1.0) if k > 0 else 0.0
+                new = (1 - f) * x[k, j] + f * x[k - 1, j]
+                out[k, j] = f * new + (1 - f) * out[k, j]
+                value = new
+                due += period
     return out
 
 

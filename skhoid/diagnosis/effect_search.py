@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -16,23 +16,99 @@ from .._sklearn import HasMethods, Interval, StrOptions, fit_context
 from ..effects.base import Effect
 from ..effects.catalogue import CLASSES
 from ..effects.composition import Effects
-from ..effects.record import Record
+from ..greybox.base import Prepared, likelihood_fit
 from ..greybox.fitting import Criterion
-from ..greybox.lanes import Lanes
-from ..greybox.model import fit_core, operator_starts
-from ..greybox.operator import likelihood_fit
 from ..human.controlled_element import ControlledElement
-from .search_engine import Fold, Path, Search, forward
+from .leftover import leftovers
+from .search_engine import Fold, Path, Search, Step, forward
+from .search_results import ceiling_of, error_path, gap_of, ranking_table, walked
+from .search_words import experiment, summary_of
+from .signatures import tremor
 
 GUARD = 5.0  # s beside held-out blocks of a single run
+LEAST_UNEXPLAINED = 0.6  # points
+SMALL_SHARE = 0.1  # of what could be explained may be left beside effects that are named
+LARGE_SHARE = 0.3  # of what could be explained is left: the best effect is no name for it
+SURE = 3.0  # standard errors
 
 
 class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     """Which physical effects a model is missing, judged on held-out runs.
 
+    Every effect of a catalogue is added to the model in turn, and all parameters refitted
+    together in simulation. An effect counts when both keys turn: the whitened likelihood,
+    n log(SSE before / after) - k log n > 25 under one noise model for all, and the free run,
+    at least 0.35 points of VAF on held-out rows. The best is added, and the search goes on until
+    none pays; effects that pay no longer beside later ones are taken out again.
+
     Parameters
     ----------
-    estimator : OperatorRegressor
+    estimator : OperatorRegressor or ARXRegressor
+        The model, unfitted; effects it has already stay.
+    effects : "all", list of ids or effects, Effect or Effects, default="all"
+        The catalogue to try; effects of your own among them.
+    cv : cross-validation generator, iterable of splits, int or None, default=None
+        Rows to hold out. None leaves one run out at a time, and of a single run three
+        blocks, with guards of 5 s on either side.
+    display : {"compensatory", "pursuit", "preview"}, default="compensatory"
+        What the operator could see; it decides on words, not on ranks.
+    controlled_element : ControlledElement or None, default=None
+        What the operator controls. None estimates it from u and x where both are measured.
+    max_effects : int, default=4
+        Effects to add at most.
+
+    Attributes
+    ----------
+    ranking_ : DataFrame
+        One row per step and effect, best first: step, rank, effect, form, parameters (with
+        standard errors and units), n_parameters, delta_loglik, delta_bic (positive is
+        better), vaf_before, vaf_after, vaf_gain (held out), p_value (of the likelihood
+        ratio, times the number of effects tried), confused_with, words, status ("added", "not
+        better", "does not apply"), reason.
+    best_effects_ : list of str
+        Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
+        structure that nothing in the catalogue explains; alone, that the best effect explains
+        too little of it to be named.
+    verdict_ : str
+        "nothing is missing", "effects found", or "something is missing, not in the catalogue".
+    error_path_ : DataFrame
+        One row per step from the baseline on: effect, vaf and rmse (held out), vaf_train,
+        ceiling, explainable_gap (points that are left).
+    predictions_ : DataFrame
+        Held-out free runs: measured, baseline, and one column per effect added.
+    baseline_, best_estimator_ : estimator
+        The model without and with the effects, fitted on all rows.
+    explainable_gap_ : float
+        Points of VAF that a better model can gain over the baseline: what repeats over runs, or
+        what the effects found gain, whichever is more.
+    unexplained_ : DataFrame
+        Structure left in the end: where (time, frequency, amplitude, channel), at, description,
+        points, evidence.
+    experiments_ : list of str
+        What to record to tell apart effects that these data do not.
+    n_features_in_ : int
+        Number of columns seen in ``fit``.
+    feature_names_in_ : ndarray of str
+        Column names seen in ``fit``, if all are strings.
+
+    See Also
+    --------
+    compare : Where a model and measurements differ.
+
+    Notes
+    -----
+    Held-out rows are predicted with parameters of their fold, one Gauss-Newton step from those of
+    all rows. Since e = f_t - x, responses to f_t, x and e without delays are the same;
+    delays, and the controlled element's inverse in the feedforward path, tell them apart.
+
+    Examples
+    --------
+    >>> from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+    >>> X, y = make_tracking_runs(condition="C1", n_runs=3, remnant_intensity=0.1, random_state=0)
+    >>> y = y.clip(-0.1, 0.1)  # a stop
+    >>> search = EffectSearchCV(OperatorRegressor(), effects=["dead_zone", "bias", "saturation"])
+    >>> search.fit(X, y).best_effects_
+    ['saturation']
     """
 
     _parameter_constraints: dict = {
@@ -42,8 +118,6 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         "display": [StrOptions({"compensatory", "pursuit", "preview"})],
         "controlled_element": [ControlledElement, None],
         "max_effects": [Interval(Integral, 0, None, closed="left")],
-        "false_alarm": [Interval(Real, 0, 1, closed="neither")],
-        "n_jobs": [Integral, None],
     }
 
     def __init__(
@@ -55,8 +129,6 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         controlled_element: ControlledElement | None = None,
         *,
         max_effects: int = 4,
-        false_alarm: float = 0.01,
-        n_jobs: int | None = None,
     ):
         self.estimator = estimator
         self.effects = effects
@@ -64,26 +136,32 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.display = display
         self.controlled_element = controlled_element
         self.max_effects = max_effects
-        self.false_alarm = false_alarm
-        self.n_jobs = n_jobs
 
     @fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any) -> EffectSearchCV:
-        with threadpool_limits(1):
-            return self._fit(X, y)
+        """Search.
 
-    def _fit(self, X: Any, y: Any) -> EffectSearchCV:
-        model = clone(self.estimator)
-        if self.controlled_element is not None:
-            model.set_params(controlled_element=self.controlled_element)
-        record, core, lanes = model._prepare(X, y)
-        candidates = self._candidates()
-        folds = self._folds(X, y, record, lanes)
-        search = Search(core, record, candidates, folds)
-        criterion = Criterion(record)
-        baseline = fit_core(core, record, criterion, operator_starts(core, record, criterion))
-        path = forward(search, baseline, int(self.max_effects))
-        self._set_results(model, record, lanes, path)
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+
+        Returns
+        -------
+        self : EffectSearchCV
+        """
+        with threadpool_limits(1):  # small products, which threads only slow down
+            model = clone(self.estimator)
+            if self.controlled_element is not None:
+                model.set_params(controlled_element=self.controlled_element)
+            prepared = model._prepare(X, y)
+            folds = self._folds(X, y, prepared)
+            search = Search(prepared.core, prepared.record, self._candidates(), folds)
+            baseline = model._first_model(prepared)
+            path = forward(search, baseline, int(self.max_effects))
+            self._set_results(model, prepared, search, path, X, y)
         self.n_features_in_ = model.n_features_in_
         if hasattr(model, "feature_names_in_"):
             self.feature_names_in_ = model.feature_names_in_
@@ -91,63 +169,155 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
 
     def _candidates(self) -> list[Effect]:
         if isinstance(self.effects, str) and self.effects == "all":
-            return [c() for c in CLASSES if c.name != "tremor"]
-        return [e for _, e in Effects.of(self.effects) if e.name != "tremor"]
+            return [c() for c in CLASSES]
+        return [e for _, e in Effects.of(self.effects)]
 
-    def _folds(self, X: Any, y: Any, record: Record, lanes: Lanes) -> list[Fold]:
-        known = record.known
+    def _folds(self, X: Any, y: Any, prepared: Prepared) -> list[Fold]:
+        """Rows to hold out and to fit on, in lanes."""
+        record, lanes, known = prepared.record, prepared.lanes, prepared.record.known
+        run_of = prepared.run_of_lanes
+        if self.cv is None and np.unique(run_of).size > 1:
+            tests = [known & (run_of == run) for run in np.unique(run_of)]
+            return [Fold(t, known & ~t) for t in tests]
         if self.cv is None:
-            if record.n_runs > 1:
-                tests = [np.zeros_like(known) for _ in range(record.n_runs)]
-                for j, test in enumerate(tests):
-                    test[:, j] = known[:, j]
-                return [Fold(t, known & ~t) for t in tests]
-            rows = np.flatnonzero(known[:, 0])
-            folds = []
-            guard = round(GUARD / record.dt)
-            for block in np.array_split(rows, 3):
-                test, train = np.zeros_like(known), known.copy()
-                test[block, 0] = True
-                train[max(block[0] - guard, 0) : block[-1] + guard + 1, 0] = False
-                folds.append(Fold(test, train))
-            return folds
-        groups = lanes.rows(np.broadcast_to(np.arange(record.n_runs), known.shape).copy())
+            return _blocks(known, round(GUARD / record.dt))
+        groups = prepared.grid.layout.run_of(np.arange(prepared.grid.layout.n_rows))
         folds = []
         for _, held in check_cv(self.cv).split(X, y, groups):
-            rows = np.zeros(int(lanes.end[-1]), dtype=bool)
+            rows = np.zeros(prepared.grid.layout.n_rows, dtype=bool)
             rows[held] = True
-            test = lanes.beside(rows, fill=False) & known
+            thinned = rows if prepared.grid.rows is None else rows[prepared.grid.rows]
+            test = lanes.beside(thinned, fill=False) & known
             folds.append(Fold(test, known & ~test))
         return folds
 
-    def _set_results(self, model: Any, record: Record, lanes: Lanes, path: Path) -> None:
-        criterion = Criterion(record)
-        model._set_model(likelihood_fit(path.model, criterion))
+    def _set_results(
+        self, model: Any, prepared: Prepared, search: Search, path: Path, X: Any, y: Any
+    ) -> None:
+        record = prepared.record
+        self.baseline_ = clone(model)
+        self.baseline_.__dict__.update(model.__dict__)
+        self.baseline_._set_model(likelihood_fit(path.steps[0].parent, Criterion(record)))
+        final = likelihood_fit(path.model, Criterion(record))
+        model._set_model(final)
         self.best_estimator_ = model
-        self.best_effects_ = path.ids
-        rows = []
-        for number, step in enumerate(path.steps, 1):
-            for rank, c in enumerate(step.candidates, 1):
-                rows.append(
-                    {
-                        "step": number,
-                        "rank": rank,
-                        "effect": c.id,
-                        "n_parameters": c.n_parameters,
-                        "delta_loglik": c.loglik,
-                        "delta_bic": c.evidence,
-                        "vaf_before": step.vaf,
-                        "vaf_after": c.vaf,
-                        "vaf_gain": c.gain,
-                        "p_value": c.p_value,
-                        "passes": c.passes,
-                        "confused_with": c.confused_with,
-                        "reason": c.reason,
-                    }
-                )
-        self.ranking_ = pd.DataFrame(rows)
-        self.explainable_gap_ = path.vaf - path.steps[0].vaf
+        steps = walked(search, path)
+        names = [n for n in path.model.effects.names if n not in path.steps[0].parent.effects.names]
+        left = leftovers(path.model, search.folds)
+        trembling = tremor(record, record.y - path.model.output)
+        ceiling = ceiling_of(self.baseline_, X, y)
+        rest, rest_sd = gap_of(model, X, y)
+        gained = steps[-1].vaf - steps[0].vaf
+        self.unexplained_ = pd.DataFrame(
+            [vars(item) for item in left],
+            columns=["where", "at", "description", "points", "evidence"],
+        )
+        worst = max([item.points for item in left], default=0.0)
+        if rest > max(SURE * rest_sd, 0.0):
+            worst = max(worst, rest)
+        unknown = worst >= LEAST_UNEXPLAINED and worst > SMALL_SHARE * (worst + gained)
+        ids = [dict(path.model.effects.steps)[n].name for n in names]
+        tried = {e.name for e in search.effects}
+        if trembling is not None and "tremor" in tried:
+            ids.append("tremor")
+        if unknown and worst > LARGE_SHARE * (worst + gained):
+            self.stand_ins_, ids = ids, []
+        self.best_effects_ = [*ids, "unknown"] if unknown else ids
+        self.verdict_ = (
+            "something is missing, not in the catalogue"
+            if unknown
+            else "effects found"
+            if ids
+            else "nothing is missing"
+        )
+        gap = ceiling - steps[0].vaf
+        self.explainable_gap_ = float(np.nanmax([gap, gained + worst, 0.0]))
+        self.error_path_ = error_path(record, steps, names, ceiling, worst)
+        self.predictions_ = self._held_out_frame(prepared, steps, names, X, y)
+        self.ranking_ = ranking_table(path, self.display, trembling, model)
+        self.experiments_ = [
+            experiment(row["effect"], other)
+            for _, row in self.ranking_[self.ranking_["status"] == "added"].iterrows()
+            for other in row["confused_with"]
+        ]
+
+    def _held_out_frame(
+        self, prepared: Prepared, steps: list[Step], names: list[str], X: Any, y: Any
+    ) -> pd.DataFrame:
+        columns = {"measured": np.asarray(y, dtype=float)}
+        for title, step in zip(["baseline", *(f"+ {n}" for n in names)], steps, strict=True):
+            rows = prepared.lanes.rows(step.prediction)
+            columns[title] = prepared.grid.to_full_rate(rows)
+        index = X.index if isinstance(X, pd.DataFrame) else None
+        frame = pd.DataFrame(columns, index=index)
+        unit = getattr(y, "attrs", {}).get("units", {}).get(getattr(y, "name", None))
+        if unit:
+            frame.attrs["units"] = {"measured": unit}
+        return frame
+
+    def summary(self) -> str:
+        """The search in plain sentences: steps, errors, verdict, what to record next.
+
+        Returns
+        -------
+        text : str
+        """
+        check_is_fitted(self)
+        return summary_of(
+            self.error_path_,
+            self.ranking_,
+            self.best_effects_,
+            self.verdict_,
+            self.unexplained_,
+            self.experiments_,
+            [],
+        )
 
     def predict(self, X: Any) -> np.ndarray:
+        """Free run of the best model.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+        """
         check_is_fitted(self)
         return self.best_estimator_.predict(X)
+
+    def score(self, X: Any, y: Any) -> float:
+        """VAF of the free run of the best model, in percent.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+
+        Returns
+        -------
+        vaf : float
+        """
+        check_is_fitted(self)
+        return self.best_estimator_.score(X, y)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+def _blocks(known: np.ndarray, guard: int) -> list[Fold]:
+    """Three contiguous blocks of one run, with guards that are neither fitted nor held out."""
+    folds = []
+    rows = np.flatnonzero(known.any(axis=1))
+    for block in np.array_split(rows, 3):
+        test, train = np.zeros_like(known), known.copy()
+        test[block] = known[block]
+        train[max(block[0] - guard, 0) : block[-1] + guard + 1] = False
+        folds.append(Fold(test, train))
+    return folds

@@ -15,9 +15,11 @@ from ..greybox.cores import Core
 from ..greybox.fitting import Criterion, whitened_derivatives
 from ..greybox.model import Model, extended
 from ..greybox.simulator import Simulator
+from .signatures import signatures
 
 LEAST_EVIDENCE = 25.0  # n log(SSE before / after) - k log n of an effect that counts
 LEAST_GAIN = 0.35  # VAF points on held-out rows of an effect that counts
+HOPELESS = 0.002  # of the output's power
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
 
 
@@ -45,6 +47,7 @@ class Candidate:
     p_value: float = 1.0
     prediction: np.ndarray | None = None
     confused_with: list[str] = field(default_factory=list)
+    trace: str = ""
 
     @property
     def id(self) -> str:
@@ -52,7 +55,9 @@ class Candidate:
 
     @property
     def passes(self) -> bool:
-        """Both keys: likelihood and free run."""
+        """Both keys, likelihood and free run; or a trace in the output itself."""
+        if self.trace:
+            return self.gain > -LEAST_GAIN
         return self.evidence > LEAST_EVIDENCE and self.gain >= LEAST_GAIN
 
 
@@ -119,23 +124,25 @@ class Search:
 
     def __init__(self, core: Core, record: Record, effects: Sequence[Effect], folds: list[Fold]):
         self.core, self.record, self.folds = core, record, folds
-        self.effects = list(effects)
+        self.effects = [e for e in effects if e.name != "tremor"]
+        self.traces = signatures(record)
+        self.criterion = Criterion(record)
+        self.coarse = self.criterion.coarse()
 
     def step(self, parent: Model, among: Sequence[Effect] | None = None) -> Step:
         """All candidates beside a parent that was fitted by output error."""
-        criterion = Criterion(self.record)
         candidates = []
         taken = {effect.name for _, effect in parent.effects}
         for effect in self.effects if among is None else among:
             candidate = Candidate(unique_name(effect, parent.effects), effect)
+            if effect.name in taken:
+                continue
             candidate.reason = effect.refusal(self.record, self.core.kind) or ""
-            if not candidate.reason and effect.name not in taken:
-                candidate.model = extended(parent, candidate.name, effect, criterion)
-                if candidate.model is None:
-                    candidate.reason = "nothing to try on these data"
-                candidates.append(candidate)
-            elif candidate.reason:
-                candidates.append(candidate)
+            if not candidate.reason:
+                candidate.model = extended(
+                    parent, candidate.name, effect, self.criterion, self.coarse
+                )
+            candidates.append(candidate)
         return self.judged(parent, candidates)
 
     def judged(self, parent: Model, candidates: list[Candidate]) -> Step:
@@ -150,17 +157,21 @@ class Search:
         n = criterion.n
         for c in tried:
             assert c.model is not None
-            c.model = c.model.refined(criterion)
+            # What gains too little in plain simulation error cannot gain enough held out.
+            hopeless = parent.sse - c.model.sse < HOPELESS * self.criterion.power
+            c.model = c.model.refined(criterion, max_iter=2 if hopeless else 12)
             c.n_parameters = c.model.n_parameters - base.n_parameters
             ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
             c.loglik = ratio / 2
             c.evidence = ratio - c.n_parameters * np.log(n)
-            c.prediction = held_out(c.model, criterion, self.folds)
+            c.prediction = c.model.output if hopeless else held_out(c.model, criterion, self.folds)
             c.vaf = pooled_vaf(self.record, c.prediction)
-            c.gain = c.vaf - base_vaf
+            c.gain = c.vaf - (pooled_vaf(self.record, base.output) if hopeless else base_vaf)
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
-        candidates.sort(key=lambda c: (not c.passes, -c.evidence))
+            if c.id in self.traces:
+                c.trace = self.traces[c.id].words
+        candidates.sort(key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence))
         mark_confused(candidates)
         return Step(base, base_vaf, base_prediction, candidates)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr
 
 from .. import _kernels
 from .base import Effect, Parameter
@@ -14,18 +15,22 @@ from .record import Record
 class Saturation(Effect):
     """Stops: the output stays within limits.
 
-    ``"hard"``: min(max(u, -limit), limit); ``"soft"``: limit tanh(u / limit).
+    ``"hard"``: min(max(u, -limit), limit); ``"soft"``: limit tanh(u / limit); ``"behind"``: the
+    mean of the hard one over remnant that passes it too, with standard deviation ``remnant``.
 
     Parameters
     ----------
     limit : float or None, default=None
         In units of the output; None estimates it.
-    form : {"hard", "soft"} or None, default=None
-        None tries both.
+    remnant : float or None, default=None
+        Standard deviation of the remnant before the stop, in units of the output, of
+        ``"behind"``; None estimates it.
+    form : {"hard", "soft", "behind"} or None, default=None
+        None tries all.
 
     References
     ----------
-    Stick stops; Gelb and Vander Velde, Multiple-input describing functions (1968).
+    Gelb and Vander Velde, Multiple-input describing functions (1968).
 
     Examples
     --------
@@ -39,20 +44,43 @@ class Saturation(Effect):
     physics = "The stick reaches its stop, or the hand its greatest deflection."
     formula = "u' = min(max(u, -limit), limit), or limit tanh(u / limit)"
     source = "Gelb and Vander Velde (1968)"
-    parameters = (Parameter("limit", "{u}", 0.1, 4.0, (0.8, 1.6), "u", "greatest deflection"),)
 
-    def __init__(self, *, limit: float | None = None, form: str | None = None):
+    def __init__(
+        self,
+        *,
+        limit: float | None = None,
+        remnant: float | None = None,
+        form: str | None = None,
+    ):
         self.limit = limit
+        self.remnant = remnant
         self.form = form
 
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        limit = Parameter("limit", "{u}", 0.1, 4.0, (0.8, 1.6), "u", "greatest deflection")
+        if self.form != "behind":
+            return (limit,)
+        return (limit, Parameter("remnant", "{u}", 0.01, 2.0, (0.3,), "u", "before the stop"))
+
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("hard", "soft") if self.form is None else (self.form,)
+        forms = ("hard", "soft", "behind") if self.form is None else (self.form,)
         return [self.with_choices(form=form) for form in forms]
 
-    def apply(self, signal: np.ndarray, record: Record, limit: float) -> np.ndarray:
+    def apply(
+        self, signal: np.ndarray, record: Record, limit: float, remnant: float = 0.0
+    ) -> np.ndarray:
         if self.form == "soft":
             return limit * np.tanh(signal / limit)
+        if self.form == "behind":
+            above, below = (signal - limit) / remnant, (signal + limit) / remnant
+            return remnant * (_mean_above_zero(below) - _mean_above_zero(above)) - limit
         return np.clip(signal, -limit, limit)
+
+
+def _mean_above_zero(x: np.ndarray) -> np.ndarray:
+    """Mean of max(x + z, 0) over standard normal z."""
+    return x * ndtr(x) + np.exp(-0.5 * x * x) / np.sqrt(2 * np.pi)
 
 
 class RateLimit(Effect):
@@ -170,16 +198,25 @@ class Stiction(Effect):
 
 
 class Quantised(Effect):
-    """The output takes discrete levels.
+    """The output takes discrete levels: u' = step round(u / step - offset).
+
+    ``"sharp"`` is that; ``"behind"`` its mean over remnant that passes it too, with standard
+    deviation ``remnant``: u + steps that the remnant smooths.
 
     Parameters
     ----------
     step : float or None, default=None
         Distance of levels in units of the output; None estimates it.
+    offset : float or None, default=None
+        Shift of the thresholds, in steps; 0.5 rounds down. None estimates it.
+    remnant : float or None, default=None
+        Standard deviation of the remnant before it, in steps, of ``"behind"``; None estimates it.
+    form : {"sharp", "behind"} or None, default=None
+        None tries both.
 
     References
     ----------
-    Gelb and Vander Velde (1968).
+    Widrow and Kollar, Quantization noise (2008); Gelb and Vander Velde (1968).
 
     Examples
     --------
@@ -191,20 +228,50 @@ class Quantised(Effect):
     name = "quantised"
     place = "output"
     physics = "The output moves in steps: keys, detents, or a coarse converter."
-    formula = "u' = step round(u / step)"
-    source = "Gelb and Vander Velde (1968)"
-    parameters = (
-        Parameter(
-            "step", "{u}", 0.05, 4.0, tuple(np.geomspace(0.3, 2.5, 9).tolist()), "u", "of levels"
-        ),
-    )
+    formula = "u' = step round(u / step - offset)"
+    source = "Widrow and Kollar (2008)"
     smooth = False
 
-    def __init__(self, *, step: float | None = None):
+    def __init__(
+        self,
+        *,
+        step: float | None = None,
+        offset: float | None = None,
+        remnant: float | None = None,
+        form: str | None = None,
+    ):
         self.step = step
+        self.offset = offset
+        self.remnant = remnant
+        self.form = form
 
-    def apply(self, signal: np.ndarray, record: Record, step: float) -> np.ndarray:
-        return step * np.round(signal / step)
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        steps = tuple(np.geomspace(0.3, 2.5, 8).tolist())
+        offset = Parameter("offset", "-", -0.6, 0.6, (0.0, 0.5), "", "of thresholds, in steps")
+        if self.form == "behind":
+            return (
+                Parameter("step", "{u}", 0.05, 6.0, tuple(steps[3:]), "u", "of levels"),
+                offset,
+                Parameter("remnant", "-", 0.05, 1.0, (0.2,), "", "before the levels, in steps"),
+            )
+        return (Parameter("step", "{u}", 0.05, 6.0, steps, "u", "of levels"), offset)
+
+    def variants(self, record: Record) -> list[Effect]:
+        forms = ("sharp", "behind") if self.form is None else (self.form,)
+        return [self.with_choices(form=form) for form in forms]
+
+    def apply(
+        self, signal: np.ndarray, record: Record, step: float, offset: float, remnant: float = 0.0
+    ) -> np.ndarray:
+        place = signal / step - offset
+        if self.form != "behind":
+            return step * np.round(place)
+        mean = place.copy()
+        for k in range(1, 4):
+            weight = (-1) ** k / (np.pi * k) * np.exp(-2 * (np.pi * k * remnant) ** 2)
+            mean += weight * np.sin(2 * np.pi * k * place)
+        return step * mean
 
 
 class HardeningStiffness(Effect):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy import signal as scipy_signal
 
 from .. import _kernels
 from .base import Effect, Parameter
@@ -206,11 +205,8 @@ def shaped(command: Any, record: Record, b: list[float], a: list[float]) -> Any:
 
 
 def bilinear(b: Any, a: Any, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients b0, b1, b2 and a1, a2 of a filter of at most second order, by Tustin's rule."""
-    leading = np.trim_zeros(np.asarray(a, dtype=float), "f")
-    numerator = np.trim_zeros(np.asarray(b, dtype=float), "f")
-    bz, az = scipy_signal.bilinear(numerator, leading, fs=1 / dt)
-    bz, az = np.r_[np.zeros(len(az) - len(bz)), bz], az
-    full_b, full_a = np.zeros(3), np.zeros(3)
-    full_b[: len(bz)], full_a[: len(az)] = bz, az
-    return full_b / full_a[0], full_a[1:] / full_a[0]
+    """Coefficients b0, b1, b2 and a1, a2 of b(s) / a(s), both of s^2, s and 1, by Tustin's rule."""
+    c = 2.0 / dt
+    to_z = np.array([[c * c, c, 1.0], [-2 * c * c, 0.0, 2.0], [c * c, -c, 1.0]])
+    numerator, denominator = to_z @ np.asarray(b, float), to_z @ np.asarray(a, float)
+    return numerator / denominator[0], denominator[1:] / denominator[0]

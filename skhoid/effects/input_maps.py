@@ -13,14 +13,15 @@ from .record import Record
 class DeadZone(Effect):
     """Indifference threshold: small errors are not answered.
 
-    ``"gap"``: e' = sign(e) max(abs(e) - width, 0); ``"jump"``: e' = e where abs(e) > width, else 0.
+    ``"gap"``: e' = sign(e) max(abs(e) - width, 0); ``"smooth"``: e' = e - width tanh(e / width);
+    ``"jump"``: e' = e where abs(e) > width, else 0.
 
     Parameters
     ----------
     width : float or None, default=None
         Half-width in units of the error; None estimates it.
-    form : {"gap", "jump"} or None, default=None
-        Whether the answer starts from zero at the threshold or jumps; None tries both.
+    form : {"gap", "smooth", "jump"} or None, default=None
+        Whether the answer starts from zero at the threshold or jumps; None tries all.
 
     References
     ----------
@@ -48,7 +49,7 @@ class DeadZone(Effect):
         self.form = form
 
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("gap", "jump") if self.form is None else (self.form,)
+        forms = ("gap", "smooth", "jump") if self.form is None else (self.form,)
         return [self.with_choices(form=form) for form in forms]
 
     def apply(self, signal: np.ndarray, record: Record, width: float) -> np.ndarray:
@@ -56,6 +57,8 @@ class DeadZone(Effect):
             # A sample at the threshold counts as far as it is inside: smooth in width.
             edge = 0.05 * width
             return signal * np.clip((np.abs(signal) - width) / edge + 0.5, 0.0, 1.0)
+        if self.form == "smooth":
+            return signal - width * np.tanh(signal / width)
         return signal - np.clip(signal, -width, width)
 
 

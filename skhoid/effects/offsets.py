@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import _kernels
 from .base import Effect, Parameter
 from .record import Record
 
@@ -93,10 +94,16 @@ class Drift(Effect):
 class Integral(Effect):
     """Trim: the integral of the error is answered.
 
+    ``"pure"``: the integral from the start of the run; ``"leaky"``: 1 / (s + leak), which forgets.
+
     Parameters
     ----------
     gain : float or None, default=None
         In units of the output per unit of the error and second; None estimates it.
+    leak : float or None, default=None
+        Rate of forgetting in 1/s of ``"leaky"``; None estimates it.
+    form : {"pure", "leaky"} or None, default=None
+        None tries both.
 
     References
     ----------
@@ -114,19 +121,33 @@ class Integral(Effect):
     physics = "A standing error is trimmed away slowly."
     formula = "command + gain * integral of e(t - tau_e)"
     source = "McRuer and Krendel (1974)"
-    parameters = (
-        Parameter("gain", "{u}/({e} s)", 0.0, 20.0, (0.1, 0.5), "u/e", "of the integral"),
-    )
 
-    def __init__(self, *, gain: float | None = None):
+    def __init__(
+        self, *, gain: float | None = None, leak: float | None = None, form: str | None = None
+    ):
         self.gain = gain
+        self.leak = leak
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        gain = Parameter("gain", "{u}/({e} s)", 0.0, 20.0, (0.1, 0.5), "u/e", "of the integral")
+        if self.form != "leaky":
+            return (gain,)
+        return (gain, Parameter("leak", "1/s", 0.001, 0.6, (0.1,), "", "rate of forgetting"))
 
     @property
     def neutral(self) -> dict[str, float]:
         return {"gain": 0.0}
 
-    def apply(self, signal: Any, record: Record, gain: float) -> Any:
-        total = np.cumsum(signal.error, axis=0) * record.dt
+    def variants(self, record: Record) -> list[Effect]:
+        forms = ("pure", "leaky") if self.form is None else (self.form,)
+        return [self.with_choices(form=form) for form in forms]
+
+    def apply(self, signal: Any, record: Record, gain: float, leak: float = 0.0) -> Any:
+        dt = record.dt
+        b, a = np.array([dt, 0.0, 0.0]), np.array([leak * dt - 1.0, 0.0])
+        total = _kernels.greybox.filtered(_kernels.gate(signal.error), b, a)
         return signal.plus(gain * total)
 
 

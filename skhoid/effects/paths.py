@@ -362,7 +362,7 @@ class CrossAxis(Effect):
 
     References
     ----------
-    Barendswaard et al., Effect of crossfeed on human performance in dual-axis manual control (2019).
+    Barendswaard et al., Effects of crossfeed in dual-axis manual control (2019).
 
     Examples
     --------
@@ -436,7 +436,7 @@ def shaped_target(record: Record, form: str | None) -> np.ndarray:
 
 def canal(motion: np.ndarray, dt: float) -> np.ndarray:
     """Response of the semicircular canals."""
-    b, a = bilinear([0.11, 1.0], np.polymul([5.9, 1.0], [0.005, 1.0]), dt)
+    b, a = bilinear([0.0, 0.11, 1.0], np.polymul([5.9, 1.0], [0.005, 1.0]), dt)
     return _kernels.greybox.filtered(_kernels.gate(motion), b, a)
 
 
@@ -445,7 +445,7 @@ def moved_by_output(record: Record, channel: str) -> bool:
     if record.y is None:
         return False
     motion, y, known = record.channels[channel], record.y, record.known
-    K_c, omega_b = record.controlled_element or (1.0, 0.0)
+    omega_b = (record.controlled_element or (1.0, 0.0))[1]
     x = record.channels[record.with_role("x")[0]]
     acceleration = differentiated(differentiated(x, record.dt), record.dt)
     driven = [y, acceleration, acceleration + omega_b * differentiated(x, record.dt)]

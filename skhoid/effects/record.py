@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -51,6 +51,24 @@ class Record:
     controlled_element: tuple[float, float] | None = None
     prediction: np.ndarray | None = None
     _derived: dict = field(default_factory=dict, repr=False)
+
+    def part(self, runs: np.ndarray, thin: int) -> Record:
+        """Some of the runs, at every so-manieth sample."""
+
+        def taken(values: np.ndarray) -> np.ndarray:
+            some = values if values.shape[1] == 1 < self.n_runs else values[:, runs]
+            return np.ascontiguousarray(some[::thin])
+
+        return replace(
+            self,
+            dt=self.dt * thin,
+            t=taken(self.t),
+            channels={name: taken(values) for name, values in self.channels.items()},
+            known=taken(self.known),
+            y=None if self.y is None else taken(self.y),
+            prediction=None,
+            _derived={},
+        )
 
     @property
     def n_runs(self) -> int:

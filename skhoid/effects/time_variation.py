@@ -9,7 +9,7 @@ from scipy.special import expit
 
 from .base import Effect, Parameter
 from .offsets import with_middle
-from .record import OTHER, Record
+from .record import OTHER, Record, differentiated
 from .signals import Gains
 
 
@@ -259,9 +259,9 @@ class Lapses(Effect):
     """
 
     name = "lapses"
-    place = "gain"
+    place = "command"
     physics = "The operator looks away, and does not answer for seconds."
-    formula = "K (1 - depth) within the intervals"
+    formula = "command (1 - depth) within the intervals"
     source = "Viterbi (1967)"
     parameters = (
         Parameter("depth", "-", 0.0, 1.0, (0.95,), "", "share not answered"),
@@ -293,13 +293,14 @@ class Lapses(Effect):
             return [self]
         return [self.with_choices(intervals=silent_stretches(record))]
 
-    def apply(self, signal: Gains, record: Record, depth: float, shift: float) -> Gains:
+    def apply(self, signal: Any, record: Record, depth: float, shift: float) -> Any:
         away = np.zeros_like(record.t)
         for begin, end in self.intervals:
             inside = (record.t - begin - shift) / record.dt + 0.5
             until = (end + shift - record.t) / record.dt + 0.5
             away = np.maximum(away, np.clip(np.minimum(inside, until), 0.0, 1.0))
-        return signal.times(1 - depth * away)
+        whole = signal.position + differentiated(signal.rate, record.dt)
+        return signal._replace(position=(1 - depth * away) * whole, rate=np.zeros_like(signal.rate))
 
 
 def needs_channel(channel: str | None, record: Record, role: str, what: str) -> str | None:

@@ -11,6 +11,9 @@ from .base import Effect, Parameter
 from .record import Record, differentiated
 from .time_variation import sigmoid
 
+HOLDS_CLOCK = tuple(np.arange(0.1, 0.9, 0.02).round(2).tolist())
+HOLDS_EVENT = (0.02, 0.1, 0.2, 0.3, 0.4)
+
 
 class WrongDelay(Effect):
     """The delay is another than assumed.
@@ -118,14 +121,14 @@ class Intermittent(Effect):
     Parameters
     ----------
     hold_time : float or None, default=None
-        Time between decisions at least, in seconds; None estimates it.
+        Time between decisions (at least), in seconds; None estimates it.
     threshold : float or None, default=None
-        Change of the command that makes a decision, in units of the output; 0 is a clock, None
-        estimates it.
+        Change that makes a decision, in units of the output (``"event"``) or the error
+        (``"error"``); None estimates it.
     phase : float or None, default=None
-        First decision after the start of a run, in seconds; None estimates it.
-    trigger : {"clock", "event"} or None, default=None
-        None tries both.
+        First tick of the clock after the start of a run, in seconds; None estimates it.
+    trigger : {"clock", "event", "error"} or None, default=None
+        What makes a decision: time alone, a change of the command, or of the error. None tries all.
 
     References
     ----------
@@ -160,22 +163,30 @@ class Intermittent(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        times = tuple(np.arange(0.12, 0.81, 0.04).round(2).tolist())
-        if self.trigger == "event":
+        if self.trigger in ("event", "error"):
+            unit = "e" if self.trigger == "error" else "u"
+            thresholds = tuple(np.geomspace(0.05, 1.2, 9).tolist())
             return (
-                Parameter("hold_time", "s", 0.0, 1.0, (0.05, 0.2, 0.4), "", "refractory time"),
-                Parameter(
-                    "threshold", "{u}", 0.02, 3.0, (0.1, 0.2, 0.4, 0.7), "u", "that triggers"
-                ),
+                Parameter("hold_time", "s", 0.0, 1.2, HOLDS_EVENT, "", "refractory time"),
+                Parameter("threshold", f"{{{unit}}}", 0.01, 4.0, thresholds, unit, "that triggers"),
             )
         return (
-            Parameter("hold_time", "s", 0.04, 1.0, times, "", "between decisions"),
-            Parameter("phase", "s", 0.0, 1.0, (0.0,), "", "of the first decision"),
+            Parameter("hold_time", "s", 0.04, 1.2, HOLDS_CLOCK, "", "between decisions"),
+            Parameter("phase", "s", 0.0, 1.2, (0.0, 0.1, 0.2, 0.3), "", "of the first decision"),
         )
 
     def variants(self, record: Record) -> list[Effect]:
-        triggers = ("clock", "event") if self.trigger is None else (self.trigger,)
+        triggers = ("clock", "event", "error") if self.trigger is None else (self.trigger,)
         return [self.with_choices(trigger=trigger) for trigger in triggers]
+
+    def starts(self, record: Record) -> list[dict[str, float]]:
+        """A grid, on which the delay is shorter by what the hold delays on average."""
+        found = []
+        for values in super().starts(record):
+            hold = values.get("hold_time", self.hold_time or 0.0)
+            if values.get("phase", 0.0) < hold or "phase" not in values:
+                found.append({**values, "+tau_e": -hold / 2})
+        return found
 
     def apply(
         self,
@@ -187,7 +198,9 @@ class Intermittent(Effect):
     ) -> Any:
         dt = record.dt
         whole = _kernels.gate(signal.position + differentiated(signal.rate, dt))
-        if self.trigger != "event":
+        watched = _kernels.gate(signal.error) if self.trigger == "error" else whole
+        if self.trigger == "clock":
             threshold = 0.0
-        kept = _kernels.greybox.held(whole, max(hold_time / dt, 1.0), threshold, phase / dt)
+        period = max(hold_time / dt, 1.0)
+        kept = _kernels.greybox.held(whole, watched, period, threshold, phase / dt)
         return signal._replace(position=kept, rate=np.zeros_like(kept))

@@ -21,7 +21,7 @@ def estimate_element(record: Record) -> tuple[float, float] | None:
     K_c = omega_b = 0.0
     columns, target = [], []
     disturbances = record.with_role("dist")
-    for disturbed in [d for d in disturbances[:1]] + [None]:
+    for disturbed in [*disturbances[:1], None]:
         rows_of = []
         for j in range(record.n_runs):
             known = np.flatnonzero(record.known[:, j])

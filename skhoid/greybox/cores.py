@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -64,13 +64,14 @@ class OperatorCore:
     def response(
         self, command: Command, gains: Gains, stiffness: float, values: dict[str, float], dt: float
     ) -> np.ndarray:
-        coefficients = first_order_hold(
-            values["omega_nm"] * gains.omega, values["zeta_nm"] * gains.zeta, dt
+        omega, zeta = np.broadcast_arrays(
+            values["omega_nm"] * gains.omega[:, 0], values["zeta_nm"] * gains.zeta[:, 0]
         )
+        matrices = _kernels.greybox.held_linearly(_kernels.gate(omega), _kernels.gate(zeta), dt)
         return _kernels.greybox.second_order(
             _kernels.gate(command.position),
             _kernels.gate(command.rate),
-            *coefficients,
+            matrices,
             float(stiffness),
             BOUND,
         )
@@ -105,44 +106,6 @@ class ARXCore:
         return _kernels.greybox.arx_response(
             _kernels.gate(x), _kernels.gate(theta[: self.na]), b, float(stiffness), BOUND
         )
-
-
-def first_order_hold(omega: Any, zeta: Any, dt: float) -> tuple[np.ndarray, ...]:
-    """Exact discretisation of the neuromuscular system for inputs linear between samples.
-
-    s' = [[-2 zeta omega, 1], [-omega^2, 0]] s + omega^2 [[0, 1], [1, 0]] w with s = (output,
-    companion) and w = (position, rate command). Returns the matrices on s(k), w(k) and w(k+1),
-    each of shape (1 or n_samples, 4).
-    """
-    omega, zeta = np.broadcast_arrays(np.ravel(omega).astype(float), np.ravel(zeta).astype(float))
-    square = omega**2
-    m = np.empty((omega.size, 2, 2))
-    m[:, 0, 0], m[:, 0, 1], m[:, 1, 0], m[:, 1, 1] = -2 * zeta * omega, 1.0, -square, 0.0
-    mean = -zeta * omega
-    root = np.sqrt((mean**2 - square).astype(complex))
-    small = np.abs(root) * dt < 1e-7
-    safe = np.where(small, 1.0, root)
-    cosine = np.cosh(root * dt).real
-    sine = np.where(small, dt, (np.sinh(safe * dt) / safe).real)
-    eye = np.eye(2)
-    growth = np.exp(mean * dt)
-    away = m - mean[:, None, None] * eye
-    phi = growth[:, None, None] * (cosine[:, None, None] * eye + sine[:, None, None] * away)
-    inverse = np.empty_like(m)  # of m, whose determinant is omega^2
-    inverse[:, 0, 0], inverse[:, 0, 1] = 0.0, -1.0 / square
-    inverse[:, 1, 0], inverse[:, 1, 1] = 1.0, -2 * zeta / omega
-    whole = inverse @ (phi - eye)
-    ramp = inverse @ inverse @ (phi - eye - m * dt) / dt
-    swap = square[:, None, None] * np.array([[0.0, 1.0], [1.0, 0.0]])
-    return (
-        _flat(phi),
-        _flat((whole - ramp) @ swap),
-        _flat(ramp @ swap),
-    )
-
-
-def _flat(matrices: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(matrices.reshape(-1, 4))
 
 
 def neutral_gains() -> Gains:

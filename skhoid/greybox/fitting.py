@@ -14,6 +14,8 @@ from .simulator import Simulator
 AR_ORDER = 6  # what the kernel is written for
 WHITE_FLOOR = 3e-3  # of the residual's variance is white at least
 CRITERION_RATE = 25.0  # Hz; operators do not answer faster than half of it
+EXPLORED_RUNS = 3
+EXPLORED_STEP = 0.02  # s
 STEP = 1e-4  # of finite differences, relative
 COARSE_STEP = 5e-3  # where the response is not smooth
 
@@ -33,13 +35,21 @@ class Noise:
 class Criterion:
     """Squares of whitened residuals on every so-manieth row, and their derivatives."""
 
-    def __init__(self, record: Record, noise: Noise | None = None):
+    def __init__(self, record: Record, noise: Noise | None = None, *, rate: float = CRITERION_RATE):
         assert record.y is not None
         self.record = record
-        self.thin = max(1, round(1.0 / (CRITERION_RATE * record.dt)))
+        self.thin = max(1, round(1.0 / (rate * record.dt)))
         self.y = np.ascontiguousarray(record.y[:: self.thin])
         self.known = np.ascontiguousarray(record.known[:: self.thin])
+        self.power = float((self.y[self.known] ** 2).sum())
         self.set_noise(noise or Noise.white(record.n_runs))
+
+    def coarse(self) -> Criterion:
+        """A cheaper criterion to explore with: some of the runs, at a lower rate."""
+        n = self.record.known.sum(axis=0)
+        runs = np.sort(np.argsort(-n, kind="stable")[:EXPLORED_RUNS])
+        thin = max(1, int(EXPLORED_STEP / self.record.dt + 1e-6))
+        return Criterion(self.record.part(runs, thin), rate=CRITERION_RATE / 2)
 
     def set_noise(self, noise: Noise) -> None:
         self.noise = noise
@@ -108,7 +118,6 @@ class Fit:
     n: int
     normal: np.ndarray
     gradient: np.ndarray
-    n_iterations: int
 
     def covariance(self, free: np.ndarray) -> np.ndarray:
         """Covariance of the parameters; those not ``free`` (at a bound) have none."""
@@ -142,10 +151,9 @@ def minimise(
     sse = criterion.sse(output)
     damping = 1e-3
     normal, gradient = np.eye(theta.size), np.zeros(theta.size)
-    done = 0
     if not np.isfinite(sse):
-        return Fit(theta, np.inf, criterion.n, normal, gradient, 0)
-    for done in range(1, max_iter + 1):
+        return Fit(theta, np.inf, criterion.n, normal, gradient)
+    for _ in range(max_iter):
         normal, gradient = normal_equations(simulator, criterion, theta, output)
         at_low = (theta <= low) & (gradient < 0)
         at_high = (theta >= high) & (gradient > 0)
@@ -153,7 +161,7 @@ def minimise(
         if not free.any():
             break
         better = False
-        for _ in range(6):
+        for _retry in range(6):
             step = np.zeros_like(theta)
             block = normal[np.ix_(free, free)]
             diagonal = np.maximum(np.diag(block), 1e-12 * np.trace(block) + 1e-300)
@@ -178,7 +186,7 @@ def minimise(
             break
     if not better:
         simulator.run(theta)
-    return Fit(theta, sse, criterion.n, normal, gradient, done)
+    return Fit(theta, sse, criterion.n, normal, gradient)
 
 
 def normal_equations(
@@ -194,6 +202,13 @@ def whitened_derivatives(
     simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
 ) -> np.ndarray:
     """Whitened derivatives by each parameter, and the whitened residual as the last row."""
+    return criterion.whitened(derivatives(simulator, criterion, theta, output))
+
+
+def derivatives(
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
+) -> np.ndarray:
+    """Derivatives of the output by each parameter on the criterion's rows, then the residual."""
     relative = STEP if simulator.smooth else COARSE_STEP
     thin = criterion.thin
     rows = np.empty((theta.size + 1, *criterion.y.shape))
@@ -205,4 +220,4 @@ def whitened_derivatives(
         rows[i] = (simulator.beside(i, value + h)[::thin] - here) / h
     rows[:-1] *= criterion.known
     rows[-1] = criterion.residual(output)
-    return criterion.whitened(rows)
+    return rows

@@ -15,7 +15,10 @@ from .fitting import Criterion, Fit, Noise, minimise
 from .simulator import Simulator
 
 N_TRIED = 2  # iterations from every start
-N_KEPT = 2  # starts that are followed to the end
+N_SCREENED = 10  # starts that are more than simulated once
+N_KEPT = 2  # starts, and variants, that are followed to the end
+ALIKE = 0.9  # of the gain of the best variant
+LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
 @dataclass
@@ -95,6 +98,9 @@ def operator_starts(core: OperatorCore, record: Record, criterion: Criterion) ->
 def best_of(simulator: Simulator, criterion: Criterion, starts: Iterable[np.ndarray]) -> Model:
     """Minimise from several starts: a little from all, to the end from the best."""
     starts = list(starts)
+    if len(starts) > N_SCREENED:
+        starts.sort(key=lambda s: scaled_sse(simulator, criterion, s))
+        starts = starts[:N_SCREENED]
     if len(starts) > N_KEPT:
         tried = [
             minimise(simulator, criterion, np.asarray(s, dtype=float), max_iter=N_TRIED)
@@ -106,33 +112,69 @@ def best_of(simulator: Simulator, criterion: Criterion, starts: Iterable[np.ndar
     return Model(simulator, min(fits, key=lambda fit: fit.sse))
 
 
-def extended(parent: Model, name: str, effect: Effect, criterion: Criterion) -> Model | None:
+def scaled_sse(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:
+    """Squares that the best multiple of the output at some parameters leaves."""
+    table = criterion.whitened(
+        np.stack([simulator.run(theta)[:: criterion.thin] * criterion.known, criterion.y])
+    )
+    power, product = float(table[0] @ table[0]), float(table[0] @ table[1])
+    if not np.isfinite(power) or power <= 0.0:
+        return np.inf
+    return float(table[1] @ table[1]) - max(product, 0.0) ** 2 / power
+
+
+def extended(
+    parent: Model, name: str, effect: Effect, criterion: Criterion, coarse: Criterion
+) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
-    None where the effect has nothing to try on this record.
+    Variants and starts are explored under the ``coarse`` criterion. The fit is followed
+    to the end only where that shows a gain.
     """
     record = replace(parent.simulator.record, prediction=parent.output)
-    best: Model | None = None
+    core = parent.simulator.core
+    before = coarse.sse(Simulator(core, parent.effects, coarse.record).run(parent.theta))
+    explored: list[tuple[float, Effect, Fit]] = []
     for variant in effect.variants(record):
         together = Effects([*parent.effects.steps, (name, variant)])
-        simulator = Simulator(parent.simulator.core, together, parent.simulator.record)
-        starts = [
-            start_beside(parent, simulator, name, values) for values in variant.starts(record)
-        ]
-        model = best_of(simulator, criterion, starts)
+        simulator = Simulator(core, together, coarse.record)
+        starts = [start_beside(parent, simulator, name, v) for v in variant.starts(record)]
+        fit = best_of(simulator, coarse, starts).fit
         if not variant.smooth:
+            fit = searched(Model(simulator, fit), name, coarse).fit
+        explored.append((fit.sse, variant, fit))
+    explored.sort(key=lambda item: item[0])
+    best: Model | None = None
+    gain = before - explored[0][0]
+    for sse, variant, fit in explored[:N_KEPT]:
+        together = Effects([*parent.effects.steps, (name, variant)])
+        simulator = Simulator(core, together, parent.simulator.record)
+        promising = before - sse > LEAST_COARSE_GAIN * coarse.power
+        if best is not None and (not promising or before - sse < ALIKE * gain):
+            break
+        full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 2)
+        model = Model(simulator, full)
+        if promising and not variant.smooth:
             model = searched(model, name, criterion)
         if best is None or model.sse < best.sse:
             best = model
+    assert best is not None
     return best
 
 
 def start_beside(
     parent: Model, simulator: Simulator, name: str, values: dict[str, float]
 ) -> np.ndarray:
-    """Parameters of the parent and start values of a further effect as one vector."""
+    """Parameters of the parent and start values of a further effect as one vector.
+
+    A start value called ``+tau_e`` is added to the parent's.
+    """
     known = parent.values()
-    known.update({f"{name}__{key}": value for key, value in values.items()})
+    for key, value in values.items():
+        if not key.startswith("+"):
+            known[f"{name}__{key}"] = value
+        elif key[1:] in known:  # a shift of a parameter of the core
+            known[key[1:]] += value
     return np.clip([known[n] for n in simulator.names], simulator.low, simulator.high)
 
 

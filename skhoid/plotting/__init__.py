@@ -3,7 +3,11 @@
 from .bode import BodeDisplay
 from .comparison import ComparisonDisplay
 from .delay_loss import DelayLossDisplay
+from .effect_ranking import EffectRankingDisplay
+from .effect_steps import EffectStepsDisplay
+from .error_path import ErrorPathDisplay
 from .forgetting_profile import ForgettingProfileDisplay
+from .identified_effect import IdentifiedEffectDisplay
 from .memory_horizon import MemoryHorizonDisplay
 from .noise_ceiling import NoiseCeilingDisplay
 from .operating_point import OperatingPointDisplay
@@ -22,7 +26,11 @@ __all__ = [
     "BodeDisplay",
     "ComparisonDisplay",
     "DelayLossDisplay",
+    "EffectRankingDisplay",
+    "EffectStepsDisplay",
+    "ErrorPathDisplay",
     "ForgettingProfileDisplay",
+    "IdentifiedEffectDisplay",
     "MemoryHorizonDisplay",
     "NoiseCeilingDisplay",
     "OperatingPointDisplay",

@@ -1,0 +1,118 @@
+"""What a search says in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ..effects.base import Effect
+
+# What an effect on a compensatory display can only be equivalent to, and why.
+SHOWS_TARGET = {"feedforward", "preview", "output_feedback"}
+EQUIVALENT = (
+    "equivalent to {}: a compensatory display shows the error alone, and with e = f_t - x the same "
+    "output follows from other lags of e; the operator cannot have seen the target or x apart"
+)
+# Runs that would tell two effects apart.
+EXPERIMENTS = {
+    frozenset({"stiction", "backlash"}): "record slow ramps of a few seconds: with backlash the "
+    "output follows at a constant distance, with stiction it jumps",
+    frozenset({"gain_drift", "tv_gain"}): "record longer runs, or the same run twice without a "
+    "pause: a drift goes on, a change of gain is over",
+    frozenset({"integral", "output_feedback"}): "record a constant target or disturbance of 30 s: "
+    "an integral goes on growing, a response to x does not",
+    frozenset({"feedforward", "output_feedback"}): "add a disturbance f_d of its own frequencies: "
+    "it moves x and leaves f_t",
+    frozenset({"feedforward", "preview"}): "record a target with steps: an answer before the step "
+    "is preview",
+    frozenset({"dead_zone", "cubic_gain"}): "record runs with half and with twice the amplitude of "
+    "the target: a dead zone vanishes at large amplitude, a growing gain does not",
+    frozenset({"asym_gain", "absolute_value"}): "record a target of higher frequencies: asymmetry "
+    "acts on the error's rate too",
+    frozenset({"asym_gain", "rectified"}): "record runs with a constant disturbance to either side",
+    frozenset({"saturation", "cubic_gain"}): "record runs at half the amplitude: stops are not "
+    "reached then",
+    frozenset({"saturation", "hardening_stiffness"}): "record runs at half the amplitude, and move "
+    "the stick slowly from stop to stop",
+    frozenset({"saturation", "rate_limit"}): "record a slow target of large amplitude, which "
+    "reaches the stop and not the rate",
+    frozenset({"extra_lag", "nm_mode"}): "use a forcing function with lines up to 30 rad/s",
+    frozenset({"bias", "drift"}): "record longer runs",
+    frozenset({"bias", "integral"}): "record a constant disturbance of 30 s",
+    frozenset({"wrong_delay", "extra_lag"}): "use a forcing function with lines up to 30 rad/s",
+}
+ANY_EXPERIMENT = (
+    "record more runs, some at half and some at twice the amplitude and with other phases of the "
+    "forcing function"
+)
+
+
+def words_of(effect: Effect, display: str) -> str:
+    """What an effect means, in one sentence, given what the operator could see."""
+    seen = display != "compensatory" and (effect.name != "preview" or display == "preview")
+    if effect.name in SHOWS_TARGET and not seen:
+        if display == "pursuit":
+            return (
+                "equivalent to preview: a pursuit display shows the target as it is now, not what "
+                "comes; a target that the operator can predict looks the same"
+            )
+        return EQUIVALENT.format(effect.name.replace("_", " "))
+    return effect.physics
+
+
+def experiment(one: str, other: str) -> str:
+    """What to record to tell two effects apart."""
+    told = EXPERIMENTS.get(frozenset({one, other}), ANY_EXPERIMENT)
+    return f"{one} and {other} cannot be told apart here; this experiment would: {told}."
+
+
+def summary_of(
+    path: pd.DataFrame,
+    ranking: pd.DataFrame,
+    ids: Sequence[str],
+    verdict: str,
+    unexplained: pd.DataFrame,
+    experiments: Sequence[str],
+    notes: Sequence[str],
+) -> str:
+    """The whole search in plain sentences."""
+    first, last = path.iloc[0], path.iloc[-1]
+    ceiling = first["ceiling"]
+    lines = [
+        f"Baseline: VAF {first['vaf']:.1f} % on held-out rows"
+        + (f", of at most {ceiling:.1f} %." if np.isfinite(ceiling) else "; no ceiling known.")
+    ]
+    for step, row in path.iloc[1:].iterrows():
+        added = ranking[(ranking["status"] == "added") & (ranking["effect"] == row["effect"])]
+        text = added["parameters"].iloc[0] if len(added) else ""
+        before = path.loc[step - 1]
+        lines.append(
+            f"Step {step}: add {row['effect']}" + (f" ({text})" if text else "") + ": VAF "
+            f"{before['vaf']:.1f} -> {row['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> "
+            f"{row['rmse']:.4g}."
+        )
+        if len(added):
+            lines.append(f"  {added['words'].iloc[0]}")
+            others = added["confused_with"].iloc[0]
+            if others:
+                lines.append(f"  As good here: {', '.join(others)}.")
+    lines.append(f"Verdict: {verdict}.")
+    if verdict.startswith("nothing"):
+        near = ranking[(ranking["step"] == 1) & (ranking["status"] == "not better")]
+        if len(near):
+            best = near.iloc[0]
+            lines.append(
+                f"  The best of {len(near)} effects tried, {best['effect']}, would gain "
+                f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): not enough."
+            )
+    if ids and ids[-1] == "unknown" and len(unexplained):
+        lines.append("  What no effect of the catalogue explains:")
+        for _, row in unexplained.iterrows():
+            lines.append(f"  - {row['description']} ({row['where']}): {row['points']:.1f} points")
+    gap = last["explainable_gap"]
+    if np.isfinite(gap):
+        lines.append(f"Left to explain at the end: {max(gap, 0.0):.1f} points.")
+    lines += [f"Note: {e}" for e in (*experiments, *notes)]
+    return "\n".join(lines)

@@ -1,0 +1,213 @@
+"""What models with effects share: data, fitting, results and prediction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ..effects.composition import Effects
+from ..effects.record import Record
+from ..exceptions import ShortRunError
+from ..human.controlled_element import ControlledElement
+from ..preprocessing.grid import ModelGrid
+from ..regression import RunRegressor
+from ..runs import run_column
+from .controlled_element import estimate_element
+from .cores import Core
+from .estimates import covariance_frame, effects_with_values, parameter_table, summary_text
+from .fitting import Criterion, Noise
+from .lanes import Lanes, build_record, roles_of
+from .model import Model, extended
+from .simulator import Simulator
+
+N_LIKELIHOOD = 2  # rounds of noise model and refinement
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Data as a record, where its lanes come from, and the core."""
+
+    record: Record
+    core: Core
+    lanes: Lanes
+    grid: ModelGrid
+
+    @property
+    def run_of_lanes(self) -> np.ndarray:
+        """Number of the run that each lane is a part of."""
+        first = self.lanes.begin
+        rows = first if self.grid.rows is None else self.grid.rows[first]
+        return self.grid.layout.run_of(rows)
+
+
+class GreyBox(RunRegressor):
+    """A core with effects, simulated, whose parameters are estimated by maximum likelihood.
+
+    A subclass says what the core is, and how it is fitted without effects.
+    """
+
+    effects: Any
+    controlled_element: ControlledElement | None
+    settling: float
+
+    def _core(self) -> Core:
+        raise NotImplementedError
+
+    def _fitted_core(self, core: Core, record: Record, criterion: Criterion) -> Model:
+        """The core at the minimum of the simulation error, without effects."""
+        raise NotImplementedError
+
+    def _given_values(self) -> dict[str, float]:
+        """Parameters of the core that are given, for the table."""
+        return {}
+
+    def with_effect(self, effect: Any) -> Any:
+        """A new, unfitted model with one more effect: fit it to add the effect.
+
+        Parameters
+        ----------
+        effect : Effect, Effects or str
+            An effect, several as ``a + b``, or an id of the catalogue.
+
+        Returns
+        -------
+        model : estimator
+            A clone whose ``effects`` is a composition with fixed names: the second effect
+            of a kind is called ``dead_zone-2``.
+        """
+        return clone(self).set_params(effects=Effects.of(self.effects) + effect)
+
+    def _prepare(self, X: Any, y: Any) -> Prepared:
+        """Read data to fit."""
+        grid, _, output, values = self._read_data(X, y)
+        if self.inputs is None and len(self._columns) > 1:  # none has the role e
+            self._columns, self.inputs_ = self._columns[:1], self.inputs_[:1]
+        if len(self._columns) != 1:
+            raise ValueError(
+                f"{type(self).__name__} with effects answers one channel and gets {self.inputs_}. "
+                'Name it by inputs=["..."]; effects use the other columns.'
+            )
+        skipped = None if self._run is None else run_column(self._names or [], self._run)
+        self._channels = [i for i in range(values.shape[1]) if i != skipped]
+        names = self._channel_names(self._channels)
+        self._roles = roles_of(names, self.roles)
+        self._roles[self.inputs_[0]] = "e"
+        self._units = {**getattr(X, "attrs", {}).get("units", {})}
+        self._units.update(getattr(y, "attrs", {}).get("units", {}))
+        held = self._hold(grid, values[:, self._channels], names)
+        given = self.controlled_element
+        element = None if given is None else (float(given.K_c), float(given.omega_b))
+        record, lanes = build_record(
+            grid,
+            names,
+            held,
+            self._roles,
+            self.inputs_,
+            output=output,
+            settling=self.settling,
+            controlled_element=element,
+        )
+        core = self._core()
+        check_rows(record, len(core.parameters), grid)
+        if given is None:
+            element = estimate_element(record)
+            record = replace(record, controlled_element=element)
+        self.controlled_element_ = None if element is None else ControlledElement(*element)
+        return Prepared(record, core, lanes, grid)
+
+    def _first_model(self, prepared: Prepared) -> Model:
+        """The model with the effects it has, at the minimum of the simulation error."""
+        record, core = prepared.record, prepared.core
+        criterion = Criterion(record)
+        model = self._fitted_core(core, record, criterion)
+        coarse = criterion.coarse()
+        for name, effect in Effects.of(self.effects):
+            reason = effect.refusal(record, core.kind)
+            if reason is not None:
+                raise ValueError(f"The effect {name} does not apply: {reason}.")
+            model = extended(model, name, effect, criterion, coarse)
+        return model
+
+    def _fit_with_effects(self, X: Any, y: Any) -> None:
+        prepared = self._prepare(X, y)
+        model = self._first_model(prepared)
+        self._set_model(likelihood_fit(model, Criterion(prepared.record)))
+
+    def _set_model(self, fitted: tuple[Model, Noise]) -> None:
+        """Take over a fitted model."""
+        model, noise = fitted
+        record = model.simulator.record
+        criterion = Criterion(record, noise)
+        self._theta, self._chosen = model.theta, model.effects
+        self._duration = record.duration
+        self._spread = {name: record.sd(name) for name in (*record.channels, "u")}
+        covariance = model.covariance()
+        self.noise_ar_ = noise.ar
+        n = criterion.n
+        self.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
+        self.bic_ = -2 * self.loglik_ + model.n_parameters * float(np.log(n))
+        self.vaf_ = vaf_of_output(record, model.output)
+        units = {"u": self._units.get(self._output_name), "e": self._units.get(self.inputs_[0])}
+        units.update({f"[{name}]": unit for name, unit in self._units.items()})
+        self.parameters_ = parameter_table(
+            model.simulator, model.theta, covariance, units, self._given_values()
+        )
+        self.covariance_ = covariance_frame(model.simulator, covariance)
+        self.effects_ = effects_with_values(model)
+
+    def _simulated(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        """Free run on the grid with effects."""
+        names = self._channel_names(self._channels)
+        held = self._hold(grid, grid.thin_inputs(values)[:, self._channels], names)
+        element = self.controlled_element_
+        record, lanes = build_record(
+            grid,
+            names,
+            held,
+            self._roles,
+            self.inputs_,
+            controlled_element=None if element is None else (element.K_c, element.omega_b),  # type: ignore[arg-type]
+        )
+        return lanes.rows(Simulator(self._core(), self._chosen, record).run(self._theta))
+
+    def summary(self) -> str:
+        """Parameters with their intervals, effects and goodness of fit, as text.
+
+        Returns
+        -------
+        text : str
+        """
+        self._check_fitted()
+        return summary_text(self)
+
+
+def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, Noise]:
+    """Refine under an AR model of the residual, and again under that of the new residual."""
+    for _ in range(N_LIKELIHOOD):
+        criterion.set_noise(criterion.noise_of(model.output))
+        model = model.refined(criterion)
+    return model, criterion.noise
+
+
+def check_rows(record: Record, n_parameters: int, grid: ModelGrid) -> None:
+    """Refuse data that cannot hold the parameters."""
+    n = int(record.known.sum())
+    if n == 0 and record.y is not None and not record.y.any():
+        raise ValueError("Input y contains NaN in all rows: nothing was measured.")
+    if n <= n_parameters:
+        raise ShortRunError(
+            f"{n} rows are left for {n_parameters} parameters (n_samples = {grid.layout.n_rows} "
+            "rows of X, of which settling, missing values and a run-in take the rest). Use more "
+            "data, or a smaller settling."
+        )
+
+
+def vaf_of_output(record: Record, output: np.ndarray) -> float:
+    """VAF in percent over what is known."""
+    assert record.y is not None
+    y, error = record.y[record.known], (record.y - output)[record.known]
+    power = float(y @ y)
+    return 100.0 * (1.0 - float(error @ error) / power) if power > 0 else 0.0

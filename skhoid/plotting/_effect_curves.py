@@ -1,0 +1,384 @@
+"""What an identified effect does, as curves with their uncertainty: one picture for each place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..effects.composition import Effects
+from ..effects.offsets import Tremor
+from ..effects.record import Record
+from ..effects.signals import Command
+from ..greybox.cores import neutral_gains
+from ..greybox.simulator import Simulator
+from ._axes import with_unit
+from ._effect_bench import (
+    AFTER,
+    LONGEST,
+    Bench,
+    Curve,
+    EffectCurves,
+    Response,
+    answers,
+    channel_range,
+    command_of,
+    core_delay,
+    is_linear,
+    is_odd,
+    passed,
+    run_times,
+    sampled_run,
+    share_of_command,
+    total_command,
+    unit_pulse,
+)
+
+INSIDE = (2.5, 97.5)  # percentiles of the draws
+N_WAVE = 800  # samples of a period
+SLOWEST, FASTEST = 0.5, 32.0  # rad/s
+SEEN = 0.01  # of the amplitude, which an effect must change to be seen
+DECAYED = 0.02  # of the largest response
+ENDLESS = 5.0  # s shown of a response that does not decay
+SINE = 2.0  # rad/s, at which operators answer
+BAND = (0.1, 30.0)  # rad/s
+
+
+def effect_curves(bench: Bench, n_draws: int, seed: Any) -> EffectCurves:
+    """The curves of an effect, with bands that hold 95 % of what draws of its parameters give."""
+    found = response_of(bench)
+    best = found.lines(bench.values, bench.theta)
+    drawn = [found.lines(*draw) for draw in bench.draws(n_draws, seed)]
+    curves = {}
+    for label, y in best.items():
+        curves[label] = Curve(found.x, y)
+        if drawn:
+            low, high = np.percentile([lines[label] for lines in drawn], INSIDE, axis=0)
+            curves[label] = Curve(found.x, y, low, high)
+    return EffectCurves(
+        found.kind, curves, found.xlabel, found.ylabel, found.without, found.measured, found.note
+    )
+
+
+def response_of(bench: Bench) -> Response:
+    """The picture that shows most of an effect, by its place and what it answers."""
+    place = bench.effect.place
+    if isinstance(bench.effect, Tremor):
+        return tremor(bench)
+    if place in ("input", "path", "command", "sum"):
+        for channel in bench.record.roles:
+            if channel != bench.error and answers(bench, channel):
+                return path(bench, channel)
+    if place == "path":
+        return path(bench, bench.error) if is_odd(bench) else added_command(bench)
+    if place in ("input", "output"):
+        return signal_map(bench, "e" if place == "input" else "u")
+    if place in ("gain", "delay"):
+        return parameter_path(bench)
+    if place == "command":
+        if share_of_command(bench, bench.values) is not None:
+            return share(bench)
+        return linear_gain(bench) if is_linear(bench) else held_command(bench)
+    return spring(bench) if place == "spring" else course(bench)
+
+
+def signal_map(bench: Bench, signal: str) -> Response:
+    """What comes out for a slow wave: a line, or a loop where it depends on the past."""
+    size = bench.amplitude(signal)
+    omega = SLOWEST
+    x = -size * np.cos(2 * np.pi * (np.arange(2 * N_WAVE) + 0.5) / N_WAVE)
+
+    def out(values: dict[str, float]) -> np.ndarray:
+        t = np.arange(x.size) * 2 * np.pi / omega / N_WAVE
+        given = {bench.error: x} if signal == "e" else {}
+        y = bench.effect.apply(x[:, None], bench.made_up(t, given), **values)
+        return np.asarray(y)[N_WAVE:, 0]
+
+    late = x[N_WAVE:]
+    while omega < FASTEST and np.abs(out(bench.values) - late).max() < SEEN * size:
+        omega *= 2
+    if omega > SLOWEST:  # well beyond the frequency at which it begins
+        omega *= 2
+    half = N_WAVE // 2
+    up, down = out(bench.values)[:half], out(bench.values)[half:][::-1]
+    loop = np.abs(up - down).max() > SEEN * size
+    part = slice(None) if loop else slice(half)
+    name = bench.error if signal == "e" else bench.model._output_name
+    unit = bench.unit(name if signal == "e" else "u")
+    what = "error" if signal == "e" else "output"
+    return Response(
+        "loop" if loop else "map",
+        late[part],
+        lambda values, theta: {"with the effect": out(values)[part]},
+        with_unit(f"{what} {name}", unit),
+        with_unit(f"{what} behind the effect", unit),
+        without=Curve(late[:half], late[:half]),
+        measured=bench.met(bench.error if signal == "e" else "u"),
+        note=f"response to a sine of {omega:g} rad/s" if loop else "",
+    )
+
+
+def added_command(bench: Bench) -> Response:
+    """What a path adds to the command for a slow wave of the error, where it is no linear path."""
+    size = bench.amplitude("e")
+    x = np.linspace(-size, size, N_WAVE)
+    t = np.linspace(0.0, bench.model._duration, N_WAVE)
+    zero = np.zeros((N_WAVE, 1))
+    record = bench.made_up(t, {bench.error: x})
+
+    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+        command = bench.effect.apply(Command(zero, zero, x[:, None], 0.0), record, **values)
+        return {"with the effect": total_command(command, record.dt)}
+
+    return Response(
+        "map",
+        x,
+        lines,
+        with_unit(f"error {bench.error}", bench.unit(bench.error)),
+        with_unit("added to the command", bench.unit("u")),
+        without=Curve(x, np.zeros(N_WAVE)),
+        measured=bench.met(bench.error),
+    )
+
+
+def path(bench: Bench, channel: str) -> Response:
+    """Response of the output to a pulse of unit area in a channel, by the path alone."""
+    t, pulse = unit_pulse(bench.record.dt)
+    simulator = bench.simulator(bench.made_up(t, {channel: pulse}))
+    bare = Simulator(bench.core, Effects([]), simulator.record)
+
+    def out(values: dict[str, float], theta: np.ndarray) -> np.ndarray:
+        return (simulator.run(bench.whole(values, theta)) - bare.run(theta))[:, 0]
+
+    response = np.abs(out(bench.values, bench.theta))
+    going = np.flatnonzero(response > DECAYED * response.max())
+    end = float(t[going[-1]]) if going.size else 1.0
+    end = ENDLESS if end > 0.9 * t[-1] else max(1.0, 1.2 * end)
+    begin = min(float(t[going[0]]) if going.size else 0.0, 0.0) - 0.2
+    shown = (t >= begin) & (t <= end)
+    of_output, of_channel = (bench.unit(s) or f"[{s}]" for s in ("u", channel))
+    width = (np.count_nonzero(pulse) + 1) * bench.record.dt
+    return Response(
+        "path",
+        t[shown],
+        lambda values, theta: {f"{channel} to output": out(values, theta)[shown]},
+        "time, s",
+        f"impulse response, {of_output}/({of_channel} s)",
+        without=Curve(t[shown], np.zeros(int(shown.sum()))),
+        note=f"a pulse of {width:.2g} s and unit area in {channel}",
+    )
+
+
+def parameter_path(bench: Bench) -> Response:
+    """Gains or delay over the channel that they follow, else over the time in the run."""
+    t = run_times(bench)
+    for channel in bench.record.roles:
+        low, high = channel_range(bench, channel)
+        level = [bench.made_up(t, {channel: np.full(t.size, v)}) for v in (low, high)]
+        first, second = (_parameters(bench, record, bench.values, bench.theta) for record in level)
+        if any(np.ptp(np.r_[first[key], second[key]]) > np.ptp(first[key]) for key in first):
+            x = np.linspace(low, high, t.size)
+            record = bench.made_up(t, {channel: x})
+            label = with_unit(channel, bench.unit(channel))
+            return _parameter_response(bench, record, x, label, bench.met(channel))
+    return _parameter_response(bench, bench.made_up(t), t, "time in the run, s", None)
+
+
+def _parameter_response(
+    bench: Bench, record: Record, x: np.ndarray, xlabel: str, real: np.ndarray | None
+) -> Response:
+    if bench.effect.place == "delay":
+        return Response(
+            "delay",
+            x,
+            lambda values, theta: _parameters(bench, record, values, theta),
+            xlabel,
+            "delay, s",
+            without=Curve(x, np.full(x.size, core_delay(bench, bench.theta))),
+            measured=real,
+        )
+    best = _parameters(bench, record, bench.values, bench.theta)
+    labels = _gain_labels(bench, best)
+
+    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+        found = _parameters(bench, record, values, theta)
+        return {label: found[name] for name, label in labels.items()}
+
+    return Response(
+        "gains",
+        x,
+        lines,
+        xlabel,
+        "relative to the nominal value",
+        without=Curve(x, np.ones(x.size)),
+        measured=real,
+    )
+
+
+def _parameters(
+    bench: Bench, record: Record, values: dict[str, float], theta: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Factors on the parameters of the core, or the delay, over the record."""
+    n = record.t.size
+    if bench.effect.place == "delay":
+        delay = bench.effect.apply(core_delay(bench, theta), record, **values)
+        return {"delay": np.broadcast_to(np.ravel(delay), n).astype(float)}
+    gains = bench.effect.apply(neutral_gains(), record, **values)
+    return {
+        name: np.broadcast_to(np.ravel(factor), n).astype(float)
+        for name, factor in zip(gains._fields, gains, strict=True)
+    }
+
+
+def _gain_labels(bench: Bench, factors: dict[str, np.ndarray]) -> dict[str, str]:
+    """What to call the factors that are not one, with the values that they change between."""
+    named = {"error": "K_e", "rate": "K_edot", "omega": "omega_nm", "zeta": "zeta_nm"}
+    known = bench.model.parameters_
+    moved = [key for key, factor in factors.items() if not np.allclose(factor, 1.0)]
+    if "K_e" not in known.index:  # an ARX model has one gain, whatever its parameters are
+        return {"error": "gain"}
+    groups: list[list[str]] = []
+    for key in moved or ["error"]:
+        same = [g for g in groups if np.array_equal(factors[g[0]], factors[key])]
+        if same:
+            same[0].append(key)
+        else:
+            groups.append([key])
+    labels = {}
+    for group in groups:
+        factor = factors[group[0]]
+        words = " and ".join(named[key] for key in group)
+        ends = factor[0], factor[-1]
+        row = known.loc[named[group[0]]]
+        size, unit = (row["value"], row["unit"]) if len(group) == 1 else (1.0, "-")
+        if not np.isclose(*ends):
+            words += f": {size * ends[0]:.3g} to {size * ends[1]:.3g}"
+            words += "" if unit == "-" else f" {unit}"
+        labels[group[0]] = words
+    return labels
+
+
+def share(bench: Bench) -> Response:
+    """Share of the command that is left, over the time in the run."""
+    t = sampled_run(bench)
+    one = np.ones(t.size)
+
+    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+        left = share_of_command(bench, values)
+        return {"with the effect": one if left is None else left}
+
+    return Response(
+        "gains", t, lines, "time in the run, s", "share of the command", without=Curve(t, one)
+    )
+
+
+def linear_gain(bench: Bench) -> Response:
+    """Gain of a filter of the command over frequency."""
+    dt = bench.record.dt
+    n = min(LONGEST, round(10 * AFTER / dt))
+    t = np.arange(n) * dt
+    pulse = np.zeros(n)
+    pulse[10] = 1.0  # not the first sample, where derivatives are one-sided
+    omega = 2 * np.pi * np.fft.rfftfreq(n, dt)
+    inside = np.flatnonzero((omega >= BAND[0]) & (omega <= min(BAND[1], 1.5 / dt)))
+    some = np.unique(np.geomspace(inside[0], inside[-1], 300).round().astype(int))
+    record = bench.made_up(t)
+    given = np.fft.rfft(total_command(command_of(bench, pulse), dt))[some]
+
+    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+        got = np.fft.rfft(passed(bench, record, pulse, values))[some]
+        return {"with the effect": np.abs(got / given)}
+
+    return Response(
+        "gain",
+        omega[some],
+        lines,
+        "frequency, rad/s",
+        "gain on the command",
+        without=Curve(omega[some], np.ones(some.size)),
+    )
+
+
+def held_command(bench: Bench) -> Response:
+    """What becomes of a sine, where the command passes no linear filter."""
+    dt = min(bench.record.dt, 2 * np.pi / SINE / 200)
+    t = np.arange(0.0, 5 * np.pi / SINE, dt)
+    x = bench.amplitude("e") * np.sin(SINE * t)
+    record = bench.made_up(t)
+    later = t >= 2 * np.pi / SINE
+    shown = t[later] - t[later][0]
+    return Response(
+        "hold",
+        shown,
+        lambda values, theta: {"with the effect": passed(bench, record, x, values)[later]},
+        "time, s",
+        with_unit("command", bench.unit("u")),
+        without=Curve(shown, total_command(command_of(bench, x), dt)[later]),
+        note=f"for an error that is a sine of {SINE:g} rad/s",
+    )
+
+
+def spring(bench: Bench) -> Response:
+    """Command that holds an output, in the steady state."""
+    size = bench.amplitude("u")
+    x = np.linspace(-size, size, N_WAVE)
+    record = bench.made_up(np.arange(2.0))
+
+    def linear(theta: np.ndarray) -> float:
+        if bench.core.kind != "arx":
+            return 1.0
+        a = np.array([n.startswith("a") for n in bench.core_names])
+        return float((1.0 + theta[a].sum()) / theta[~a].sum())
+
+    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+        stiffness = bench.effect.apply(0.0, record, **values)
+        return {"with the effect": linear(theta) * x + stiffness * x**3}
+
+    unit = bench.unit("u") if bench.core.kind != "arx" else bench.unit(bench.error)
+    return Response(
+        "spring",
+        x,
+        lines,
+        with_unit(f"output {bench.model._output_name}", bench.unit("u")),
+        with_unit("command that holds it", unit),
+        without=Curve(x, linear(bench.theta) * x),
+        measured=bench.met("u"),
+    )
+
+
+def course(bench: Bench) -> Response:
+    """What is added to the output over the time in the run."""
+    t = run_times(bench)
+    record, zero = bench.made_up(t), np.zeros((t.size, 1))
+
+    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+        added = np.asarray(bench.effect.apply(zero, record, **values))
+        return {"with the effect": np.broadcast_to(added, (t.size, 1))[:, 0]}
+
+    return Response(
+        "course",
+        t,
+        lines,
+        "time in the run, s",
+        with_unit("added to the output", bench.unit("u")),
+        without=Curve(t, np.zeros(t.size)),
+    )
+
+
+def tremor(bench: Bench) -> Response:
+    """A movement whose phase nobody knows: ``apply`` adds nothing."""
+    t = np.linspace(0.0, 4.0 / bench.values["frequency"], N_WAVE)
+    wave = np.sin(2 * np.pi * bench.values["frequency"] * t)
+
+    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+        return {"with the effect": values["amplitude"] * wave}
+
+    return Response(
+        "course",
+        t,
+        lines,
+        "time, s",
+        with_unit("added to the output", bench.unit("u")),
+        without=Curve(t, np.zeros(t.size)),
+        note="its phase is not known",
+    )

@@ -1,0 +1,265 @@
+"""An identified effect itself: what it does, with its uncertainty."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from sklearn.utils.validation import check_is_fitted
+
+from ..effects.record import Record
+from ..greybox.estimates import parameter_text
+from ..greybox.lanes import build_record
+from ._axes import BLACK, COLOURS, GREY, given_axes
+from ._comparison import explain, plain_logarithmic, wrapped
+from ._effect_bench import Bench, EffectCurves
+from ._effect_curves import effect_curves
+
+WITHOUT = "without the effect"
+BAND = "95 % band"
+BINS = 60
+CROWDED = 72  # letters in a line of the title
+
+
+class IdentifiedEffectDisplay:
+    """What an identified effect does, with a band that holds 95 % of its uncertainty.
+
+    An effect on the error or the output is a curve from what goes in to what comes out (a loop
+    where it depends on the past), with the density of the values met in the runs below. Gains and
+    delays are drawn over the time in the run, or over the channel that they follow; a further path
+    by the response of the output to a pulse in its channel; a filter of the command by its gain
+    over frequency; a spring by the command that holds an output; an offset by its course. Bands
+    are of draws from the covariance of the estimates. Dashed lines are the model without it.
+
+    Make it with :meth:`from_estimator`, which draws effects of your own too.
+
+    Parameters
+    ----------
+    name : str
+        Name of the effect in the model.
+    curves : EffectCurves
+        Its curves.
+    physics : str, default=""
+        The effect in a sentence.
+    parameters : str, default=""
+        Its parameters in words.
+
+    Attributes
+    ----------
+    axes_ : ndarray of Axes, shape (1,) or (2,)
+        The curve, and the density below where there is one.
+    ax_ : Axes
+        The first of them.
+    figure_ : Figure
+        The figure that holds them.
+    lines_ : dict of Line2D
+        The curves.
+    bands_ : dict of FillBetweenPolyCollection
+        Their bands, where the uncertainty is known.
+    without_ : Line2D
+        What there would be without the effect.
+    density_ : StepPatch or None
+        The density.
+
+    See Also
+    --------
+    EffectStepsDisplay : What the effect does to the simulation.
+
+    Examples
+    --------
+    >>> from skhoid import OperatorRegressor, make_tracking_runs
+    >>> from skhoid.effects import DeadZone
+    >>> from skhoid.plotting import IdentifiedEffectDisplay
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.05, random_state=1)
+    >>> model = OperatorRegressor(effects=DeadZone(form="gap")).fit(X, y)
+    >>> display = IdentifiedEffectDisplay.from_estimator(model, "dead_zone", X)
+    >>> display.curves.kind
+    'map'
+    """
+
+    def __init__(
+        self, *, name: str, curves: EffectCurves, physics: str = "", parameters: str = ""
+    ) -> None:
+        self.name = name
+        self.curves = curves
+        self.physics = physics
+        self.parameters = parameters
+
+    @classmethod
+    def from_estimator(
+        cls,
+        model: Any,
+        effect: str | None = None,
+        X: Any = None,
+        y: Any = None,
+        *,
+        n_draws: int = 300,
+        random_state: Any = 0,
+        ax: Any = None,
+    ) -> Self:
+        """Draw an effect of a fitted model.
+
+        Parameters
+        ----------
+        model : fitted OperatorRegressor, ARXRegressor or EffectSearchCV
+            The model; of a search, the best.
+        effect : str or None, default=None
+            Name of the effect in ``model.effects_``. None takes the first.
+        X : DataFrame or array of shape (n_rows, n_columns) or None, default=None
+            Channels of runs, which amplitudes, times and densities are taken from. None takes the
+            amplitudes and the duration of the runs of the fit, and draws no density.
+        y : Series or array of shape (n_rows,) or None, default=None
+            Measured output, for the density of its values. None takes what the model predicts.
+        n_draws : int, default=300
+            Draws of the parameters that bands are made of; 0 draws no bands.
+        random_state : int, Generator or None, default=0
+            Of these draws.
+        ax : Axes, sequence of two Axes or None, default=None
+            Where to draw, see :meth:`plot`. None makes a figure.
+
+        Returns
+        -------
+        display : IdentifiedEffectDisplay
+
+        Raises
+        ------
+        ValueError
+            If the model has no such effect.
+        """
+        model = getattr(model, "best_estimator_", model)
+        check_is_fitted(model)
+        if not hasattr(model, "effects_"):
+            raise TypeError(
+                f"{cls.__name__}.from_estimator draws an effect of a fitted OperatorRegressor or "
+                f"ARXRegressor(effects=...); got {type(model).__name__}, which has no effects_."
+            )
+        effects = dict(model.effects_.steps)
+        if not effects:
+            raise ValueError("This model has no effects.")
+        name = next(iter(effects)) if effect is None else effect
+        if name not in effects:
+            raise ValueError(f"This model has no effect {name!r}; it has {', '.join(effects)}.")
+        record, output = _runs(model, X, y)
+        bench = Bench(model, name, effects[name], record, output)
+        return cls(
+            name=name,
+            curves=effect_curves(bench, n_draws, random_state),
+            physics=effects[name].physics,
+            parameters=parameter_text(model.parameters_, name),
+        ).plot(ax)
+
+    def plot(self, ax: Any = None) -> Self:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : Axes, sequence of two Axes or None, default=None
+            Where to draw the curve, and the density. One leaves the density out. None makes a
+            figure.
+
+        Returns
+        -------
+        self : IdentifiedEffectDisplay
+        """
+        found = self.curves
+        own = ax is None
+        if own:
+            with_density = found.measured is not None
+            _, ax = plt.subplots(
+                1 + with_density,
+                sharex=True,
+                figsize=(6.4, 4.8 if with_density else 4.0),
+                height_ratios=[3.2, 1.0] if with_density else None,
+                layout="constrained",
+            )
+        self.axes_ = np.array(given_axes(ax, (1, 2), "the curve, and the density below"))
+        self.ax_ = self.axes_[0]
+        self.figure_ = self.ax_.figure
+        self.lines_: dict[str, Any] = {}
+        self.bands_: dict[str, Any] = {}
+        self.density_: Any = None
+        self._draw_curves(self.ax_)
+        if found.measured is not None and len(self.axes_) == 2:
+            self._draw_density(self.axes_[1])
+        self.axes_[-1].set_xlabel(found.xlabel)
+        self.ax_.set_title(self._in_words(), fontsize="medium")
+        explain([self.ax_], own=own)
+        return self
+
+    def _draw_curves(self, panel: Axes) -> None:
+        found = self.curves
+        (self.without_,) = panel.plot(
+            found.without.x, found.without.y, color=GREY, lw=1.2, ls="--", label=WITHOUT
+        )
+        for (label, curve), colour in zip(found.curves.items(), COLOURS, strict=False):
+            if curve.low is not None and curve.high is not None:
+                self.bands_[label] = panel.fill_between(
+                    curve.x,
+                    curve.low,
+                    curve.high,
+                    color=colour,
+                    alpha=0.25,
+                    lw=0,
+                    label=BAND if len(self.bands_) == 0 else None,
+                )
+            (self.lines_[label],) = panel.plot(curve.x, curve.y, color=colour, lw=1.8, label=label)
+        if found.kind == "gain":
+            panel.set_xscale("log")
+            panel.set_yscale("log")
+            plain_logarithmic(panel.xaxis)
+            plain_logarithmic(panel.yaxis)
+        elif found.kind in ("gains", "delay"):
+            panel.set_ylim(bottom=min(0.0, panel.get_ylim()[0]))
+        else:
+            panel.axhline(0.0, color=BLACK, lw=0.6)
+        panel.margins(x=0.0)
+        panel.set_ylabel(found.ylabel)
+        panel.grid(alpha=0.3)
+
+    def _draw_density(self, panel: Axes) -> None:
+        values = np.asarray(self.curves.measured, dtype=float)
+        low, high = self.ax_.get_xlim()
+        heights, edges = np.histogram(
+            values[np.isfinite(values)], np.linspace(low, high, BINS + 1), density=True
+        )
+        self.density_ = panel.stairs(heights, edges, fill=True, color=GREY, alpha=0.7)
+        panel.set_yticks([])
+        panel.set_ylabel("density\nin the runs", fontsize="small")
+
+    def _in_words(self) -> str:
+        lines = [f"{self.name}: {self.physics}" if self.physics else self.name]
+        # A parameter stays in one line with its deviation and unit.
+        together = self.parameters.replace(" ", "\xa0").replace(",\xa0", ", ")
+        lines += [line for line in (together, self.curves.note) if line]
+        return "\n".join(wrapped(line, CROWDED) for line in lines)
+
+
+def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
+    """Channels of runs as the model takes them, and their output; both empty where X is None."""
+    element = model.controlled_element_
+    known_element = None if element is None else (float(element.K_c), float(element.omega_b))
+    if X is None:
+        roles = dict(model._roles)
+        if "f_t" not in roles.values() and {"e", "x"} <= set(roles.values()):
+            roles["f_t"] = "f_t"  # as the sum of both
+        empty = np.zeros((0, 0))
+        record = Record(
+            dt=model.dt_,
+            t=empty,
+            channels={},
+            roles=roles,
+            inputs=tuple(model.inputs_),
+            known=empty.astype(bool),
+            controlled_element=known_element,
+        )
+        return record, None
+    grid, values = model._read_X(X, reset=False)
+    names = model._channel_names(model._channels)
+    held = model._hold(grid, grid.thin_inputs(values)[:, model._channels], names)
+    record, _ = build_record(
+        grid, names, held, model._roles, model.inputs_, controlled_element=known_element
+    )
+    output = np.asarray(model.predict(X) if y is None else y, dtype=float)
+    return record, output[np.isfinite(output)]
