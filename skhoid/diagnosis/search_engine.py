@@ -102,6 +102,10 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[Fold]) -> np.nd
         scaled = block / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
         step[inside] = np.linalg.solve(scaled, gradient[inside] / scale) / scale
         moved = simulator.run(np.clip(model.theta + step, simulator.low, simulator.high))
+        # Beyond the reach of its linearisation a step may do harm to its own rows.
+        after = criterion.whitened(criterion.residual(moved)[None])[0].reshape(train.shape)
+        if not np.sum(after[train] ** 2) <= gram[-1, -1]:
+            moved = output
         prediction[fold.test] = moved[fold.test]
     assert record.y is not None
     return np.where(np.isfinite(prediction), prediction, 0.0)
@@ -159,7 +163,7 @@ class Search:
             assert c.model is not None
             # What gains too little in plain simulation error cannot gain enough held out.
             hopeless = parent.sse - c.model.sse < HOPELESS * self.criterion.power
-            c.model = c.model.refined(criterion, max_iter=2 if hopeless else 12)
+            c.model = c.model.refined(criterion, max_iter=1 if hopeless else 12)
             c.n_parameters = c.model.n_parameters - base.n_parameters
             ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
             c.loglik = ratio / 2

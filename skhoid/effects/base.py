@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -140,6 +141,14 @@ class Effect(BaseEstimator):
             scale = p.scale_of(record)
             found = [{**f, p.name: s * scale} for f in found for s in p.starts]
         return found
+
+    def scanned(self, error_of: Callable[..., float], record: Record) -> list[dict[str, float]]:
+        """Starts found by a search of the effect's own, none by default.
+
+        ``error_of(values, seconds)`` is what the best multiple of the simulated output leaves of
+        the first seconds of the runs.
+        """
+        return []
 
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
         """Bounds of the parameters in the units of the data."""

@@ -70,6 +70,19 @@ class Record:
             _derived={},
         )
 
+    def beginning(self, seconds: float) -> Record:
+        """The first seconds of the runs."""
+        n = min(round(seconds / self.dt), self.known.shape[0])
+        return replace(
+            self,
+            t=self.t[:n],
+            channels={name: values[:n] for name, values in self.channels.items()},
+            known=self.known[:n],
+            y=None if self.y is None else self.y[:n],
+            prediction=None,
+            _derived={},
+        )
+
     @property
     def n_runs(self) -> int:
         return self.known.shape[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,10 @@ from .base import Effect, Parameter
 from .record import Record, differentiated
 from .time_variation import sigmoid
 
-HOLDS_CLOCK = tuple(np.arange(0.1, 0.9, 0.02).round(2).tolist())
+HOLDS_CLOCK = tuple(np.arange(0.1, 0.9, 0.1).round(2).tolist())
+SCANS = (15.0, 40.0, 100.0)  # s of the runs
+COHERENT = 0.12  # ticks that a clock may be off at the end of a scan
+KEPT_HOLDS = 8
 HOLDS_EVENT = (0.02, 0.1, 0.2, 0.3, 0.4)
 
 
@@ -172,7 +176,7 @@ class Intermittent(Effect):
             )
         return (
             Parameter("hold_time", "s", 0.04, 1.2, HOLDS_CLOCK, "", "between decisions"),
-            Parameter("phase", "s", 0.0, 1.2, (0.0, 0.1, 0.2, 0.3), "", "of the first decision"),
+            Parameter("phase", "s", 0.0, 1.2, (0.0,), "", "of the first decision"),
         )
 
     def variants(self, record: Record) -> list[Effect]:
@@ -184,9 +188,27 @@ class Intermittent(Effect):
         found = []
         for values in super().starts(record):
             hold = values.get("hold_time", self.hold_time or 0.0)
-            if values.get("phase", 0.0) < hold or "phase" not in values:
-                found.append({**values, "+tau_e": -hold / 2})
+            found.append({**values, "+tau_e": -hold / 2})
         return found
+
+    def scanned(self, error_of: Callable[..., float], record: Record) -> list[dict[str, float]]:
+        """Times between ticks, ever finer: over a run they must be right to a share of a tick."""
+        if self.trigger != "clock" or self.hold_time is not None:
+            return []
+        holds = [0.15]
+        while holds[-1] < 0.9:
+            holds.append(holds[-1] + COHERENT * holds[-1] ** 2 / SCANS[0])
+        for i, seconds in enumerate(SCANS):
+            errors = [error_of(self._ticking(hold), seconds) for hold in holds]
+            best = [holds[j] for j in np.argsort(errors)[: KEPT_HOLDS >> i]]
+            if seconds >= record.duration:
+                break
+            finer = COHERENT / min(SCANS[i + 1], record.duration) if i + 1 < len(SCANS) else 0.0
+            holds = [h + k * finer * h**2 for h in best for k in range(-4, 5)]
+        return [self._ticking(hold) for hold in best[:2]]
+
+    def _ticking(self, hold: float) -> dict[str, float]:
+        return {"hold_time": hold, "phase": self.phase or 0.0, "+tau_e": -hold / 2}
 
     def apply(
         self,

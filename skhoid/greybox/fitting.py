@@ -37,7 +37,7 @@ class Criterion:
 
     def __init__(self, record: Record, noise: Noise | None = None, *, rate: float = CRITERION_RATE):
         assert record.y is not None
-        self.record = record
+        self.record, self.rate = record, rate
         self.thin = max(1, round(1.0 / (rate * record.dt)))
         self.y = np.ascontiguousarray(record.y[:: self.thin])
         self.known = np.ascontiguousarray(record.known[:: self.thin])

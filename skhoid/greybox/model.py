@@ -16,8 +16,10 @@ from .simulator import Simulator
 
 N_TRIED = 2  # iterations from every start
 N_SCREENED = 10  # starts that are more than simulated once
+N_SCREENED_COARSELY = 4  # the same, where the response is not smooth
 N_KEPT = 2  # starts, and variants, that are followed to the end
 ALIKE = 0.9  # of the gain of the best variant
+HOPEFUL = 1.02  # times the parent's squares before a search
 LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
@@ -95,12 +97,20 @@ def operator_starts(core: OperatorCore, record: Record, criterion: Criterion) ->
     return np.array([theta for _, _, theta in found[:4]])
 
 
-def best_of(simulator: Simulator, criterion: Criterion, starts: Iterable[np.ndarray]) -> Model:
+def best_of(
+    simulator: Simulator,
+    criterion: Criterion,
+    starts: Iterable[np.ndarray],
+    *,
+    explore: bool = False,
+) -> Model:
     """Minimise from several starts: a little from all, to the end from the best."""
+    end = {"max_iter": 8, "tol": 2e-4} if explore else {"max_iter": 20, "tol": 1e-5}
     starts = list(starts)
-    if len(starts) > N_SCREENED:
+    most = N_SCREENED if simulator.smooth else N_SCREENED_COARSELY
+    if len(starts) > most:
         starts.sort(key=lambda s: scaled_sse(simulator, criterion, s))
-        starts = starts[:N_SCREENED]
+        starts = starts[:most]
     if len(starts) > N_KEPT:
         tried = [
             minimise(simulator, criterion, np.asarray(s, dtype=float), max_iter=N_TRIED)
@@ -108,7 +118,7 @@ def best_of(simulator: Simulator, criterion: Criterion, starts: Iterable[np.ndar
         ]
         tried.sort(key=lambda fit: fit.sse)
         starts = [fit.theta for fit in tried[:N_KEPT]]
-    fits = [minimise(simulator, criterion, np.asarray(s, dtype=float)) for s in starts]
+    fits = [minimise(simulator, criterion, np.asarray(s, dtype=float), **end) for s in starts]  # type: ignore[arg-type]
     return Model(simulator, min(fits, key=lambda fit: fit.sse))
 
 
@@ -138,9 +148,11 @@ def extended(
     for variant in effect.variants(record):
         together = Effects([*parent.effects.steps, (name, variant)])
         simulator = Simulator(core, together, coarse.record)
-        starts = [start_beside(parent, simulator, name, v) for v in variant.starts(record)]
-        fit = best_of(simulator, coarse, starts).fit
-        if not variant.smooth:
+        scan = _Scan(parent, name, variant, coarse)
+        values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
+        starts = [start_beside(parent, simulator, name, v) for v in values]
+        fit = best_of(simulator, coarse, starts, explore=True).fit
+        if not variant.smooth and fit.sse < HOPEFUL * before:
             fit = searched(Model(simulator, fit), name, coarse).fit
         explored.append((fit.sse, variant, fit))
     explored.sort(key=lambda item: item[0])
@@ -152,7 +164,7 @@ def extended(
         promising = before - sse > LEAST_COARSE_GAIN * coarse.power
         if best is not None and (not promising or before - sse < ALIKE * gain):
             break
-        full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 2)
+        full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)
         model = Model(simulator, full)
         if promising and not variant.smooth:
             model = searched(model, name, criterion)
@@ -160,6 +172,24 @@ def extended(
             best = model
     assert best is not None
     return best
+
+
+class _Scan:
+    """Error of the first seconds of some runs for values of an effect beside a parent."""
+
+    def __init__(self, parent: Model, name: str, variant: Effect, coarse: Criterion):
+        self.parent, self.name, self.variant, self.coarse = parent, name, variant, coarse
+        self.by_seconds: dict[float, tuple[Simulator, Criterion]] = {}
+
+    def __call__(self, values: dict[str, float], seconds: float) -> float:
+        if seconds not in self.by_seconds:
+            short = Criterion(self.coarse.record.beginning(seconds), rate=self.coarse.rate)
+            together = Effects([*self.parent.effects.steps, (self.name, self.variant)])
+            simulator = Simulator(self.parent.simulator.core, together, short.record)
+            self.by_seconds[seconds] = simulator, short
+        simulator, short = self.by_seconds[seconds]
+        theta = start_beside(self.parent, simulator, self.name, values)
+        return scaled_sse(simulator, short, theta)
 
 
 def start_beside(

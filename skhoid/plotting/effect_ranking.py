@@ -27,9 +27,9 @@ class EffectRankingDisplay:
     """Candidates of one step of a search by what they gain on held-out runs.
 
     Bars are VAF points on runs that were held out of the fit; at their ends these points and by
-    how much BIC is better. The shaded band is the margin from the best to the second. Candidates that these
-    data cannot tell apart from the best are hatched; those that do not apply are grey, with the
-    reason.
+    how much BIC is better. The shaded band is the margin from the best to the second. Candidates
+    that these data cannot tell apart from the best are hatched; those that do not apply are grey,
+    with the reason.
 
     Make it with :meth:`from_estimator`.
 
@@ -157,7 +157,7 @@ class EffectRankingDisplay:
         if tried.empty:
             self.ax_.set_xlim(0.0, 1.0)
             return
-        gain = tried["vaf_gain"].to_numpy(dtype=float)
+        gain = _finite(tried["vaf_gain"])
         best = tried.iloc[0]
         self.confused_ = [name for name in best["confused_with"] if name in set(tried["effect"])]
         largest = max(float(np.nanmax(gain, initial=0.0)), LEAST)
@@ -173,7 +173,7 @@ class EffectRankingDisplay:
                 self.ax_.axvspan(gain[1], gain[0], color=BLACK, alpha=0.08, lw=0, zorder=0)
 
     def _draw_bar(self, i: int, row: dict[str, Any], left: float) -> None:
-        name, gain = row["effect"], float(row["vaf_gain"])
+        name, gain = row["effect"], float(_finite(row["vaf_gain"]))
         confused = name in self.confused_
         colour, label = SKY, "not added"
         if row["status"] == ADDED:
@@ -243,10 +243,17 @@ class EffectRankingDisplay:
         if np.isfinite(self.margin_):
             second = tried["effect"].iloc[1]
             bic = tried["delta_bic"].to_numpy(dtype=float)
-            words += f", {self.margin_:.1f} points and {bic[0] - bic[1]:.0f} in BIC before {second}"
+            points = f"{self.margin_:.1f} points and " if self.margin_ > 0.05 else ""
+            words += f", {points}{bic[0] - bic[1]:.0f} in BIC before {second}"
             if second in self.confused_:
                 words += ", which these data cannot tell apart"
         return words
+
+
+def _finite(values: Any) -> np.ndarray:
+    """Gains, NaN where a candidate has none."""
+    values = np.asarray(values, dtype=float)
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _shortened(text: str, letters: int) -> str:

@@ -38,6 +38,8 @@ class EffectStepsDisplay:
         ``verdict_`` of the search.
     unit : str or None, default=None
         Unit of the output.
+    settling : float, default=0.0
+        Seconds at the start of each run, and behind gaps, that the choice of a window passes over.
 
     Attributes
     ----------
@@ -83,11 +85,13 @@ class EffectStepsDisplay:
         error_path: pd.DataFrame,
         verdict: str,
         unit: str | None = None,
+        settling: float = 0.0,
     ) -> None:
         self.predictions = predictions
         self.error_path = error_path
         self.verdict = verdict
         self.unit = unit
+        self.settling = settling
 
     @classmethod
     def from_estimator(
@@ -121,7 +125,10 @@ class EffectStepsDisplay:
         display : EffectStepsDisplay
         """
         taken = attributes_of(search, TAKEN, cls.__name__)
-        display = cls(unit=unit_of(taken["predictions"]), **taken)
+        # Simulations start from rest, and scores leave out what that takes.
+        model = getattr(search, "best_estimator_", None)
+        settling = getattr(model, "settling", 0.0)
+        display = cls(unit=unit_of(taken["predictions"]), settling=settling, **taken)
         return display.plot(ax, run=run, window=window, steps=steps)
 
     def plot(
@@ -171,6 +178,8 @@ class EffectStepsDisplay:
                 say_instead(panel, f"Held-out {what}: not available.")
             return self
         improvement = _improvement(self.predictions, shown)
+        first = np.repeat(layout.starts[:-1], np.diff(layout.starts))
+        improvement[layout.time - layout.time[first] < self.settling] = 0.0
         number, self.window_, chosen = _place(layout, improvement, run, window)
         self.run_ = run_name(layout.labels[number])
         begin, end = layout.run_starts[number], layout.run_starts[number + 1]
