@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib.externals import cloudpickle
 from sklearn.base import clone
 
 from .effects.base import PLACES, Effect, Parameter
@@ -21,6 +20,7 @@ from .effects.record import OTHER, Record, differentiated
 from .effects.signals import Command, Gains
 from .greybox.cores import ARXCore, OperatorCore, neutral_gains
 from .greybox.simulator import Simulator
+from .human.controlled_element import ControlledElement
 
 DT = 0.02  # s
 DURATION = 24.0  # s
@@ -32,8 +32,6 @@ ARX = {"a1": -1.6, "a2": 0.68, "b0": 0.05, "b1": 0.03}
 NOISE = 0.02  # of the output's standard deviation
 SURE = 5.0  # standard errors that an estimate may be off
 CLOSE = 0.03  # of its value that it may be off however small its standard error
-
-Message = str
 
 
 def check_effect(
@@ -170,7 +168,7 @@ def synthetic_record(channels: Sequence[str] = (), seed: int = 0) -> Record:
     )
 
 
-def _expect(condition: Any, message: Message) -> None:
+def _expect(condition: Any, message: str) -> None:
     if not condition:
         raise AssertionError(message)
 
@@ -261,18 +259,19 @@ def _check_estimator(effect: Effect) -> None:
 
 
 def _pickled(effect: Effect) -> Effect:
-    """Through pickle; classes that no module has by name, as those of a function, as joblib does."""
+    """Through pickle, which finds classes by name; of one defined in a function, the arguments."""
     kind = type(effect)
     found: Any = sys.modules.get(kind.__module__)
     for part in kind.__qualname__.split("."):
         found = getattr(found, part, None)
-    dumps = pickle.dumps if found is kind else cloudpickle.dumps
     try:
-        return pickle.loads(dumps(effect))
+        if found is kind:
+            return pickle.loads(pickle.dumps(effect))
+        return kind(**pickle.loads(pickle.dumps(effect.get_params(deep=False))))
     except Exception as error:
         raise AssertionError(
-            f"{_name(effect)} cannot be pickled, which parallel searches need: store nothing but "
-            f"the arguments of __init__ ({error})."
+            f"{_name(effect)} cannot be pickled, which parallel searches need: pass it numbers, "
+            f"words and arrays, not functions made on the spot ({error})."
         ) from error
 
 
@@ -561,9 +560,15 @@ def _check_recovery(effect: Effect, record: Record, core: str, truth: dict[str, 
     noise = np.random.default_rng(1).standard_normal(quiet.shape)
     output = quiet + NOISE * quiet.std() * noise
     X, y = _table(record, output)
-    model: Any = OperatorRegressor(DELAY, effects=effect)
+    assert record.controlled_element is not None
+    element = ControlledElement(*record.controlled_element)
     if core == "arx":
-        model = ARXRegressor(2, 2, 10, effects=effect)
+        model: Any = ARXRegressor(2, 2, 10, effects=effect, controlled_element=element)
+    else:
+        free = effect.refusal(record, "operator, free delay") is None
+        model = OperatorRegressor(
+            None if free else DELAY, effects=effect, controlled_element=element
+        )
     fitted = model.fit(X, y)
     for key, value in truth.items():
         row = fitted.parameters_.loc[f"{effect.name}__{key}"]

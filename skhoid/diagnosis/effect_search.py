@@ -204,7 +204,9 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         steps = walked(search, path)
         names = [n for n in path.model.effects.names if n not in path.steps[0].parent.effects.names]
         left = leftovers(path.model, search.folds)
-        trembling = tremor(record, record.y - path.model.output)
+        trembling = (
+            tremor(record, record.y - path.model.output) if search.tries_tremor else None
+        )
         ceiling = ceiling_of(self.baseline_, X, y)
         rest, rest_sd = gap_of(model, X, y)
         gained = steps[-1].vaf - steps[0].vaf
@@ -217,8 +219,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             worst = max(worst, rest)
         unknown = worst >= LEAST_UNEXPLAINED and worst > SMALL_SHARE * (worst + gained)
         ids = [dict(path.model.effects.steps)[n].name for n in names]
-        tried = {e.name for e in search.effects}
-        if trembling is not None and "tremor" in tried:
+        if trembling is not None:
             ids.append("tremor")
         if unknown and worst > LARGE_SHARE * (worst + gained):
             self.stand_ins_, ids = ids, []

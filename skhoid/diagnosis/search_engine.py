@@ -12,7 +12,7 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
 from ..greybox.cores import Core
-from ..greybox.fitting import Criterion, whitened_derivatives
+from ..greybox.fitting import Criterion, Noise, whitened_derivatives
 from ..greybox.model import Model, extended
 from ..greybox.simulator import Simulator
 from .signatures import signatures
@@ -128,7 +128,8 @@ class Search:
 
     def __init__(self, core: Core, record: Record, effects: Sequence[Effect], folds: list[Fold]):
         self.core, self.record, self.folds = core, record, folds
-        self.effects = [e for e in effects if e.name != "tremor"]
+        self.effects = [e for e in effects if e.name != "tremor"]  # no input explains it
+        self.tries_tremor = len(self.effects) < len(effects)
         self.traces = signatures(record)
         self.criterion = Criterion(record)
         self.coarse = self.criterion.coarse()
@@ -149,28 +150,33 @@ class Search:
             candidates.append(candidate)
         return self.judged(parent, candidates)
 
-    def judged(self, parent: Model, candidates: list[Candidate]) -> Step:
-        """Refine all under the noise model of the best, and rank."""
-        criterion = Criterion(self.record)
+    def judged(
+        self, parent: Model, candidates: list[Candidate], noise: Noise | None = None
+    ) -> Step:
+        """Refine all under one noise model, by default that of the best, and rank."""
+        plain, criterion = self.criterion, Criterion(self.record)
         tried = [c for c in candidates if c.model is not None]
         best = min([parent, *(c.model for c in tried if c.model)], key=lambda m: m.sse)
-        criterion.set_noise(criterion.noise_of(best.output))
+        criterion.set_noise(noise or criterion.noise_of(best.output))
         base = parent.refined(criterion)
-        base_prediction = held_out(base, criterion, self.folds)
-        base_vaf = pooled_vaf(self.record, base_prediction)
+        base_vaf, base_prediction = self._held_out(parent, base, criterion)
         n = criterion.n
         for c in tried:
             assert c.model is not None
             # What gains too little in plain simulation error cannot gain enough held out.
-            hopeless = parent.sse - c.model.sse < HOPELESS * self.criterion.power
+            hopeless = parent.sse - c.model.sse < HOPELESS * plain.power
+            fitted = c.model
             c.model = c.model.refined(criterion, max_iter=1 if hopeless else 12)
             c.n_parameters = c.model.n_parameters - base.n_parameters
             ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
             c.loglik = ratio / 2
             c.evidence = ratio - c.n_parameters * np.log(n)
-            c.prediction = c.model.output if hopeless else held_out(c.model, criterion, self.folds)
-            c.vaf = pooled_vaf(self.record, c.prediction)
-            c.gain = c.vaf - (pooled_vaf(self.record, base.output) if hopeless else base_vaf)
+            if hopeless:
+                c.gain = 100 * (parent.sse - fitted.sse) / plain.power
+                c.vaf = base_vaf + c.gain
+            else:
+                c.vaf, c.prediction = self._held_out(fitted, c.model, criterion)
+                c.gain = c.vaf - base_vaf
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
             if c.id in self.traces:
@@ -178,6 +184,21 @@ class Search:
         candidates.sort(key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence))
         mark_confused(candidates)
         return Step(base, base_vaf, base_prediction, candidates)
+
+    def _held_out(
+        self, fitted: Model, refined: Model, criterion: Criterion
+    ) -> tuple[float, np.ndarray]:
+        """Held-out VAF and predictions, by simulation error or likelihood, which is better.
+
+        The likelihood weighs what a wrong model gets wrong by its noise, and not by its size.
+        """
+        both = [
+            held_out(fitted, self.criterion, self.folds),
+            held_out(refined, criterion, self.folds),
+        ]
+        vafs = [pooled_vaf(self.record, prediction) for prediction in both]
+        best = int(np.argmax(vafs))
+        return vafs[best], both[best]
 
 
 def mark_confused(candidates: list[Candidate]) -> None:

@@ -28,7 +28,8 @@ def walked(search: Search, path: Path) -> list[Step]:
     added = [n for n in path.model.effects.names if n not in first]
     for name in reversed(added):
         models.append(without(models[-1], name))
-    return [search.judged(model, []) for model in reversed(models)]
+    noise = search.criterion.noise_of(path.model.output)
+    return [search.judged(model, [], noise) for model in reversed(models)]
 
 
 def ceiling_of(model: Any, X: Any, y: Any) -> float:
@@ -98,11 +99,11 @@ def ranking_table(
                     "form": _form(c),
                     "parameters": _parameters(c, model) if described else "",
                     "n_parameters": c.n_parameters,
-                    "delta_loglik": c.loglik,
-                    "delta_bic": c.evidence,
+                    "delta_loglik": np.nan if c.reason else c.loglik,
+                    "delta_bic": np.nan if c.reason else c.evidence,
                     "vaf_before": step.vaf,
-                    "vaf_after": step.vaf + c.gain,
-                    "vaf_gain": c.gain,
+                    "vaf_after": np.nan if c.reason else c.vaf,
+                    "vaf_gain": np.nan if c.reason else c.gain,
                     "p_value": c.p_value,
                     "confused_with": c.confused_with,
                     "words": words_of(c.effect, display) + (f" {c.trace}." if c.trace else ""),

@@ -218,7 +218,7 @@ class ScheduledGain(Effect):
         return {"slope": 0.0}
 
     def refusal(self, record: Record, core: str) -> str | None:
-        return needs_channel(self.channel, record, OTHER, "a channel without role to follow")
+        return needs_channel(self.channel, record, OTHER, "channel without role to follow")
 
     def variants(self, record: Record) -> list[Effect]:
         names = record.with_role(OTHER) if self.channel is None else [self.channel]

@@ -158,12 +158,12 @@ class GreyBox(RunRegressor):
         self.covariance_ = covariance_frame(model.simulator, covariance)
         self.effects_ = effects_with_values(model)
 
-    def _simulated(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        """Free run on the grid with effects."""
+    def _record_of(self, grid: ModelGrid, values: np.ndarray) -> tuple[Record, Lanes]:
+        """Data to predict as a record."""
         names = self._channel_names(self._channels)
         held = self._hold(grid, grid.thin_inputs(values)[:, self._channels], names)
         element = self.controlled_element_
-        record, lanes = build_record(
+        return build_record(
             grid,
             names,
             held,
@@ -171,6 +171,10 @@ class GreyBox(RunRegressor):
             self.inputs_,
             controlled_element=None if element is None else (element.K_c, element.omega_b),  # type: ignore[arg-type]
         )
+
+    def _simulated(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        """Free run on the grid with effects."""
+        record, lanes = self._record_of(grid, values)
         return lanes.rows(Simulator(self._core(), self._chosen, record).run(self._theta))
 
     def summary(self) -> str:
