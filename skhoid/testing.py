@@ -236,13 +236,13 @@ def _check_estimator(effect: Effect) -> None:
             f"{who}() must work: give each argument a default, None for what is estimated "
             f"({error})."
         ) from error
-    for key, value in params.items():
-        _expect(
-            getattr(effect, key, effect) is value,
-            f"{who}.__init__ must only store {key}, as self.{key} = {key}.",
-        )
-    copies = {"clone": clone(effect), "pickle": _pickled(effect)}
-    for how, copied in copies.items():
+    try:
+        cloned = clone(effect)
+    except (RuntimeError, AttributeError) as error:
+        raise AssertionError(
+            f"{who}.__init__ must only store its arguments, as self.width = width does ({error})."
+        ) from error
+    for how, copied in {"clone": cloned, "pickle": _pickled(effect)}.items():
         _expect(
             _same(copied.get_params(), params),
             f"{who} does not survive {how}: {copied.get_params()} in place of {params}. __init__ "
@@ -253,8 +253,7 @@ def _check_estimator(effect: Effect) -> None:
         changed = clone(effect).set_params(**{p.name: value})
         _expect(
             changed.fixed.get(p.name) == value and p.name not in [f.name for f in changed.free],
-            f"{who}.set_params({p.name}={value}) must fix the parameter: keep it in "
-            f"self.{p.name}.",
+            f"{who}.set_params({p.name}={value}) must fix the parameter: keep it in self.{p.name}.",
         )
 
 
@@ -383,8 +382,7 @@ def _check_apply(effect: Effect, record: Record) -> None:
             "remember calls.",
         )
     _expect(
-        effect.__dict__.keys() == before_effect.keys()
-        and _same(effect.__dict__, before_effect),
+        effect.__dict__.keys() == before_effect.keys() and _same(effect.__dict__, before_effect),
         f"{who}.apply changes the effect itself: store nothing on self.",
     )
 

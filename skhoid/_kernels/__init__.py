@@ -16,4 +16,8 @@ def __getattr__(name: str) -> Any:
 
 def gate(array: Any, dtype: type = np.float64) -> np.ndarray:
     """Make an array writable, C-contiguous and of one type, so that one signature is compiled."""
+    if type(array) is np.ndarray and array.dtype == dtype:
+        flags = array.flags
+        if flags.c_contiguous and flags.writeable and flags.aligned:
+            return array
     return np.require(array, dtype=dtype, requirements=("C", "W", "A"))

@@ -139,15 +139,15 @@ def second_order(position, rate, matrices, stiffness, bound):
 
 
 @njit(**OPTIONS)
-def arx_response(x, a, b, stiffness, bound):
-    """Output from rest of A(q) y = B(q) (x - stiffness y^3), b from lag 0 on."""
+def arx_response(x, a, b, stiffness, constant, bound):
+    """Output from rest of A(q) y = B(q) (x - stiffness y^3) + constant, b from lag 0 on."""
     n, runs = x.shape
     na, nb = a.size, b.size
     out = np.empty((n, runs))
     w = np.empty((n, runs))
     for k in range(n):
         for j in range(runs):
-            past = 0.0
+            past = constant
             for i in range(min(na, k)):
                 past -= a[i] * out[k - 1 - i, j]
             for i in range(1, min(nb, k + 1)):
@@ -232,10 +232,13 @@ def held(x, watched, period, threshold, phase):
                     out[k, j] = value
                     due = k + period
                 continue
-            while due <= k:
-                f = min(k - due, 1.0) if k > 0 else 0.0
-                new = (1 - f) * x[k, j] + f * x[k - 1, j]
-                out[k, j] = f * new + (1 - f) * out[k, j]
+            # Between samples the output is a ramp: half of the step lies before the tick.
+            while due - 0.5 < k:
+                i = min(int(max(due, 0.0)), n - 1)
+                f = max(due, 0.0) - i
+                new = (1 - f) * x[i, j] + f * x[min(i + 1, n - 1), j]
+                share = min(k - due + 0.5, 1.0)
+                out[k, j] = (1 - share) * value + share * new
                 value = new
                 due += period
     return out

@@ -185,17 +185,16 @@ class BaseARX(RunRegressor):
             raise ValueError(f"horizon is a number of samples, at least 1; got {horizon!r}.")
         grid, values = self._read_X(X, reset=False)
         output = grid.thin_output(self._read_y(X, y))
-        return grid.to_full_rate(
-            self._ahead(grid, self._held_inputs(grid, values), output, int(horizon))
-        )
+        return grid.to_full_rate(self._ahead(grid, values, output, int(horizon)))
 
     def _ahead(
-        self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, horizon: int
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
     ) -> np.ndarray:
+        """Predictions on the grid, from all columns of X at full rate."""
         begin, end = np.array(segments(grid)).T
         return _kernels.arx.predict_ahead(
             _kernels.gate(output),
-            _kernels.gate(inputs),
+            _kernels.gate(self._held_inputs(grid, values)),
             _kernels.gate(begin, np.int64),
             _kernels.gate(end, np.int64),
             *_as_kernels_take(self.orders_, *self._parameters_before(grid, horizon)),
@@ -226,7 +225,7 @@ class BaseARX(RunRegressor):
         self._check_fitted()
         grid, values = self._read_X(X, reset=False)
         output = self._read_y(X, y)
-        free = self._simulate(grid, self._held_inputs(grid, values))
+        free = self._free_run(grid, values)
         full = np.zeros(output.size)
         rows = np.arange(output.size) if grid.rows is None else grid.rows
         thinned = np.full(output.size, np.nan)

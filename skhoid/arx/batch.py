@@ -10,20 +10,34 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 
 from .._sklearn import Interval, StrOptions, fit_context
+from ..effects.base import Effect
+from ..effects.composition import Effects
+from ..effects.record import Record
+from ..greybox.arx import fitted_arx, forecast
+from ..greybox.base import GreyBox, Prepared
+from ..greybox.cores import ARXCore
+from ..greybox.estimates import arx_parameter_table, summary_text
+from ..greybox.fitting import Criterion, Noise
+from ..greybox.model import Model
+from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
+from ..regression import segments
 from ..runs import input_columns
 from .base import BaseARX, check_row_count
 from .excitation import rank_error
 from .instruments import estimate
 from .least_squares import Triangle, newey_west
-from .orders import regressors
+from .orders import Orders, regressors
 
 
-class ARXRegressor(BaseARX):
+class ARXRegressor(BaseARX, GreyBox):
     """ARX model with constant parameters, estimated in one batch.
 
     A(q) y(t) = B(q) x(t - nk) + c + eps(t) with A = 1 + a_1 q^-1 + ... + a_na q^-na and
     B = b_0 + b_1 q^-1 + ... + b_{nb-1} q^-(nb-1) for each input (Eqs. 6-9 of the thesis).
+
+    With ``effects`` the response of one input is that of the ARX model and the effects together,
+    and all parameters minimise the error of simulation, not that of one step.
 
     Parameters
     ----------
@@ -48,6 +62,14 @@ class ARXRegressor(BaseARX):
     covariance : {"ols", "hac"}, default="ols"
         ``"ols"`` takes the equation error as white; ``"hac"`` (Newey and West) allows for the
         coloured error that remnant leaves.
+    effects : Effect, Effects, str, list of these, or None, default=None
+        What the linear model lacks, such as ``"dead_zone"``; see :mod:`skhoid.effects`. They need
+        one linear input (named by ``inputs``, or of role ``e``), and may use all columns.
+    controlled_element : ControlledElement or None, default=None
+        For effects that use its inverse; None estimates it from output and x where needed.
+    settling : float, default=0.0
+        Seconds at the start of each run (and after each gap) that do not count in a fit with
+        effects, which starts from rest.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where names do not tell them.
     dt : float or None, default=None
@@ -66,11 +88,24 @@ class ARXRegressor(BaseARX):
     intercept_ : float
         The constant c, 0 without ``fit_intercept``.
     covariance_ : ndarray of shape (n_params, n_params)
-        Covariance of ``coef_``.
+        Covariance of ``coef_``. With effects a DataFrame, of those of the effects too.
     standard_errors_ : ndarray of shape (n_params,)
         Square roots of its diagonal.
     noise_variance_ : float
-        Variance of the equation error, in the squared unit of ``y``.
+        Variance of the equation error, in the squared unit of ``y``; with effects that of the
+        whitened residual.
+    parameters_ : DataFrame
+        Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
+        meaning. Parameters of effects are called ``<effect>__<parameter>``.
+    effects_ : Effects
+        The effects with estimated values and with their choices (form, channel) made.
+    noise_ar_ : ndarray of shape (6,)
+        With effects: AR model of the residual of simulation.
+    loglik_, bic_, vaf_ : float
+        With effects: logarithm of the likelihood without constants, Bayesian information
+        criterion, and VAF in percent of the free run on the fitted rows.
+    controlled_element_ : ControlledElement or None
+        With effects: given or estimated.
     parameter_names_ : list of str
         Names of the entries of ``coef_``.
     dt_ : float
@@ -92,6 +127,7 @@ class ARXRegressor(BaseARX):
     --------
     DelaySearchCV : Finds ``nk``.
     OrderSearchCV : Finds ``na``, ``nb``, ``nk`` and the decimation factor.
+    EffectSearchCV : Finds the effects that are missing.
 
     Notes
     -----
@@ -99,6 +135,11 @@ class ARXRegressor(BaseARX):
     regression starts at k_c = max(na + 1, nb + nk) of each run. Confidence intervals concern the
     parameters of the ARX model itself, not those of the operator: a model that is biased by
     remnant is precisely wrong.
+
+    With effects, parameters minimise the squares of the simulation's residual, whitened by an AR
+    model. Bounds and start values of an effect's times follow from how fast the output moves.
+    ``predict_ahead`` adds what the AR model foresees of the residual, and ``to_transfer_function``
+    is that of the linear part.
 
     References
     ----------
@@ -113,6 +154,12 @@ class ARXRegressor(BaseARX):
     ['a1', 'a2', 'b0', 'b1']
     >>> bool(model.score(X, y) > 90)
     True
+
+    The delay, to a fraction of a sample:
+
+    >>> model = ARXRegressor(na=2, nb=2, nk=9).with_effect("wrong_delay").fit(X, y)
+    >>> model.parameters_.loc["wrong_delay__extra", ["value", "unit"]].round(2).tolist()
+    [-0.09, 's']
     """
 
     _parameter_constraints: dict = {
@@ -124,6 +171,9 @@ class ARXRegressor(BaseARX):
         "method": [StrOptions({"ols", "iv"})],
         "instruments": "no_validation",
         "covariance": [StrOptions({"ols", "hac"})],
+        "effects": [Effect, Effects, str, list, tuple, None],
+        "controlled_element": [ControlledElement, None],
+        "settling": [Interval(Real, 0, None, closed="left")],
         "roles": [dict, None],
         "dt": [Interval(Real, 0, None, closed="neither"), None],
         "run": "no_validation",
@@ -140,6 +190,9 @@ class ARXRegressor(BaseARX):
         method: str = "ols",
         instruments: Any = None,
         covariance: str = "ols",
+        effects: Any = None,
+        controlled_element: ControlledElement | None = None,
+        settling: float = 0.0,
         roles: dict | None = None,
         dt: float | None = None,
         run: Any = None,
@@ -152,6 +205,9 @@ class ARXRegressor(BaseARX):
         self.method = method
         self.instruments = instruments
         self.covariance = covariance
+        self.effects = effects
+        self.controlled_element = controlled_element
+        self.settling = settling
         self.roles = roles
         self.dt = dt
         self.run = run
@@ -179,7 +235,12 @@ class ARXRegressor(BaseARX):
             If a run has fewer rows than the lags need.
         RunIndexError, IrregularSamplingError
             If rows, runs or time break the data convention.
+        ValueError
+            If an effect does not apply to the data, with the reason.
         """
+        if len(Effects.of(self.effects)):
+            self._fit_with_effects(X, y)
+            return self
         grid, inputs, output, columns = self._read_data(X, y)
         self._set_orders(grid)
         begin, end = grid.begin[grid.measured], grid.end[grid.measured]
@@ -191,7 +252,106 @@ class ARXRegressor(BaseARX):
         self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
         self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
         self.b_ = self.orders_.input_rows(self.coef_)
+        self.effects_, self._simulation_error = Effects([]), False
+        self.parameters_ = arx_parameter_table(
+            self.parameter_names_, self.coef_, self.standard_errors_
+        )
         return self
+
+    _takes_first = False
+
+    def _prepare(self, X: Any, y: Any) -> Prepared:
+        if self.method == "iv":
+            raise ValueError(
+                "method='iv' has no effects: these are estimated in simulation, which remnant does "
+                "not bias as it does one-step errors. Take method='ols'."
+            )
+        prepared = super()._prepare(X, y)
+        output = prepared.grid.thin_output(self._read_y(X, y))
+        self.n_rows_missing_ = int(np.isnan(output).sum())
+        return prepared
+
+    def _core(self) -> ARXCore:
+        orders = Orders.of(self.na, self.nb, self.nk, 1, bool(self.fit_intercept))
+        return ARXCore(orders.na, orders.nb[0], orders.nk[0], orders.intercept)
+
+    def _fitted_core(self, core: Any, record: Record, criterion: Criterion) -> Model:
+        return fitted_arx(core, record, criterion)
+
+    def _set_model(self, fitted: tuple[Model, Noise]) -> None:
+        super()._set_model(fitted)
+        model, _ = fitted
+        self.orders_ = Orders.of(self.na, self.nb, self.nk, 1, bool(self.fit_intercept))
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        n = self.orders_.n_params
+        self.coef_ = model.theta[:n].copy()
+        self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
+        self.b_ = self.orders_.input_rows(self.coef_)
+        self.standard_errors_ = np.sqrt(np.diag(model.covariance()))[:n]
+        self.noise_variance_ = model.sse / max(model.fit.n - model.theta.size, 1)
+        self.n_rows_used_ = int(model.simulator.record.known.sum())
+        self._simulation_error = True
+
+    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        if len(self.effects_):
+            return self._simulated(grid, values)
+        return super()._free_run(grid, values)
+
+    def _ahead(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
+    ) -> np.ndarray:
+        if not len(self.effects_):
+            return super()._ahead(grid, values, output, horizon)
+        free = self._simulated(grid, values)
+        return forecast(free, output, segments(grid), self.noise_ar_, horizon)
+
+    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
+        if not len(self.effects_):
+            return super()._one_step_errors(X, y)
+        grid, values = self._read_X(X, reset=False)
+        output = grid.thin_output(self._read_y(X, y))
+        return output - self._ahead(grid, values, output, 1)
+
+    def simulate(self, X: Any, y: Any = None, *, initial_state: str = "zero") -> np.ndarray:
+        """Simulate the output, from a zero or an estimated initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,), default=None
+            Measured output, needed to estimate the initial state.
+        initial_state : {"zero", "estimate"}, default="zero"
+            ``"estimate"`` chooses the ``na`` outputs before each run (and gap, and end of the
+            run-in) by least squares on ``y``, as MATLAB's ``compare`` does. Not with effects.
+
+        Returns
+        -------
+        y_sim : ndarray of shape (n_rows,)
+        """
+        self._check_fitted()
+        if initial_state == "estimate" and len(self.effects_):
+            raise ValueError(
+                "A model with effects is simulated from rest: initial_state='estimate' needs a "
+                "linear one. Leave out the start, in which it settles, by RunInTrimmer."
+            )
+        return super().simulate(X, y, initial_state=initial_state)
+
+    def summary(self) -> str:
+        """Parameters with their intervals, effects and goodness of fit, as text.
+
+        Returns
+        -------
+        text : str
+        """
+        self._check_fitted()
+        if self._simulation_error:
+            return summary_text(self)
+        head = (
+            f"ARXRegressor: {self.n_rows_used_} rows, variance of the equation error "
+            f"{self.noise_variance_:.4g}"
+        )
+        return "\n".join([head, "", self.parameters_.to_string(float_format="{:.4g}".format)])
 
     def _fit_ols(
         self,

@@ -245,7 +245,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     def _held_out_frame(
         self, prepared: Prepared, steps: list[Step], names: list[str], X: Any, y: Any
     ) -> pd.DataFrame:
-        columns = {"measured": np.asarray(y, dtype=float)}
+        columns = {"measured": np.asarray(y, dtype=float).ravel()}
         for title, step in zip(["baseline", *(f"+ {n}" for n in names)], steps, strict=True):
             rows = prepared.lanes.rows(step.prediction)
             columns[title] = prepared.grid.to_full_rate(rows)

@@ -59,6 +59,9 @@ def error_path(
     """VAF and RMSE, held out, of the baseline and with each effect."""
     assert record.y is not None
     rows = []
+    # Where an effect lets remnant pass a nonlinearity the baseline's ceiling is a lower bound.
+    reachable = float(np.nanmax([ceiling, steps[-1].vaf + left]))
+    top = reachable if np.isfinite(ceiling) else np.nan
     for title, step in zip(["baseline", *names], steps, strict=True):
         error = (record.y - step.prediction)[record.known]
         rows.append(
@@ -67,10 +70,8 @@ def error_path(
                 "vaf": step.vaf,
                 "rmse": float(np.sqrt(np.mean(error**2))),
                 "vaf_train": vaf_of_output(record, step.parent.output),
-                "ceiling": ceiling,
-                "explainable_gap": max(ceiling, steps[-1].vaf + left) - step.vaf
-                if np.isfinite(ceiling)
-                else steps[-1].vaf + left - step.vaf,
+                "ceiling": top,
+                "explainable_gap": reachable - step.vaf,
             }
         )
     frame = pd.DataFrame(rows)

@@ -9,11 +9,8 @@ from scipy import fft
 from scipy.stats import chi2
 
 from ..effects.record import Record
+from ..effects.traces import fastest_of, step_of, stop_of
 
-PILED = 0.02  # of the samples, at least, lie at a stop
-PILED_RATES = 0.10  # of the rates lie at the greatest rate
-RECURRING = 0.02  # as many distinct values as this share of the samples, at most, are levels
-COARSE = 0.1  # standard deviations of the output, at least, is a step
 TREMBLING = (6.5, 14.0)  # Hz
 UNLIKELY = 1e-4  # probability of a line as high by chance, in all of the band
 HIGH = 2.5  # times the spectrum beside it
@@ -31,51 +28,22 @@ class Signature:
 
 def signatures(record: Record) -> dict[str, Signature]:
     """Traces of stops, rate limits and levels in the measured output."""
-    assert record.y is not None
     found: dict[str, Signature] = {}
-    y = record.y[record.known]
-    spread = float(np.std(y))
-    if not spread > 0:
-        return found
-    step = _levels(y, spread)
+    step = step_of(record)
     if step is not None:
-        words = f"the output takes {np.unique(y).size} values only"
+        words = f"the output takes few values, {step:.3g} apart"
         return {"quantised": Signature(1.0, {"step": step}, words)}
-    stop = _pile(y, spread)
+    stop = stop_of(record)
     if stop is not None:
         share, limit = stop
         words = f"{100 * share:.0f} % of the samples lie at ±{limit:.3g}"
         found["saturation"] = Signature(share, {"limit": limit}, words)
-    rates = np.abs(np.diff(record.y, axis=0))[record.known[1:] & record.known[:-1]] / record.dt
-    top = float(np.quantile(rates, 0.998)) if rates.size else 0.0
-    share = float(np.mean(np.abs(rates - top) < 2e-3 * top)) if top > 0 else 0.0
-    if share > PILED_RATES:
-        words = f"{100 * share:.0f} % of the rates lie at ±{top:.3g} per second"
-        found["rate_limit"] = Signature(share, {"limit": top}, words)
+    fastest = fastest_of(record)
+    if fastest is not None:
+        share, limit = fastest
+        words = f"{100 * share:.0f} % of the rates lie at ±{limit:.3g} per second"
+        found["rate_limit"] = Signature(share, {"limit": limit}, words)
     return found
-
-
-def _levels(y: np.ndarray, spread: float) -> float | None:
-    """Typical distance of the levels that an output takes, None where it takes no few."""
-    rounded = np.unique(np.round(y / spread, 6))
-    if rounded.size < 2 or rounded.size > RECURRING * y.size:
-        return None
-    step = float(np.median(np.diff(rounded)))
-    return step * spread if step > COARSE else None
-
-
-def _pile(y: np.ndarray, spread: float) -> tuple[float, float] | None:
-    """Share of samples at a stop, and where it is."""
-    best = None
-    for side in (1.0, -1.0):
-        top = float(np.max(side * y))
-        share = float(np.mean(side * y > top - 1e-3 * spread))
-        if share > PILED / 2 and (best is None or share > best[0]):
-            best = (share, top)
-    if best is None:
-        return None
-    both = float(np.mean(np.abs(y) > best[1] - 1e-3 * spread))
-    return (both, abs(best[1])) if max(both, best[0]) > PILED else None
 
 
 def tremor(record: Record, residual: np.ndarray) -> Signature | None:

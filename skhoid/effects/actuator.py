@@ -10,6 +10,7 @@ from scipy.special import ndtr
 from .. import _kernels
 from .base import Effect, Parameter
 from .record import Record
+from .traces import step_of, stop_of
 
 
 class Saturation(Effect):
@@ -26,7 +27,7 @@ class Saturation(Effect):
         Standard deviation of the remnant before the stop, in units of the output, of
         ``"behind"``; None estimates it.
     form : {"hard", "soft", "behind"} or None, default=None
-        None tries all.
+        None tries the first two, and the third where samples pile up at a stop.
 
     References
     ----------
@@ -64,8 +65,10 @@ class Saturation(Effect):
         return (limit, Parameter("remnant", "{u}", 0.01, 2.0, (0.3,), "u", "before the stop"))
 
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("hard", "soft", "behind") if self.form is None else (self.form,)
-        return [self.with_choices(form=form) for form in forms]
+        # Behind the remnant a stop shows in the output itself.
+        forms = ("hard", "soft", "behind") if stop_of(record) else ("hard", "soft")
+        chosen = forms if self.form is None else (self.form,)
+        return [self.with_choices(form=form) for form in chosen]
 
     def apply(
         self, signal: np.ndarray, record: Record, limit: float, remnant: float = 0.0
@@ -212,7 +215,7 @@ class Quantised(Effect):
     remnant : float or None, default=None
         Standard deviation of the remnant before it, in steps, of ``"behind"``; None estimates it.
     form : {"sharp", "behind"} or None, default=None
-        None tries both.
+        None tries the first, and the second where the output takes few values.
 
     References
     ----------
@@ -258,8 +261,10 @@ class Quantised(Effect):
         return (Parameter("step", "{u}", 0.05, 6.0, steps, "u", "of levels"), offset)
 
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("sharp", "behind") if self.form is None else (self.form,)
-        return [self.with_choices(form=form) for form in forms]
+        # Behind the remnant levels show in the output itself.
+        forms = ("sharp", "behind") if step_of(record) else ("sharp",)
+        chosen = forms if self.form is None else (self.form,)
+        return [self.with_choices(form=form) for form in chosen]
 
     def apply(
         self, signal: np.ndarray, record: Record, step: float, offset: float, remnant: float = 0.0

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -56,7 +57,7 @@ class Parameter:
             return value
         for i, factor in enumerate(self.scale.split("/")):
             for name in factor.split("*"):
-                size = {"T": record.duration, "1": 1.0}.get(name)
+                size = {"T": record.duration, "1": 1.0, "{s}": record.time_unit}.get(name)
                 value *= (record.sd(name) if size is None else size) ** (1 if i == 0 else -1)
         return value
 
@@ -137,7 +138,7 @@ class Effect(BaseEstimator):
     def starts(self, record: Record) -> list[dict[str, float]]:
         """Values of the parameters to start estimation from, in the units of the data."""
         found: list[dict[str, float]] = [{}]
-        for p in self.parameters:
+        for p in self.parameters_on(record):
             scale = p.scale_of(record)
             found = [{**f, p.name: s * scale} for f in found for s in p.starts]
         return found
@@ -153,10 +154,14 @@ class Effect(BaseEstimator):
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
         """Bounds of the parameters in the units of the data."""
         bounds = {}
-        for p in self.parameters:
+        for p in self.parameters_on(record):
             scale = p.scale_of(record)
             bounds[p.name] = (p.low * scale, p.high * scale)
         return bounds
+
+    def parameters_on(self, record: Record) -> tuple[Parameter, ...]:
+        """The parameters in the units that the core of a record gives them."""
+        return tuple(on_core(p, self.place, record) for p in self.parameters)
 
     @property
     def neutral(self) -> dict[str, float]:
@@ -185,3 +190,31 @@ class Effect(BaseEstimator):
         from .composition import Effects
 
         return Effects.of(self) + other
+
+
+def on_core(p: Parameter, place: str, record: Record) -> Parameter:
+    """A parameter as the core of a record has it.
+
+    Written for operators, whose command has the unit of the output. The command of an ARX model
+    has that of its input; and what is slow or fast there, the output tells.
+    """
+    if record.core != "arx":
+        return p
+    unit, scale = p.unit, p.scale
+    if place in ("path", "command"):
+        unit = unit.replace("{u}", "{e}")
+        unit = {"{e}/{e}": "-", "{e}/({e} s)": "1/s"}.get(unit, unit)
+        scale = re.sub(r"(?<![\w.])u(?![\w.])", "e", scale)
+    elif place == "spring":
+        unit, scale = unit.replace("1/{u}^2", "{e}/{u}^3"), f"e*{scale or 1}/u"
+    if "T" not in re.split("[/*]", scale):
+        power = power_of_seconds(p.unit)
+        scale = "*".join(["{s}"] * max(power, 0) + [scale] * bool(scale)) or "1"
+        scale += "/{s}" * max(-power, 0)
+    return replace(p, unit=unit, scale=scale)
+
+
+def power_of_seconds(unit: str) -> int:
+    """Power of the second in a unit like ``{u} s/{e}`` or ``Hz``."""
+    over, *under = (re.findall(r"[^\s()]+", part) for part in unit.split("/"))
+    return over.count("s") - over.count("Hz") - sum(part.count("s") for part in under)

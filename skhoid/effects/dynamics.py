@@ -81,6 +81,9 @@ class ExtraLead(Effect):
     def neutral(self) -> dict[str, float]:
         return {"time": 0.0}
 
+    def refusal(self, record: Record, core: str) -> str | None:
+        return "an ARX model has zeros of its own: raise nb" if core == "arx" else None
+
     def apply(self, signal: Any, record: Record, time: float) -> Any:
         faster = signal.position + differentiated(signal.rate, record.dt)
         return signal._replace(rate=signal.rate + time * faster)
@@ -120,6 +123,11 @@ class NeuromuscularMode(Effect):
     def __init__(self, *, omega: float | None = None, zeta: float | None = None):
         self.omega = omega
         self.zeta = zeta
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        if core == "arx":
+            return "an ARX model has no neuromuscular system; higher_order adds poles and zeros"
+        return None
 
     def apply(self, signal: Any, record: Record, omega: float, zeta: float) -> Any:
         poles = [1.0, 2 * zeta * omega, omega**2]
@@ -179,6 +187,16 @@ class HigherOrder(Effect):
             if p["zero_frequency"] == p["pole_frequency"]:
                 found.append({**p, "zero_frequency": 1.1 * p["zero_frequency"]})
         return found
+
+    def limits(self, record: Record) -> dict[str, tuple[float, float]]:
+        """Wider for an ARX model: machines ring longer than people, and over more octaves."""
+        limits = super().limits(record)
+        if record.core != "arx":
+            return limits
+        for name in ("zero_frequency", "pole_frequency"):
+            low, high = limits[name]
+            limits[name] = (0.1 * low, 5 * high)
+        return {**limits, "zero_damping": (-5.0, 5.0), "pole_damping": (1e-3, 5.0)}
 
     def apply(
         self,

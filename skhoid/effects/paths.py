@@ -282,7 +282,7 @@ class MotionFeedback(Effect):
         if self.form == "feedthrough":
             return signal - gain * record.delayed(motion, delay)
         if self.form == "canal":
-            motion = record._once(("canal", self.channel), lambda: canal(motion, record.dt))
+            motion = record.once(("canal", self.channel), lambda: canal(motion, record.dt))
         return signal.plus(-gain * record.delayed(motion, delay))
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,15 @@ class Record:
         K_c and omega_b.
     prediction : ndarray of shape (n_samples, n_runs) or None
         What a model without the effect predicts.
+    core : {"operator", "arx"}
+        What effects act on. The command of an operator is in units of the output, that of an ARX
+        model in units of its input.
+    time_unit : float
+        Seconds in which bounds and starts of times are meant: 1 for operators.
+    criterion_rate : float
+        Rate in Hz at which residuals count, at most.
+    ahead : float
+        Seconds by which the answer may come earlier than the core's delay.
     """
 
     dt: float
@@ -50,6 +60,10 @@ class Record:
     y: np.ndarray | None = None
     controlled_element: tuple[float, float] | None = None
     prediction: np.ndarray | None = None
+    core: str = "operator"
+    time_unit: float = 1.0
+    criterion_rate: float = 25.0  # operators do not answer faster than half of it
+    ahead: float = np.inf
     _derived: dict = field(default_factory=dict, repr=False)
 
     def part(self, runs: np.ndarray, thin: int) -> Record:
@@ -104,7 +118,7 @@ class Record:
 
     def sd(self, name: str) -> float:
         """Standard deviation of a channel, of the input for "e", of the output for "u"."""
-        return self._once(("sd", name), lambda: self._sd(name))
+        return self.once(("sd", name), lambda: self._sd(name))
 
     def _sd(self, name: str) -> float:
         if name == "u":
@@ -115,7 +129,7 @@ class Record:
 
     def rate(self, name: str) -> np.ndarray:
         """Rate of a channel per second, by central differences."""
-        return self._once(("rate", name), lambda: differentiated(self.channels[name], self.dt))
+        return self.once(("rate", name), lambda: differentiated(self.channels[name], self.dt))
 
     def inverse_dynamics(self, name: str) -> np.ndarray:
         """Output that makes the controlled element follow a channel (needs the element)."""
@@ -126,14 +140,15 @@ class Record:
             rate = self.rate(name)
             return (differentiated(rate, self.dt) + omega_b * rate) / K_c
 
-        return self._once(("inverse", name), invert)
+        return self.once(("inverse", name), invert)
 
     def delayed(self, signal: np.ndarray, delay: float | np.ndarray) -> np.ndarray:
         """A signal some seconds ago; negative delays look ahead."""
         samples = np.atleast_2d(np.asarray(delay, dtype=float)) / self.dt
         return _kernels.greybox.delayed(_kernels.gate(signal), _kernels.gate(samples))
 
-    def _once(self, key: tuple, compute) -> object:
+    def once(self, key: Any, compute: Callable[[], Any]) -> Any:
+        """What ``compute`` returns, computed once for a key."""
         if key not in self._derived:
             self._derived[key] = compute()
         return self._derived[key]

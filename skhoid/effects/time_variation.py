@@ -94,7 +94,10 @@ class TimeVaryingGain(Effect):
 
     def variants(self, record: Record) -> list[Effect]:
         forms = ("sigmoid", "ramp") if self.form is None else (self.form,)
-        return [self.with_choices(form=form) for form in forms]
+        made = [self.with_choices(form=form) for form in forms]
+        if record.core == "arx" and self.K_edot_change is None:
+            return [variant.with_choices(K_edot_change=0.0) for variant in made]
+        return made
 
     def apply(
         self,
@@ -319,7 +322,7 @@ def silent_stretches(record: Record) -> list[tuple[float, float]]:
     answer, y, known = record.prediction, record.y, record.known
     variance = float(np.median(((y - answer) ** 2)[known])) / 0.455 + 1e-12
     # Residuals are alike over some tenths of a second: each counts as that much less.
-    weight = record.dt / 0.15
+    weight = record.dt / (0.15 * record.time_unit)
     against = np.where(known, (y - answer) ** 2 - y**2, 0.0) / (2 * variance) * weight
     evidence = np.clip(against, -5 * weight, 5 * weight).sum(axis=1)
     cost = 8.0  # of a change of state: log odds of one in half a minute at 100 Hz
@@ -341,6 +344,6 @@ def silent_stretches(record: Record) -> list[tuple[float, float]]:
     found = [
         (float(t[a]), float(t[min(b, n - 1)]))
         for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if (b - a) * record.dt >= 0.4
+        if (b - a) * record.dt >= 0.4 * record.time_unit
     ]
     return [] if sum(e - b for b, e in found) > 0.5 * record.duration else found

@@ -13,9 +13,9 @@ from .record import Record, differentiated
 from .time_variation import sigmoid
 
 HOLDS_CLOCK = tuple(np.arange(0.1, 0.9, 0.1).round(2).tolist())
-SCANS = (15.0, 40.0, 100.0)  # s of the runs
+SCANS = (10.0, 32.0, 100.0)  # s of the runs
 COHERENT = 0.12  # ticks that a clock may be off at the end of a scan
-KEPT_HOLDS = 8
+KEPT_HOLDS = 6
 HOLDS_EVENT = (0.02, 0.1, 0.2, 0.3, 0.4)
 
 
@@ -61,6 +61,10 @@ class WrongDelay(Effect):
         if core == "operator, free delay":
             return "the model estimates its delay already (delay=None)"
         return None
+
+    def limits(self, record: Record) -> dict[str, tuple[float, float]]:
+        low, high = super().limits(record)["extra"]
+        return {"extra": (max(low, -record.ahead), high)}
 
     def apply(self, signal: Any, record: Record, extra: float) -> Any:
         return signal + extra
@@ -195,17 +199,19 @@ class Intermittent(Effect):
         """Times between ticks, ever finer: over a run they must be right to a share of a tick."""
         if self.trigger != "clock" or self.hold_time is not None:
             return []
+        unit = record.time_unit
+        duration = record.duration / unit
         holds = [0.15]
         while holds[-1] < 0.9:
             holds.append(holds[-1] + COHERENT * holds[-1] ** 2 / SCANS[0])
         for i, seconds in enumerate(SCANS):
-            errors = [error_of(self._ticking(hold), seconds) for hold in holds]
+            errors = [error_of(self._ticking(h * unit), seconds * unit) for h in holds]
             best = [holds[j] for j in np.argsort(errors)[: KEPT_HOLDS >> i]]
-            if seconds >= record.duration:
+            if seconds >= duration:
                 break
-            finer = COHERENT / min(SCANS[i + 1], record.duration) if i + 1 < len(SCANS) else 0.0
+            finer = COHERENT / min(SCANS[i + 1], duration) if i + 1 < len(SCANS) else 0.0
             holds = [h + k * finer * h**2 for h in best for k in range(-4, 5)]
-        return [self._ticking(hold) for hold in best[:2]]
+        return [self._ticking(hold * unit) for hold in best[:2]]
 
     def _ticking(self, hold: float) -> dict[str, float]:
         return {"hold_time": hold, "phase": self.phase or 0.0, "+tau_e": -hold / 2}

@@ -52,6 +52,7 @@ class GreyBox(RunRegressor):
     effects: Any
     controlled_element: ControlledElement | None
     settling: float
+    _takes_first = True  # channel, where none has the role e
 
     def _core(self) -> Core:
         raise NotImplementedError
@@ -83,7 +84,9 @@ class GreyBox(RunRegressor):
     def _prepare(self, X: Any, y: Any) -> Prepared:
         """Read data to fit."""
         grid, _, output, values = self._read_data(X, y)
-        if self.inputs is None and len(self._columns) > 1:  # none has the role e
+        if (
+            self._takes_first and self.inputs is None and len(self._columns) > 1
+        ):  # none has the role e
             self._columns, self.inputs_ = self._columns[:1], self.inputs_[:1]
         if len(self._columns) != 1:
             raise ValueError(
@@ -111,6 +114,7 @@ class GreyBox(RunRegressor):
             controlled_element=element,
         )
         core = self._core()
+        record = core.on(record)
         check_rows(record, len(core.parameters), grid)
         if given is None:
             element = estimate_element(record)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from .. import _kernels
 from ..effects.base import Parameter
+from ..effects.record import Record
 from ..effects.signals import Command, Gains
 
 BOUND = 1e9  # of simulated outputs
+OPERATORS_MOVE = 3.0  # rad/s, half of the output's power below it: what times are written for
+SLOWEST, FASTEST = 0.02, 1.0  # rad per sample, of what an ARX model describes
 
 
 class Core(Protocol):
@@ -19,6 +23,13 @@ class Core(Protocol):
 
     kind: str
     parameters: tuple[Parameter, ...]
+    sizes: Mapping[str, float]
+
+    def on(self, record: Record) -> Record:
+        """The record with what effects must know of the core."""
+
+    def least_delay(self, dt: float) -> float:
+        """Least delay of the input in seconds that the core can take."""
 
     def delay(self, values: dict[str, float]) -> float:
         """Delay of the answer to the input in seconds, without effects."""
@@ -39,6 +50,7 @@ class OperatorCore:
     """
 
     kind = "operator"
+    sizes: ClassVar[dict[str, float]] = {}
 
     def __init__(self, fixed_delay: float | None):
         self.fixed_delay = fixed_delay
@@ -52,6 +64,12 @@ class OperatorCore:
         self.parameters = free if fixed_delay is not None else (*free, delay)
         if fixed_delay is None:
             self.kind = "operator, free delay"
+
+    def on(self, record: Record) -> Record:
+        return record
+
+    def least_delay(self, dt: float) -> float:
+        return 0.0
 
     def delay(self, values: dict[str, float]) -> float:
         return self.fixed_delay if self.fixed_delay is not None else values["tau_e"]
@@ -78,14 +96,42 @@ class OperatorCore:
 
 
 class ARXCore:
-    """A(q) y = B(q) x(t - nk) with orders of one input (Eq. 6)."""
+    """A(q) y = B(q) x(t - nk) + c with orders of one input (Eq. 6), c only with ``intercept``.
+
+    ``sizes``: changes of the coefficients that change the output by its own size. Coefficients of
+    a fast sampled slow system are told apart in their last digits, so that their own size says
+    nothing.
+    """
 
     kind = "arx"
 
-    def __init__(self, na: int, nb: int, nk: int):
-        self.na, self.nb, self.nk = na, nb, nk
-        names = [f"a{i + 1}" for i in range(na)] + [f"b{i}" for i in range(nb)]
-        self.parameters = tuple(Parameter(n, "-", meaning="ARX coefficient") for n in names)
+    def __init__(
+        self,
+        na: int,
+        nb: int,
+        nk: int,
+        intercept: bool = False,
+        sizes: Mapping[str, float] | None = None,
+    ):
+        self.na, self.nb, self.nk, self.intercept = na, nb, nk, intercept
+        self.sizes = sizes or {}
+        self.parameters = (
+            *(Parameter(f"a{i + 1}", "-", meaning="of the output") for i in range(na)),
+            *(Parameter(f"b{i}", "{u}/{e}", meaning="of the input") for i in range(nb)),
+            *[Parameter("intercept", "{u}", meaning="constant")] * intercept,
+        )
+
+    def on(self, record: Record) -> Record:
+        return replace(
+            record,
+            core="arx",
+            time_unit=OPERATORS_MOVE / pace(record),
+            criterion_rate=np.inf,
+            ahead=self.nk * record.dt,
+        )
+
+    def least_delay(self, dt: float) -> float:
+        return -self.nk * dt  # what nk delays beside
 
     def delay(self, values: dict[str, float]) -> float:
         return 0.0
@@ -98,14 +144,26 @@ class ARXCore:
     def response(
         self, command: Command, gains: Gains, stiffness: float, values: dict[str, float], dt: float
     ) -> np.ndarray:
-        theta = np.array(list(values.values()))
+        theta = np.array([values[p.name] for p in self.parameters])
         x = command.position
         if command.rate.any():
             x = x + np.gradient(command.rate, dt, axis=0)
-        b = np.r_[np.zeros(self.nk), theta[self.na :]]
+        b = np.r_[np.zeros(self.nk), theta[self.na : self.na + self.nb]]
+        constant = float(theta[-1]) if self.intercept else 0.0
         return _kernels.greybox.arx_response(
-            _kernels.gate(x), _kernels.gate(theta[: self.na]), b, float(stiffness), BOUND
+            _kernels.gate(x), _kernels.gate(theta[: self.na]), b, float(stiffness), constant, BOUND
         )
+
+
+def pace(record: Record) -> float:
+    """Frequency in rad/s below which half of the output's power is."""
+    if record.y is None:
+        return OPERATORS_MOVE
+    y = np.where(record.known, record.y - record.y[record.known].mean(), 0.0)
+    power = (np.abs(np.fft.rfft(y, axis=0)) ** 2).sum(axis=1)
+    half = np.searchsorted(np.cumsum(power), power.sum() / 2)
+    omega = 2 * np.pi * half / y.shape[0]
+    return float(np.clip(omega, SLOWEST, FASTEST)) / record.dt
 
 
 def neutral_gains() -> Gains:

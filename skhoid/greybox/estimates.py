@@ -56,13 +56,27 @@ def parameter_table(
     for name, value in fixed.items():
         add(name, value, 0.0, "s", "given")
     for name, effect in simulator.effects:
-        spec = {p.name: p for p in effect.parameters}
+        spec = {p.name: p for p in effect.parameters_on(simulator.record)}
         for key, value in effect.fixed.items():
             add(f"{name}__{key}", value, 0.0, spec[key].unit, f"{spec[key].meaning} (given)")
     table = pd.DataFrame(
         rows, columns=["parameter", "value", "sd", "low", "high", "unit", "meaning"]
     )
     return table.set_index("parameter")
+
+
+def arx_parameter_table(names: list[str], theta: np.ndarray, sd: np.ndarray) -> pd.DataFrame:
+    """The same of an ARX model that was fitted by least squares."""
+    meaning = {"a": "of the output", "b": "of the input", "i": "constant"}
+    columns = {
+        "value": theta,
+        "sd": sd,
+        "low": theta - NORMAL_95 * sd,
+        "high": theta + NORMAL_95 * sd,
+        "unit": "-",
+        "meaning": [meaning[name[0]] for name in names],
+    }
+    return pd.DataFrame(columns, index=pd.Index(names, name="parameter"))
 
 
 def covariance_frame(simulator: Simulator, covariance: np.ndarray) -> pd.DataFrame:

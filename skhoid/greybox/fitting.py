@@ -13,7 +13,6 @@ from .simulator import Simulator
 
 AR_ORDER = 6  # what the kernel is written for
 WHITE_FLOOR = 3e-3  # of the residual's variance is white at least
-CRITERION_RATE = 25.0  # Hz; operators do not answer faster than half of it
 EXPLORED_RUNS = 3
 EXPLORED_STEP = 0.02  # s
 STEP = 1e-4  # of finite differences, relative
@@ -35,8 +34,9 @@ class Noise:
 class Criterion:
     """Squares of whitened residuals on every so-manieth row, and their derivatives."""
 
-    def __init__(self, record: Record, noise: Noise | None = None, *, rate: float = CRITERION_RATE):
+    def __init__(self, record: Record, noise: Noise | None = None, *, rate: float | None = None):
         assert record.y is not None
+        rate = record.criterion_rate if rate is None else rate
         self.record, self.rate = record, rate
         self.thin = max(1, round(1.0 / (rate * record.dt)))
         self.y = np.ascontiguousarray(record.y[:: self.thin])
@@ -48,8 +48,10 @@ class Criterion:
         """A cheaper criterion to explore with: some of the runs, at a lower rate."""
         n = self.record.known.sum(axis=0)
         runs = np.sort(np.argsort(-n, kind="stable")[:EXPLORED_RUNS])
-        thin = max(1, int(EXPLORED_STEP / self.record.dt + 1e-6))
-        return Criterion(self.record.part(runs, thin), rate=CRITERION_RATE / 2)
+        rate = self.record.criterion_rate
+        # What has no rate to count at is not thinned: an ARX model depends on the sampling time.
+        thin = max(1, int(EXPLORED_STEP / self.record.dt + 1e-6)) if np.isfinite(rate) else 1
+        return Criterion(self.record.part(runs, thin), rate=rate / 2)
 
     def set_noise(self, noise: Noise) -> None:
         self.noise = noise
@@ -214,7 +216,7 @@ def derivatives(
     rows = np.empty((theta.size + 1, *criterion.y.shape))
     here = output[::thin]
     for i, value in enumerate(theta):
-        h = relative * max(abs(value), 0.05 * simulator.scale[i])
+        h = relative * simulator.size(i, value)
         if value + h > simulator.high[i]:
             h = -h
         rows[i] = (simulator.beside(i, value + h)[::thin] - here) / h

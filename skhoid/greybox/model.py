@@ -11,15 +11,18 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
 from .cores import Core, OperatorCore
-from .fitting import Criterion, Fit, Noise, minimise
+from .fitting import Criterion, Fit, minimise
 from .simulator import Simulator
 
 N_TRIED = 2  # iterations from every start
 N_SCREENED = 10  # starts that are more than simulated once
 N_SCREENED_COARSELY = 4  # the same, where the response is not smooth
 N_KEPT = 2  # starts, and variants, that are followed to the end
+AS_GOOD = 10.0  # n log(SSE / SSE) of variants that are not told apart
 ALIKE = 0.9  # of the gain of the best variant
-HOPEFUL = 1.02  # times the parent's squares before a search
+HOPEFUL = 1.0  # times the parent's squares, at most, before a search
+COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
+FINE_SIZES = (0.04, 0.013, 0.004)
 LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
@@ -113,7 +116,7 @@ def best_of(
         starts = starts[:most]
     if len(starts) > N_KEPT:
         tried = [
-            minimise(simulator, criterion, np.asarray(s, dtype=float), max_iter=N_TRIED)
+            minimise(simulator, criterion, np.asarray(s, dtype=float), max_iter=N_TRIED, tol=1e-3)
             for s in starts
         ]
         tried.sort(key=lambda fit: fit.sse)
@@ -144,8 +147,8 @@ def extended(
     record = replace(parent.simulator.record, prediction=parent.output)
     core = parent.simulator.core
     before = coarse.sse(Simulator(core, parent.effects, coarse.record).run(parent.theta))
-    explored: list[tuple[float, Effect, Fit]] = []
-    for variant in effect.variants(record):
+    explored: list[tuple[float, int, Effect, Fit]] = []
+    for number, variant in enumerate(effect.variants(record)):
         together = Effects([*parent.effects.steps, (name, variant)])
         simulator = Simulator(core, together, coarse.record)
         scan = _Scan(parent, name, variant, coarse)
@@ -153,25 +156,27 @@ def extended(
         starts = [start_beside(parent, simulator, name, v) for v in values]
         fit = best_of(simulator, coarse, starts, explore=True).fit
         if not variant.smooth and fit.sse < HOPEFUL * before:
-            fit = searched(Model(simulator, fit), name, coarse).fit
-        explored.append((fit.sse, variant, fit))
-    explored.sort(key=lambda item: item[0])
-    best: Model | None = None
+            fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
+        explored.append((fit.sse, number, variant, fit))
+    explored.sort(key=lambda item: item[:2])
+    finished: list[tuple[int, Model]] = []
     gain = before - explored[0][0]
-    for sse, variant, fit in explored[:N_KEPT]:
+    for sse, number, variant, fit in explored[:N_KEPT]:
         together = Effects([*parent.effects.steps, (name, variant)])
         simulator = Simulator(core, together, parent.simulator.record)
         promising = before - sse > LEAST_COARSE_GAIN * coarse.power
-        if best is not None and (not promising or before - sse < ALIKE * gain):
+        if finished and (not promising or before - sse < ALIKE * gain):
             break
         full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)
         model = Model(simulator, full)
         if promising and not variant.smooth:
-            model = searched(model, name, criterion)
-        if best is None or model.sse < best.sse:
-            best = model
-    assert best is not None
-    return best
+            model = searched(model, name, criterion, FINE_SIZES)
+        finished.append((number, model))
+    assert finished
+    least = min(model.sse for _, model in finished)
+    # Of variants that are as good the first is the plainest, and physical.
+    near = [item for item in finished if criterion.n * np.log(item[1].sse / least) < AS_GOOD]
+    return min(near, key=lambda item: item[0])[1]
 
 
 class _Scan:
@@ -208,29 +213,28 @@ def start_beside(
     return np.clip([known[n] for n in simulator.names], simulator.low, simulator.high)
 
 
-def searched(model: Model, name: str, criterion: Criterion) -> Model:
-    """Pattern search over the parameters of an effect whose response is not smooth in them."""
+def searched(
+    model: Model, name: str, criterion: Criterion, sizes: tuple[float, ...]
+) -> Model:
+    """Pattern search over the parameters of an effect whose response is not smooth in them.
+
+    The other parameters follow each step.
+    """
     simulator = model.simulator
     mine = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
     fixed = np.zeros(model.theta.size, dtype=bool)
     fixed[mine] = True
     best = model.fit
-    for size in (0.15, 0.05, 0.015):
+    for size in sizes:
         for i in mine:
-            width = size * max(abs(best.theta[i]), 0.05 * simulator.scale[i])
+            width = size * max(abs(best.theta[i]), 0.1 * simulator.scale[i])
             for sign in (1.0, -1.0):
                 for _ in range(4):
                     theta = best.theta.copy()
-                    theta[i] = np.clip(theta[i] + sign * width, simulator.low[i], simulator.high[i])
-                    sse = criterion.sse(simulator.run(theta))
-                    if not sse < best.sse:
+                    theta[i] += sign * width
+                    trial = minimise(simulator, criterion, theta, max_iter=1, fixed=fixed)
+                    if not trial.sse < best.sse:
                         break
-                    best = replace(best, theta=theta, sse=sse)
-        best = minimise(simulator, criterion, best.theta, max_iter=3, fixed=fixed)
+                    best = trial
+        best = minimise(simulator, criterion, best.theta, max_iter=4, fixed=fixed)
     return Model(simulator, best)
-
-
-def noise_of_best(models: Iterable[Model], criterion: Criterion) -> Noise:
-    """AR model of the residual of the model with the smallest free-run error."""
-    best = min(models, key=lambda m: m.sse)
-    return criterion.noise_of(best.output)

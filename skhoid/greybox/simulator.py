@@ -60,7 +60,10 @@ class Simulator:
             self._add(p.name, p, p.low * scale, p.high * scale, scale)
         for name, effect in effects:
             limits = effect.limits(record)
-            for p in effect.free:
+            free = {p.name for p in effect.free}
+            for p in effect.parameters_on(record):
+                if p.name not in free:
+                    continue
                 low, high = limits[p.name]
                 self._add(f"{name}__{p.name}", p, low, high, p.scale_of(record))
         self.names = [p.name for p in self.parameters]
@@ -81,9 +84,7 @@ class Simulator:
 
     def _build(self) -> list[Stage]:
         core, record = self.core, self.record
-        n_core = len(core.parameters)
         core_names = [p.name for p in core.parameters]
-        of_core = tuple(range(n_core))
         dynamic = tuple(i for i, n in enumerate(core_names) if n not in ("K_e", "K_edot", "tau_e"))
         gain = tuple(i for i, n in enumerate(core_names) if n in ("K_e", "K_edot"))
         delay = tuple(i for i, n in enumerate(core_names) if n == "tau_e")
@@ -97,7 +98,7 @@ class Simulator:
         def delayed(s: State, theta: Any) -> State:
             late = s.delay
             if np.ndim(late) or late != 0.0:
-                late = np.maximum(late, 0.0)
+                late = np.maximum(late, core.least_delay(record.dt))
                 return s._replace(error=record.delayed(s.error, late), delay=late)
             return s
 
@@ -116,7 +117,7 @@ class Simulator:
         stages += self._stages_at("path", "command")
         stages += self._stages_at("command", "command")
         stages += self._stages_at("spring", "stiffness")
-        stages += [Stage(respond, dynamic if core.kind != "arx" else of_core)]
+        stages += [Stage(respond, dynamic)]
         stages += self._stages_at("sum", "output")
         stages += self._stages_at("output", "output")
         return stages
@@ -164,6 +165,11 @@ class Simulator:
     def last_state(self) -> State:
         """Signals of the last run."""
         return self._states[-1]
+
+    def size(self, position: int, value: float) -> float:
+        """How much a parameter may be changed to change the output by its own size."""
+        own = self.core.sizes.get(self.names[position])
+        return max(abs(value), 0.05 * self.scale[position]) if own is None else own
 
     def diverged(self, output: np.ndarray) -> bool:
         return not np.abs(output).max(initial=0.0) < BOUND

@@ -11,8 +11,8 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 
+from ..arx import batch as models  # which imports this package: no class is there yet
 from ..arx.base import BaseARX
-from ..arx.batch import ARXRegressor
 from ..exceptions import MissingDataWarning
 from ..pipelines import final_step, raw_layout, trimmed_rows, unwrapped
 from .conversion import operator_parameters
@@ -78,7 +78,7 @@ def reference_fits(
     ini    0.0  30.72  0.07    0.04
     fin   51.2  81.92  0.16    0.08
     """
-    estimator = unwrapped(ARXRegressor() if estimator is None else estimator)
+    estimator = unwrapped(models.ARXRegressor() if estimator is None else estimator)
     batch = _batch(estimator)
     layout = raw_layout(estimator, X)
     measured = ~trimmed_rows(estimator, X)
@@ -119,11 +119,11 @@ def _batch(estimator: Any) -> Any:
             "reference_fits takes the orders of an ARX model, or of a pipeline or search that ends "
             f"in one; got {type(model).__name__}."
         )
-    batch = ARXRegressor(**{name: getattr(model, name) for name in SHARED})
+    whole = models.ARXRegressor(**{name: getattr(model, name) for name in SHARED})
     if isinstance(estimator, Pipeline):
         steps = [(name, clone(step)) for name, step in estimator.steps[:-1]]
-        return Pipeline([*steps, ("arxregressor", batch)])
-    return batch
+        return Pipeline([*steps, ("arxregressor", whole)])
+    return whole
 
 
 def _bounds(window: Any, layout: Any, measured: np.ndarray, length: float) -> tuple[Any, ...]:

@@ -20,6 +20,7 @@ from ..greybox.cores import neutral_gains
 from ..greybox.simulator import Simulator
 
 LONGEST = 2**15  # samples
+SPARE = 8  # draws for one, since some are out of bounds
 N_TIMES = 2000  # instants in a run
 PULSE = 0.1  # s, or four samples
 BEFORE, AFTER = 2.0, 20.0  # s around a pulse
@@ -148,15 +149,17 @@ class Bench:
         unit = np.where(scale > 0, scale, 1.0)
         rng = np.random.default_rng(seed)
         drawn = rng.multivariate_normal(
-            np.zeros(mean.size), covariance / np.outer(unit, unit), size=n, method="eigh"
+            np.zeros(mean.size), covariance / np.outer(unit, unit), size=SPARE * n, method="eigh"
         )
         drawn = mean + drawn * unit
-        limits = self.effect.limits(self.made_up(run_times(self)))
-        for i, key in enumerate(self.values):
-            low, high = limits[key]
-            drawn[:, i] = np.clip(drawn[:, i], min(low, mean[i]), max(high, mean[i]))
         k = len(own)
-        return [(dict(zip(self.values, row[:k].tolist(), strict=True)), row[k:]) for row in drawn]
+        limits = self.effect.limits(self.made_up(run_times(self)))
+        low, high = np.array([limits[key] for key in self.values]).reshape(-1, 2).T
+        low, high = np.minimum(low, mean[:k]), np.maximum(high, mean[:k])
+        # Draws within the bounds that the estimate keeps to; not moved there, lest they pile up.
+        inside = np.all((drawn[:, :k] >= low) & (drawn[:, :k] <= high), axis=1)
+        rows = drawn[inside][:n]
+        return [(dict(zip(self.values, row[:k].tolist(), strict=True)), row[k:]) for row in rows]
 
     def amplitude(self, signal: str) -> float:
         """The largest value that a picture of a map needs: of the runs, or likely by the fit."""

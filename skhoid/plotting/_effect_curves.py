@@ -105,7 +105,7 @@ def signal_map(bench: Bench, signal: str) -> Response:
     part = slice(None) if loop else slice(half)
     name = bench.error if signal == "e" else bench.model._output_name
     unit = bench.unit(name if signal == "e" else "u")
-    what = "error" if signal == "e" else "output"
+    what = _answered(bench) if signal == "e" else "output"
     return Response(
         "loop" if loop else "map",
         late[part],
@@ -134,7 +134,7 @@ def added_command(bench: Bench) -> Response:
         "map",
         x,
         lines,
-        with_unit(f"error {bench.error}", bench.unit(bench.error)),
+        with_unit(f"{_answered(bench)} {bench.error}", bench.unit(bench.error)),
         with_unit("added to the command", bench.unit("u")),
         without=Curve(x, np.zeros(N_WAVE)),
         measured=bench.met(bench.error),
@@ -193,7 +193,7 @@ def _parameter_response(
             x,
             lambda values, theta: _parameters(bench, record, values, theta),
             xlabel,
-            "delay, s",
+            "delay, s" if bench.core.kind != "arx" else "delay beside nk, s",
             without=Curve(x, np.full(x.size, core_delay(bench, bench.theta))),
             measured=real,
         )
@@ -382,3 +382,8 @@ def tremor(bench: Bench) -> Response:
         without=Curve(t, np.zeros(t.size)),
         note="its phase is not known",
     )
+
+
+def _answered(bench: Bench) -> str:
+    """What the core answers, in words."""
+    return "input" if bench.core.kind == "arx" else "error"

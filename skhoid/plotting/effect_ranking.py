@@ -190,9 +190,9 @@ class EffectRankingDisplay:
             lw=0.0,
             label=label,
         )
-        words = [f"{gain:+.1f}"] if np.isfinite(gain) else []
-        if np.isfinite(row["delta_bic"]):
-            words.append(f"ΔBIC {row['delta_bic']:+.0f}".replace("-", "−"))
+        bic = float(row["delta_bic"])
+        words = [f"{round(gain, 1) + 0.0:+.1f}"] if np.isfinite(gain) else []  # no -0.0
+        words += [f"ΔBIC {round(bic) + 0.0:+.0f}"] if np.isfinite(bic) else []
         cut = " (cut)" if gain < left else ""
         self.words_[name] = self.ax_.annotate(
             ", ".join(words).replace("-", "−") + cut,

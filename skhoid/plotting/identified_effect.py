@@ -20,6 +20,7 @@ from ._effect_curves import effect_curves
 WITHOUT = "without the effect"
 BAND = "95 % band"
 BINS = 60
+LEAST_GAIN = 1.5  # up and down on the axis, so that a small effect looks small
 CROWDED = 72  # letters in a line of the title
 
 
@@ -208,10 +209,13 @@ class IdentifiedEffectDisplay:
         if found.kind == "gain":
             panel.set_xscale("log")
             panel.set_yscale("log")
+            low, high = panel.get_ylim()
+            panel.set_ylim(min(low, 1 / LEAST_GAIN), max(high, LEAST_GAIN))
             plain_logarithmic(panel.xaxis)
             plain_logarithmic(panel.yaxis)
         elif found.kind in ("gains", "delay"):
-            panel.set_ylim(bottom=min(0.0, panel.get_ylim()[0]))
+            low, high = panel.get_ylim()
+            panel.set_ylim(min(0.0, low), high + 0.05 * abs(high))
         else:
             panel.axhline(0.0, color=BLACK, lw=0.6)
         panel.margins(x=0.0)

@@ -42,6 +42,7 @@ def make_tracking_runs(
     display: str | Parameter = "compensatory",
     operator: Any = None,
     controlled_element: ControlledElement | None = None,
+    effects: Any = None,
     adaptation_lag: float = 0.0,
     perturbation: Mapping[str, Parameter] | None = None,
     open_loop: bool = False,
@@ -59,8 +60,8 @@ def make_tracking_runs(
     condition : {"C1", ..., "C6"}, Condition or CompensatoryTask, default="C1"
         What is controlled and by whom, see :func:`tracking_condition` and
         :func:`mixed_condition`. A whole task brings its sampling rate, duration, run-in, forcing
-        functions, display, operator, controlled element and transport, which must then not be
-        given.
+        functions, display, operator, controlled element, effects and transport, which must then
+        not be given.
     n_runs : int, default=5
         Number of runs; they differ in remnant and, where asked, in phases.
     remnant_intensity : float, default=0.0
@@ -77,7 +78,7 @@ def make_tracking_runs(
     duration : float, default=81.92
         Length of a run in s.
     run_in : float or None, default=None
-        Time simulated before, in s; None means seven times ``duration``.
+        Time simulated before, in s; None means seven times ``duration``, with effects 20 s.
     keep_run_in : float, default=0.0
         Also return so much of it, in s, at negative time.
     target, disturbance : Multisine, callable, array or None, default=None
@@ -91,6 +92,10 @@ def make_tracking_runs(
         Replaces that of the condition.
     controlled_element : ControlledElement or None, default=None
         Replaces that of the condition.
+    effects : Effect, Effects, list of these or None, default=None
+        What the operator does beyond linear dynamics, such as ``DeadZone(width=0.3)``; see
+        :mod:`skhoid.effects`. All parameters need numbers. The remnant's gain is still the one that
+        gives ``remnant_intensity`` without effects.
     adaptation_lag : float, default=0.0
         The operator's parameters follow so much later, in s, than the controlled element's; an
         operator that anticipates has a negative lag.
@@ -161,6 +166,7 @@ def make_tracking_runs(
         "display": display,
         "operator": operator,
         "controlled_element": controlled_element,
+        "effects": effects,
         "transport": transport,
     }
     defaults = signature(make_tracking_runs).parameters

@@ -9,11 +9,13 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from .. import _kernels
+from ..effects.composition import Effects
 from ..exceptions import UnstableLoopError
 from ..human.variation import evaluate
 from .forcing import Multisine
 from .physics import ARXResponse, Delay, physics_rows, response_of
 from .record import TrackingRecord
+from .with_effects import track_with_effects
 
 if TYPE_CHECKING:
     from .loop import CompensatoryTask
@@ -58,7 +60,8 @@ def simulate(
     given_noise = None if noise is None else _given_noise(noise, int(n_runs), n_total)
     entropy = entropy_of(random_state)
     response, physics = response_of(task), physics_rows(task)
-    if task.is_constant:
+    has_effects = len(Effects.of(task.effects)) > 0
+    if task.is_constant and not has_effects:
         _check_stability(task, physics, response)
     filter_ = np.zeros(10) if remnant is None else remnant.filter_coefficients()
     forcing = {name: None if random_phases else _forcing(task, name) for name in STREAMS}
@@ -79,19 +82,30 @@ def simulate(
             _drawn_forcing(task, name, entropy, runs) if shared is None else shared
             for name, shared in forcing.items()
         )
-        track = _kernels.loop.track_one if len(runs) == 1 else _kernels.loop.track_many
-        out, lost = track(
-            f_t,
-            f_d,
-            white,
-            *physics,
-            filter_,
-            *response.arguments,
-            1 / rate,
-            0.0 if open_loop else 1.0,
-            first,
-            np.inf if task.is_constant else _bound(f_t, f_d),
-        )
+        compiled = _kernels.loop.track_one if len(runs) == 1 else _kernels.loop.track_many
+
+        def track(
+            f_t: np.ndarray, f_d: np.ndarray, white: np.ndarray, rows: np.ndarray, begin: int = 0
+        ) -> tuple[np.ndarray, np.ndarray]:
+            return compiled(
+                f_t,
+                f_d,
+                white,
+                rows,
+                physics[1],
+                filter_,
+                *response.arguments,
+                1 / rate,
+                0.0 if open_loop else 1.0,
+                begin,
+                np.inf if task.is_constant or has_effects else _bound(f_t, f_d),
+            )
+
+        if has_effects:
+            out = track_with_effects(task, track, f_t, f_d, white, physics[0])[:, first:]
+            lost = np.full(len(runs), -1)
+        else:
+            out, lost = track(f_t, f_d, white, physics[0], first)
         return out, lost, f_t[first:].T, f_d[first:].T
 
     many = _kernels.loop.MANY

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arx.channel import is_arx
+from ..effects.composition import Effects
 from ..human import ControlledElement, HumanOperator
 from ..human.checks import check_positive
 from ..human.operator import PURSUIT
@@ -19,6 +20,7 @@ from .forcing import Multisine, Samples
 from .physics import DISPLAYS, parameters_of, physics_rows, response_of
 from .record import TrackingRecord
 from .remnant import Remnant
+from .with_effects import RUN_IN, check_effects
 
 RUN_IN_WINDOWS = 7
 
@@ -50,12 +52,16 @@ class CompensatoryTask:
         Measurement window in s; what is beyond a whole number of samples is left out.
     run_in : float or None, default=None
         Time simulated before the window, in s, for transients to die out; None means seven
-        windows, as in the thesis.
+        windows, as in the thesis, and 20 s with ``effects``.
     sampling_rate : float, default=100.0
         Rate of samples and of integration steps in Hz.
     transport : {"held", "interpolated"} or None, default=None
         How the delay is kept: by whole samples, held over the step (App. D), or by interpolating
         linearly between samples (App. A). None holds whole samples and interpolates others.
+    effects : Effect, Effects, list of these or None, default=None
+        What the operator does beyond its linear dynamics, with numbers for all parameters; see
+        :mod:`skhoid.effects`. Remnant is added behind them. Of open choices, such as the form,
+        the first is taken.
 
     Raises
     ------
@@ -90,6 +96,7 @@ class CompensatoryTask:
     run_in: float | None = None
     sampling_rate: float = 100.0
     transport: str | None = None
+    effects: Any = None
 
     def __post_init__(self) -> None:
         check_positive(self, "duration", "sampling_rate")
@@ -139,6 +146,8 @@ class CompensatoryTask:
                     f"CompensatoryTask: {name} is a Multisine, a function of time, an array, a "
                     f"number or None; got {given!r}."
                 )
+        if len(Effects.of(self.effects)):
+            check_effects(self)
         if not isinstance(self.operator, HumanOperator):
             if not is_arx(self.operator):
                 raise TypeError(
@@ -182,6 +191,8 @@ class CompensatoryTask:
     @property
     def n_run_in(self) -> int:
         """Number of samples before the window."""
+        if self.run_in is None and len(Effects.of(self.effects)):
+            return round(RUN_IN * self.sampling_rate)
         if self.run_in is None:
             return RUN_IN_WINDOWS * self.n_samples
         return round(self.run_in * self.sampling_rate)

@@ -38,7 +38,7 @@ class TrackingRecord:
 
     @property
     def u_without_remnant(self) -> np.ndarray:
-        """The operator's linear response u - n, of shape (n_runs, n_samples)."""
+        """The operator's response u - n, of shape (n_runs, n_samples)."""
         return self.u - self.n
 
     def intensity(self) -> np.ndarray:

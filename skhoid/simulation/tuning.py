@@ -38,7 +38,8 @@ def tune_remnant(
     forcing functions and K_n times the answer to the noise: each is simulated once, and the root is
     that of an explicit function of K_n. Where the operator's gains follow a Sigmoid,
     Step or Ramp, or else the controlled element, K_n follows it too, between the gains for the
-    parameters at its two ends, as in conditions C3-C6. In other cases K_n is constant.
+    parameters at its two ends, as in conditions C3-C6. In other cases K_n is constant. Effects are
+    left out.
 
     Parameters
     ----------
@@ -150,6 +151,7 @@ class _Curve:
     @classmethod
     def of(cls, task: CompensatoryTask, n_realisations: int, options: dict[str, Any]) -> _Curve:
         assert task.remnant is not None
+        task = replace(task, run_in=task.n_run_in / task.sampling_rate, effects=None)  # is linear
         forced = simulate(replace(task, remnant=None), 1)
         unit = replace(task.remnant, intensity=None, gain=1.0)
         alone = replace(task, remnant=unit, target=None, disturbance=None)

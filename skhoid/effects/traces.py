@@ -1,0 +1,71 @@
+"""What an output alone shows of effects that act behind the remnant."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .record import Record
+
+PILED = 0.02  # of the samples, at least, lie at a stop
+PILED_RATES = 0.10  # of the rates lie at the greatest rate
+RECURRING = 0.02  # as many distinct values as this share of the samples, at most, are levels
+COARSE = 0.1  # standard deviations of the output, at least, is a step
+
+
+def step_of(record: Record) -> float | None:
+    """Typical distance of the levels that the output takes; None where it takes no few."""
+    return record.once("step", lambda: _step(record))
+
+
+def _step(record: Record) -> float | None:
+    y, spread = _output(record)
+    if spread == 0.0:
+        return None
+    rounded = np.unique(np.round(y / spread, 6))
+    if rounded.size < 2 or rounded.size > RECURRING * y.size:
+        return None
+    step = float(np.median(np.diff(rounded)))
+    return step * spread if step > COARSE else None
+
+
+def stop_of(record: Record) -> tuple[float, float] | None:
+    """Share of the samples that lie at a stop, and where it is; None where they do not pile up."""
+    return record.once("stop", lambda: _stop(record))
+
+
+def _stop(record: Record) -> tuple[float, float] | None:
+    y, spread = _output(record)
+    if spread == 0.0 or step_of(record) is not None:
+        return None
+    best = (0.0, 0.0)
+    for side in (1.0, -1.0):
+        top = float(np.max(side * y))
+        best = max(best, (float(np.mean(side * y > top - 1e-3 * spread)), top))
+    if best[0] < PILED / 2 or best[1] <= 0.0:
+        return None
+    both = float(np.mean(np.abs(y) > best[1] - 1e-3 * spread))
+    share = max(both, best[0])
+    return (share, best[1]) if share > PILED else None
+
+
+def fastest_of(record: Record) -> tuple[float, float] | None:
+    """Share of the rates that lie at the greatest rate, and that rate per second."""
+    return record.once("fastest", lambda: _fastest(record))
+
+
+def _fastest(record: Record) -> tuple[float, float] | None:
+    if record.y is None or step_of(record) is not None:
+        return None
+    rates = np.abs(np.diff(record.y, axis=0))[record.known[1:] & record.known[:-1]] / record.dt
+    top = float(np.quantile(rates, 0.998)) if rates.size else 0.0
+    if not top > 0.0:
+        return None
+    share = float(np.mean(np.abs(rates - top) < 2e-3 * top))
+    return (share, top) if share > PILED_RATES else None
+
+
+def _output(record: Record) -> tuple[np.ndarray, float]:
+    if record.y is None:
+        return np.zeros(1), 0.0
+    y = record.y[record.known]
+    return y, float(np.std(y)) if y.size else 0.0

@@ -1,0 +1,158 @@
+"""Effects in the loop: the answer of the simulation that also fits, put into the loop in sweeps.
+
+Up to any instant the operator's answer to a known error is known, and that answer moves the error
+only after the delay. So the loop is closed stretch by stretch: answer and error are computed in
+turn until neither changes, which a few sweeps reach for a stretch of some delays. In this way
+effects are simulated by their own ``apply``, those of users too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..effects.base import Effect
+from ..effects.composition import Effects
+from ..effects.record import Record
+from ..effects.signals import Gains
+from ..exceptions import UnstableLoopError
+from ..greybox.cores import OperatorCore
+from ..greybox.simulator import Simulator
+from ..human import HumanOperator
+from ..human.variation import evaluate
+
+if TYPE_CHECKING:
+    from .loop import CompensatoryTask
+
+RUN_IN = 20.0  # s; seven windows are for loops that hardly damp
+STRETCH = 2.0  # delays
+SHORTEST = 0.1  # s, of a stretch
+AHEAD = 3.0  # s of the forcing functions that a preview may ask for
+SWEEPS = 100
+SAME = 1e-9  # of the forcing functions
+LOST = 1e2  # times the forcing functions: such an error is no tracking
+
+OPERATOR_GAINS = range(2, 6)  # columns of the physics, see _kernels.loop
+
+
+class _Operator(Effect):
+    """The gains of a HumanOperator, which may vary in time, as factors on gains of 1."""
+
+    name = "operator"
+    place = "gain"
+
+    def __init__(self, *, operator: HumanOperator):
+        self.operator = operator
+
+    def apply(self, signal: Gains, record: Record, **values: float) -> Gains:
+        given = self.operator.over_time(record.t[:, 0])
+        error, rate, omega, zeta = (
+            given[name][:, None] for name in ("K_e", "K_edot", "omega_nm", "zeta_nm")
+        )
+        return Gains(error, rate, omega, zeta)
+
+
+def check_effects(task: CompensatoryTask) -> None:
+    """Refuse effects whose numbers are open, and operators that take none."""
+    effects = Effects.of(task.effects)
+    if not isinstance(task.operator, HumanOperator):
+        raise ValueError(
+            "CompensatoryTask: effects are those of a HumanOperator; the operator is a "
+            f"{type(task.operator).__name__}."
+        )
+    if task.display != "compensatory":
+        raise ValueError(
+            "CompensatoryTask: with effects the display is 'compensatory'; the effects "
+            "feedforward and output_feedback answer target and output."
+        )
+    for name, effect in effects:
+        if effect.name == "tremor":
+            raise ValueError("CompensatoryTask: tremor is noise; add a sine of your own to y.")
+        if effect.free:
+            missing = ", ".join(f"{p.name}=" for p in effect.free)
+            raise ValueError(
+                f"CompensatoryTask: the effect {name} needs numbers to be simulated: "
+                f"{type(effect).__name__}({missing})."
+            )
+
+
+def chosen(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Effects:
+    """The effects with open choices (form, channel) made: the first of each."""
+    window = t[:, 0] > -0.5 / task.sampling_rate
+    record = _record(task, {n: c[window] for n, c in channels.items()}, t[window])
+    steps = []
+    for name, effect in Effects.of(task.effects):
+        reason = effect.refusal(record, OperatorCore(task.operator.tau_e).kind)
+        if reason is not None:
+            raise ValueError(f"CompensatoryTask: the effect {name} does not apply: {reason}.")
+        steps.append((name, effect.variants(record)[0]))
+    return Effects(steps)
+
+
+def track_with_effects(
+    task: CompensatoryTask,
+    track: Callable[..., tuple[np.ndarray, np.ndarray]],
+    f_t: np.ndarray,
+    f_d: np.ndarray,
+    white: np.ndarray,
+    physics: np.ndarray,
+) -> np.ndarray:
+    """Signals e, u, x, n of runs of a task with effects, of shape (4, n_total, n_runs).
+
+    ``track(f_t, f_d, white, physics)`` runs the loop of ``_kernels.loop`` from its first sample.
+    """
+    n_total, dt = white.shape[0], 1 / task.sampling_rate
+    t = (np.arange(-task.n_run_in, task.n_samples) * dt)[:, None]
+    out = track(f_t, f_d, white, physics)[0]
+    silent = physics.copy()
+    silent[:, OPERATOR_GAINS] = 0.0
+    channels = {"e": out[0], "x": out[2], "f_t": np.broadcast_to(f_t, out[0].shape)}
+    if f_d.any():
+        channels["dist"] = np.broadcast_to(f_d, out[0].shape)
+    effects = Effects([("operator", _Operator(operator=task.operator))])
+    effects = Effects([*effects.steps, *chosen(task, channels, t).steps])
+    core, ones = OperatorCore(task.operator.tau_e), np.ones(4)
+
+    answer = np.zeros(out[0].shape)
+    size = max(np.abs(f_t).max(), np.abs(f_d).max()) or 1.0
+    step = max(round(STRETCH * task.operator.tau_e / dt), round(SHORTEST / dt), 1)
+    for end in [*range(step, n_total, step), n_total]:
+        shown = min(end + round(AHEAD / dt), n_total)
+        for _ in range(SWEEPS):
+            record = _record(task, {n: c[:shown] for n, c in channels.items()}, t[:shown])
+            new = Simulator(core, effects, record).run(ones)[:end]
+            change = np.abs(new - answer[:end]).max()
+            answer[:end] = new
+            moved = answer[:end] + (f_d[:end] if f_d.shape[1] > 1 else f_d[:end, :1])
+            out = track(f_t[:end], moved, white[:end], silent)[0]
+            channels["e"][:end], channels["x"][:end] = out[0], out[2]
+            if not change > SAME * size:
+                break
+        else:
+            raise ValueError(
+                f"The loop with the effects {effects.names[1:]} cannot be solved at "
+                f"t = {t[end - 1, 0]:.2f} s: they answer at once what they move themselves."
+            )
+        if not np.abs(out[0]).max() < LOST * size:
+            raise UnstableLoopError(
+                f"The loop with the effects {effects.names[1:]} is unstable: its error passes "
+                f"{LOST:g} times the forcing functions by t = {t[end - 1, 0]:.2f} s."
+            )
+    out[1] += answer
+    return out
+
+
+def _record(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Record:
+    element = task.controlled_element
+    at_start = (float(evaluate(p, np.zeros(1))[0]) for p in (element.K_c, element.omega_b))
+    return Record(
+        dt=1 / task.sampling_rate,
+        t=t,
+        channels=channels,
+        roles={name: name for name in channels},
+        inputs=("e",),
+        known=np.ones(channels["e"].shape, dtype=bool),
+        controlled_element=tuple(at_start),  # type: ignore[arg-type]
+    )

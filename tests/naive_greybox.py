@@ -1,0 +1,154 @@
+"""Slow, readable twins of the kernels that simulate operators with effects: one run, one sample.
+
+They share no code with the package. A signal is a list or one-dimensional array of one run.
+"""
+
+import numpy as np
+from scipy.linalg import expm
+
+
+def delayed(x, delay):
+    """x some samples ago; ``delay`` has a value for each sample, negative ones look ahead."""
+    n = len(x)
+    out = []
+    for k in range(n):
+        at = k - delay[k]
+        before = int(np.floor(at))
+        if at < 0:
+            out.append(0.0)
+        elif before >= n - 1:
+            out.append(x[n - 1])
+        elif before < 1 or before + 2 >= n:
+            out.append(x[before] + (at - before) * (x[before + 1] - x[before]))
+        else:
+            nodes = range(before - 1, before + 3)
+            out.append(lagrange(at, nodes, [x[i] for i in nodes]))
+    return out
+
+
+def lagrange(at, nodes, values):
+    """The polynomial through the nodes, at a place."""
+    total = 0.0
+    for i, value in zip(nodes, values, strict=True):
+        weight = 1.0
+        for j in nodes:
+            if j != i:
+                weight *= (at - j) / (i - j)
+        total += weight * value
+    return total
+
+
+def transition(omega, zeta, dt):
+    """phi, before and after for inputs that are linear between samples (Van Loan's integrals).
+
+    s' = M s + B w, s(k+1) = phi s(k) + before w(k) + after w(k+1), from one matrix exponential of
+    the state with the input and its slope: [M B 0; 0 0 I; 0 0 0].
+    """
+    M = np.array([[-2 * zeta * omega, 1.0], [-(omega**2), 0.0]])
+    B = omega**2 * np.array([[0.0, 1.0], [1.0, 0.0]])
+    together = np.zeros((6, 6))
+    together[:2, :2], together[:2, 2:4], together[2:4, 4:] = M, B, np.eye(2)
+    grown = expm(together * dt)
+    phi, held, sloped = grown[:2, :2], grown[:2, 2:4], grown[:2, 4:]
+    return phi, held - sloped / dt, sloped / dt
+
+
+def second_order(position, rate, matrices, stiffness, bound):
+    """s(k+1) = phi s(k) + before w(k) + after w(k+1), w = (position - stiffness y^3, rate).
+
+    ``matrices`` has phi, before and after for each sample. The spring at the next sample takes the
+    output that the last two point to.
+    """
+    s, last, out = np.zeros(2), 0.0, [0.0]
+    for k in range(len(position) - 1):
+        phi, before, after = matrices[k]
+        ahead = s[0] + (s[0] - last)
+        now = np.array([position[k] - stiffness * s[0] ** 3, rate[k]])
+        then = np.array([position[k + 1] - stiffness * ahead**3, rate[k + 1]])
+        last = s[0]
+        s = phi @ s + before @ now + after @ then
+        if stiffness:
+            s[0] = min(max(s[0], -bound), bound)
+        out.append(s[0])
+    return out
+
+
+def arx_response(x, a, b, stiffness, constant, bound):
+    """A(q) y = B(q) (x - stiffness y^3) + constant; with b_0, y of now is predicted first."""
+    y, spring = [], []
+
+    def limited(value):
+        return min(max(value, -bound), bound)
+
+    for k in range(len(x)):
+        past = constant - sum(a[i] * y[k - 1 - i] for i in range(len(a)) if k - 1 - i >= 0)
+        past += sum(b[i] * (x[k - i] - spring[k - i]) for i in range(1, len(b)) if k - i >= 0)
+        value = past + b[0] * x[k]
+        if stiffness and b[0] != 0:
+            value = past + b[0] * (x[k] - stiffness * limited(value) ** 3)
+        y.append(limited(value))
+        spring.append(stiffness * y[-1] ** 3)
+    return y
+
+
+def whitened(signal, ar, weight):
+    """weight(k) (x(k) + a_1 x(k-1) + ... + a_6 x(k-6)), zero for the first six samples."""
+    out = [0.0] * 6
+    for k in range(6, len(signal)):
+        total = signal[k] + sum(a * signal[k - 1 - i] for i, a in enumerate(ar))
+        out.append(weight[k] * total)
+    return out
+
+
+def held_by_clock(x, period, phase):
+    """Sample and hold at phase, phase + period, ... (in samples, x linear between them).
+
+    A sample in whose step the clock ticked shows the mean over that step, as what follows it
+    integrates.
+    """
+    n = len(x)
+    out = []
+    ticks = [phase + i * period for i in range(int(np.ceil(max(n - phase, 0) / period)) + 1)]
+    value = 0.0
+    for k in range(n):
+        mean = value
+        for tick in ticks:
+            if (k == 0 and tick <= 0) or (k > 0 and k - 1 < tick <= k):
+                late = k - tick if k > 0 else 0.0  # of the step lies behind the tick
+                value = (1 - late) * x[k] + (late * x[k - 1] if k > 0 else 0.0)
+                mean = late * value + (1 - late) * mean
+        out.append(mean)
+    return out
+
+
+def held_by_event(x, watched, period, threshold, phase):
+    """Take a sample where ``watched`` moved by more than the threshold, ``period`` apart."""
+    out, value, seen, due = [], 0.0, 0.0, phase
+    for k in range(len(x)):
+        if k >= due and abs(watched[k] - seen) > threshold:
+            value, seen, due = x[k], watched[k], k + period
+        out.append(value)
+    return out
+
+
+def rate_limited(x, step):
+    """Follow x by at most a step a sample."""
+    out = [x[0]]
+    for value in x[1:]:
+        low, high = out[-1] - step, out[-1] + step
+        out.append(low if value < low else high if value > high else value)
+    return out
+
+
+def stuck(x, breakaway, kinetic):
+    """At rest until x is further than ``breakaway``; then ``kinetic`` behind x, till x turns."""
+    out, direction, place = [], 0, x[0]
+    for value in x:
+        if direction and direction * (value - direction * kinetic - place) <= 0:
+            direction = 0
+        if not direction and abs(value - place) > breakaway:
+            direction = 1 if value > place else -1
+        if direction:
+            place = value - direction * kinetic
+        out.append(place)
+    return out
