@@ -20,9 +20,9 @@ from ..greybox.base import Prepared, likelihood_fit
 from ..greybox.fitting import Criterion
 from ..human.controlled_element import ControlledElement
 from .leftover import leftovers
-from .search_engine import Fold, Path, Search, Step, forward
+from .search_engine import Fold, Path, Search, Step, forward, further_changes
 from .search_results import ceiling_of, error_path, gap_of, ranking_table, walked
-from .search_words import experiment, summary_of
+from .search_words import changes_in_words, experiment, summary_of
 from .signatures import tremor
 
 GUARD = 5.0  # s beside held-out blocks of a single run
@@ -86,6 +86,8 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         points, evidence.
     experiments_ : list of str
         What to record to tell apart effects that these data do not.
+    notes_ : list of str
+        What else the summary says: which other parameters change with gains that do.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -204,9 +206,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         steps = walked(search, path)
         names = [n for n in path.model.effects.names if n not in path.steps[0].parent.effects.names]
         left = leftovers(path.model, search.folds)
-        trembling = (
-            tremor(record, record.y - path.model.output) if search.tries_tremor else None
-        )
+        trembling = tremor(record, record.y - path.model.output) if search.tries_tremor else None
         ceiling = ceiling_of(self.baseline_, X, y)
         rest, rest_sd = gap_of(model, X, y)
         gained = steps[-1].vaf - steps[0].vaf
@@ -236,6 +236,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.error_path_ = error_path(record, steps, names, ceiling, worst)
         self.predictions_ = self._held_out_frame(prepared, steps, names, X, y)
         self.ranking_ = ranking_table(path, self.display, trembling, model)
+        self.notes_ = changes_in_words(further_changes(search, path))
         self.experiments_ = [
             experiment(row["effect"], other)
             for _, row in self.ranking_[self.ranking_["status"] == "added"].iterrows()
@@ -271,7 +272,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             self.verdict_,
             self.unexplained_,
             self.experiments_,
-            [],
+            self.notes_,
         )
 
     def predict(self, X: Any) -> np.ndarray:

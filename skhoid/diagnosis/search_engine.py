@@ -12,7 +12,7 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
 from ..greybox.cores import Core
-from ..greybox.fitting import Criterion, Noise, whitened_derivatives
+from ..greybox.fitting import Criterion, Noise, minimise, whitened_derivatives
 from ..greybox.model import Model, extended
 from ..greybox.simulator import Simulator
 from .signatures import signatures
@@ -273,6 +273,35 @@ def path_of_length(path: Path, n: int) -> Model:
         if len(step.parent.effects) == n:
             return step.parent
     return path.model
+
+
+def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float, float]]:
+    """Whether neuromuscular frequency and damping change with gains that do.
+
+    Relative change, its standard error and the p-value of the likelihood ratio, by parameter; empty
+    where no gain changes by a sigmoid.
+    """
+    found: dict[str, tuple[float, float, float]] = {}
+    names = [n for n, e in path.model.effects if e.name == "tv_gain"]
+    if not names or not search.core.kind.startswith("operator"):
+        return found
+    criterion = Criterion(search.record)
+    criterion.set_noise(criterion.noise_of(path.model.output))
+    fewer = path.model.refined(criterion)
+    for parameter in ("omega_nm_change", "zeta_nm_change"):
+        freed = [
+            (n, e.with_choices(**{parameter: None}) if n == names[0] else e)
+            for n, e in path.model.effects
+        ]
+        simulator = Simulator(search.core, Effects(freed), search.record)
+        full = f"{names[0]}__{parameter}"
+        start = np.array([{**fewer.values(), full: 0.0}[n] for n in simulator.names])
+        model = Model(simulator, minimise(simulator, criterion, start))
+        at = simulator.names.index(full)
+        ratio = criterion.n * np.log(fewer.sse / model.sse)
+        sd = float(np.sqrt(model.covariance()[at, at]))
+        found[parameter] = (float(model.theta[at]), sd, float(chi2.sf(max(ratio, 0.0), 1)))
+    return found
 
 
 def better(search: Search, one: Model, other: Model) -> bool:

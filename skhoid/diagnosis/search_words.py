@@ -62,6 +62,17 @@ def words_of(effect: Effect, display: str) -> str:
     return effect.physics
 
 
+def changes_in_words(changes: dict[str, tuple[float, float, float]]) -> list[str]:
+    """Which neuromuscular parameters change with the gains, as sentences."""
+    lines = []
+    for name, (value, sd, p) in changes.items():
+        parameter = name.removesuffix("_change")
+        # Both are asked for each change: a share of one in a hundred for the two together.
+        verb = "changes too" if p < 0.005 else "does not change"
+        lines.append(f"{parameter} {verb}: by {100 * value:.0f} ± {100 * sd:.0f} % (p = {p:.2g})")
+    return lines
+
+
 def experiment(one: str, other: str) -> str:
     """What to record to tell two effects apart."""
     told = EXPERIMENTS.get(frozenset({one, other}), ANY_EXPERIMENT)

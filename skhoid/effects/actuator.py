@@ -16,8 +16,9 @@ from .traces import step_of, stop_of
 class Saturation(Effect):
     """Stops: the output stays within limits.
 
-    ``"hard"``: min(max(u, -limit), limit); ``"soft"``: limit tanh(u / limit); ``"behind"``: the
-    mean of the hard one over remnant that passes it too, with standard deviation ``remnant``.
+    ``"hard"``: min(max(u, -limit), limit); ``"unequal"``: from -limit (1 - skew) to limit (1 +
+    skew); ``"soft"``: limit tanh(u / limit); ``"behind"``: the mean of the hard one over remnant
+    that passes it too, with standard deviation ``remnant``.
 
     Parameters
     ----------
@@ -26,8 +27,10 @@ class Saturation(Effect):
     remnant : float or None, default=None
         Standard deviation of the remnant before the stop, in units of the output, of
         ``"behind"``; None estimates it.
-    form : {"hard", "soft", "behind"} or None, default=None
-        None tries the first two, and the third where samples pile up at a stop.
+    skew : float or None, default=None
+        Half the relative difference of the stops, of ``"unequal"``; None estimates it.
+    form : {"hard", "soft", "unequal", "behind"} or None, default=None
+        None tries the first three, and the last where samples pile up at a stop.
 
     References
     ----------
@@ -51,34 +54,46 @@ class Saturation(Effect):
         *,
         limit: float | None = None,
         remnant: float | None = None,
+        skew: float | None = None,
         form: str | None = None,
     ):
         self.limit = limit
         self.remnant = remnant
+        self.skew = skew
         self.form = form
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         limit = Parameter("limit", "{u}", 0.1, 4.0, (0.8, 1.6), "u", "greatest deflection")
+        if self.form == "unequal":
+            skew = Parameter("skew", "-", -0.95, 0.95, (-0.3, 0.3), "", "of the stops")
+            return (limit, skew)
         if self.form != "behind":
             return (limit,)
         return (limit, Parameter("remnant", "{u}", 0.01, 2.0, (0.3,), "u", "before the stop"))
 
     def variants(self, record: Record) -> list[Effect]:
         # Behind the remnant a stop shows in the output itself.
-        forms = ("hard", "soft", "behind") if stop_of(record) else ("hard", "soft")
+        forms: tuple[str, ...] = ("hard", "soft", "unequal")
+        if stop_of(record):
+            forms += ("behind",)
         chosen = forms if self.form is None else (self.form,)
         return [self.with_choices(form=form) for form in chosen]
 
     def apply(
-        self, signal: np.ndarray, record: Record, limit: float, remnant: float = 0.0
+        self,
+        signal: np.ndarray,
+        record: Record,
+        limit: float,
+        remnant: float = 0.0,
+        skew: float = 0.0,
     ) -> np.ndarray:
         if self.form == "soft":
             return limit * np.tanh(signal / limit)
         if self.form == "behind":
             above, below = (signal - limit) / remnant, (signal + limit) / remnant
             return remnant * (_mean_above_zero(below) - _mean_above_zero(above)) - limit
-        return np.clip(signal, -limit, limit)
+        return np.clip(signal, -limit * (1 - skew), limit * (1 + skew))
 
 
 def _mean_above_zero(x: np.ndarray) -> np.ndarray:

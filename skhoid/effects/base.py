@@ -95,24 +95,26 @@ class Effect(BaseEstimator):
 
     Examples
     --------
-    A response that grows with the square root of the error:
+    A response that grows ever more slowly with the error:
 
     >>> import numpy as np
     >>> from skhoid.effects import Effect, Parameter
-    >>> class SquareRoot(Effect):
-    ...     name = "square_root"
+    >>> class Compressed(Effect):
+    ...     name = "compressed"
     ...     place = "input"
     ...     physics = "Large errors are answered less than in proportion."
-    ...     formula = "e' = sign(e) sqrt(|e| knee)"
-    ...     parameters = (Parameter("knee", "{e}", 0.01, 10.0, starts=(1.0,), scale="e"),)
-    ...
+    ...     formula = "e' = knee asinh(e / knee)"
+    ...     parameters = (
+    ...         Parameter(
+    ...             "knee", "{e}", 0.01, 10.0, starts=(1.0,), scale="e", meaning="of the answer"
+    ...         ),
+    ...     )
     ...     def __init__(self, *, knee=None):
     ...         self.knee = knee
-    ...
     ...     def apply(self, signal, record, knee):
-    ...         return np.sign(signal) * np.sqrt(np.abs(signal) * knee)
-    >>> SquareRoot(knee=2.0)
-    SquareRoot(knee=2.0)
+    ...         return knee * np.arcsinh(signal / knee)
+    >>> Compressed(knee=2.0)
+    Compressed(knee=2.0)
     """
 
     name: ClassVar[str]
@@ -166,6 +168,13 @@ class Effect(BaseEstimator):
     @property
     def neutral(self) -> dict[str, float]:
         """Values at which the effect does nothing, where there are such."""
+        return {}
+
+    def derived(self, values: dict[str, float]) -> dict[str, tuple[float, str, str]]:
+        """Further numbers of a fitted effect: value, unit and meaning by name.
+
+        ``values`` holds the parameters of the core and, by their plain names, those of the effect.
+        """
         return {}
 
     @property

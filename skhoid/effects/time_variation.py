@@ -99,6 +99,16 @@ class TimeVaryingGain(Effect):
             return [variant.with_choices(K_edot_change=0.0) for variant in made]
         return made
 
+    def derived(self, values: dict[str, float]) -> dict[str, tuple[float, str, str]]:
+        found = {}
+        units = {"K_e": "{u}/{e}", "K_edot": "{u} s/{e}", "omega_nm": "rad/s", "zeta_nm": "-"}
+        for name, unit in units.items():
+            change = values.get(f"{name}_change", 0.0)
+            if name in values and change != 0.0:
+                after = values[name] * (1 + change)
+                found[f"{name}_after"] = (after, unit, f"{name} after the change")
+        return found
+
     def apply(
         self,
         signal: Gains,

@@ -59,10 +59,40 @@ def parameter_table(
         spec = {p.name: p for p in effect.parameters_on(simulator.record)}
         for key, value in effect.fixed.items():
             add(f"{name}__{key}", value, 0.0, spec[key].unit, f"{spec[key].meaning} (given)")
+        for key, (value, s, unit, meaning) in derived(simulator, theta, covariance, name).items():
+            add(f"{name}__{key}", value, s, unit, meaning)
     table = pd.DataFrame(
         rows, columns=["parameter", "value", "sd", "low", "high", "unit", "meaning"]
     )
     return table.set_index("parameter")
+
+
+def derived(
+    simulator: Simulator, theta: np.ndarray, covariance: np.ndarray, name: str
+) -> dict[str, tuple[float, float, str, str]]:
+    """Numbers that follow from those of an effect, with standard errors by linearisation."""
+    effect = dict(simulator.effects.steps)[name]
+
+    def at(point: np.ndarray) -> dict[str, tuple[float, str, str]]:
+        values = dict(zip(simulator.names, point.tolist(), strict=True))
+        own = {k.split("__", 1)[1]: v for k, v in values.items() if k.startswith(f"{name}__")}
+        return effect.derived({**values, **effect.fixed, **own})
+
+    here = at(theta)
+    known = np.flatnonzero(np.isfinite(np.diag(covariance)))
+    slopes: dict[str, np.ndarray] = {key: np.zeros(theta.size) for key in here}
+    for i in known:
+        h = 1e-6 * max(abs(theta[i]), 1e-6)
+        moved = theta.copy()
+        moved[i] += h
+        for key, (value, _, _) in at(moved).items():
+            slopes[key][i] = (value - here[key][0]) / h
+    found = {}
+    for key, (value, unit, meaning) in here.items():
+        slope = slopes[key][known]
+        variance = float(slope @ covariance[np.ix_(known, known)] @ slope)
+        found[key] = (value, float(np.sqrt(max(variance, 0.0))), unit, meaning)
+    return found
 
 
 def arx_parameter_table(names: list[str], theta: np.ndarray, sd: np.ndarray) -> pd.DataFrame:

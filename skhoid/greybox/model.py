@@ -213,9 +213,7 @@ def start_beside(
     return np.clip([known[n] for n in simulator.names], simulator.low, simulator.high)
 
 
-def searched(
-    model: Model, name: str, criterion: Criterion, sizes: tuple[float, ...]
-) -> Model:
+def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, ...]) -> Model:
     """Pattern search over the parameters of an effect whose response is not smooth in them.
 
     The other parameters follow each step.
