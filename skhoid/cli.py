@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import math
 import secrets
 import sys
 import warnings
@@ -13,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import __version__
+from ._cli_effects import add_effect_commands
+from ._cli_files import add_file_options, as_json, at_least_one, read_files
 
 if TYPE_CHECKING:
     from .arx.identify import Identification
@@ -76,12 +76,6 @@ def _show_warning() -> Callable[..., None]:
     return show
 
 
-def _at_least_one(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number, at least 1; got {text!r}")
-    return int(text)
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="skhoid", description="Identify human operators from recorded control loops."
@@ -99,23 +93,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.set_defaults(action=_identify)
     add = command.add_argument
-    add("files", nargs="*", metavar="FILES", help="CSV, Parquet or MAT files, or patterns")
+    add_file_options(add)
     add("--input", nargs="+", default=["e"], metavar="NAME", help="input channels (default: e)")
-    add("--output", default="u", metavar="NAME", help="output channel (default: u)")
-    add("--time", metavar="NAME", help="time channel, in seconds")
-    add("--run", metavar="NAME", help="column with run labels (default: one file is one run)")
-    add("--dt", type=float, metavar="S", help="sampling time, for files without a time channel")
-    add(
-        "--unit",
-        action="append",
-        default=[],
-        metavar="NAME=UNIT",
-        help="unit of a channel; 'ms' for time converts it; may be repeated",
-    )
     add("--run-in", type=float, metavar="S", help="discard this much at the start of each run")
     add(
         "--decimate",
-        type=_at_least_one,
+        type=at_least_one,
         default=1,
         metavar="D",
         help="decimation factor (default: 1)",
@@ -133,11 +116,6 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="no intercept, and VAF with the means kept, as the thesis does",
     )
-    add(
-        "--resample",
-        action="store_true",
-        help="bring an irregular clock onto a regular grid by interpolation first",
-    )
     add("--out", default="skhoid-identify", metavar="FOLDER", help="folder for the pictures")
     add("--no-pictures", action="store_true", help="draw nothing")
     add("--json", action="store_true", help="print the results as JSON")
@@ -154,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(action=_simulate)
     add = command.add_argument
     add("--condition", default="C1", metavar="C", help="C1 to C6 (Table III; default: C1)")
-    add("--runs", type=_at_least_one, default=5, metavar="N", help="number of runs (default: 5)")
+    add("--runs", type=at_least_one, default=5, metavar="N", help="number of runs (default: 5)")
     add("--remnant", type=float, default=0.0, metavar="P", help="P_n, such as 0.15 (default: 0)")
     add("--remnant-order", default="2", metavar="M", help="1, 2, 3, 4 or nm (default: 2)")
     add("--channels", nargs="+", default=["e"], metavar="NAME", help="e, x, f_t, dist (default: e)")
@@ -166,6 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--overwrite", action="store_true", help="replace FILE if it exists")
     add("--picture", metavar="FILE", help="draw the first run, with the spread of the others")
     add("--debug", action="store_true", help="show tracebacks")
+    add_effect_commands(commands)
     return parser
 
 
@@ -238,7 +217,7 @@ def _identify(options: argparse.Namespace) -> int:
     )
     pictures = [] if options.no_pictures else _draw(found, Path(options.out))
     if options.json:
-        print(json.dumps(_finite(_as_dict(found, source, pictures)), indent=2, allow_nan=False))
+        print(as_json(_as_dict(found, source, pictures)))
     else:
         _print(found, source, pictures, options.criterion)
     return 0
@@ -251,38 +230,20 @@ def _progress() -> tuple[Any, ...]:
 
 
 def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
-    from . import load_human_tracking, read_runs, resample_runs
+    if options.files:
+        X, y = read_files(options, options.input)
+        return X, y, ", ".join(options.files)
+    from . import load_human_tracking
 
-    if not options.files:
-        X, y = load_human_tracking("difficulty 80")
-        return (
-            X,
-            y,
-            (
-                "bundled recording: a person follows a pseudo-random target with a mouse "
-                "(Matic 2022, MIT licence)"
-            ),
-        )
-    if options.time is None and options.dt is None:
-        raise ValueError("Say where time comes from: --time NAME, or --dt SECONDS.")
-    units = {}
-    for item in options.unit:
-        name, sign, unit = item.partition("=")
-        if not sign:
-            raise ValueError(f"--unit takes NAME=UNIT, such as e=deg; got {item!r}.")
-        units[name] = unit
-    X, y = read_runs(
-        options.files,
-        inputs=options.input,
-        output=options.output,
-        time=options.time,
-        run=options.run,
-        units=units or None,
-        dt=options.dt,
+    X, y = load_human_tracking("difficulty 80")
+    return (
+        X,
+        y,
+        (
+            "bundled recording: a person follows a pseudo-random target with a mouse "
+            "(Matic 2022, MIT licence)"
+        ),
     )
-    if options.resample:
-        X, y = resample_runs(X, y, dt=options.dt)
-    return X, y, ", ".join(options.files)
 
 
 def _draw(found: Identification, folder: Path) -> list[str]:
@@ -334,15 +295,6 @@ def _as_dict(found: Identification, source: str, pictures: list[str]) -> dict[st
         "models": [model.as_dict() for model in found.models],
         "pictures": pictures,
     }
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no NaN: null stands for it."""
-    if isinstance(value, dict):
-        return {key: _finite(v) for key, v in value.items()}
-    if isinstance(value, list):
-        return [_finite(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _clock(found: Identification) -> str:

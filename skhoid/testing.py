@@ -22,6 +22,8 @@ from .greybox.cores import ARXCore, OperatorCore, neutral_gains
 from .greybox.simulator import Simulator
 from .human.controlled_element import ControlledElement
 
+__all__ = ["check_effect", "synthetic_record"]
+
 DT = 0.02  # s
 DURATION = 24.0  # s
 N_RUNS = 3

@@ -13,6 +13,7 @@ PUBLIC_MODULES = [
     "skhoid.simulation",
     "skhoid.frequency",
     "skhoid.plotting",
+    "skhoid.testing",
 ]
 
 

@@ -16,8 +16,8 @@ OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
 def delayed(x, delay):
     """Signals ``delay`` samples ago, of shape (1 or n_samples, 1 or n_runs), may be negative.
 
-    Interpolates by cubic Lagrange polynomials; zero before the first sample, and the last
-    value after the last.
+    Interpolates by cubic Lagrange polynomials; before the first sample and after the last their
+    values hold.
     """
     n, runs = x.shape
     out = np.empty((n, runs))
@@ -36,8 +36,8 @@ def delayed(x, delay):
             continue
         for j in range(runs):
             at = k - delay[min(k, delay.shape[0] - 1), min(j, delay.shape[1] - 1)]
-            if at < 0.0:
-                out[k, j] = 0.0
+            if at <= 0.0:
+                out[k, j] = x[0, j]
                 continue
             i = int(np.floor(at))
             if i >= n - 1:

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
-from sklearn.model_selection import check_cv
 from sklearn.utils.validation import check_is_fitted
 from threadpoolctl import threadpool_limits
 
 from .._sklearn import HasMethods, Interval, StrOptions, fit_context
+from ..arx.searches.folds import folds_of
 from ..effects.base import Effect
 from ..effects.catalogue import CLASSES
 from ..effects.composition import Effects
@@ -183,13 +183,10 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             return [Fold(t, known & ~t) for t in tests]
         if self.cv is None:
             return _blocks(known, round(GUARD / record.dt))
-        groups = prepared.grid.layout.run_of(np.arange(prepared.grid.layout.n_rows))
         folds = []
-        for _, held in check_cv(self.cv).split(X, y, groups):
-            rows = np.zeros(prepared.grid.layout.n_rows, dtype=bool)
-            rows[held] = True
-            thinned = rows if prepared.grid.rows is None else rows[prepared.grid.rows]
-            test = lanes.beside(thinned, fill=False) & known
+        for fold in folds_of(X, y, prepared.grid.layout, self.cv):
+            rows = fold.test if prepared.grid.rows is None else fold.test[prepared.grid.rows]
+            test = lanes.beside(rows, fill=False) & known
             folds.append(Fold(test, known & ~test))
         return folds
 
@@ -202,6 +199,8 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.baseline_._set_model(likelihood_fit(path.steps[0].parent, Criterion(record)))
         final = likelihood_fit(path.model, Criterion(record))
         model._set_model(final)
+        if len(path.model.effects):
+            model.effects = path.model.effects  # choices made, numbers to be estimated
         self.best_estimator_ = model
         steps = walked(search, path)
         names = [n for n in path.model.effects.names if n not in path.steps[0].parent.effects.names]

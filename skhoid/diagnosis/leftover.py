@@ -101,7 +101,9 @@ def _judged(
         fewer = _solved(g[:n_own, :n_own], g[:n_own, -1])
         e0 = residual[test] - fewer @ plain[:n_own, test]
         e1 = residual[test] - full @ plain[:, test]
-        gained += float(e0 @ e0 - e1 @ e1)
+        left = residual[test]
+        # Own parameters that move beyond their linearisation would make any family look good.
+        gained += min(float(e0 @ e0), float(left @ left)) - float(e1 @ e1)
         total += float((criterion.y[test] ** 2).sum())
     points = 100 * gained / max(total, 1e-300)
     return (points, float(evidence)) if points > 0 else None
@@ -175,14 +177,18 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
             [np.broadcast_to(s, output.shape).copy() for s in shapes],
         )
     )
-    lags = np.linspace(0.06, LONGEST_LAG, LAGS)
+    lags = record.time_unit * np.linspace(0.06, LONGEST_LAG, LAGS)
     for name, channel in record.channels.items():
         if name in record.inputs:
             continue
         role = record.roles.get(name, "")
         centred = channel - channel[record.known].mean()
         # What the loop moves can give the output back without a delay.
-        seconds = lags if role in ("x", "") or role.startswith("motion") else lags - 0.5
+        seconds = (
+            lags
+            if role in ("x", "") or role.startswith("motion")
+            else lags - 0.5 * record.time_unit
+        )
         found.append(
             (
                 "channel",
@@ -203,7 +209,7 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
             "the linear dynamics differ",
             [
                 with_probe("path", lambda c, r, s=s: c.plus(0.1 * r.delayed(error, s)), False)
-                for s in np.linspace(0.0, 2.0, LAGS)
+                for s in record.time_unit * np.linspace(0.0, 2.0, LAGS)
             ],
         )
     )

@@ -23,13 +23,13 @@ from .effect_search import EffectSearchCV
 HIDDEN: dict[str, Effect] = {
     e.name: e
     for e in (
-        DeadZone(width=0.3, form="gap"),
+        DeadZone(width=0.3),
         AsymmetricGain(asymmetry=0.3),
-        CubicGain(hardening=0.5, form="cubic"),
-        Saturation(limit=0.1, form="sharp"),
+        CubicGain(hardening=0.5),
+        Saturation(limit=0.1),
         RateLimit(limit=0.2),
         Backlash(gap=0.03),
-        Quantised(step=0.1, offset=0.0, form="sharp"),
+        Quantised(step=0.1, offset=0.0),
         Bias(level=0.05),
         Drift(rate=0.002),
         GainDrift(rate=-0.008),
@@ -68,7 +68,11 @@ class Story:
     >>> from skhoid.diagnosis.story import Story
     >>> from skhoid.effects import Bias
     >>> X, y = make_tracking_runs(
-    ...     n_runs=2, remnant_intensity=0.05, random_state=0, sampling_rate=50, effects=Bias(level=0.1)
+    ...     n_runs=2,
+    ...     remnant_intensity=0.05,
+    ...     random_state=0,
+    ...     sampling_rate=50,
+    ...     effects=Bias(level=0.1),
     ... )
     >>> story = Story(EffectSearchCV(OperatorRegressor(), effects=["bias", "drift"]), X, y)
     >>> told = list(story.tell())
@@ -106,7 +110,7 @@ class Story:
 
     def _measured(self) -> Iterator[str]:
         model = self.baseline_
-        layout = read_layout(self.X, model.dt, model.run)
+        layout = read_layout(self.X, dt=model.dt, run=model.run)
         n_runs = len(layout.labels)
         runs = "1 run" if n_runs == 1 else f"{n_runs} runs"
         yield (
@@ -150,7 +154,8 @@ class Story:
                 f"{high:.1f}), the rest is remnant: {found.explainable_gap:.1f} points are left"
             )
         else:
-            yield f"  how much of the rest is remnant is not known: {found.ceiling_note}"
+            why = found.ceiling_note.removeprefix("none: ")
+            yield f"  how much of the rest is remnant is not known: {why}"
         for finding in found.findings[:SHOWN]:
             cost = f" ({finding.severity:.1f} points)" if np.isfinite(finding.severity) else ""
             yield f"  - {finding.title}{cost}"
@@ -165,8 +170,8 @@ class Story:
             aside = f" ({refused} do not apply)" if refused else ""
             yield ""
             yield (
-                f"Search, step {number}: {len(tried)} effects tried{aside}, on runs held out of the "
-                "fit"
+                f"Search, step {number}: {len(tried)} effects tried{aside}, judged on rows held "
+                "out of the fit"
             )
             tried = tried[tried["delta_bic"].notna()]
             for _, row in tried.head(SHOWN).iterrows():
@@ -194,9 +199,12 @@ class Story:
             yield "  what no effect of the catalogue explains:"
             for _, row in search.unexplained_.iterrows():
                 yield f"  - {row['description']} ({row['where']}): {row['points']:.1f} points"
-        gap = search.error_path_["explainable_gap"].iloc[-1]
-        if np.isfinite(gap):
-            yield f"  left to explain: {max(gap, 0.0):.1f} points of VAF; the rest is remnant"
+        last = search.error_path_.iloc[-1]
+        if np.isfinite(last["ceiling"]):
+            gap = max(last["explainable_gap"], 0.0)
+            yield f"  left to explain: {gap:.1f} points of VAF; the rest is remnant"
+        else:
+            yield "  how much is left to explain is not known: there is no noise ceiling"
         for sentence in search.experiments_:
             yield f"  note: {sentence}"
 
@@ -208,7 +216,7 @@ class Story:
         found : dict
         """
         search, compared = self.search_, self.comparison_
-        layout = read_layout(self.X, self.baseline_.dt, self.baseline_.run)
+        layout = read_layout(self.X, dt=self.baseline_.dt, run=self.baseline_.run)
         comparison = None
         if compared is not None:
             comparison = {
@@ -242,6 +250,8 @@ def parameter_line(model: Any) -> str:
     """All estimated parameters of a model with standard errors and units, in one line."""
     parts = []
     for name, row in model.parameters_.iterrows():
+        if "__" in str(name) and row["sd"] == 0.0:  # given by the choice of a form
+            continue
         unit = "" if row["unit"] in ("-", "") else f" {row['unit']}"
         error = f" ± {row['sd']:.2g}" if np.isfinite(row["sd"]) and row["sd"] > 0 else ""
         parts.append(f"{name} = {row['value']:.4g}{error}{unit}")
@@ -249,10 +259,10 @@ def parameter_line(model: Any) -> str:
 
 
 def candidate_line(row: pd.Series) -> str:
-    """One candidate of a ranking: what it gains, how likely it is, and its parameters."""
+    """One candidate of a ranking: what it reaches, how likely it is, and its parameters."""
     form = f" ({row['form']})" if row["form"] else ""
     text = (
-        f"{row['rank']}. {row['effect']}{form}: VAF {row['vaf_gain']:+.2f} points, evidence "
+        f"{row['rank']}. {row['effect']}{form}: VAF {row['vaf_after']:.2f} %, evidence "
         f"{row['delta_bic']:+.0f}"
     )
     return f"{text}; {row['parameters']}" if row["parameters"] else text

@@ -10,7 +10,7 @@ from scipy.special import ndtr
 from .. import _kernels
 from .base import Effect, Parameter
 from .record import Record
-from .traces import step_of, stop_of
+from .traces import stop_of
 
 
 class Saturation(Effect):
@@ -230,7 +230,7 @@ class Quantised(Effect):
     remnant : float or None, default=None
         Standard deviation of the remnant before it, in steps, of ``"behind"``; None estimates it.
     form : {"sharp", "behind"} or None, default=None
-        None tries the first, and the second where the output takes few values.
+        None tries both.
 
     References
     ----------
@@ -239,8 +239,8 @@ class Quantised(Effect):
     Examples
     --------
     >>> from skhoid.effects import Quantised
-    >>> Quantised().smooth
-    False
+    >>> Quantised(step=0.1).fixed
+    {'step': 0.1}
     """
 
     name = "quantised"
@@ -248,7 +248,6 @@ class Quantised(Effect):
     physics = "The output moves in steps: keys, detents, or a coarse converter."
     formula = "u' = step round(u / step - offset)"
     source = "Widrow and Kollar (2008)"
-    smooth = False
 
     def __init__(
         self,
@@ -267,19 +266,20 @@ class Quantised(Effect):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         steps = tuple(np.geomspace(0.3, 2.5, 8).tolist())
         offset = Parameter("offset", "-", -0.6, 0.6, (0.0, 0.5), "", "of thresholds, in steps")
+        step = Parameter("step", "{u}", 0.05, 6.0, steps, "u", "of levels")
         if self.form == "behind":
-            return (
-                Parameter("step", "{u}", 0.05, 6.0, tuple(steps[3:]), "u", "of levels"),
-                offset,
-                Parameter("remnant", "-", 0.05, 1.0, (0.2,), "", "before the levels, in steps"),
-            )
-        return (Parameter("step", "{u}", 0.05, 6.0, steps, "u", "of levels"), offset)
+            remnant = Parameter("remnant", "-", 0.12, 1.0, (0.2,), "", "before levels, in steps")
+            return (step, offset, remnant)
+        return (step, offset)
+
+    @property
+    def smooth(self) -> bool:  # type: ignore[override]
+        return self.form == "behind"
 
     def variants(self, record: Record) -> list[Effect]:
-        # Behind the remnant levels show in the output itself.
-        forms = ("sharp", "behind") if step_of(record) else ("sharp",)
-        chosen = forms if self.form is None else (self.form,)
-        return [self.with_choices(form=form) for form in chosen]
+        # The smooth form comes first: the other starts from what it finds as well.
+        forms = ("behind", "sharp") if self.form is None else (self.form,)
+        return [self.with_choices(form=form) for form in forms]
 
     def apply(
         self, signal: np.ndarray, record: Record, step: float, offset: float, remnant: float = 0.0
@@ -287,11 +287,11 @@ class Quantised(Effect):
         place = signal / step - offset
         if self.form != "behind":
             return step * np.round(place)
-        mean = place.copy()
-        for k in range(1, 4):
-            weight = (-1) ** k / (np.pi * k) * np.exp(-2 * (np.pi * k * remnant) ** 2)
-            mean += weight * np.sin(2 * np.pi * k * place)
-        return step * mean
+        # Sines of once, twice and three times the angle make the steps, smoothed by the remnant.
+        sine, cosine = np.sin(2 * np.pi * place), np.cos(2 * np.pi * place)
+        first, second, third = np.exp(-2 * (np.pi * remnant * np.arange(1, 4)) ** 2) / np.pi
+        steps = second * sine * cosine - first * sine - third / 3 * sine * (3 - 4 * sine * sine)
+        return step * (place + steps)
 
 
 class HardeningStiffness(Effect):

@@ -109,8 +109,10 @@ class Effect(BaseEstimator):
     ...             "knee", "{e}", 0.01, 10.0, starts=(1.0,), scale="e", meaning="of the answer"
     ...         ),
     ...     )
+    ...
     ...     def __init__(self, *, knee=None):
     ...         self.knee = knee
+    ...
     ...     def apply(self, signal, record, knee):
     ...         return knee * np.arcsinh(signal / knee)
     >>> Compressed(knee=2.0)
@@ -123,7 +125,7 @@ class Effect(BaseEstimator):
     formula: ClassVar[str] = ""
     source: ClassVar[str] = ""
     parameters: tuple[Parameter, ...] = ()
-    smooth: ClassVar[bool] = True
+    smooth: bool = True
 
     def apply(self, signal: Any, record: Record, **values: float) -> Any:
         """What comes out of the effect when ``signal`` goes in, at values of the parameters."""

@@ -145,7 +145,12 @@ class Record:
     def delayed(self, signal: np.ndarray, delay: float | np.ndarray) -> np.ndarray:
         """A signal some seconds ago; negative delays look ahead."""
         samples = np.atleast_2d(np.asarray(delay, dtype=float)) / self.dt
-        return _kernels.greybox.delayed(_kernels.gate(signal), _kernels.gate(samples))
+        late = _kernels.greybox.delayed(_kernels.gate(signal), _kernels.gate(samples))
+        if self.core == "arx":  # at rest before the recording, as its lags are
+            late[
+                np.arange(late.shape[0])[:, None] < np.broadcast_to(samples, late.shape) - 1e-9
+            ] = 0.0
+        return late
 
     def once(self, key: Any, compute: Callable[[], Any]) -> Any:
         """What ``compute`` returns, computed once for a key."""

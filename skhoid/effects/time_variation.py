@@ -103,9 +103,8 @@ class TimeVaryingGain(Effect):
         found = {}
         units = {"K_e": "{u}/{e}", "K_edot": "{u} s/{e}", "omega_nm": "rad/s", "zeta_nm": "-"}
         for name, unit in units.items():
-            change = values.get(f"{name}_change", 0.0)
-            if name in values and change != 0.0:
-                after = values[name] * (1 + change)
+            if name in values and getattr(self, f"{name}_change") is None:
+                after = values[name] * (1 + values[f"{name}_change"])
                 found[f"{name}_after"] = (after, unit, f"{name} after the change")
         return found
 
@@ -335,7 +334,7 @@ def silent_stretches(record: Record) -> list[tuple[float, float]]:
     weight = record.dt / (0.15 * record.time_unit)
     against = np.where(known, (y - answer) ** 2 - y**2, 0.0) / (2 * variance) * weight
     evidence = np.clip(against, -5 * weight, 5 * weight).sum(axis=1)
-    cost = 8.0  # of a change of state: log odds of one in half a minute at 100 Hz
+    cost = 5.0  # of a change of state; the likelihood judges the stretches together later
     n = evidence.size
     score = np.array([0.0, -cost])
     came = np.zeros((n, 2), dtype=np.int8)

@@ -16,6 +16,7 @@ HOLDS_CLOCK = tuple(np.arange(0.1, 0.9, 0.1).round(2).tolist())
 SCANS = (10.0, 32.0, 100.0)  # s of the runs
 COHERENT = 0.12  # ticks that a clock may be off at the end of a scan
 KEPT_HOLDS = 6
+SCANNED_DELAYS, KEPT_DELAYS = 40, 6
 HOLDS_EVENT = (0.02, 0.1, 0.2, 0.3, 0.4)
 
 
@@ -65,6 +66,15 @@ class WrongDelay(Effect):
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
         low, high = super().limits(record)["extra"]
         return {"extra": (max(low, -record.ahead), high)}
+
+    def scanned(self, error_of: Callable[..., float], record: Record) -> list[dict[str, float]]:
+        """Whole samples of an ARX model, whose input may be rough between them."""
+        if record.core != "arx" or self.extra is not None:
+            return []
+        low, high = (round(limit / record.dt) for limit in self.limits(record)["extra"])
+        samples = np.unique(np.linspace(low, high, SCANNED_DELAYS).round())
+        errors = [error_of({"extra": n * record.dt}, record.duration) for n in samples]
+        return [{"extra": float(samples[i] * record.dt)} for i in np.argsort(errors)[:KEPT_DELAYS]]
 
     def apply(self, signal: Any, record: Record, extra: float) -> Any:
         return signal + extra
@@ -201,11 +211,14 @@ class Intermittent(Effect):
             return []
         unit = record.time_unit
         duration = record.duration / unit
+        # Of a fast system the settling can be longer than a scan.
+        settled = record.dt * int(record.known.any(axis=1).argmax())
+        begin = settled if record.core == "arx" else 0.0
         holds = [0.15]
         while holds[-1] < 0.9:
             holds.append(holds[-1] + COHERENT * holds[-1] ** 2 / SCANS[0])
         for i, seconds in enumerate(SCANS):
-            errors = [error_of(self._ticking(h * unit), seconds * unit) for h in holds]
+            errors = [error_of(self._ticking(h * unit), begin + seconds * unit) for h in holds]
             best = [holds[j] for j in np.argsort(errors)[: KEPT_HOLDS >> i]]
             if seconds >= duration:
                 break

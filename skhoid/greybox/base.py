@@ -84,16 +84,16 @@ class GreyBox(RunRegressor):
     def _prepare(self, X: Any, y: Any) -> Prepared:
         """Read data to fit."""
         grid, _, output, values = self._read_data(X, y)
-        if (
-            self._takes_first and self.inputs is None and len(self._columns) > 1
-        ):  # none has the role e
+        if self._takes_first and self.inputs is None and len(self._columns) > 1:
+            # None has the role e.
             self._columns, self.inputs_ = self._columns[:1], self.inputs_[:1]
         if len(self._columns) != 1:
             raise ValueError(
                 f"{type(self).__name__} with effects answers one channel and gets {self.inputs_}. "
                 'Name it by inputs=["..."]; effects use the other columns.'
             )
-        skipped = None if self._run is None else run_column(self._names or [], self._run)
+        columns = self._names or list(range(values.shape[1]))
+        skipped = None if self._run is None else run_column(columns, self._run)
         self._channels = [i for i in range(values.shape[1]) if i != skipped]
         names = self._channel_names(self._channels)
         self._roles = roles_of(names, self.roles)
@@ -167,7 +167,7 @@ class GreyBox(RunRegressor):
         names = self._channel_names(self._channels)
         held = self._hold(grid, grid.thin_inputs(values)[:, self._channels], names)
         element = self.controlled_element_
-        return build_record(
+        record, lanes = build_record(
             grid,
             names,
             held,
@@ -175,6 +175,7 @@ class GreyBox(RunRegressor):
             self.inputs_,
             controlled_element=None if element is None else (element.K_c, element.omega_b),  # type: ignore[arg-type]
         )
+        return self._core().on(record), lanes
 
     def _simulated(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         """Free run on the grid with effects."""

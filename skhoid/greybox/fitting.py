@@ -166,9 +166,11 @@ def minimise(
         for _retry in range(6):
             step = np.zeros_like(theta)
             block = normal[np.ix_(free, free)]
-            diagonal = np.maximum(np.diag(block), 1e-12 * np.trace(block) + 1e-300)
+            # Scaled, lest units decide what is small.
+            d = np.sqrt(np.where(np.diag(block) > 0, np.diag(block), 1.0))
+            scaled = block / np.outer(d, d) + damping * np.eye(d.size)
             try:
-                step[free] = np.linalg.solve(block + damping * np.diag(diagonal), gradient[free])
+                step[free] = np.linalg.solve(scaled, gradient[free] / d) / d
             except np.linalg.LinAlgError:
                 damping *= 10
                 continue

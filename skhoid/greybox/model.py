@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
+from .arx_starts import arx_starts
 from .cores import Core, OperatorCore
 from .fitting import Criterion, Fit, minimise
 from .simulator import Simulator
@@ -23,15 +25,22 @@ ALIKE = 0.9  # of the gain of the best variant
 HOPEFUL = 1.0  # times the parent's squares, at most, before a search
 COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
 FINE_SIZES = (0.04, 0.013, 0.004)
+BEFORE_ARX = ("input", "delay", "gain", "path", "command")
+N_ROUNDS = 2  # of least squares beside an effect
 LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
 @dataclass
 class Model:
-    """A simulator with parameters at a minimum."""
+    """A simulator with parameters at a minimum.
+
+    ``other_core`` are plain parameters of the core to start from as well, where the
+    minimum lies at a bound: what is missing has bent it then.
+    """
 
     simulator: Simulator
     fit: Fit
+    other_core: dict[str, float] | None = None
 
     @property
     def effects(self) -> Effects:
@@ -66,12 +75,25 @@ class Model:
     def refined(self, criterion: Criterion, max_iter: int = 12, tol: float = 1e-5) -> Model:
         """The same model at the minimum of another criterion nearby."""
         fit = minimise(self.simulator, criterion, self.theta, max_iter=max_iter, tol=tol)
-        return Model(self.simulator, fit)
+        return Model(self.simulator, fit, self.other_core)
 
 
 def fit_core(core: Core, record: Record, criterion: Criterion, starts: np.ndarray) -> Model:
     """The core without effects, from the best of some starts."""
     return best_of(Simulator(core, Effects([]), record), criterion, starts)
+
+
+def fit_operator(core: OperatorCore, record: Record, criterion: Criterion) -> Model:
+    """An operator without effects; see ``Model.other_core`` for where it ends at a bound."""
+    starts = operator_starts(core, record, criterion)
+    model = fit_core(core, record, criterion, starts)
+    simulator = model.simulator
+    dynamic = np.array([name in ("omega_nm", "zeta_nm") for name in simulator.names])
+    at_bound = (model.theta <= simulator.low) | (model.theta >= simulator.high)
+    if (at_bound & dynamic).any():
+        plain = minimise(simulator, criterion, starts[0], fixed=dynamic)
+        model.other_core = dict(zip(simulator.names, plain.theta.tolist(), strict=True))
+    return model
 
 
 def operator_starts(core: OperatorCore, record: Record, criterion: Criterion) -> np.ndarray:
@@ -87,17 +109,15 @@ def operator_starts(core: OperatorCore, record: Record, criterion: Criterion) ->
                 for gains in ((1.0, 0.0), (0.0, 1.0)):
                     theta[:2] = gains
                     by_gain.append(simulator.run(theta)[:: criterion.thin])
-                table = criterion.whitened(np.stack([*by_gain, criterion.y * criterion.known]))
-                a, b, y = table
-                rate_only = max(float(b @ y) / max(float(b @ b), 1e-300), 0.0)
+                a, b, y = criterion.whitened(np.stack([*by_gain, criterion.y]))
                 solved = np.linalg.lstsq(np.stack([a, b], 1), y, rcond=None)[0]
                 if solved[1] < 0:
                     solved = np.array([float(a @ y) / max(float(a @ a), 1e-300), 0.0])
                 residual = y - solved[0] * a - solved[1] * b
                 theta[:2] = solved
-                found.append((float(residual @ residual), rate_only, theta.copy()))
+                found.append((float(residual @ residual), theta.copy()))
     found.sort(key=lambda item: item[0])
-    return np.array([theta for _, _, theta in found[:4]])
+    return np.array([theta for _, theta in found[:4]])
 
 
 def best_of(
@@ -148,15 +168,23 @@ def extended(
     core = parent.simulator.core
     before = coarse.sse(Simulator(core, parent.effects, coarse.record).run(parent.theta))
     explored: list[tuple[float, int, Effect, Fit]] = []
+    last: dict[str, float] = {}
     for number, variant in enumerate(effect.variants(record)):
         together = Effects([*parent.effects.steps, (name, variant)])
         simulator = Simulator(core, together, coarse.record)
         scan = _Scan(parent, name, variant, coarse)
         values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
         starts = [start_beside(parent, simulator, name, v) for v in values]
+        if core.kind == "arx" and effect.place in BEFORE_ARX:
+            starts = [restarted(simulator, coarse, start) for start in starts]
+        if parent.other_core is not None:
+            starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]
+        if set(simulator.names) <= set(last):  # what the variant before found
+            starts.insert(0, np.array([last[n] for n in simulator.names]))
         fit = best_of(simulator, coarse, starts, explore=True).fit
         if not variant.smooth and fit.sse < HOPEFUL * before:
             fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
+        last = dict(zip(simulator.names, fit.theta.tolist(), strict=True))
         explored.append((fit.sse, number, variant, fit))
     explored.sort(key=lambda item: item[:2])
     finished: list[tuple[int, Model]] = []
@@ -168,7 +196,7 @@ def extended(
         if finished and (not promising or before - sse < ALIKE * gain):
             break
         full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)
-        model = Model(simulator, full)
+        model = Model(simulator, full, parent.other_core)
         if promising and not variant.smooth:
             model = searched(model, name, criterion, FINE_SIZES)
         finished.append((number, model))
@@ -177,6 +205,20 @@ def extended(
     # Of variants that are as good the first is the plainest, and physical.
     near = [item for item in finished if criterion.n * np.log(item[1].sse / least) < AS_GOOD]
     return min(near, key=lambda item: item[0])[1]
+
+
+def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
+    """Parameters with the ARX coefficients that least squares give for what reaches the core.
+
+    They depend so much on what is before them, on a delay most of all, that those without the
+    effect lead to another minimum.
+    """
+    core: Any = simulator.core
+    simulator.run(theta)
+    x = simulator.last_state.command.position
+    rest = theta[len(core.parameters) :]
+    again = [np.r_[own, rest] for own in arx_starts(core, simulator.record, x, N_ROUNDS)]
+    return min([theta, *again], key=lambda t: scaled_sse(simulator, criterion, t))
 
 
 class _Scan:
@@ -198,13 +240,17 @@ class _Scan:
 
 
 def start_beside(
-    parent: Model, simulator: Simulator, name: str, values: dict[str, float]
+    parent: Model,
+    simulator: Simulator,
+    name: str,
+    values: dict[str, float],
+    core: dict[str, float] | None = None,
 ) -> np.ndarray:
     """Parameters of the parent and start values of a further effect as one vector.
 
-    A start value called ``+tau_e`` is added to the parent's.
+    A start value called ``+tau_e`` is added to the parent's. ``core`` replaces parameters of it.
     """
-    known = parent.values()
+    known = {**parent.values(), **(core or {})}
     for key, value in values.items():
         if not key.startswith("+"):
             known[f"{name}__{key}"] = value
@@ -235,4 +281,4 @@ def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, 
                         break
                     best = trial
         best = minimise(simulator, criterion, best.theta, max_iter=4, fixed=fixed)
-    return Model(simulator, best)
+    return Model(simulator, best, model.other_core)

@@ -16,7 +16,7 @@ from ..preprocessing.grid import ModelGrid
 from .base import GreyBox
 from .cores import OperatorCore
 from .fitting import Criterion
-from .model import Model, fit_core, operator_starts
+from .model import Model, fit_operator
 
 
 class OperatorRegressor(GreyBox):
@@ -164,7 +164,7 @@ class OperatorRegressor(GreyBox):
         return OperatorCore(None if self.delay is None else float(self.delay))
 
     def _fitted_core(self, core: Any, record: Record, criterion: Criterion) -> Model:
-        return fit_core(core, record, criterion, operator_starts(core, record, criterion))
+        return fit_operator(core, record, criterion)
 
     def _given_values(self) -> dict[str, float]:
         return {} if self.delay is None else {"tau_e": float(self.delay)}

@@ -150,8 +150,8 @@ class _Curve:
 
     @classmethod
     def of(cls, task: CompensatoryTask, n_realisations: int, options: dict[str, Any]) -> _Curve:
-        assert task.remnant is not None
         task = replace(task, run_in=task.n_run_in / task.sampling_rate, effects=None)  # is linear
+        assert task.remnant is not None
         forced = simulate(replace(task, remnant=None), 1)
         unit = replace(task.remnant, intensity=None, gain=1.0)
         alone = replace(task, remnant=unit, target=None, disturbance=None)
