@@ -30,7 +30,6 @@ OF_LOOP = {
     "lapses": (Hidden(lapses=(2, 1.5), lapses_repeat=True), {"lapses"}),
     "dead_zone": (Hidden(dead_zone=0.6), {"dead_zone"}),
     "asym_gain": (Hidden(asymmetry=0.35), {"asym_gain"}),
-    "cubic_gain": (Hidden(cubic=-0.04), {"cubic_gain"}),
     "feedforward": (Hidden(feedforward=(0.05, 0.3)), {"feedforward"}),
     "bias": (Hidden(bias=0.05), {"bias"}),
     "drift": (Hidden(drift=0.12, bias=-0.06), {"drift"}),
@@ -42,7 +41,7 @@ OF_TRIAL = [
     *("wrong_delay", "intermittent", "gain_drift", "scheduled_gain", "rectified"),
     *("absolute_value", "backlash", "stiction", "hardening_stiffness", "integral", "preview"),
     *("output_feedback", "motion_feedback", "disturbance", "cross_axis", "extra_lead"),
-    *("higher_order", "tremor", "quantised"),
+    *("higher_order", "tremor", "quantised", "cubic_gain"),
 ]
 STUCK = {"intermittent", "stiction", "quantised"}
 OTHER_FORM = pytest.mark.xfail(

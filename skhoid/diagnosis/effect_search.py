@@ -19,14 +19,16 @@ from ..effects.composition import Effects
 from ..greybox.base import Prepared, likelihood_fit
 from ..greybox.fitting import Criterion
 from ..human.controlled_element import ControlledElement
-from .leftover import leftovers
+from .leftover import Leftover, leftovers
 from .search_engine import Fold, Path, Search, Step, forward, further_changes
-from .search_results import ceiling_of, error_path, gap_of, ranking_table, walked
+from .search_results import error_path, gap_of, ranking_table, walked
 from .search_words import changes_in_words, experiment, summary_of
 from .signatures import tremor
 
 GUARD = 5.0  # s beside held-out blocks of a single run
 LEAST_UNEXPLAINED = 0.6  # points
+NOTED = 0.2  # points
+REPEATS = "part of the residual repeats from run to run, or follows the target"
 SMALL_SHARE = 0.1  # of what could be explained may be left beside effects that are named
 LARGE_SHARE = 0.3  # of what could be explained is left: the best effect is no name for it
 SURE = 3.0  # standard errors
@@ -56,6 +58,9 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         What the operator controls. None estimates it from u and x where both are measured.
     max_effects : int, default=4
         Effects to add at most.
+    n_jobs : int or None, default=None
+        Threads that share the candidates of a step; None means 1 unless in a
+        ``joblib.parallel_config``.
 
     Attributes
     ----------
@@ -82,8 +87,8 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         Points of VAF that a better model can gain over the baseline: what repeats over runs, or
         what the effects found gain, whichever is more.
     unexplained_ : DataFrame
-        Structure left in the end: where (time, frequency, amplitude, channel), at, description,
-        points, evidence.
+        Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
+        is the same in all runs), at, description, points, evidence.
     experiments_ : list of str
         What to record to tell apart effects that these data do not.
     notes_ : list of str
@@ -120,6 +125,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         "display": [StrOptions({"compensatory", "pursuit", "preview"})],
         "controlled_element": [ControlledElement, None],
         "max_effects": [Interval(Integral, 0, None, closed="left")],
+        "n_jobs": [Integral, None],
     }
 
     def __init__(
@@ -131,6 +137,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         controlled_element: ControlledElement | None = None,
         *,
         max_effects: int = 4,
+        n_jobs: int | None = None,
     ):
         self.estimator = estimator
         self.effects = effects
@@ -138,6 +145,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.display = display
         self.controlled_element = controlled_element
         self.max_effects = max_effects
+        self.n_jobs = n_jobs
 
     @fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any) -> EffectSearchCV:
@@ -160,7 +168,8 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 model.set_params(controlled_element=self.controlled_element)
             prepared = model._prepare(X, y)
             folds = self._folds(X, y, prepared)
-            search = Search(prepared.core, prepared.record, self._candidates(), folds)
+            candidates = self._candidates()
+            search = Search(prepared.core, prepared.record, candidates, folds, self.n_jobs)
             baseline = model._first_model(prepared)
             path = forward(search, baseline, int(self.max_effects))
             self._set_results(model, prepared, search, path, X, y)
@@ -206,16 +215,18 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         names = [n for n in path.model.effects.names if n not in path.steps[0].parent.effects.names]
         left = leftovers(path.model, search.folds)
         trembling = tremor(record, record.y - path.model.output) if search.tries_tremor else None
-        ceiling = ceiling_of(self.baseline_, X, y)
-        rest, rest_sd = gap_of(model, X, y)
+        gap, gap_sd, vaf = gap_of(self.baseline_, X, y)
+        ceiling = vaf + gap
+        rest, rest_sd, _ = gap_of(model, X, y) if names else (gap, gap_sd, vaf)
         gained = steps[-1].vaf - steps[0].vaf
+        left = [item for item in left if item.points >= NOTED]
+        if rest > SURE * rest_sd and rest >= NOTED:  # not where it is NaN
+            left.insert(0, Leftover("repeats", "output", REPEATS, rest, np.nan))
         self.unexplained_ = pd.DataFrame(
             [vars(item) for item in left],
             columns=["where", "at", "description", "points", "evidence"],
         )
         worst = max([item.points for item in left], default=0.0)
-        if rest > max(SURE * rest_sd, 0.0):
-            worst = max(worst, rest)
         unknown = worst >= LEAST_UNEXPLAINED and worst > SMALL_SHARE * (worst + gained)
         ids = [dict(path.model.effects.steps)[n].name for n in names]
         if trembling is not None:
@@ -230,8 +241,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             if ids
             else "nothing is missing"
         )
-        gap = ceiling - steps[0].vaf
-        self.explainable_gap_ = float(np.nanmax([gap, gained + worst, 0.0]))
+        self.explainable_gap_ = float(np.nanmax([ceiling - steps[0].vaf, gained + worst, 0.0]))
         self.error_path_ = error_path(record, steps, names, ceiling, worst)
         self.predictions_ = self._held_out_frame(prepared, steps, names, X, y)
         self.ranking_ = ranking_table(path, self.display, trembling, model)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from joblib import Parallel, delayed
 from scipy.stats import chi2
 
 from ..effects.base import Effect
@@ -20,6 +21,7 @@ from .signatures import signatures
 LEAST_EVIDENCE = 25.0  # n log(SSE before / after) - k log n of an effect that counts
 LEAST_GAIN = 0.35  # VAF points on held-out rows of an effect that counts
 HOPELESS = 0.002  # of the output's power
+BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
 
 
@@ -126,7 +128,15 @@ def unique_name(effect: Effect, effects: Effects) -> str:
 class Search:
     """Tries effects beside parents, all on the same record and under one noise model a step."""
 
-    def __init__(self, core: Core, record: Record, effects: Sequence[Effect], folds: list[Fold]):
+    def __init__(
+        self,
+        core: Core,
+        record: Record,
+        effects: Sequence[Effect],
+        folds: list[Fold],
+        n_jobs: int | None = None,
+    ):
+        self.n_jobs = n_jobs
         self.core, self.record, self.folds = core, record, folds
         self.effects = [e for e in effects if e.name != "tremor"]  # no input explains it
         self.tries_tremor = len(self.effects) < len(effects)
@@ -143,11 +153,14 @@ class Search:
             if effect.name in taken:
                 continue
             candidate.reason = effect.refusal(self.record, self.core.kind) or ""
-            if not candidate.reason:
-                candidate.model = extended(
-                    parent, candidate.name, effect, self.criterion, self.coarse
-                )
             candidates.append(candidate)
+        tried = [c for c in candidates if not c.reason]
+        assert parent.output is not None  # simulated before threads share it
+        models = Parallel(n_jobs=self.n_jobs, prefer="threads")(
+            delayed(extended)(parent, c.name, c.effect, self.criterion, self.coarse) for c in tried
+        )
+        for candidate, model in zip(tried, models, strict=True):
+            candidate.model = model
         return self.judged(parent, candidates)
 
     def judged(
@@ -239,7 +252,44 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
                 pair = path_of_length(greedy, 2)
                 if better(search, other.model, pair):
                     greedy = follow_from(search, other, most)
-    return without_superfluous(search, greedy)
+    path = without_superfluous(search, fitted_again(search, greedy))
+    return replace(path, model=by_rank(path.model, first))
+
+
+def fitted_again(search: Search, path: Path) -> Path:
+    """Each of several effects fitted anew beside the others: the first was fitted without them."""
+    if len(path.model.effects) < 2:
+        return path
+    model = output_error_fit(path.model)
+    before = model.sse
+    for name, effect in path.model.effects.steps[:-1]:
+        template = next((e for e in search.effects if e.name == effect.name), None)
+        if template is None:
+            continue
+        parent = without(model, name)
+        again = extended(parent, name, template, search.criterion, search.coarse)
+        if again.sse < model.sse:
+            model = again
+    if not model.sse < BETTER_AGAIN * before:
+        return path
+    step = search.judged(model, [])
+    return replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
+
+
+def by_rank(model: Model, first: Step) -> Model:
+    """The same model, its effects in the order in which they help the baseline alone.
+
+    Effects of one place keep their order, in which signals pass them.
+    """
+    rank = {c.name: i for i, c in enumerate(first.candidates) if c.passes}
+    steps = list(model.effects.steps)
+    if len(steps) < 2 or len({effect.place for _, effect in steps}) < len(steps):
+        return model
+    steps.sort(key=lambda step: rank.get(step[0], len(rank)))
+    simulator = Simulator(model.simulator.core, Effects(steps), model.simulator.record)
+    values = model.values()
+    theta = np.array([values[name] for name in simulator.names])
+    return Model(simulator, replace(model.fit, theta=theta), model.other_core)
 
 
 def follow(search: Search, first: Step, start: Candidate | None, most: int) -> Path:

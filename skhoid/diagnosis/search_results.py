@@ -32,19 +32,11 @@ def walked(search: Search, path: Path) -> list[Step]:
     return [search.judged(model, [], noise) for model in reversed(models)]
 
 
-def ceiling_of(model: Any, X: Any, y: Any) -> float:
-    """Noise ceiling in percent; NaN where the data tell none."""
-    gap, _, vaf = _gap(model, X, y)
-    return vaf + gap
+def gap_of(model: Any, X: Any, y: Any) -> tuple[float, float, float]:
+    """Explainable gap of a model in points, its standard error, and the VAF it refers to.
 
-
-def gap_of(model: Any, X: Any, y: Any) -> tuple[float, float]:
-    """Explainable gap of a model in points and its standard error; -inf where unknown."""
-    gap, sd, _ = _gap(model, X, y)
-    return (gap, sd) if np.isfinite(gap) else (-np.inf, 0.0)
-
-
-def _gap(model: Any, X: Any, y: Any) -> tuple[float, float, float]:
+    NaN where the data tell no noise ceiling.
+    """
     try:
         signals = read_signals(model, X, y, run_in=model.settling)
     except ValueError:  # too short for spectra

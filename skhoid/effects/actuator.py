@@ -265,7 +265,7 @@ class Quantised(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         steps = tuple(np.geomspace(0.3, 2.5, 8).tolist())
-        offset = Parameter("offset", "-", -0.6, 0.6, (0.0, 0.5), "", "of thresholds, in steps")
+        offset = Parameter("offset", "-", -0.5, 0.5, (0.0, 0.5), "", "of thresholds, in steps")
         step = Parameter("step", "{u}", 0.05, 6.0, steps, "u", "of levels")
         if self.form == "behind":
             remnant = Parameter("remnant", "-", 0.12, 1.0, (0.2,), "", "before levels, in steps")

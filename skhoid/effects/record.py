@@ -146,10 +146,8 @@ class Record:
         """A signal some seconds ago; negative delays look ahead."""
         samples = np.atleast_2d(np.asarray(delay, dtype=float)) / self.dt
         late = _kernels.greybox.delayed(_kernels.gate(signal), _kernels.gate(samples))
-        if self.core == "arx":  # at rest before the recording, as its lags are
-            late[
-                np.arange(late.shape[0])[:, None] < np.broadcast_to(samples, late.shape) - 1e-9
-            ] = 0.0
+        if self.core == "arx":  # zero before the recording, as its lags are
+            late *= np.clip(1.0 + np.arange(late.shape[0])[:, None] - samples, 0.0, 1.0)
         return late
 
     def once(self, key: Any, compute: Callable[[], Any]) -> Any:

@@ -258,6 +258,9 @@ class Lapses(Effect):
         What the stretches are later than ``intervals``, in seconds; None estimates it.
     intervals : list of (float, float) or None, default=None
         Beginnings and ends in seconds of time in the run; None finds them.
+    form : {"command", "gain"} or None, default=None
+        Whether the command rests, or the gains on error and error's derivative vanish (which kicks
+        at the ends, d/dt (K_edot e)); None tries both.
 
     References
     ----------
@@ -286,7 +289,9 @@ class Lapses(Effect):
         depth: float | None = None,
         shift: float | None = None,
         intervals: Any = None,
+        form: str | None = None,
     ):
+        self.form = form
         self.depth = depth
         self.shift = shift
         self.intervals = intervals
@@ -301,9 +306,9 @@ class Lapses(Effect):
         return 2 * len(self.intervals or ())
 
     def variants(self, record: Record) -> list[Effect]:
-        if self.intervals is not None:
-            return [self]
-        return [self.with_choices(intervals=silent_stretches(record))]
+        found = silent_stretches(record) if self.intervals is None else self.intervals
+        forms = ("command", "gain") if self.form is None else (self.form,)
+        return [self.with_choices(intervals=found, form=form) for form in forms]
 
     def apply(self, signal: Any, record: Record, depth: float, shift: float) -> Any:
         away = np.zeros_like(record.t)

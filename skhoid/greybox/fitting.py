@@ -14,7 +14,7 @@ from .simulator import Simulator
 AR_ORDER = 6  # what the kernel is written for
 WHITE_FLOOR = 3e-3  # of the residual's variance is white at least
 EXPLORED_RUNS = 3
-EXPLORED_STEP = 0.02  # s
+EXPLORED_STEP = 0.04  # s
 STEP = 1e-4  # of finite differences, relative
 COARSE_STEP = 5e-3  # where the response is not smooth
 

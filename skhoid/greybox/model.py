@@ -17,6 +17,7 @@ from .fitting import Criterion, Fit, minimise
 from .simulator import Simulator
 
 N_TRIED = 2  # iterations from every start
+MANY = 4  # starts, of which each gets one iteration only
 N_SCREENED = 10  # starts that are more than simulated once
 N_SCREENED_COARSELY = 4  # the same, where the response is not smooth
 N_KEPT = 2  # starts, and variants, that are followed to the end
@@ -25,8 +26,7 @@ ALIKE = 0.9  # of the gain of the best variant
 HOPEFUL = 1.0  # times the parent's squares, at most, before a search
 COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
 FINE_SIZES = (0.04, 0.013, 0.004)
-BEFORE_ARX = ("input", "delay", "gain", "path", "command")
-N_ROUNDS = 2  # of least squares beside an effect
+N_ROUNDS = 2  # of least squares beside a delay
 LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
@@ -135,8 +135,9 @@ def best_of(
         starts.sort(key=lambda s: scaled_sse(simulator, criterion, s))
         starts = starts[:most]
     if len(starts) > N_KEPT:
+        first = 1 if len(starts) > MANY else N_TRIED
         tried = [
-            minimise(simulator, criterion, np.asarray(s, dtype=float), max_iter=N_TRIED, tol=1e-3)
+            minimise(simulator, criterion, np.asarray(s, dtype=float), max_iter=first, tol=1e-3)
             for s in starts
         ]
         tried.sort(key=lambda fit: fit.sse)
@@ -175,7 +176,7 @@ def extended(
         scan = _Scan(parent, name, variant, coarse)
         values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
         starts = [start_beside(parent, simulator, name, v) for v in values]
-        if core.kind == "arx" and effect.place in BEFORE_ARX:
+        if core.kind == "arx" and effect.place == "delay":
             starts = [restarted(simulator, coarse, start) for start in starts]
         if parent.other_core is not None:
             starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]
@@ -210,8 +211,7 @@ def extended(
 def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
     """Parameters with the ARX coefficients that least squares give for what reaches the core.
 
-    They depend so much on what is before them, on a delay most of all, that those without the
-    effect lead to another minimum.
+    They make up for a wrong delay, and with another delay lead back to where they come from.
     """
     core: Any = simulator.core
     simulator.run(theta)
