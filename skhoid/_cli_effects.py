@@ -142,9 +142,8 @@ def demo(options: argparse.Namespace) -> int:
     if not options.json:
         model = story.search_.best_estimator_
         _print("")
-        _print(
-            f"The truth: hidden {', '.join(names) or 'nothing'}; its answer has VAF {best:.1f} %"
-        )
+        secret = ", ".join(names) or "nothing"
+        _print(f"The truth: hidden {secret}; the true answer has a VAF of {best:.1f} %")
         given = truth.parameters.iloc[0].to_dict()
         given |= {f"{n}__{p}": v for n, e in hidden for p, v in e.fixed.items()}
         for name, row in model.parameters_.iterrows():

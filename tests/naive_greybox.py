@@ -8,14 +8,14 @@ from scipy.linalg import expm
 
 
 def delayed(x, delay):
-    """x some samples ago; ``delay`` has a value for each sample, negative ones look ahead."""
+    """x some samples ago, x[0] before that; ``delay`` has a value for each sample."""
     n = len(x)
     out = []
     for k in range(n):
         at = k - delay[k]
         before = int(np.floor(at))
         if at < 0:
-            out.append(0.0)
+            out.append(x[0])
         elif before >= n - 1:
             out.append(x[n - 1])
         elif before < 1 or before + 2 >= n:
@@ -103,21 +103,15 @@ def whitened(signal, ar, weight):
 def held_by_clock(x, period, phase):
     """Sample and hold at phase, phase + period, ... (in samples, x linear between them).
 
-    A sample in whose step the clock ticked shows the mean over that step, as what follows it
-    integrates.
+    What follows takes it as linear between samples. So each step of the hold is there a ramp that
+    lasts a sample, half of it before the tick.
     """
     n = len(x)
-    out = []
-    ticks = [phase + i * period for i in range(int(np.ceil(max(n - phase, 0) / period)) + 1)]
-    value = 0.0
-    for k in range(n):
-        mean = value
-        for tick in ticks:
-            if (k == 0 and tick <= 0) or (k > 0 and k - 1 < tick <= k):
-                late = k - tick if k > 0 else 0.0  # of the step lies behind the tick
-                value = (1 - late) * x[k] + (late * x[k - 1] if k > 0 else 0.0)
-                mean = late * value + (1 - late) * mean
-        out.append(mean)
+    out, before, tick = np.zeros(n), 0.0, phase
+    while tick < n:
+        value = np.interp(tick, np.arange(n), x)
+        out += (value - before) * np.clip(np.arange(n) - tick + 0.5, 0.0, 1.0)
+        before, tick = value, tick + period
     return out
 
 

@@ -48,7 +48,7 @@ def test_a_delay_of_whole_samples_moves_the_signal(delay):
     out = greybox.delayed(x, np.full((1, 1), float(delay)))
     if delay >= 0:
         assert np.array_equal(out[delay:], x[: len(x) - delay])
-        assert not out[:delay].any()
+        assert np.array_equal(out[:delay], np.repeat(x[:1], delay, axis=0))
     else:
         assert np.array_equal(out[:delay], x[-delay:])
         assert np.array_equal(out[delay:], np.repeat(x[-1:], -delay, axis=0))
@@ -200,34 +200,21 @@ def test_whitened_is_its_twin(n, runs, seed):
 @settings(max_examples=150)
 def test_held_by_a_clock_is_its_twin(x, period, phase):
     out = greybox.held(x, x, period, 0.0, phase)
-    # Where a tick falls on a sample but for rounding, the twin may put it a step later.
-    ticks = phase + period * np.arange(40)
-    if np.any(np.abs(ticks - np.round(ticks)) < 1e-9) and not float(period).is_integer():
-        return
     np.testing.assert_allclose(
-        out, by_run(naive.held_by_clock, x, period, phase), rtol=1e-7, atol=1e-7
+        out, by_run(naive.held_by_clock, x, period, phase), rtol=1e-9, atol=1e-9
     )
 
 
-def test_a_clock_samples_at_its_ticks():
-    x = np.arange(20.0)[:, None]
-    out = greybox.held(x, x, 5.0, 0.0, 2.0)[:, 0]
-    assert np.array_equal(np.unique(out), [0.0, 2.0, 7.0, 12.0, 17.0])
-    between = greybox.held(x, x, 5.0, 0.0, 2.5)[:, 0]
-    assert {2.5, 7.5, 12.5} <= set(between)
-    assert np.array_equal(between[[5, 6, 7]], [2.5, 2.5, 2.5])
-
-
-@pytest.mark.xfail(reason="a clock's steps are half a sample late (tests.note 3)", strict=True)
-@pytest.mark.parametrize("phase", [0.0, 2.0, 2.25, 2.5])
+@pytest.mark.parametrize("phase", [0.0, 2.0, 2.25, 2.5, 7.9])
 def test_a_clock_is_not_late_on_average(phase):
     """What follows is linear between samples: the area under the steps is that of the hold."""
     x = np.arange(43.0)[:, None]
     out = greybox.held(x, x, 8.0, 0.0, phase)[:, 0]
-    ticks = np.arange(phase, 37.0, 8.0)
+    ticks = np.arange(phase, 38.0, 8.0)
     steps = np.diff(np.r_[0.0, ticks])  # the ramp is at a tick what the tick's time is
-    exact = np.sum(steps * (36.0 + 4.0 - ticks))
-    assert np.trapezoid(out[:41]) == pytest.approx(exact, abs=1e-6)
+    assert np.trapezoid(out[:40]) == pytest.approx(np.sum(steps * (39.0 - ticks)), abs=1e-6)
+    between = np.round(out[[round(t) + 3 for t in ticks[:-1]]], 9)
+    assert np.array_equal(between, np.round(ticks[:-1], 9))
 
 
 def test_a_clock_goes_on_ticking_while_nothing_moves():

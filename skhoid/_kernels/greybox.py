@@ -9,10 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
 
-
-@njit(**OPTIONS)
+@njit(cache=True, nogil=True, error_model="numpy")
 def delayed(x, delay):
     """Signals ``delay`` samples ago, of shape (1 or n_samples, 1 or n_runs), may be negative.
 
@@ -56,7 +54,7 @@ def delayed(x, delay):
     return out
 
 
-@njit(**OPTIONS)
+@njit(cache=True, nogil=True, error_model="numpy")
 def held_linearly(omega, zeta, dt):
     """Exact discretisation of the neuromuscular system for inputs linear between samples.
 
@@ -95,7 +93,7 @@ def held_linearly(omega, zeta, dt):
     return out
 
 
-@njit(**OPTIONS)
+@njit(cache=True, nogil=True, error_model="numpy")
 def second_order(position, rate, matrices, stiffness, bound):
     """Response from rest of a second-order system to a position and a rate command.
 
@@ -138,7 +136,7 @@ def second_order(position, rate, matrices, stiffness, bound):
     return out
 
 
-@njit(**OPTIONS)
+@njit(cache=True, nogil=True, error_model="numpy")
 def arx_response(x, a, b, stiffness, constant, bound):
     """Output from rest of A(q) y = B(q) (x - stiffness y^3) + constant, b from lag 0 on."""
     n, runs = x.shape
@@ -165,7 +163,7 @@ def arx_response(x, a, b, stiffness, constant, bound):
     return out
 
 
-@njit(**OPTIONS)
+@njit(cache=True, nogil=True, error_model="numpy")
 def filtered(x, b, a):
     """Response from rest of (b0 + b1 q^-1 + b2 q^-2) / (1 + a0 q^-1 + a1 q^-2)."""
     n, runs = x.shape
@@ -181,7 +179,7 @@ def filtered(x, b, a):
     return out
 
 
-@njit(**OPTIONS)
+@njit(cache=True, nogil=True, error_model="numpy")
 def whitened(signals, ar, weight):
     """Prediction errors of signals (n_signals, n_samples, n_runs) under an AR(6) model, weighted.
 
@@ -209,7 +207,7 @@ def whitened(signals, ar, weight):
     return out
 
 
-@njit(**OPTIONS)
+@njit(cache=True, nogil=True, error_model="numpy")
 def held(x, watched, period, threshold, phase):
     """Sample and hold, of shape like x; times in samples.
 
@@ -244,7 +242,7 @@ def held(x, watched, period, threshold, phase):
     return out
 
 
-@njit(**OPTIONS)
+@njit(cache=True, nogil=True, error_model="numpy")
 def rate_limited(x, step):
     """Follow x with at most ``step`` a sample."""
     n, runs = x.shape
@@ -258,7 +256,7 @@ def rate_limited(x, step):
     return out
 
 
-@njit(**OPTIONS)
+@njit(cache=True, nogil=True, error_model="numpy")
 def stuck(x, breakaway, kinetic):
     """Stick until x is ``breakaway`` away, then go on ``kinetic`` behind x until it turns."""
     n, runs = x.shape

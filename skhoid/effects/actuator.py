@@ -268,7 +268,7 @@ class Quantised(Effect):
         offset = Parameter("offset", "-", -0.5, 0.5, (0.0, 0.5), "", "of thresholds, in steps")
         step = Parameter("step", "{u}", 0.05, 6.0, steps, "u", "of levels")
         if self.form == "behind":
-            remnant = Parameter("remnant", "-", 0.12, 1.0, (0.2,), "", "before levels, in steps")
+            remnant = Parameter("remnant", "-", 0.12, 0.35, (0.2,), "", "before levels, in steps")
             return (step, offset, remnant)
         return (step, offset)
 

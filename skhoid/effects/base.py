@@ -127,7 +127,7 @@ class Effect(BaseEstimator):
     parameters: tuple[Parameter, ...] = ()
     smooth: bool = True
 
-    def apply(self, signal: Any, record: Record, **values: float) -> Any:
+    def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """What comes out of the effect when ``signal`` goes in, at values of the parameters."""
         raise NotImplementedError(f"{type(self).__name__} must implement apply.")
 

@@ -49,14 +49,22 @@ class Bias(Effect):
 
 
 class Drift(Effect):
-    """An offset of the output that changes linearly in the run.
+    """An offset of the output that changes in the run.
+
+    ``"linear"``: rate (t - reference); ``"settling"``: -rate tau exp(-(t - reference) / tau), which
+    comes to rest, with the reference at the start.
 
     Parameters
     ----------
     rate : float or None, default=None
-        In units of the output per second; None estimates it.
+        In units of the output per second (at the start where it settles); None estimates it.
+    tau : float or None, default=None
+        Time constant of ``"settling"`` in seconds; None estimates it.
     reference : float or None, default=None
-        Time in the run at which it is zero, in seconds; None takes the middle.
+        Time in the run, in seconds, at which it is zero (``"linear"``) or begins
+        (``"settling"``); None takes the middle, and the start.
+    form : {"linear", "settling"} or None, default=None
+        None tries both.
 
     References
     ----------
@@ -71,24 +79,52 @@ class Drift(Effect):
 
     name = "drift"
     place = "sum"
-    physics = "The output drifts away steadily."
-    formula = "u + rate (t - reference)"
+    physics = "The output drifts away steadily, or settles from the start on."
+    formula = "u + rate (t - reference), or u - rate tau exp(-(t - reference) / tau)"
     source = "Ljung (1999)"
-    parameters = (Parameter("rate", "{u}/s", -20.0, 20.0, (0.5,), "u/T", "of the drift"),)
 
-    def __init__(self, *, rate: float | None = None, reference: float | None = None):
+    def __init__(
+        self,
+        *,
+        rate: float | None = None,
+        tau: float | None = None,
+        reference: float | None = None,
+        form: str | None = None,
+    ):
         self.rate = rate
+        self.tau = tau
         self.reference = reference
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        rate = Parameter("rate", "{u}/s", -20.0, 20.0, (0.5,), "u/T", "of the drift")
+        if self.form != "settling":
+            return (rate,)
+        steep = Parameter("rate", "{u}/s", -100.0, 100.0, (2.0, -2.0), "u/T", "at the start")
+        return (steep, Parameter("tau", "s", 0.05, 1.0, (0.15, 0.4), "T", "time constant"))
 
     @property
     def neutral(self) -> dict[str, float]:
         return {"rate": 0.0}
 
     def variants(self, record: Record) -> list[Effect]:
-        return [with_middle(self, record)]
+        forms = ("linear", "settling") if self.form is None else (self.form,)
+        made: list[Effect] = []
+        for form in forms:
+            chosen = self.with_choices(form=form)
+            if form == "settling" and self.reference is None:
+                chosen.set_params(reference=float(record.t[0].mean()))
+            made.append(with_middle(chosen, record))
+        return made
 
-    def apply(self, signal: np.ndarray, record: Record, rate: float) -> np.ndarray:
-        return signal + rate * (record.t - self.reference)
+    def apply(
+        self, signal: np.ndarray, record: Record, rate: float, tau: float = 1.0
+    ) -> np.ndarray:
+        since = record.t - self.reference
+        if self.form == "settling":
+            return signal - rate * tau * np.exp(-since / tau)
+        return signal + rate * since
 
 
 class Integral(Effect):

@@ -278,7 +278,7 @@ class MotionFeedback(Effect):
         ]
 
     def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
-        motion = record.channels[self.channel]
+        motion = record.channel(self.channel)
         if self.form == "feedthrough":
             return signal - gain * record.delayed(motion, delay)
         if self.form == "canal":
@@ -347,7 +347,7 @@ class Disturbance(Effect):
         return [self.with_choices(channel=name) for name in names]
 
     def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
-        return signal.plus(-gain * record.delayed(record.channels[self.channel], delay))
+        return signal.plus(-gain * record.delayed(record.channel(self.channel), delay))
 
 
 class CrossAxis(Effect):
@@ -398,7 +398,7 @@ class CrossAxis(Effect):
         return [self.with_choices(channel=name) for name in names]
 
     def apply(self, signal: np.ndarray, record: Record, gain: float) -> np.ndarray:
-        return signal + gain * record.channels[self.channel]
+        return signal + gain * record.channel(self.channel)
 
 
 def gain_of_target(form: str | None) -> Parameter:

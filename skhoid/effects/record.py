@@ -111,6 +111,11 @@ class Record:
         """The first linear input."""
         return self.channels[self.inputs[0]]
 
+    def channel(self, name: str | None) -> np.ndarray:
+        """A channel by its name, which a choice has made known."""
+        assert name is not None
+        return self.channels[name]
+
     def with_role(self, role: str) -> list[str]:
         """Names of channels of a role: exactly for e, x and f_t, by prefix for motion and dist."""
         whole = role in ("e", "x", "f_t", OTHER)

@@ -243,7 +243,7 @@ class ScheduledGain(Effect):
         return made
 
     def apply(self, signal: Gains, record: Record, slope: float) -> Gains:
-        away = record.channels[self.channel] - self.reference
+        away = record.channel(self.channel) - self.reference
         return signal.times(np.maximum(1 + slope * away, 0.0))
 
 

@@ -102,7 +102,7 @@ class GreyBox(RunRegressor):
         self._units.update(getattr(y, "attrs", {}).get("units", {}))
         held = self._hold(grid, values[:, self._channels], names)
         given = self.controlled_element
-        element = None if given is None else (float(given.K_c), float(given.omega_b))
+        element = None if given is None else constants_of(given)
         record, lanes = build_record(
             grid,
             names,
@@ -173,7 +173,7 @@ class GreyBox(RunRegressor):
             held,
             self._roles,
             self.inputs_,
-            controlled_element=None if element is None else (element.K_c, element.omega_b),  # type: ignore[arg-type]
+            controlled_element=None if element is None else constants_of(element),
         )
         return self._core().on(record), lanes
 
@@ -191,6 +191,17 @@ class GreyBox(RunRegressor):
         """
         self._check_fitted()
         return summary_text(self)
+
+
+def constants_of(element: ControlledElement) -> tuple[float, float]:
+    """K_c and omega_b of a controlled element that does not vary."""
+    K_c, omega_b = element.K_c, element.omega_b
+    if callable(K_c) or callable(omega_b):
+        raise ValueError(
+            "controlled_element must be constant here; got one that varies in time. Pass it at one "
+            "instant, controlled_element.at(t), or None to estimate it."
+        )
+    return float(K_c), float(omega_b)
 
 
 def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, Noise]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -50,10 +50,10 @@ class OperatorCore:
     """
 
     kind = "operator"
-    sizes: ClassVar[dict[str, float]] = {}
 
     def __init__(self, fixed_delay: float | None):
         self.fixed_delay = fixed_delay
+        self.sizes: Mapping[str, float] = {}
         free = (
             Parameter("K_e", "{u}/{e}", -50.0, 50.0, (0.5,), "u/e", "gain on the error"),
             Parameter("K_edot", "{u} s/{e}", 0.0, 50.0, (0.2,), "u/e", "gain on the error rate"),
@@ -61,8 +61,9 @@ class OperatorCore:
             Parameter("zeta_nm", "-", 0.02, 3.0, (0.4,), "", "neuromuscular damping ratio"),
         )
         delay = Parameter("tau_e", "s", 0.0, 1.5, (0.25,), "", "effective time delay")
-        self.parameters = free if fixed_delay is not None else (*free, delay)
+        self.parameters: tuple[Parameter, ...] = free
         if fixed_delay is None:
+            self.parameters = (*free, delay)
             self.kind = "operator, free delay"
 
     def on(self, record: Record) -> Record:
@@ -114,8 +115,8 @@ class ARXCore:
         sizes: Mapping[str, float] | None = None,
     ):
         self.na, self.nb, self.nk, self.intercept = na, nb, nk, intercept
-        self.sizes = sizes or {}
-        self.parameters = (
+        self.sizes: Mapping[str, float] = sizes or {}
+        self.parameters: tuple[Parameter, ...] = (
             *(Parameter(f"a{i + 1}", "-", meaning="of the output") for i in range(na)),
             *(Parameter(f"b{i}", "{u}/{e}", meaning="of the input") for i in range(nb)),
             *[Parameter("intercept", "{u}", meaning="constant")] * intercept,

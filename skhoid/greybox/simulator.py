@@ -30,7 +30,7 @@ class State(NamedTuple):
 class Stage:
     """One step of the simulation, and the positions of the parameters that it takes."""
 
-    run: Callable[[State, dict[str, float]], State]
+    run: Callable[[State, Any], State]
     positions: tuple[int, ...]
 
 
