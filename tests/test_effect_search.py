@@ -171,7 +171,6 @@ def test_max_effects(two):
     assert len(one.error_path_) == 2
 
 
-@pytest.mark.xfail(reason="one effect is added all the same (tests.note 6)", strict=True)
 def test_no_effect_is_added_when_none_may_be(hidden_data):
     none = searched(hidden_data, max_effects=0)
     assert len(none.error_path_) == 1

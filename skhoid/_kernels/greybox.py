@@ -153,8 +153,8 @@ def arx_response(x, a, b, stiffness, constant, bound):
             now = x[k, j]
             value = past + b[0] * now
             if stiffness != 0.0:
+                value = min(max(value, -bound), bound)
                 if b[0] != 0.0:
-                    value = min(max(value, -bound), bound)
                     value = past + b[0] * (now - stiffness * value * value * value)
                     value = min(max(value, -bound), bound)
                 now -= stiffness * value * value * value

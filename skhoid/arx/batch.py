@@ -158,7 +158,8 @@ class ARXRegressor(BaseARX, GreyBox):
     The delay, to a fraction of a sample:
 
     >>> model = ARXRegressor(na=2, nb=2, nk=9).with_effect("wrong_delay").fit(X, y)
-    >>> model.parameters_.loc["wrong_delay__extra", ["value", "unit"]].round(2).tolist()
+    >>> extra = model.parameters_.loc["wrong_delay__extra"]
+    >>> [float(round(extra["value"], 2)), extra["unit"]]
     [-0.09, 's']
     """
 

@@ -58,9 +58,6 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         What the operator controls. None estimates it from u and x where both are measured.
     max_effects : int, default=4
         Effects to add at most.
-    n_jobs : int or None, default=None
-        Threads that share the candidates of a step; None means 1 unless in a
-        ``joblib.parallel_config``.
 
     Attributes
     ----------
@@ -125,7 +122,6 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         "display": [StrOptions({"compensatory", "pursuit", "preview"})],
         "controlled_element": [ControlledElement, None],
         "max_effects": [Interval(Integral, 0, None, closed="left")],
-        "n_jobs": [Integral, None],
     }
 
     def __init__(
@@ -137,7 +133,6 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         controlled_element: ControlledElement | None = None,
         *,
         max_effects: int = 4,
-        n_jobs: int | None = None,
     ):
         self.estimator = estimator
         self.effects = effects
@@ -145,7 +140,6 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.display = display
         self.controlled_element = controlled_element
         self.max_effects = max_effects
-        self.n_jobs = n_jobs
 
     @fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any) -> EffectSearchCV:
@@ -168,8 +162,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 model.set_params(controlled_element=self.controlled_element)
             prepared = model._prepare(X, y)
             folds = self._folds(X, y, prepared)
-            candidates = self._candidates()
-            search = Search(prepared.core, prepared.record, candidates, folds, self.n_jobs)
+            search = Search(prepared.core, prepared.record, self._candidates(), folds)
             baseline = model._first_model(prepared)
             path = forward(search, baseline, int(self.max_effects))
             self._set_results(model, prepared, search, path, X, y)
@@ -214,7 +207,12 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         steps = walked(search, path)
         names = [n for n in path.model.effects.names if n not in path.steps[0].parent.effects.names]
         left = leftovers(path.model, search.folds)
-        trembling = tremor(record, record.y - path.model.output) if search.tries_tremor else None
+        trembling = tremor(record, record.y - path.model.output)
+        if trembling is not None and not search.tries_tremor:
+            left.append(
+                Leftover("frequency", "output", trembling.words, 100 * trembling.share, np.nan)
+            )
+            trembling = None
         gap, gap_sd, vaf = gap_of(self.baseline_, X, y)
         ceiling = vaf + gap
         rest, rest_sd, _ = gap_of(model, X, y) if names else (gap, gap_sd, vaf)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from joblib import Parallel, delayed
 from scipy.stats import chi2
 
 from ..effects.base import Effect
@@ -134,9 +133,7 @@ class Search:
         record: Record,
         effects: Sequence[Effect],
         folds: list[Fold],
-        n_jobs: int | None = None,
     ):
-        self.n_jobs = n_jobs
         self.core, self.record, self.folds = core, record, folds
         self.effects = [e for e in effects if e.name != "tremor"]  # no input explains it
         self.tries_tremor = len(self.effects) < len(effects)
@@ -153,14 +150,11 @@ class Search:
             if effect.name in taken:
                 continue
             candidate.reason = effect.refusal(self.record, self.core.kind) or ""
+            if not candidate.reason:
+                candidate.model = extended(
+                    parent, candidate.name, effect, self.criterion, self.coarse
+                )
             candidates.append(candidate)
-        tried = [c for c in candidates if not c.reason]
-        assert parent.output is not None  # simulated before threads share it
-        models = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(extended)(parent, c.name, c.effect, self.criterion, self.coarse) for c in tried
-        )
-        for candidate, model in zip(tried, models, strict=True):
-            candidate.model = model
         return self.judged(parent, candidates)
 
     def judged(
@@ -241,7 +235,7 @@ class Path:
 def forward(search: Search, baseline: Model, most: int) -> Path:
     """Add the best effect as long as one pays; try the second best first effect too."""
     first = search.step(baseline)
-    greedy = follow(search, first, first.best, most)
+    greedy = follow(search, first, first.best if most else None, most)
     rivals = [c for c in first.candidates[1:3] if c.passes]
     if len(greedy.steps) > 1 and greedy.model.effects and len(greedy.ids) > 1:
         for rival in rivals:

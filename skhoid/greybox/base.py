@@ -96,7 +96,10 @@ class GreyBox(RunRegressor):
         skipped = None if self._run is None else run_column(columns, self._run)
         self._channels = [i for i in range(values.shape[1]) if i != skipped]
         names = self._channel_names(self._channels)
-        self._roles = roles_of(names, self.roles)
+        given_roles = self.roles or {}
+        if self._names is None:  # columns of an array go by their positions
+            given_roles = {f"x{position}": role for position, role in given_roles.items()}
+        self._roles = roles_of(names, given_roles)
         self._roles[self.inputs_[0]] = "e"
         self._units = {**getattr(X, "attrs", {}).get("units", {})}
         self._units.update(getattr(y, "attrs", {}).get("units", {}))
