@@ -13,7 +13,7 @@ from ..effects.composition import Effects
 from ..effects.record import Record
 from ..greybox.cores import Core
 from ..greybox.fitting import Criterion, Noise, minimise, whitened_derivatives
-from ..greybox.model import Model, extended
+from ..greybox.model import Model, beside_each_other, extended, in_order, without
 from ..greybox.simulator import Simulator
 from .signatures import signatures
 
@@ -252,19 +252,10 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
 
 def fitted_again(search: Search, path: Path) -> Path:
     """Each of several effects fitted anew beside the others: the first was fitted without them."""
-    if len(path.model.effects) < 2:
-        return path
-    model = output_error_fit(path.model)
-    before = model.sse
-    for name, effect in path.model.effects.steps[:-1]:
-        template = next((e for e in search.effects if e.name == effect.name), None)
-        if template is None:
-            continue
-        parent = without(model, name)
-        again = extended(parent, name, template, search.criterion, search.coarse)
-        if again.sse < model.sse:
-            model = again
-    if not model.sse < BETTER_AGAIN * before:
+    templates = {effect.name: effect for effect in search.effects}
+    plain = output_error_fit(path.model)
+    model = beside_each_other(plain, templates, search.criterion, search.coarse)
+    if not model.sse < BETTER_AGAIN * plain.sse:
         return path
     step = search.judged(model, [])
     return replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
@@ -279,11 +270,8 @@ def by_rank(model: Model, first: Step) -> Model:
     steps = list(model.effects.steps)
     if len(steps) < 2 or len({effect.place for _, effect in steps}) < len(steps):
         return model
-    steps.sort(key=lambda step: rank.get(step[0], len(rank)))
-    simulator = Simulator(model.simulator.core, Effects(steps), model.simulator.record)
-    values = model.values()
-    theta = np.array([values[name] for name in simulator.names])
-    return Model(simulator, replace(model.fit, theta=theta), model.other_core)
+    names = sorted(model.effects.names, key=lambda name: rank.get(name, len(rank)))
+    return in_order(model, names)
 
 
 def follow(search: Search, first: Step, start: Candidate | None, most: int) -> Path:
@@ -374,14 +362,3 @@ def without_superfluous(search: Search, path: Path) -> Path:
             path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
             return without_superfluous(search, path)
     return path
-
-
-def without(model: Model, name: str) -> Model:
-    """A model without one of its effects, at the same other parameters."""
-    kept = Effects([(n, e) for n, e in model.effects if n != name])
-    simulator = Simulator(model.simulator.core, kept, model.simulator.record)
-    values = model.values()
-    theta = np.array([values[n] for n in simulator.names])
-    return Model(simulator, replace(model.fit, theta=theta)).refined(
-        Criterion(model.simulator.record)
-    )

@@ -12,8 +12,9 @@ from ..effects.catalogue import effect as effect_of
 from ..effects.record import Record
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
+from ..greybox.model import without
 from .ceiling import noise_ceiling
-from .search_engine import Candidate, Path, Search, Step, output_error_fit, without
+from .search_engine import Candidate, Path, Search, Step, output_error_fit
 from .search_words import words_of
 from .signals import read_signals
 from .signatures import Signature

@@ -20,7 +20,7 @@ from .cores import Core
 from .estimates import covariance_frame, effects_with_values, parameter_table, summary_text
 from .fitting import Criterion, Noise
 from .lanes import Lanes, build_record, roles_of
-from .model import Model, extended
+from .model import Model, beside_each_other, extended
 from .simulator import Simulator
 
 N_LIKELIHOOD = 2  # rounds of noise model and refinement
@@ -136,7 +136,8 @@ class GreyBox(RunRegressor):
             if reason is not None:
                 raise ValueError(f"The effect {name} does not apply: {reason}.")
             model = extended(model, name, effect, criterion, coarse)
-        return model
+        templates = {effect.name: effect for _, effect in Effects.of(self.effects)}
+        return beside_each_other(model, templates, criterion, coarse)
 
     def _fit_with_effects(self, X: Any, y: Any) -> None:
         prepared = self._prepare(X, y)

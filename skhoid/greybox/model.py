@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -282,3 +282,46 @@ def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, 
                     best = trial
         best = minimise(simulator, criterion, best.theta, max_iter=4, fixed=fixed)
     return Model(simulator, best, model.other_core)
+
+
+def without(model: Model, name: str) -> Model:
+    """A model without one of its effects, at the minimum of the simulation error nearby."""
+    kept = Effects([(n, e) for n, e in model.effects if n != name])
+    simulator = Simulator(model.simulator.core, kept, model.simulator.record)
+    values = model.values()
+    theta = np.array([values[n] for n in simulator.names])
+    fewer = Model(simulator, replace(model.fit, theta=theta), model.other_core)
+    return fewer.refined(Criterion(model.simulator.record))
+
+
+def beside_each_other(
+    model: Model, templates: Mapping[str, Effect], criterion: Criterion, coarse: Criterion
+) -> Model:
+    """Each effect but the last fitted anew beside the others, where that is better.
+
+    ``templates`` are effects by their ids, with nothing chosen or estimated.
+    """
+    names = model.effects.names
+    for name, effect in model.effects.steps[:-1]:
+        if effect.name in templates:
+            again = extended(without(model, name), name, templates[effect.name], criterion, coarse)
+            model = again if again.sse < model.sse else model
+    return in_order(model, names)
+
+
+def in_order(model: Model, names: Sequence[str]) -> Model:
+    """The same model, its effects in the order of their names."""
+    if model.effects.names == list(names):
+        return model
+    by_name = dict(model.effects.steps)
+    simulator = Simulator(
+        model.simulator.core, Effects([(n, by_name[n]) for n in names]), model.simulator.record
+    )
+    at = [model.simulator.names.index(n) for n in simulator.names]
+    fit = replace(
+        model.fit,
+        theta=model.theta[at],
+        normal=model.fit.normal[np.ix_(at, at)],
+        gradient=model.fit.gradient[at],
+    )
+    return Model(simulator, fit, model.other_core)
