@@ -19,6 +19,7 @@ pytest_collect_file = Sybil(
         SkipParser(),
     ],
     patterns=["README.md", "docs/*.md", "docs/**/*.md"],
+    fixtures=["close_figures"],
 ).pytest()
 
 

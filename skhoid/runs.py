@@ -328,6 +328,10 @@ def _layout_from_time(
     within = within_runs(run_starts)
     check_increasing(time, step, within, run_starts, labels)
     typical = _typical_step(step, run_starts, labels)
+    known = dt or fallback_dt
+    few = within.sum() < 3
+    if known is not None and (few or (np.abs(step[within] - known) <= 0.01 * known).any()):
+        typical = known  # of few rows around a gap the median tells nothing
     if typical is None:
         typical = dt or fallback_dt
         if typical is None:

@@ -9,7 +9,7 @@ import naive
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from recursion_twin import P0, THETA0, P, changing_runs, instants_of, recursive
 from sklearn.base import clone
@@ -247,6 +247,8 @@ def test_run_column():
 @pytest.mark.parametrize("hole", [(100, 101), (100, 160)])
 @settings(max_examples=8, deadline=None)
 @given(cuts=st.lists(st.integers(1, 230), unique=True, max_size=6).map(sorted))
+@example(cuts=[1, 2, 98, 101])  # a block of three rows with the gap in it
+@example(cuts=[1, 2, 99, 101])  # a block of two rows with the gap between them
 def test_gaps(hole, cuts):
     """Whether a gap lies in a block or between two, lags do not reach across it."""
     keep = np.r_[0 : hole[0], hole[1] : N]

@@ -47,9 +47,9 @@ E, X, ACC, U = 0, 1, 2, 3
 
 @njit(cache=True, nogil=True)
 def _at(signal: np.ndarray, position: float) -> float:
-    """A signal between its samples; zero before it begins."""
+    """A signal between its samples; before it begins its first value holds."""
     if position <= 0:
-        return 0.0
+        return signal[0]
     i = int(position)
     return signal[i] + (position - i) * (signal[i + 1] - signal[i])
 

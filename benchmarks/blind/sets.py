@@ -50,4 +50,7 @@ def right_answers(name: str, gap: float) -> frozenset[str]:
 
 def right_without(name: str) -> frozenset[str]:
     """The answers that count as right where the catalogue lacks an effect."""
-    return frozenset({UNKNOWN}.union(*(group for group in FAMILIES if name in group)) - {name})
+    right = {UNKNOWN}.union(*(group for group in FAMILIES if name in group)) - {name}
+    if name in ABSORBED:
+        right.add(NONE)  # nothing is missing from the answer
+    return frozenset(right)

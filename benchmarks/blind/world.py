@@ -147,7 +147,8 @@ def closed(w: Wiring, noise_gain: float) -> np.ndarray:
 def opened(w: Wiring, driven: np.ndarray, noise: np.ndarray | float = 0.0) -> np.ndarray:
     """The operator's output, without remnant if none is given, driven by the signals of a run.
 
-    It starts at rest with the recording, as any model must: what was before is not known.
+    It starts at rest with the recording, as any model must: what was before is not known, and taken
+    as the first value recorded.
     """
     w.table[:, NOISE] = noise
     out = driven[:, START:].copy()
