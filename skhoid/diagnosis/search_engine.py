@@ -11,11 +11,12 @@ from scipy.stats import chi2
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
+from ..greybox.base import vaf_of_output
 from ..greybox.cores import Core
 from ..greybox.fitting import Criterion, Noise, minimise, whitened_derivatives
 from ..greybox.model import Model, beside_each_other, extended, in_order, without
 from ..greybox.simulator import Simulator
-from .signatures import signatures
+from .signatures import traces_of
 
 LEAST_EVIDENCE = 25.0  # n log(SSE before / after) - k log n of an effect that counts
 LEAST_GAIN = 0.35  # VAF points on held-out rows of an effect that counts
@@ -112,13 +113,6 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[Fold]) -> np.nd
     return np.where(np.isfinite(prediction), prediction, 0.0)
 
 
-def pooled_vaf(record: Record, prediction: np.ndarray) -> float:
-    """VAF in percent over what is known."""
-    assert record.y is not None
-    y, error = record.y[record.known], (record.y - prediction)[record.known]
-    return 100.0 * (1.0 - float(error @ error) / max(float(y @ y), 1e-300))
-
-
 def unique_name(effect: Effect, effects: Effects) -> str:
     """The name that a composition gives a further effect."""
     return (effects + effect).names[-1]
@@ -137,18 +131,18 @@ class Search:
         self.core, self.record, self.folds = core, record, folds
         self.effects = [e for e in effects if e.name != "tremor"]  # no input explains it
         self.tries_tremor = len(self.effects) < len(effects)
-        self.traces = signatures(record)
+        self.traces = traces_of(record)
         self.criterion = Criterion(record)
         self.coarse = self.criterion.coarse()
 
-    def step(self, parent: Model, among: Sequence[Effect] | None = None) -> Step:
+    def step(self, parent: Model) -> Step:
         """All candidates beside a parent that was fitted by output error."""
         candidates = []
         taken = {effect.name for _, effect in parent.effects}
-        for effect in self.effects if among is None else among:
-            candidate = Candidate(unique_name(effect, parent.effects), effect)
+        for effect in self.effects:
             if effect.name in taken:
                 continue
+            candidate = Candidate(unique_name(effect, parent.effects), effect)
             candidate.reason = effect.refusal(self.record, self.core.kind) or ""
             if not candidate.reason:
                 candidate.model = extended(
@@ -186,8 +180,7 @@ class Search:
                 c.gain = c.vaf - base_vaf
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
-            if c.id in self.traces:
-                c.trace = self.traces[c.id].words
+            c.trace = self.traces.get(c.id, "")
         candidates.sort(key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence))
         mark_confused(candidates)
         return Step(base, base_vaf, base_prediction, candidates)
@@ -203,7 +196,7 @@ class Search:
             held_out(fitted, self.criterion, self.folds),
             held_out(refined, criterion, self.folds),
         ]
-        vafs = [pooled_vaf(self.record, prediction) for prediction in both]
+        vafs = [vaf_of_output(self.record, prediction) for prediction in both]
         best = int(np.argmax(vafs))
         return vafs[best], both[best]
 
@@ -237,7 +230,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     first = search.step(baseline)
     greedy = follow(search, first, first.best if most else None, most)
     rivals = [c for c in first.candidates[1:3] if c.passes]
-    if len(greedy.steps) > 1 and greedy.model.effects and len(greedy.ids) > 1:
+    if len(greedy.steps) > 1 and len(greedy.ids) > 1:
         for rival in rivals:
             if rival.id in greedy.ids[:1]:
                 continue

@@ -16,6 +16,7 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from .._sklearn import safe_indexing
 from ..exceptions import MissingDataWarning, RunIndexError, ShortRunError
+from ..greybox.lanes import PREFIXES, ROLES
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
@@ -31,8 +32,6 @@ MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole 
 RAMPS = 0.04  # of a run, both ends together
 OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
 LEAST_ROWS = 64  # of a run, for spectra and tests
-ROLES = ("e", "x", "f_t")
-PREFIXES = ("dist", "motion")
 
 
 @dataclass(frozen=True)

@@ -19,30 +19,27 @@ LEAST_TREMOR = 2e-3  # of the output's variance
 
 @dataclass(frozen=True)
 class Signature:
-    """Trace of an effect in the output itself: how much of it, and what that says in numbers."""
+    """A line in the residual: its share of the output, its numbers, and both in words."""
 
     share: float
     numbers: dict[str, float]
     words: str
 
 
-def signatures(record: Record) -> dict[str, Signature]:
-    """Traces of stops, rate limits and levels in the measured output."""
-    found: dict[str, Signature] = {}
+def traces_of(record: Record) -> dict[str, str]:
+    """Traces of stops, rate limits and levels in the measured output, in words by effect."""
     step = step_of(record)
     if step is not None:
-        words = f"the output takes few values, {step:.3g} apart"
-        return {"quantised": Signature(1.0, {"step": step}, words)}
+        return {"quantised": f"the output takes few values, {step:.3g} apart"}
+    found = {}
     stop = stop_of(record)
     if stop is not None:
         share, limit = stop
-        words = f"{100 * share:.0f} % of the samples lie at ±{limit:.3g}"
-        found["saturation"] = Signature(share, {"limit": limit}, words)
+        found["saturation"] = f"{100 * share:.0f} % of the samples lie at ±{limit:.3g}"
     fastest = fastest_of(record)
     if fastest is not None:
         share, limit = fastest
-        words = f"{100 * share:.0f} % of the rates lie at ±{limit:.3g} per second"
-        found["rate_limit"] = Signature(share, {"limit": limit}, words)
+        found["rate_limit"] = f"{100 * share:.0f} % of the rates lie at ±{limit:.3g} per second"
     return found
 
 

@@ -77,8 +77,7 @@ class Saturation(Effect):
         forms: tuple[str, ...] = ("hard", "soft", "unequal")
         if stop_of(record):
             forms += ("behind",)
-        chosen = forms if self.form is None else (self.form,)
-        return [self.with_choices(form=form) for form in chosen]
+        return self.one_of_each("form", forms)
 
     def apply(
         self,
@@ -278,8 +277,7 @@ class Quantised(Effect):
 
     def variants(self, record: Record) -> list[Effect]:
         # The smooth form comes first: the other starts from what it finds as well.
-        forms = ("behind", "sharp") if self.form is None else (self.form,)
-        return [self.with_choices(form=form) for form in forms]
+        return self.one_of_each("form", ("behind", "sharp"))
 
     def apply(
         self, signal: np.ndarray, record: Record, step: float, offset: float, remnant: float = 0.0

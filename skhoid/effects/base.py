@@ -197,6 +197,12 @@ class Effect(BaseEstimator):
         """A copy with some arguments set."""
         return clone(self).set_params(**choices)
 
+    def one_of_each(self, argument: str, options: tuple[str, ...]) -> list[Any]:
+        """A copy for each option of an argument, or for the one that is given."""
+        given = getattr(self, argument)
+        chosen = options if given is None else (given,)
+        return [self.with_choices(**{argument: option}) for option in chosen]
+
     def __add__(self, other: Any) -> Any:
         from .composition import Effects
 

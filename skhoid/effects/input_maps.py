@@ -49,8 +49,7 @@ class DeadZone(Effect):
         self.form = form
 
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("gap", "smooth", "jump") if self.form is None else (self.form,)
-        return [self.with_choices(form=form) for form in forms]
+        return self.one_of_each("form", ("gap", "smooth", "jump"))
 
     def apply(self, signal: np.ndarray, record: Record, width: float) -> np.ndarray:
         if self.form == "jump":
@@ -137,8 +136,7 @@ class Rectified(Effect):
         self.side = side
 
     def variants(self, record: Record) -> list[Effect]:
-        sides = ("positive", "negative") if self.side is None else (self.side,)
-        return [self.with_choices(side=side) for side in sides]
+        return self.one_of_each("side", ("positive", "negative"))
 
     def apply(self, signal: np.ndarray, record: Record, leak: float) -> np.ndarray:
         answered = signal > 0 if self.side == "positive" else signal < 0
@@ -202,9 +200,9 @@ class CubicGain(Effect):
         return {"hardening": 0.0}
 
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("cubic", "square", "power") if self.form is None else (self.form,)
         reference = record.sd("e") if self.reference is None else self.reference
-        return [self.with_choices(form=form, reference=reference) for form in forms]
+        referred = self.with_choices(reference=reference)
+        return referred.one_of_each("form", ("cubic", "square", "power"))
 
     def apply(self, signal: np.ndarray, record: Record, hardening: float) -> np.ndarray:
         size = np.abs(signal)

@@ -109,11 +109,9 @@ class Drift(Effect):
         return {"rate": 0.0}
 
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("linear", "settling") if self.form is None else (self.form,)
         made: list[Effect] = []
-        for form in forms:
-            chosen = self.with_choices(form=form)
-            if form == "settling" and self.reference is None:
+        for chosen in self.one_of_each("form", ("linear", "settling")):
+            if chosen.form == "settling" and self.reference is None:
                 chosen.set_params(reference=float(record.t[0].mean()))
             made.append(with_middle(chosen, record))
         return made
@@ -177,8 +175,7 @@ class Integral(Effect):
         return {"gain": 0.0}
 
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("pure", "leaky") if self.form is None else (self.form,)
-        return [self.with_choices(form=form) for form in forms]
+        return self.one_of_each("form", ("pure", "leaky"))
 
     def apply(self, signal: Any, record: Record, gain: float, leak: float = 0.0) -> Any:
         dt = record.dt

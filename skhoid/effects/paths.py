@@ -15,7 +15,24 @@ from .time_variation import needs_channel
 FASTEST = 0.06  # s; a faster answer to what the loop moves is the loop itself
 
 
-class Feedforward(Effect):
+class _AnswerToTarget(Effect):
+    """What answers to the target share: a gain, and a form."""
+
+    form: str | None
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        return {"gain": 0.0}
+
+    def refusal(self, record: Record, core: str) -> str | None:
+        return needs_target(record, self.form)
+
+    def variants(self, record: Record) -> list[Effect]:
+        forms = ("inverse", "rate", "gain")
+        return self.one_of_each("form", forms if record.controlled_element else forms[1:])
+
+
+class Feedforward(_AnswerToTarget):
     """The target is answered, besides the error.
 
     ``"inverse"``: gain times the inverse controlled element of f_t; ``"rate"``: gain times the
@@ -63,21 +80,11 @@ class Feedforward(Effect):
             Parameter("delay", "s", 0.0, 0.8, (0.05, 0.3), "", "of the answer to the target"),
         )
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gain": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
-        return needs_target(record, self.form)
-
-    def variants(self, record: Record) -> list[Effect]:
-        return [self.with_choices(form=form) for form in target_forms(record, self.form)]
-
     def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
         return signal.plus(gain * record.delayed(shaped_target(record, self.form), delay))
 
 
-class Preview(Effect):
+class Preview(_AnswerToTarget):
     """The target is answered before it comes, as a preview display allows.
 
     Parameters
@@ -119,16 +126,6 @@ class Preview(Effect):
             gain_of_target(self.form),
             Parameter("time", "s", 0.0, 1.5, (0.2, 0.6), "", "looked ahead"),
         )
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gain": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
-        return needs_target(record, self.form)
-
-    def variants(self, record: Record) -> list[Effect]:
-        return [self.with_choices(form=form) for form in target_forms(record, self.form)]
 
     def apply(self, signal: Any, record: Record, gain: float, time: float) -> Any:
         return signal.plus(gain * record.delayed(shaped_target(record, self.form), -time))
@@ -415,15 +412,6 @@ def needs_target(record: Record, form: str | None) -> str | None:
     if missing is None and form == "inverse" and record.controlled_element is None:
         return "the controlled element is not known: pass controlled_element=ControlledElement(...)"
     return missing
-
-
-def target_forms(record: Record, form: str | None) -> list[str]:
-    """Forms of a response to the target that can be tried."""
-    if form is not None:
-        return [form]
-    return (
-        ["inverse", "rate", "gain"] if record.controlled_element is not None else ["rate", "gain"]
-    )
 
 
 def shaped_target(record: Record, form: str | None) -> np.ndarray:

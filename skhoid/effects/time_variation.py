@@ -93,8 +93,7 @@ class TimeVaryingGain(Effect):
         }
 
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("sigmoid", "ramp") if self.form is None else (self.form,)
-        made = [self.with_choices(form=form) for form in forms]
+        made = self.one_of_each("form", ("sigmoid", "ramp"))
         if record.core == "arx" and self.K_edot_change is None:
             return [variant.with_choices(K_edot_change=0.0) for variant in made]
         return made
@@ -307,8 +306,7 @@ class Lapses(Effect):
 
     def variants(self, record: Record) -> list[Effect]:
         found = silent_stretches(record) if self.intervals is None else self.intervals
-        forms = ("command", "gain") if self.form is None else (self.form,)
-        return [self.with_choices(intervals=found, form=form) for form in forms]
+        return self.with_choices(intervals=found).one_of_each("form", ("command", "gain"))
 
     def apply(self, signal: Any, record: Record, depth: float, shift: float) -> Any:
         away = np.zeros_like(record.t)

@@ -193,8 +193,7 @@ class Intermittent(Effect):
         )
 
     def variants(self, record: Record) -> list[Effect]:
-        triggers = ("clock", "event", "error") if self.trigger is None else (self.trigger,)
-        return [self.with_choices(trigger=trigger) for trigger in triggers]
+        return self.one_of_each("trigger", ("clock", "event", "error"))
 
     def starts(self, record: Record) -> list[dict[str, float]]:
         """A grid, on which the delay is shorter by what the hold delays on average."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..effects.record import OTHER, Record
 from ..preprocessing.grid import ModelGrid
+from ..regression import segments
 
 ROLES = ("e", "x", "f_t")
 PREFIXES = ("motion", "dist")
@@ -24,8 +25,8 @@ class Lanes:
 
     @classmethod
     def of(cls, grid: ModelGrid) -> Lanes:
-        begin = np.unique(grid.past)
-        return cls(begin, np.r_[begin[1:], grid.end[-1]])
+        begin, end = np.array(segments(grid)).T
+        return cls(begin, end)
 
     @property
     def length(self) -> int:
