@@ -55,6 +55,28 @@ def delayed(x, delay):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def scaled(x, factor):
+    """Signals times a factor of shape (1 or n_samples, 1 or n_runs)."""
+    n, runs = x.shape
+    out = np.empty((n, runs))
+    if factor.size == 1:
+        flat, to, by = x.reshape(n * runs), out.reshape(n * runs), factor[0, 0]
+        for i in range(n * runs):
+            to[i] = by * flat[i]
+    elif factor.shape[1] == 1:
+        for k in range(n):
+            by = factor[k, 0]
+            for j in range(runs):
+                out[k, j] = by * x[k, j]
+    else:
+        for k in range(n):
+            row = factor[k if factor.shape[0] > 1 else 0]
+            for j in range(runs):
+                out[k, j] = row[j] * x[k, j]
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def held_linearly(omega, zeta, dt):
     """Exact discretisation of the neuromuscular system for inputs linear between samples.
 
@@ -93,6 +115,75 @@ def held_linearly(omega, zeta, dt):
     return out
 
 
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _recurred(x, t, det):
+    """Solve y(k) = x(k) + t y(k-1) - det y(k-2) from rest, in place; some lanes at a time.
+
+    Numbers in registers, several chains side by side: their latencies overlap.
+    """
+    n, runs = x.shape
+    first = 0
+    while first < runs:
+        left = runs - first
+        if left >= 4:
+            a, b, c, d = x[:, first], x[:, first + 1], x[:, first + 2], x[:, first + 3]
+            a1 = b1 = c1 = d1 = a2 = b2 = c2 = d2 = 0.0
+            for k in range(n):
+                a1, a2 = (a[k] - det * a2) + t * a1, a1
+                b1, b2 = (b[k] - det * b2) + t * b1, b1
+                c1, c2 = (c[k] - det * c2) + t * c1, c1
+                d1, d2 = (d[k] - det * d2) + t * d1, d1
+                a[k], b[k], c[k], d[k] = a1, b1, c1, d1
+            first += 4
+        elif left == 3:
+            a, b, c = x[:, first], x[:, first + 1], x[:, first + 2]
+            a1 = b1 = c1 = a2 = b2 = c2 = 0.0
+            for k in range(n):
+                a1, a2 = (a[k] - det * a2) + t * a1, a1
+                b1, b2 = (b[k] - det * b2) + t * b1, b1
+                c1, c2 = (c[k] - det * c2) + t * c1, c1
+                a[k], b[k], c[k] = a1, b1, c1
+            first += 3
+        else:
+            a = x[:, first]
+            a1 = a2 = 0.0
+            for k in range(n):
+                a1, a2 = (a[k] - det * a2) + t * a1, a1
+                a[k] = a1
+            first += 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _linear(position, rate, q):
+    """``second_order`` for constant matrices and no stiffness, as a difference equation.
+
+    The companion eliminated: z(k+1) = (a + d) z(k) - (a d - b c) z(k-1) + what goes in, which is a
+    sum over three samples of position and rate.
+    """
+    n, runs = position.shape
+    out = np.empty((n, runs))
+    p, r, y = position.reshape(n * runs), rate.reshape(n * runs), out.reshape(n * runs)
+    a, b, c, d = q[0], q[1], q[2], q[3]
+    y[:runs] = 0.0
+    if n > 1:
+        for j in range(runs):
+            y[runs + j] = q[4] * p[j] + q[5] * r[j] + q[8] * p[runs + j] + q[9] * r[runs + j]
+    p_now, r_now = q[8], q[9]
+    p_before, r_before = q[4] - d * q[8] + b * q[10], q[5] - d * q[9] + b * q[11]
+    p_first, r_first = b * q[6] - d * q[4], b * q[7] - d * q[5]
+    m = max(n - 2, 0) * runs
+    # Slices, whose indices cannot be negative: only such loops are vectorised.
+    p0, p1, p2 = p[:m], p[runs : runs + m], p[2 * runs :]
+    r0, r1, r2 = r[:m], r[runs : runs + m], r[2 * runs :]
+    to = y[2 * runs :]
+    for i in range(m):
+        to[i] = (p_now * p2[i] + p_before * p1[i] + p_first * p0[i]) + (
+            r_now * r2[i] + r_before * r1[i] + r_first * r0[i]
+        )
+    _recurred(out[1:], a + d, a * d - b * c)
+    return out
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def second_order(position, rate, matrices, stiffness, bound):
     """Response from rest of a second-order system to a position and a rate command.
@@ -100,29 +191,24 @@ def second_order(position, rate, matrices, stiffness, bound):
     s(k+1) = phi s(k) + before w(k) + after w(k+1), with s = (output, its companion) and
     w = (position - stiffness output^3, rate); see ``held_linearly`` for the matrices.
     """
+    q = matrices[0]
+    if matrices.shape[0] == 1 and stiffness == 0.0:
+        return _linear(position, rate, q)
     n, runs = position.shape
     out = np.empty((n, runs))
-    drive = np.empty(runs)
     z = np.zeros(runs)
     v = np.zeros(runs)
     last = np.zeros(runs)
     out[0] = 0.0
     varies = matrices.shape[0] > 1
-    q = matrices[0]
+    if stiffness == 0.0:  # nothing to run away
+        bound = np.inf
     for k in range(n - 1):
         if varies:
             q = matrices[k]
         a, b, c, d = q[0], q[1], q[2], q[3]
         b0, b1, b2, b3 = q[4], q[5], q[6], q[7]
         c0, c1, c2, c3 = q[8], q[9], q[10], q[11]
-        if stiffness == 0.0:
-            for j in range(runs):
-                p0, p1, r0, r1 = position[k, j], position[k + 1, j], rate[k, j], rate[k + 1, j]
-                drive[j] = b0 * p0 + b1 * r0 + c0 * p1 + c1 * r1
-                out[k + 1, j] = drive[j] + (a * z[j] + b * v[j])
-                v[j] = (b2 * p0 + b3 * r0 + c2 * p1 + c3 * r1) + (c * z[j] + d * v[j])
-                z[j] = out[k + 1, j]
-            continue
         for j in range(runs):
             ahead = 2 * z[j] - last[j]
             last[j] = z[j]
@@ -163,46 +249,45 @@ def arx_response(x, a, b, stiffness, constant, bound):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def filtered(x, b, a):
     """Response from rest of (b0 + b1 q^-1 + b2 q^-2) / (1 + a0 q^-1 + a1 q^-2)."""
     n, runs = x.shape
     out = np.empty((n, runs))
-    s1 = np.zeros(runs)
-    s2 = np.zeros(runs)
-    for k in range(n):
-        for j in range(runs):
-            now = b[0] * x[k, j] + s1[j]
-            s1[j] = b[1] * x[k, j] - a[0] * now + s2[j]
-            s2[j] = b[2] * x[k, j] - a[1] * now
-            out[k, j] = now
+    flat, to = x.reshape(n * runs), out.reshape(n * runs)
+    for i in range(min(n, 2) * runs):
+        to[i] = b[0] * flat[i] + (b[1] * flat[i - runs] if i >= runs else 0.0)
+    m = max(n - 2, 0) * runs
+    x0, x1, x2, late = flat[2 * runs :], flat[runs : runs + m], flat[:m], to[2 * runs :]
+    b0, b1, b2 = b[0], b[1], b[2]
+    for i in range(m):
+        late[i] = b0 * x0[i] + b1 * x1[i] + b2 * x2[i]
+    _recurred(out, -a[0], a[1])
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def whitened(signals, ar, weight):
     """Prediction errors of signals (n_signals, n_samples, n_runs) under an AR(6) model, weighted.
 
     The first six samples are zero. Returns a table (n_signals, n_samples * n_runs).
     """
     count, n, r = signals.shape
-    length = n * r
-    flat = signals.reshape(count, length)
-    by_row = weight.reshape(length)
-    out = np.zeros((count, length))
+    m = max(n - 6, 0) * r
+    flat = signals.reshape(count, n * r)
+    by_row = weight.reshape(n * r)[6 * r :]
+    out = np.zeros((count, n * r))
     a1, a2, a3, a4, a5, a6 = ar[0], ar[1], ar[2], ar[3], ar[4], ar[5]
     for i in range(count):
-        x = flat[i]
-        to = out[i]
-        for k in range(6 * r, length):  # the sample before lies one row of runs before
+        x, to = flat[i], out[i, 6 * r :]  # the sample before lies one row of runs before
+        x1, x2, x3 = x[5 * r : 5 * r + m], x[4 * r : 4 * r + m], x[3 * r : 3 * r + m]
+        x4, x5, x6 = x[2 * r : 2 * r + m], x[r : r + m], x[:m]
+        x = x[6 * r :]
+        for k in range(m):
             to[k] = by_row[k] * (
-                x[k]
-                + a1 * x[k - r]
-                + a2 * x[k - 2 * r]
-                + a3 * x[k - 3 * r]
-                + a4 * x[k - 4 * r]
-                + a5 * x[k - 5 * r]
-                + a6 * x[k - 6 * r]
+                (x[k] + a1 * x1[k] + a2 * x2[k])
+                + (a3 * x3[k] + a4 * x4[k])
+                + (a5 * x5[k] + a6 * x6[k])
             )
     return out
 
@@ -239,6 +324,30 @@ def held(x, watched, period, threshold, phase):
                 out[k, j] = (1 - share) * value + share * new
                 value = new
                 due += period
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def smooth_levels(x, step, offset, first, second, third):
+    """Levels ``step`` apart with round corners: sines of once, twice and three times the angle.
+
+    ``first`` to ``third`` are the amplitudes of the sines.
+    """
+    n, runs = x.shape
+    out = np.empty((n, runs))
+    flat, to = x.reshape(n * runs), out.reshape(n * runs)
+    for i in range(n * runs):
+        place = flat[i] / step - offset
+        half = np.pi * (place - np.floor(place + 0.5))
+        # Taylor's series to 1e-13 within a quarter of a turn, in a fifth of the library's time.
+        g = half * half
+        s = 1 - g / 72 * (1 - g / 110 * (1 - g / 156 * (1 - g / 210)))
+        s = half * (1 - g / 6 * (1 - g / 20 * (1 - g / 42 * s)))
+        c = 1 - g / 90 * (1 - g / 132 * (1 - g / 182 * (1 - g / 240)))
+        c = 1 - g / 2 * (1 - g / 12 * (1 - g / 30 * (1 - g / 56 * c)))
+        sine, cosine = 2 * s * c, 1 - 2 * s * s
+        steps = second * sine * cosine - first * sine - third / 3 * sine * (3 - 4 * sine * sine)
+        to[i] = step * (place + steps)
     return out
 
 

@@ -282,14 +282,11 @@ class Quantised(Effect):
     def apply(
         self, signal: np.ndarray, record: Record, step: float, offset: float, remnant: float = 0.0
     ) -> np.ndarray:
-        place = signal / step - offset
         if self.form != "behind":
-            return step * np.round(place)
+            return step * np.round(signal / step - offset)
         # Sines of once, twice and three times the angle make the steps, smoothed by the remnant.
-        sine, cosine = np.sin(2 * np.pi * place), np.cos(2 * np.pi * place)
-        first, second, third = np.exp(-2 * (np.pi * remnant * np.arange(1, 4)) ** 2) / np.pi
-        steps = second * sine * cosine - first * sine - third / 3 * sine * (3 - 4 * sine * sine)
-        return step * (place + steps)
+        sines = np.exp(-2 * (np.pi * remnant * np.arange(1, 4)) ** 2) / np.pi
+        return _kernels.greybox.smooth_levels(_kernels.gate(signal), step, offset, *sines)
 
 
 class HardeningStiffness(Effect):

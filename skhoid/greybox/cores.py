@@ -78,14 +78,17 @@ class OperatorCore:
     def command(
         self, error: np.ndarray, gains: Gains, values: dict[str, float]
     ) -> tuple[np.ndarray, np.ndarray]:
-        return values["K_e"] * gains.error * error, values["K_edot"] * gains.rate * error
+        error = _kernels.gate(error)
+        position = _kernels.greybox.scaled(error, _kernels.gate(values["K_e"] * gains.error))
+        rate = _kernels.greybox.scaled(error, _kernels.gate(values["K_edot"] * gains.rate))
+        return position, rate
 
     def response(
         self, command: Command, gains: Gains, stiffness: float, values: dict[str, float], dt: float
     ) -> np.ndarray:
-        omega, zeta = np.broadcast_arrays(
-            values["omega_nm"] * gains.omega[:, 0], values["zeta_nm"] * gains.zeta[:, 0]
-        )
+        omega, zeta = values["omega_nm"] * gains.omega[:, 0], values["zeta_nm"] * gains.zeta[:, 0]
+        if omega.size != zeta.size:
+            omega, zeta = np.broadcast_arrays(omega, zeta)
         matrices = _kernels.greybox.held_linearly(_kernels.gate(omega), _kernels.gate(zeta), dt)
         return _kernels.greybox.second_order(
             _kernels.gate(command.position),

@@ -221,7 +221,7 @@ def derivatives(
         h = relative * simulator.size(i, value)
         if value + h > simulator.high[i]:
             h = -h
-        rows[i] = (simulator.beside(i, value + h)[::thin] - here) / h
-    rows[:-1] *= criterion.known
+        np.subtract(simulator.beside(i, value + h)[::thin], here, out=rows[i])
+        rows[i] *= 1 / h
     rows[-1] = criterion.residual(output)
     return rows
