@@ -17,7 +17,7 @@ from .effects.base import PLACES, Effect, Parameter
 from .effects.composition import Effects
 from .effects.offsets import Bias
 from .effects.record import OTHER, Record, differentiated
-from .effects.signals import Command, Gains
+from .effects.signals import Command, Gains, Spring
 from .greybox.cores import ARXCore, OperatorCore, neutral_gains
 from .greybox.simulator import Simulator
 from .human.controlled_element import ControlledElement
@@ -315,7 +315,7 @@ def _signal_at(place: str, record: Record, delay: float = DELAY) -> Any:
     if place == "gain":
         return neutral_gains()
     if place == "spring":
-        return 0.0
+        return Spring()
     late = record.delayed(record.input, delay)
     if place in ("path", "command"):
         return Command(OPERATOR["K_e"] * late, OPERATOR["K_edot"] * late, late, delay)
@@ -324,7 +324,7 @@ def _signal_at(place: str, record: Record, delay: float = DELAY) -> Any:
 
 def _parts(signal: Any) -> dict[str, np.ndarray]:
     """The arrays in a signal, by name."""
-    if isinstance(signal, (Gains, Command)):
+    if isinstance(signal, (Gains, Command, Spring)):
         return {k: np.asarray(v, dtype=float) for k, v in signal._asdict().items()}
     return {"": np.asarray(signal, dtype=float)}
 
@@ -390,14 +390,14 @@ def _check_apply(effect: Effect, record: Record) -> None:
 
 
 def _check_kind(out: Any, place: str, record: Record, at: str) -> None:
-    kinds: dict[str, type] = {"gain": Gains, "path": Command, "command": Command}
+    kinds: dict[str, type] = {"gain": Gains, "path": Command, "command": Command, "spring": Spring}
     kind = kinds.get(place)
     shape = record.known.shape
     if kind is not None:
         _expect(
             isinstance(out, kind),
-            f"{at} must return {kind.__name__}, as signal.plus(...), signal.times(...) or "
-            f"signal._replace(...) do; got {type(out).__name__}.",
+            f"{at} must return {kind.__name__}, as signal.plus(...), signal.times(...), "
+            f"signal.stiffer(...) or signal._replace(...) do; got {type(out).__name__}.",
         )
     for name, values in _parts(out).items():
         which = f"{at}, {name}," if name else at

@@ -53,8 +53,12 @@ def transition(omega, zeta, dt):
     return phi, held - sloped / dt, sloped / dt
 
 
-def second_order(position, rate, matrices, stiffness, bound):
-    """s(k+1) = phi s(k) + before w(k) + after w(k+1), w = (position - stiffness y^3, rate).
+def spring(y, cubic, square):
+    return cubic * y**3 + square * y * abs(y)
+
+
+def second_order(position, rate, matrices, cubic, square, bound):
+    """s(k+1) = phi s(k) + before w(k) + after w(k+1), w = (position - spring(y), rate).
 
     ``matrices`` has phi, before and after for each sample. The spring at the next sample takes the
     output that the last two point to.
@@ -63,31 +67,31 @@ def second_order(position, rate, matrices, stiffness, bound):
     for k in range(len(position) - 1):
         phi, before, after = matrices[k]
         ahead = s[0] + (s[0] - last)
-        now = np.array([position[k] - stiffness * s[0] ** 3, rate[k]])
-        then = np.array([position[k + 1] - stiffness * ahead**3, rate[k + 1]])
+        now = np.array([position[k] - spring(s[0], cubic, square), rate[k]])
+        then = np.array([position[k + 1] - spring(ahead, cubic, square), rate[k + 1]])
         last = s[0]
         s = phi @ s + before @ now + after @ then
-        if stiffness:
+        if cubic or square:
             s[0] = min(max(s[0], -bound), bound)
         out.append(s[0])
     return out
 
 
-def arx_response(x, a, b, stiffness, constant, bound):
-    """A(q) y = B(q) (x - stiffness y^3) + constant; with b_0, y of now is predicted first."""
-    y, spring = [], []
+def arx_response(x, a, b, cubic, square, constant, bound):
+    """A(q) y = B(q) (x - spring(y)) + constant; with b_0, y of now is predicted first."""
+    y, held = [], []
 
     def limited(value):
         return min(max(value, -bound), bound)
 
     for k in range(len(x)):
         past = constant - sum(a[i] * y[k - 1 - i] for i in range(len(a)) if k - 1 - i >= 0)
-        past += sum(b[i] * (x[k - i] - spring[k - i]) for i in range(1, len(b)) if k - i >= 0)
+        past += sum(b[i] * (x[k - i] - held[k - i]) for i in range(1, len(b)) if k - i >= 0)
         value = past + b[0] * x[k]
-        if stiffness and b[0] != 0:
-            value = past + b[0] * (x[k] - stiffness * limited(value) ** 3)
+        if (cubic or square) and b[0] != 0:
+            value = past + b[0] * (x[k] - spring(limited(value), cubic, square))
         y.append(limited(value))
-        spring.append(stiffness * y[-1] ** 3)
+        held.append(spring(y[-1], cubic, square))
     return y
 
 

@@ -80,7 +80,7 @@ def test_second_order_is_the_linear_system_of_scipy(zeta):
     omega, dt = 11.25, 0.01
     position, rate = noise(400, 2, seed=1), noise(400, 2, seed=2)
     matrices = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)
-    out = greybox.second_order(position, rate, matrices, 0.0, 1e9)
+    out = greybox.second_order(position, rate, matrices, 0.0, 0.0, 1e9)
     t = np.arange(400) * dt
     # omega^2 (position + s rate) / (s^2 + 2 zeta omega s + omega^2)
     denominator = [1.0, 2 * zeta * omega, omega**2]
@@ -94,20 +94,21 @@ def test_second_order_is_the_linear_system_of_scipy(zeta):
     seed=st.integers(0, 2**32 - 1),
     n=st.integers(1, 40),
     varies=st.booleans(),
-    stiffness=st.sampled_from([0.0, 0.5, 40.0]),
+    cubic=st.sampled_from([0.0, 0.5, 40.0]),
+    square=st.sampled_from([0.0, 3.0]),
     bound=st.sampled_from([0.05, 1e9]),
 )
 @settings(max_examples=60)
-def test_second_order_is_its_twin(seed, n, varies, stiffness, bound):
+def test_second_order_is_its_twin(seed, n, varies, cubic, square, bound):
     rng = np.random.default_rng(seed)
     position, rate = 0.1 * rng.standard_normal((2, n, 2))
     rows = n if varies else 1
     matrices = greybox.held_linearly(rng.uniform(3, 30, rows), rng.uniform(0.1, 1.5, rows), 0.02)
-    out = greybox.second_order(position, rate, matrices, stiffness, bound)
+    out = greybox.second_order(position, rate, matrices, cubic, square, bound)
     # The matrices themselves have a test of their own.
     of_sample = list(np.broadcast_to(matrices, (n, 12)).reshape(n, 3, 2, 2))
     for j in range(2):
-        expected = naive.second_order(position[:, j], rate[:, j], of_sample, stiffness, bound)
+        expected = naive.second_order(position[:, j], rate[:, j], of_sample, cubic, square, bound)
         np.testing.assert_allclose(out[:, j], expected, rtol=1e-8, atol=1e-9)
 
 
@@ -137,7 +138,7 @@ def test_a_stiff_spring_is_the_duffing_oscillator():
             expected.append(state[0])
     matrices = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)
     position = command(t)[:, None]
-    out = greybox.second_order(position, np.zeros_like(position), matrices, k, 1e9)[:, 0]
+    out = greybox.second_order(position, np.zeros_like(position), matrices, k, 0.0, 1e9)[:, 0]
     # Linear interpolation of command and spring between samples: second order in dt.
     assert np.abs(out - expected).max() < 1e-4 * np.abs(expected).max()
 
@@ -148,7 +149,7 @@ def test_arx_response_is_lfilter(na, nb, nk):
     b = np.r_[np.zeros(nk), [0.7, -0.4][:nb]]
     x = noise(80)
     expected = lfilter(b, np.r_[1.0, a], x, axis=0)
-    np.testing.assert_allclose(greybox.arx_response(x, a, b, 0.0, 0.0, 1e9), expected, **EXACT)
+    np.testing.assert_allclose(greybox.arx_response(x, a, b, 0.0, 0.0, 0.0, 1e9), expected, **EXACT)
 
 
 @given(
@@ -157,23 +158,24 @@ def test_arx_response_is_lfilter(na, nb, nk):
     na=st.integers(0, 3),
     nb=st.integers(1, 4),
     direct=st.booleans(),
-    stiffness=st.sampled_from([0.0, 0.02, 0.1]),
+    cubic=st.sampled_from([0.0, 0.02, 0.1]),
+    square=st.sampled_from([0.0, 0.05]),
     constant=st.sampled_from([0.0, 0.3]),
 )
 @settings(max_examples=100)
-def test_arx_response_is_its_twin(x, seed, na, nb, direct, stiffness, constant):
+def test_arx_response_is_its_twin(x, seed, na, nb, direct, cubic, square, constant):
     rng = np.random.default_rng(seed)
     a, b = rng.uniform(-0.3, 0.3, na), rng.uniform(-0.4, 0.4, nb)
     if not direct:
         b[0] = 0.0
-    out = greybox.arx_response(x, a, b, stiffness, constant, 1e9)
-    expected = by_run(naive.arx_response, x, a, b, stiffness, constant, 1e9)
+    out = greybox.arx_response(x, a, b, cubic, square, constant, 1e9)
+    expected = by_run(naive.arx_response, x, a, b, cubic, square, constant, 1e9)
     np.testing.assert_allclose(out, expected, rtol=1e-9, atol=1e-9)
 
 
 def test_what_diverges_stays_within_the_bound():
     x, b = noise(200), np.array([0.0, 1.0])
-    out = greybox.arx_response(x, np.array([-1.5]), b, 0.0, 0.0, 1e6)
+    out = greybox.arx_response(x, np.array([-1.5]), b, 0.0, 0.0, 0.0, 1e6)
     assert np.abs(out).max() == 1e6
 
 
@@ -274,8 +276,8 @@ def test_kernels_leave_their_inputs_alone():
     kept = x.copy()
     matrices = greybox.held_linearly(np.array([9.0]), np.array([0.3]), 0.01)
     greybox.delayed(x, np.full((1, 1), 0.5))
-    greybox.second_order(x, x, matrices, 0.3, 1e9)
-    greybox.arx_response(x, np.array([-0.5]), np.array([0.2, 0.1]), 0.3, 0.0, 1e9)
+    greybox.second_order(x, x, matrices, 0.3, 0.2, 1e9)
+    greybox.arx_response(x, np.array([-0.5]), np.array([0.2, 0.1]), 0.3, 0.2, 0.0, 1e9)
     greybox.filtered(x, np.ones(3), np.array([0.1, 0.1]))
     greybox.whitened(x[None], np.ones(6), ones)
     greybox.held(x, x, 4.0, 0.2, 0.0)

@@ -74,6 +74,8 @@ class Case:
     ceiling_vaf : float
         What no prediction may exceed. Above the oracle where an effect acts on the remnant too: the
         mean answer is then not the answer to the mean.
+    oracle_vaf_of_training : float
+        The same on the training runs, which may have another amplitude.
     """
 
     suite: str
@@ -94,6 +96,7 @@ class Case:
     baseline_vaf: float
     gap: float
     ceiling_vaf: float
+    oracle_vaf_of_training: float
 
 
 def effect_of(number: int) -> str:
@@ -188,11 +191,13 @@ def _attempt(
     P_n = 0.0 if rng.random() < 0.1 else rng.uniform(0.0, 0.3)
     gain = tune(wirings[: min(2, n_train)], P_n)
     outs = [closed(w, gain) for w in wirings]
-    tests = [
+    nominal = [
         (wired(world, run, context, effects, nominal=True), out)
-        for run, out in zip(runs[n_train:], outs[n_train:], strict=True)
+        for run, out in zip(runs, outs, strict=True)
     ]
-    oracle = np.array([opened(w, out) for w, out in tests])
+    tests = nominal[n_train:]
+    known = np.array([opened(w, out) for w, out in nominal])
+    oracle = known[n_train:]
     delay = None if rng.random() < 0.5 else round(world.operator.tau, 3)
     for effect in effects:
         if effect.name == "wrong_delay":
@@ -259,6 +264,7 @@ def _attempt(
         baseline_vaf=baseline_vaf,
         gap=oracle_vaf - baseline_vaf,
         ceiling_vaf=ceiling_vaf,
+        oracle_vaf_of_training=vaf(u[:n_train], known[:n_train]),
     )
 
 

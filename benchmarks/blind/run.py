@@ -54,6 +54,7 @@ def answer(case: Case) -> Answer:
     if "step" in ranking:
         ranking = ranking[ranking["step"] == ranking["step"].min()]
     parameters = search.best_estimator_.parameters_
+    baseline = search.baseline_.predict(case.X)
     return Answer(
         names=list(search.best_effects_),
         ranking=[str(name) for name in ranking["effect"]],
@@ -64,6 +65,7 @@ def answer(case: Case) -> Answer:
             str(name): (float(row["value"]), float(row["sd"]))
             for name, row in parameters.iterrows()
         },
+        baseline=np.asarray(baseline),
     )
 
 

@@ -79,9 +79,11 @@ class Answer:
     seconds : float
         Time of fit and predict.
     explainable_gap : float or None
-        Points of VAF, estimated before naming.
+        Points of VAF that a better model can gain over ``baseline`` on the training runs.
     parameters : dict
         ``effect__parameter``: value and standard deviation.
+    baseline : ndarray of shape (n_rows,) or None
+        Of the model that nothing was added to, for X.
     """
 
     names: list[str]
@@ -90,6 +92,7 @@ class Answer:
     seconds: float
     explainable_gap: float | None = None
     parameters: dict[str, tuple[float, float]] = field(default_factory=dict)
+    baseline: np.ndarray | None = None
 
     @property
     def first(self) -> str:
@@ -145,6 +148,10 @@ def grade(case: Case, answer: Answer) -> dict[str, Any]:
     }
     if case.gap >= 1:
         record["closed"] = (reached - case.baseline_vaf) / case.gap
+    if answer.baseline is not None and answer.explainable_gap is not None:
+        trained = case.y.to_numpy().reshape(-1, N_SAMPLES)
+        base = vaf(trained, np.asarray(answer.baseline, dtype=float).reshape(trained.shape))
+        record["gap_error"] = answer.explainable_gap - (case.oracle_vaf_of_training - base)
     if case.suite == "null":
         record["right"] = record["strict"] = not answer.names
     elif case.suite == "pairs":
@@ -221,15 +228,11 @@ def table(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     """
     suite = records[0]["suite"]
     rows = {"null": _null, "pairs": _pairs, "left_out": _left_out}.get(suite, _single)(records)
-    gaps = [r["explainable_gap"] - r["gap"] for r in records if r["explainable_gap"] is not None]
+    gaps = [r for r in records if "gap_error" in r]
     if gaps:
-        rows.append(("explainable gap before naming, rms error", _rms(gaps)))
-        coherent = [
-            r["explainable_gap"] - r["gap"]
-            for r in records
-            if r["explainable_gap"] is not None and r["effects"] and set(r["effects"]) <= COHERENT
-        ]
-        rows.append(("... of coherent effects", _rms(coherent)))
+        rows.append(("explainable gap, rms error", _rms([r["gap_error"] for r in gaps])))
+        coherent = [r for r in gaps if r["effects"] and set(r["effects"]) <= COHERENT]
+        rows.append(("... of coherent effects", _rms([r["gap_error"] for r in coherent])))
     named = [r["vaf"] - r["baseline_vaf"] - r["gap"] for r in records if r["gap"] >= 1]
     if named:
         rows.append(("gap closed after naming, rms error", _rms(named)))

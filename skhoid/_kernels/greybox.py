@@ -184,15 +184,22 @@ def _linear(position, rate, q):
     return out
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _force(y, cubic, square):
+    return (cubic * y * y + square * abs(y)) * y
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def second_order(position, rate, matrices, stiffness, bound):
+def second_order(position, rate, matrices, cubic, square, bound):
     """Response from rest of a second-order system to a position and a rate command.
 
     s(k+1) = phi s(k) + before w(k) + after w(k+1), with s = (output, its companion) and
-    w = (position - stiffness output^3, rate); see ``held_linearly`` for the matrices.
+    w = (position - cubic output^3 - square output abs(output), rate); see ``held_linearly`` for the
+    matrices.
     """
     q = matrices[0]
-    if matrices.shape[0] == 1 and stiffness == 0.0:
+    stiff = cubic != 0.0 or square != 0.0
+    if matrices.shape[0] == 1 and not stiff:
         return _linear(position, rate, q)
     n, runs = position.shape
     out = np.empty((n, runs))
@@ -201,7 +208,7 @@ def second_order(position, rate, matrices, stiffness, bound):
     last = np.zeros(runs)
     out[0] = 0.0
     varies = matrices.shape[0] > 1
-    if stiffness == 0.0:  # nothing to run away
+    if not stiff:  # nothing to run away
         bound = np.inf
     for k in range(n - 1):
         if varies:
@@ -212,8 +219,8 @@ def second_order(position, rate, matrices, stiffness, bound):
         for j in range(runs):
             ahead = 2 * z[j] - last[j]
             last[j] = z[j]
-            p0 = position[k, j] - stiffness * z[j] * z[j] * z[j]
-            p1 = position[k + 1, j] - stiffness * ahead * ahead * ahead
+            p0 = position[k, j] - _force(z[j], cubic, square)
+            p1 = position[k + 1, j] - _force(ahead, cubic, square)
             r0, r1 = rate[k, j], rate[k + 1, j]
             new = a * z[j] + b * v[j] + b0 * p0 + b1 * r0 + c0 * p1 + c1 * r1
             v[j] = c * z[j] + d * v[j] + b2 * p0 + b3 * r0 + c2 * p1 + c3 * r1
@@ -223,8 +230,11 @@ def second_order(position, rate, matrices, stiffness, bound):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def arx_response(x, a, b, stiffness, constant, bound):
-    """Output from rest of A(q) y = B(q) (x - stiffness y^3) + constant, b from lag 0 on."""
+def arx_response(x, a, b, cubic, square, constant, bound):
+    """Output from rest of A(q) y = B(q) (x - cubic y^3 - square y abs(y)) + constant.
+
+    b is from lag 0 on.
+    """
     n, runs = x.shape
     na, nb = a.size, b.size
     out = np.empty((n, runs))
@@ -238,12 +248,12 @@ def arx_response(x, a, b, stiffness, constant, bound):
                 past += b[i] * w[k - i, j]
             now = x[k, j]
             value = past + b[0] * now
-            if stiffness != 0.0:
+            if cubic != 0.0 or square != 0.0:
                 value = min(max(value, -bound), bound)
                 if b[0] != 0.0:
-                    value = past + b[0] * (now - stiffness * value * value * value)
+                    value = past + b[0] * (now - _force(value, cubic, square))
                     value = min(max(value, -bound), bound)
-                now -= stiffness * value * value * value
+                now -= _force(value, cubic, square)
             w[k, j] = now
             out[k, j] = min(max(value, -bound), bound)
     return out

@@ -81,8 +81,8 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     baseline_, best_estimator_ : estimator
         The model without and with the effects, fitted on all rows.
     explainable_gap_ : float
-        Points of VAF that a better model can gain over the baseline: what repeats over runs, or
-        what the effects found gain, whichever is more.
+        Points of VAF that a better model can gain over the baseline: what the effects found gain
+        on held-out rows, and the largest structure of ``unexplained_``.
     unexplained_ : DataFrame
         Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
         is the same in all runs), at, description, points, evidence.
@@ -239,7 +239,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             if ids
             else "nothing is missing"
         )
-        self.explainable_gap_ = float(np.nanmax([ceiling - steps[0].vaf, gained + worst, 0.0]))
+        self.explainable_gap_ = float(max(gained + worst, 0.0))
         self.error_path_ = error_path(record, steps, names, ceiling, worst)
         self.predictions_ = self._held_out_frame(prepared, steps, names, X, y)
         self.ranking_ = ranking_table(path, self.display, trembling, model)

@@ -19,7 +19,7 @@ from ..greybox.simulator import Simulator
 from .signatures import traces_of
 
 LEAST_EVIDENCE = 25.0  # n log(SSE before / after) - k log n of an effect that counts
-LEAST_GAIN = 0.35  # VAF points on held-out rows of an effect that counts
+LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 HOPELESS = 0.002  # of the output's power
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
@@ -260,11 +260,11 @@ def by_rank(model: Model, first: Step) -> Model:
     Effects of one place keep their order, in which signals pass them.
     """
     rank = {c.name: i for i, c in enumerate(first.candidates) if c.passes}
-    steps = list(model.effects.steps)
-    if len(steps) < 2 or len({effect.place for _, effect in steps}) < len(steps):
-        return model
-    names = sorted(model.effects.names, key=lambda name: rank.get(name, len(rank)))
-    return in_order(model, names)
+    steps = sorted(model.effects.steps, key=lambda step: rank.get(step[0], len(rank)))
+    of_place: dict[str, list[str]] = {}
+    for name, effect in model.effects.steps:
+        of_place.setdefault(effect.place, []).append(name)
+    return in_order(model, [of_place[effect.place].pop(0) for _, effect in steps])
 
 
 def follow(search: Search, first: Step, start: Candidate | None, most: int) -> Path:

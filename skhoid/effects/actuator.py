@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.special import ndtr
 
 from .. import _kernels
 from .base import Effect, Parameter
 from .record import Record
+from .signals import Spring
 from .traces import stop_of
 
 
@@ -218,7 +217,8 @@ class Quantised(Effect):
     """The output takes discrete levels: u' = step round(u / step - offset).
 
     ``"sharp"`` is that; ``"behind"`` its mean over remnant that passes it too, with standard
-    deviation ``remnant``: u + steps that the remnant smooths.
+    deviation ``remnant``: u + steps that the remnant smooths; ``"uneven"`` has levels at step
+    n^(1 / power), n = 0, 1, 2 ... to either side.
 
     Parameters
     ----------
@@ -228,8 +228,11 @@ class Quantised(Effect):
         Shift of the thresholds, in steps; 0.5 rounds down. None estimates it.
     remnant : float or None, default=None
         Standard deviation of the remnant before it, in steps, of ``"behind"``; None estimates it.
-    form : {"sharp", "behind"} or None, default=None
-        None tries both.
+    power : float or None, default=None
+        How levels crowd away from zero (above one) or towards it, of ``"uneven"``; None estimates
+        it.
+    form : {"sharp", "behind", "uneven"} or None, default=None
+        None tries all.
 
     References
     ----------
@@ -247,6 +250,7 @@ class Quantised(Effect):
     physics = "The output moves in steps: keys, detents, or a coarse converter."
     formula = "u' = step round(u / step - offset)"
     source = "Widrow and Kollar (2008)"
+    shades = True
 
     def __init__(
         self,
@@ -254,11 +258,13 @@ class Quantised(Effect):
         step: float | None = None,
         offset: float | None = None,
         remnant: float | None = None,
+        power: float | None = None,
         form: str | None = None,
     ):
         self.step = step
         self.offset = offset
         self.remnant = remnant
+        self.power = power
         self.form = form
 
     @property
@@ -269,6 +275,8 @@ class Quantised(Effect):
         if self.form == "behind":
             remnant = Parameter("remnant", "-", 0.12, 0.35, (0.2,), "", "before levels, in steps")
             return (step, offset, remnant)
+        if self.form == "uneven":
+            return (step, Parameter("power", "-", 0.5, 2.0, (0.8, 1.25), "", "of uneven levels"))
         return (step, offset)
 
     @property
@@ -276,12 +284,21 @@ class Quantised(Effect):
         return self.form == "behind"
 
     def variants(self, record: Record) -> list[Effect]:
-        # The smooth form comes first: the other starts from what it finds as well.
-        return self.one_of_each("form", ("behind", "sharp"))
+        # The smooth form comes first: the others start from what it finds as well.
+        return self.one_of_each("form", ("behind", "sharp", "uneven"))
 
     def apply(
-        self, signal: np.ndarray, record: Record, step: float, offset: float, remnant: float = 0.0
+        self,
+        signal: np.ndarray,
+        record: Record,
+        step: float,
+        offset: float = 0.0,
+        remnant: float = 0.0,
+        power: float = 1.0,
     ) -> np.ndarray:
+        if self.form == "uneven":
+            levels = np.round(np.abs(signal / step) ** power) ** (1 / power)
+            return step * np.copysign(levels, signal)
         if self.form != "behind":
             return step * np.round(signal / step - offset)
         # Sines of once, twice and three times the angle make the steps, smoothed by the remnant.
@@ -290,15 +307,19 @@ class Quantised(Effect):
 
 
 class HardeningStiffness(Effect):
-    """A spring that stiffens with deflection: stiffness u^3 acts against the command.
+    """A spring that stiffens with deflection acts against the command.
 
-    With an operator the neuromuscular spring, omega_nm^2 (u + stiffness u^3); with an ARX model
-    A(q) u = B(q) (x - stiffness u^3), which is the Duffing oscillator.
+    ``"cubic"``: stiffness u^3; ``"square"``: stiffness u abs(u). With an operator the neuromuscular
+    spring, omega_nm^2 (u + stiffness u^3); with an ARX model A(q) u = B(q) (x - stiffness u^3),
+    which is the Duffing oscillator.
 
     Parameters
     ----------
     stiffness : float or None, default=None
-        In units of the command per cubed unit of the output; None estimates it.
+        In units of the command per cubed (``"square"``: squared) unit of the output; None
+        estimates it.
+    form : {"cubic", "square"} or None, default=None
+        None tries both.
 
     References
     ----------
@@ -314,18 +335,25 @@ class HardeningStiffness(Effect):
     name = "hardening_stiffness"
     place = "spring"
     physics = "The spring of limb or stick stiffens with deflection."
-    formula = "u + stiffness u^3 in place of u in the spring"
+    formula = "u + stiffness u^3, or u + stiffness u |u|, in place of u in the spring"
     source = "Wigren and Schoukens (2013)"
-    parameters = (
-        Parameter("stiffness", "1/{u}^2", 0.0, 20.0, (0.02, 0.3), "1/u*u", "of the cubic spring"),
-    )
+    shades = True
 
-    def __init__(self, *, stiffness: float | None = None):
+    def __init__(self, *, stiffness: float | None = None, form: str | None = None):
         self.stiffness = stiffness
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        unit, scale = ("1/{u}", "1/u") if self.form == "square" else ("1/{u}^2", "1/u*u")
+        return (Parameter("stiffness", unit, 0.0, 20.0, (0.02, 0.3), scale, "of the spring"),)
+
+    def variants(self, record: Record) -> list[Effect]:
+        return self.one_of_each("form", ("cubic", "square"))
 
     @property
     def neutral(self) -> dict[str, float]:
         return {"stiffness": 0.0}
 
-    def apply(self, signal: Any, record: Record, stiffness: float) -> Any:
-        return signal + stiffness
+    def apply(self, signal: Spring, record: Record, stiffness: float) -> Spring:
+        return signal.stiffer(**{self.form or "cubic": stiffness})

@@ -88,6 +88,9 @@ class Effect(BaseEstimator):
     smooth : bool
         Whether the response changes smoothly with the parameters; they are searched on a
         grid of their starts otherwise.
+    shades : bool
+        Whether the choices of ``form`` are shades of the first: a search tries the others only
+        where that explains something.
 
     See Also
     --------
@@ -126,6 +129,7 @@ class Effect(BaseEstimator):
     source: ClassVar[str] = ""
     parameters: tuple[Parameter, ...] = ()
     smooth: bool = True
+    shades: ClassVar[bool] = False
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """What comes out of the effect when ``signal`` goes in, at values of the parameters."""
@@ -223,7 +227,8 @@ def on_core(p: Parameter, place: str, record: Record) -> Parameter:
         unit = {"{e}/{e}": "-", "{e}/({e} s)": "1/s"}.get(unit, unit)
         scale = re.sub(r"(?<![\w.])u(?![\w.])", "e", scale)
     elif place == "spring":
-        unit, scale = unit.replace("1/{u}^2", "{e}/{u}^3"), f"e*{scale or 1}/u"
+        unit = {"1/{u}^2": "{e}/{u}^3", "1/{u}": "{e}/{u}^2"}.get(unit, unit)
+        scale = f"e*{scale or 1}/u"
     if "T" not in re.split("[/*]", scale):
         power = power_of_seconds(p.unit)
         scale = "*".join(["{s}"] * max(power, 0) + [scale] * bool(scale)) or "1"

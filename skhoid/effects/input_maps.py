@@ -43,6 +43,7 @@ class DeadZone(Effect):
     parameters = (
         Parameter("width", "{e}", 0.02, 3.0, (0.25, 0.7), "e", "half-width of the threshold"),
     )
+    shades = True
 
     def __init__(self, *, width: float | None = None, form: str | None = None):
         self.width = width
@@ -62,12 +63,19 @@ class DeadZone(Effect):
 
 
 class AsymmetricGain(Effect):
-    """Left and right are answered with different gains: e' = e (1 + asymmetry sign(e)).
+    """Left and right are answered with different gains.
+
+    ``"all"``: e' = e + asymmetry abs(e); ``"large"``: e' = e + asymmetry max(abs(e) - level, 0),
+    where small errors are answered alike.
 
     Parameters
     ----------
     asymmetry : float or None, default=None
         Half the relative difference of the gains, without unit; None estimates it.
+    level : float or None, default=None
+        Error above which the gains differ (``"large"``), in units of the error; None estimates it.
+    form : {"all", "large"} or None, default=None
+        None tries both.
 
     References
     ----------
@@ -83,35 +91,61 @@ class AsymmetricGain(Effect):
     name = "asym_gain"
     place = "input"
     physics = "Errors to one side are answered more strongly than to the other."
-    formula = "e' = e (1 + asymmetry sign(e))"
+    formula = "e' = e + asymmetry |e|, or e + asymmetry max(|e| - level, 0)"
     source = "McRuer and Krendel (1974)"
-    parameters = (
-        Parameter("asymmetry", "-", -0.7, 0.7, (-0.2, 0.2), meaning="positive errors stronger"),
-    )
+    shades = True
 
-    def __init__(self, *, asymmetry: float | None = None):
+    def __init__(
+        self,
+        *,
+        asymmetry: float | None = None,
+        level: float | None = None,
+        form: str | None = None,
+    ):
         self.asymmetry = asymmetry
+        self.level = level
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        meaning = "positive errors stronger"
+        if self.form == "large":
+            return (
+                Parameter("asymmetry", "-", -0.95, 0.95, (-0.3, 0.3), "", meaning),
+                Parameter("level", "{e}", 0.05, 2.0, (0.3, 0.8), "e", "above which gains differ"),
+            )
+        return (Parameter("asymmetry", "-", -0.7, 0.7, (-0.2, 0.2), "", meaning),)
+
+    def variants(self, record: Record) -> list[Effect]:
+        return self.one_of_each("form", ("all", "large"))
 
     @property
     def neutral(self) -> dict[str, float]:
         return {"asymmetry": 0.0}
 
-    def apply(self, signal: np.ndarray, record: Record, asymmetry: float) -> np.ndarray:
-        return signal + asymmetry * np.abs(signal)
+    def apply(
+        self, signal: np.ndarray, record: Record, asymmetry: float, level: float = 0.0
+    ) -> np.ndarray:
+        return signal + asymmetry * np.maximum(np.abs(signal) - level, 0.0)
 
 
 class Rectified(Effect):
     """Half-wave rectification: errors of one sign are answered, the others hardly.
 
-    e' = e on its side, leak e on the other.
+    ``"sharp"``: e' = e on its side, leak e on the other; ``"soft"``: e' = (e + s sqrt(e^2 +
+    width^2) - s width) / 2 with s = 1 or -1, which goes from one side to the other gradually.
 
     Parameters
     ----------
     leak : float or None, default=None
-        Relative gain on the other side, at most 0.18 (above, see :class:`AsymmetricGain`); None
-        estimates it.
+        Relative gain on the other side, at most 0.18 (above, see :class:`AsymmetricGain`), of
+        ``"sharp"``; None estimates it.
+    width : float or None, default=None
+        Error about which ``"soft"`` bends, in units of the error; None estimates it.
     side : {"positive", "negative"} or None, default=None
         Sign of the errors that are answered; None tries both.
+    form : {"sharp", "soft"} or None, default=None
+        None tries both.
 
     References
     ----------
@@ -129,16 +163,37 @@ class Rectified(Effect):
     physics = "Only errors of one sign are answered."
     formula = "e' = max(e, leak e), or min(e, leak e)"
     source = "Young (1973)"
-    parameters = (Parameter("leak", "-", 0.0, 0.18, (0.05,), meaning="gain of the other side"),)
+    shades = True
 
-    def __init__(self, *, leak: float | None = None, side: str | None = None):
+    def __init__(
+        self,
+        *,
+        leak: float | None = None,
+        width: float | None = None,
+        side: str | None = None,
+        form: str | None = None,
+    ):
         self.leak = leak
+        self.width = width
         self.side = side
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        if self.form == "soft":
+            return (Parameter("width", "{e}", 0.02, 1.0, (0.3,), "e", "of the bend"),)
+        return (Parameter("leak", "-", 0.0, 0.18, (0.05,), "", "gain of the other side"),)
 
     def variants(self, record: Record) -> list[Effect]:
-        return self.one_of_each("side", ("positive", "negative"))
+        formed = self.one_of_each("form", ("sharp", "soft"))
+        return [v for f in formed for v in f.one_of_each("side", ("positive", "negative"))]
 
-    def apply(self, signal: np.ndarray, record: Record, leak: float) -> np.ndarray:
+    def apply(
+        self, signal: np.ndarray, record: Record, leak: float = 0.0, width: float = 0.0
+    ) -> np.ndarray:
+        if self.form == "soft":
+            bend = np.sqrt(signal * signal + width * width) - width
+            return (signal + (bend if self.side == "positive" else -bend)) / 2
         answered = signal > 0 if self.side == "positive" else signal < 0
         return np.where(answered, signal, leak * signal)
 
@@ -147,7 +202,8 @@ class CubicGain(Effect):
     """Gain that grows (hardening) or falls (softening) with amplitude.
 
     ``"cubic"``: e' = e + hardening e^3; ``"square"``: e' = e + hardening e abs(e); ``"power"``:
-    e' = sign(e) abs(e)^(1 + hardening), in units of the standard deviation of the error.
+    e' = sign(e) abs(e)^(1 + hardening), in units of the standard deviation of the error. Where it
+    softens, the answer stays at its greatest beyond the error that gives it.
 
     Parameters
     ----------
@@ -174,6 +230,7 @@ class CubicGain(Effect):
     physics = "Large errors are answered more (or less) than in proportion."
     formula = "e' = e + hardening e^3, e + hardening e |e|, or sign(e) |e|^(1 + hardening)"
     source = "Hammerstein models, Ljung (1999)"
+    shades = True
 
     def __init__(
         self,
@@ -192,8 +249,8 @@ class CubicGain(Effect):
         if self.form == "power":
             return (Parameter("hardening", "-", -0.7, 2.5, (-0.3, 0.3), "", meaning),)
         if self.form == "square":
-            return (Parameter("hardening", "1/{e}", -0.12, 20.0, (-0.08, 0.3), "1/e", meaning),)
-        return (Parameter("hardening", "1/{e}^2", -0.03, 20.0, (-0.02, 0.1), "1/e*e", meaning),)
+            return (Parameter("hardening", "1/{e}", -0.25, 20.0, (-0.1, 0.3), "1/e", meaning),)
+        return (Parameter("hardening", "1/{e}^2", -0.08, 20.0, (-0.02, 0.1), "1/e*e", meaning),)
 
     @property
     def neutral(self) -> dict[str, float]:
@@ -209,7 +266,12 @@ class CubicGain(Effect):
         if self.form == "power":
             relative = np.maximum(size / self.reference, 1e-6)
             return signal * relative**hardening
-        return signal * (1 + hardening * (size if self.form == "square" else size * size))
+        power = 1 if self.form == "square" else 2
+        if hardening < 0.0:
+            greatest = (-1 / ((power + 1) * hardening)) ** (1 / power)
+            signal = np.clip(signal, -greatest, greatest)
+            size = np.minimum(size, greatest)
+        return signal * (1 + hardening * size**power)
 
 
 class AbsoluteValue(Effect):

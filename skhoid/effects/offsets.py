@@ -51,8 +51,8 @@ class Bias(Effect):
 class Drift(Effect):
     """An offset of the output that changes in the run.
 
-    ``"linear"``: rate (t - reference); ``"settling"``: -rate tau exp(-(t - reference) / tau), which
-    comes to rest, with the reference at the start.
+    ``"linear"``: rate (t - reference); ``"settling"``: level - rate tau exp(-(t - reference) /
+    tau), which comes to rest at the level, with the reference at the start.
 
     Parameters
     ----------
@@ -60,6 +60,8 @@ class Drift(Effect):
         In units of the output per second (at the start where it settles); None estimates it.
     tau : float or None, default=None
         Time constant of ``"settling"`` in seconds; None estimates it.
+    level : float or None, default=None
+        Where ``"settling"`` comes to rest, in units of the output; None estimates it.
     reference : float or None, default=None
         Time in the run, in seconds, at which it is zero (``"linear"``) or begins
         (``"settling"``); None takes the middle, and the start.
@@ -80,7 +82,7 @@ class Drift(Effect):
     name = "drift"
     place = "sum"
     physics = "The output drifts away steadily, or settles from the start on."
-    formula = "u + rate (t - reference), or u - rate tau exp(-(t - reference) / tau)"
+    formula = "u + rate (t - reference), or u + level - rate tau exp(-(t - reference) / tau)"
     source = "Ljung (1999)"
 
     def __init__(
@@ -88,11 +90,13 @@ class Drift(Effect):
         *,
         rate: float | None = None,
         tau: float | None = None,
+        level: float | None = None,
         reference: float | None = None,
         form: str | None = None,
     ):
         self.rate = rate
         self.tau = tau
+        self.level = level
         self.reference = reference
         self.form = form
 
@@ -102,11 +106,12 @@ class Drift(Effect):
         if self.form != "settling":
             return (rate,)
         steep = Parameter("rate", "{u}/s", -100.0, 100.0, (2.0, -2.0), "u/T", "at the start")
-        return (steep, Parameter("tau", "s", 0.05, 1.0, (0.15, 0.4), "T", "time constant"))
+        level = Parameter("level", "{u}", -20.0, 20.0, (0.0,), "u", "where it comes to rest")
+        return (steep, Parameter("tau", "s", 0.05, 1.0, (0.15, 0.4), "T", "time constant"), level)
 
     @property
     def neutral(self) -> dict[str, float]:
-        return {"rate": 0.0}
+        return {"rate": 0.0, "level": 0.0} if self.form == "settling" else {"rate": 0.0}
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Effect] = []
@@ -117,11 +122,16 @@ class Drift(Effect):
         return made
 
     def apply(
-        self, signal: np.ndarray, record: Record, rate: float, tau: float = 1.0
+        self,
+        signal: np.ndarray,
+        record: Record,
+        rate: float,
+        tau: float = 1.0,
+        level: float = 0.0,
     ) -> np.ndarray:
         since = record.t - self.reference
         if self.form == "settling":
-            return signal - rate * tau * np.exp(-since / tau)
+            return signal + level - rate * tau * np.exp(-since / tau)
         return signal + rate * since
 
 

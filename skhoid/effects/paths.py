@@ -27,9 +27,11 @@ class _AnswerToTarget(Effect):
     def refusal(self, record: Record, core: str) -> str | None:
         return needs_target(record, self.form)
 
+    forms: tuple[str, ...] = ("inverse", "rate", "gain")
+
     def variants(self, record: Record) -> list[Effect]:
-        forms = ("inverse", "rate", "gain")
-        return self.one_of_each("form", forms if record.controlled_element else forms[1:])
+        known = record.controlled_element is not None
+        return self.one_of_each("form", tuple(f for f in self.forms if known or not of_inverse(f)))
 
 
 class Feedforward(_AnswerToTarget):
@@ -87,14 +89,19 @@ class Feedforward(_AnswerToTarget):
 class Preview(_AnswerToTarget):
     """The target is answered before it comes, as a preview display allows.
 
+    ``"spread"`` answers the mean of what ``"inverse"`` answers over a stretch of the target; the
+    other forms are as of :class:`Feedforward`.
+
     Parameters
     ----------
     gain : float or None, default=None
         As of :class:`Feedforward`; None estimates it.
     time : float or None, default=None
         How far ahead, in seconds; None estimates it.
-    form : {"inverse", "rate", "gain"} or None, default=None
-        As of :class:`Feedforward`.
+    stretch : float or None, default=None
+        Length of the stretch of ``"spread"`` in seconds; None estimates it.
+    form : {"inverse", "spread", "rate", "gain"} or None, default=None
+        None tries all.
 
     References
     ----------
@@ -112,23 +119,40 @@ class Preview(_AnswerToTarget):
     physics = "The operator sees the target coming and answers ahead."
     formula = "command + gain f_t(t + time) / H_CE"
     source = "Van der El et al. (2016)"
+    forms = ("inverse", "rate", "gain", "spread")
 
     def __init__(
-        self, *, gain: float | None = None, time: float | None = None, form: str | None = None
+        self,
+        *,
+        gain: float | None = None,
+        time: float | None = None,
+        stretch: float | None = None,
+        form: str | None = None,
     ):
         self.gain = gain
         self.time = time
+        self.stretch = stretch
         self.form = form
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        return (
+        both = (
             gain_of_target(self.form),
             Parameter("time", "s", 0.0, 1.5, (0.2, 0.6), "", "looked ahead"),
         )
+        if self.form != "spread":
+            return both
+        return (*both, Parameter("stretch", "s", 0.05, 1.5, (0.3,), "", "of the target answered"))
 
-    def apply(self, signal: Any, record: Record, gain: float, time: float) -> Any:
-        return signal.plus(gain * record.delayed(shaped_target(record, self.form), -time))
+    def apply(
+        self, signal: Any, record: Record, gain: float, time: float, stretch: float = 0.0
+    ) -> Any:
+        if self.form != "spread":
+            return signal.plus(gain * record.delayed(shaped_target(record, self.form), -time))
+        name = record.with_role("f_t")[0]
+        total = record.once(("total", name), lambda: integral_of(record, name))
+        end = record.delayed(total, -time - stretch / 2)
+        return signal.plus(gain / stretch * (end - record.delayed(total, stretch / 2 - time)))
 
 
 class OutputFeedback(Effect):
@@ -348,14 +372,20 @@ class Disturbance(Effect):
 
 
 class CrossAxis(Effect):
-    """Another axis is answered too: e' = e + gain times the other channel, before equalization.
+    """Another axis is answered too.
+
+    ``"error"``: e' = e + gain times the other channel, before equalization; ``"command"``: command
+    + gain times the channel, as late as the error is answered, without lead.
 
     Parameters
     ----------
     gain : float or None, default=None
-        In units of the error per unit of the channel; None estimates it.
+        In units of the error (``"error"``) or of the output per unit of the channel; None
+        estimates it.
     channel : str or None, default=None
         None tries each channel that has no role.
+    form : {"error", "command"} or None, default=None
+        None tries both.
 
     References
     ----------
@@ -369,18 +399,25 @@ class CrossAxis(Effect):
     """
 
     name = "cross_axis"
-    place = "input"
     physics = "The error of another axis leaks into this hand."
-    formula = "e' = e + gain channel"
+    formula = "e' = e + gain channel, or command + gain channel"
     source = "Barendswaard et al. (2019)"
 
-    def __init__(self, *, gain: float | None = None, channel: str | None = None):
+    def __init__(
+        self, *, gain: float | None = None, channel: str | None = None, form: str | None = None
+    ):
         self.gain = gain
         self.channel = channel
+        self.form = form
+
+    @property
+    def place(self) -> str:  # type: ignore[override]
+        return "path" if self.form == "command" else "input"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        unit, scale = f"{{e}}/[{self.channel}]", f"e/{self.channel}"
+        of = "u" if self.form == "command" else "e"
+        unit, scale = f"{{{of}}}/[{self.channel}]", f"{of}/{self.channel}"
         return (Parameter("gain", unit, -20.0, 20.0, (0.1, -0.1), scale, "of the crossfeed"),)
 
     @property
@@ -392,24 +429,41 @@ class CrossAxis(Effect):
 
     def variants(self, record: Record) -> list[Effect]:
         names = record.with_role(OTHER) if self.channel is None else [self.channel]
-        return [self.with_choices(channel=name) for name in names]
+        # An ARX model has no lead of its own that the two could differ in.
+        forms = ("error", "command") if record.core == "operator" else ("error",)
+        formed = self.one_of_each("form", forms)
+        return [f.with_choices(channel=name) for f in formed for name in names]
 
-    def apply(self, signal: np.ndarray, record: Record, gain: float) -> np.ndarray:
-        return signal + gain * record.channel(self.channel)
+    def apply(self, signal: Any, record: Record, gain: float) -> Any:
+        answered = record.channel(self.channel)
+        if self.form != "command":
+            return signal + gain * answered
+        return signal.plus(gain * record.delayed(answered, signal.delay))
 
 
 def gain_of_target(form: str | None) -> Parameter:
     """The gain on a target in one of the three forms."""
-    if form == "inverse":
+    if of_inverse(form):
         return Parameter("gain", "-", 0.0, 3.0, (0.3,), "", "of the inverse controlled element")
     unit, scale = ("{u} s/[f_t]", "u/f_t") if form == "rate" else ("{u}/[f_t]", "u/f_t")
     return Parameter("gain", unit, 0.0, 20.0, (0.1,), scale, "on the target")
 
 
+def of_inverse(form: str | None) -> bool:
+    """Whether a form of the answer to the target needs the controlled element."""
+    return form in ("inverse", "spread")
+
+
+def integral_of(record: Record, name: str) -> np.ndarray:
+    """Integral over time of what makes the controlled element follow a channel."""
+    answer = record.inverse_dynamics(name)
+    return record.dt * (np.cumsum(answer, axis=0) - answer / 2)
+
+
 def needs_target(record: Record, form: str | None) -> str | None:
     """Why a response to the target does not apply."""
     missing = needs_channel(None, record, "f_t", "target: a column of role f_t, or e and x")
-    if missing is None and form == "inverse" and record.controlled_element is None:
+    if missing is None and of_inverse(form) and record.controlled_element is None:
         return "the controlled element is not known: pass controlled_element=ControlledElement(...)"
     return missing
 

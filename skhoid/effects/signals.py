@@ -28,6 +28,27 @@ class Gains(NamedTuple):
         return self._replace(error=self.error * factor, rate=self.rate * factor)
 
 
+class Spring(NamedTuple):
+    """What acts against the command besides the linear spring: cubic u^3 + square u abs(u).
+
+    Attributes
+    ----------
+    cubic, square : float
+        In units of the command per unit of the output to the power 3 and 2.
+    """
+
+    cubic: float = 0.0
+    square: float = 0.0
+
+    def stiffer(self, cubic: float = 0.0, square: float = 0.0) -> Spring:
+        """The spring with a further one beside it."""
+        return Spring(self.cubic + cubic, self.square + square)
+
+    def force(self, output: np.ndarray) -> np.ndarray:
+        """What it takes to hold an output, besides the linear spring."""
+        return (self.cubic * output**2 + self.square * np.abs(output)) * output
+
+
 class Command(NamedTuple):
     """Command before the neuromuscular system: position + d(rate)/dt.
 

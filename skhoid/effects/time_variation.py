@@ -314,8 +314,11 @@ class Lapses(Effect):
             inside = (record.t - begin - shift) / record.dt + 0.5
             until = (end + shift - record.t) / record.dt + 0.5
             away = np.maximum(away, np.clip(np.minimum(inside, until), 0.0, 1.0))
+        left = 1 - depth * away
+        if self.form == "gain":
+            return signal._replace(position=left * signal.position, rate=left * signal.rate)
         whole = signal.position + differentiated(signal.rate, record.dt)
-        return signal._replace(position=(1 - depth * away) * whole, rate=np.zeros_like(signal.rate))
+        return signal._replace(position=left * whole, rate=np.zeros_like(signal.rate))
 
 
 def needs_channel(channel: str | None, record: Record, role: str, what: str) -> str | None:

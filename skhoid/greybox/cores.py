@@ -11,7 +11,7 @@ import numpy as np
 from .. import _kernels
 from ..effects.base import Parameter
 from ..effects.record import Record
-from ..effects.signals import Command, Gains
+from ..effects.signals import Command, Gains, Spring
 
 BOUND = 1e9  # of simulated outputs
 OPERATORS_MOVE = 3.0  # rad/s, half of the output's power below it: what times are written for
@@ -38,7 +38,7 @@ class Core(Protocol):
         """Position and rate command for a delayed error."""
 
     def response(
-        self, command: Command, gains: Gains, stiffness: float, values: dict[str, float], dt: float
+        self, command: Command, gains: Gains, spring: Spring, values: dict[str, float], dt: float
     ) -> np.ndarray:
         """Output for a command."""
 
@@ -84,7 +84,7 @@ class OperatorCore:
         return position, rate
 
     def response(
-        self, command: Command, gains: Gains, stiffness: float, values: dict[str, float], dt: float
+        self, command: Command, gains: Gains, spring: Spring, values: dict[str, float], dt: float
     ) -> np.ndarray:
         omega, zeta = values["omega_nm"] * gains.omega[:, 0], values["zeta_nm"] * gains.zeta[:, 0]
         if omega.size != zeta.size:
@@ -94,7 +94,8 @@ class OperatorCore:
             _kernels.gate(command.position),
             _kernels.gate(command.rate),
             matrices,
-            float(stiffness),
+            float(spring.cubic),
+            float(spring.square),
             BOUND,
         )
 
@@ -146,7 +147,7 @@ class ARXCore:
         return gains.error * error, np.zeros_like(error)
 
     def response(
-        self, command: Command, gains: Gains, stiffness: float, values: dict[str, float], dt: float
+        self, command: Command, gains: Gains, spring: Spring, values: dict[str, float], dt: float
     ) -> np.ndarray:
         theta = np.array([values[p.name] for p in self.parameters])
         x = command.position
@@ -155,7 +156,13 @@ class ARXCore:
         b = np.r_[np.zeros(self.nk), theta[self.na : self.na + self.nb]]
         constant = float(theta[-1]) if self.intercept else 0.0
         return _kernels.greybox.arx_response(
-            _kernels.gate(x), _kernels.gate(theta[: self.na]), b, float(stiffness), constant, BOUND
+            _kernels.gate(x),
+            _kernels.gate(theta[: self.na]),
+            b,
+            float(spring.cubic),
+            float(spring.square),
+            constant,
+            BOUND,
         )
 
 

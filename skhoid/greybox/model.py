@@ -170,7 +170,12 @@ def extended(
     before = coarse.sse(Simulator(core, parent.effects, coarse.record).run(parent.theta))
     explored: list[tuple[float, int, Effect, Fit]] = []
     last: dict[str, float] = {}
+    enough = LEAST_COARSE_GAIN * coarse.power
     for number, variant in enumerate(effect.variants(record)):
+        least = min((item[0] for item in explored), default=before)
+        is_shade = effect.shades and explored and variant.form != explored[0][2].form
+        if is_shade and before - least < enough:
+            break
         together = Effects([*parent.effects.steps, (name, variant)])
         simulator = Simulator(core, together, coarse.record)
         scan = _Scan(parent, name, variant, coarse)
@@ -180,8 +185,10 @@ def extended(
             starts = [restarted(simulator, coarse, start) for start in starts]
         if parent.other_core is not None:
             starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]
-        if set(simulator.names) <= set(last):  # what the variant before found
-            starts.insert(0, np.array([last[n] for n in simulator.names]))
+        if last:  # what the variant before found, as far as it has the same parameters
+            known = [(last.get(n), i) for i, n in enumerate(simulator.names)]
+            again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
+            starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
         fit = best_of(simulator, coarse, starts, explore=True).fit
         if not variant.smooth and fit.sse < HOPEFUL * before:
             fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
@@ -193,7 +200,7 @@ def extended(
     for sse, number, variant, fit in explored[:N_KEPT]:
         together = Effects([*parent.effects.steps, (name, variant)])
         simulator = Simulator(core, together, parent.simulator.record)
-        promising = before - sse > LEAST_COARSE_GAIN * coarse.power
+        promising = before - sse > enough
         if finished and (not promising or before - sse < ALIKE * gain):
             break
         full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)

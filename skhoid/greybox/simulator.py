@@ -11,7 +11,7 @@ import numpy as np
 from ..effects.base import PLACES, Effect, Parameter
 from ..effects.composition import Effects
 from ..effects.record import Record
-from ..effects.signals import Command, Gains
+from ..effects.signals import Command, Gains, Spring
 from .cores import BOUND, Core, neutral_gains
 
 
@@ -22,7 +22,7 @@ class State(NamedTuple):
     delay: Any
     gains: Gains
     command: Any
-    stiffness: float
+    spring: Spring
     output: Any
 
 
@@ -108,7 +108,7 @@ class Simulator:
 
         def respond(s: State, theta: Any) -> State:
             given = values(theta, dynamic)
-            output = core.response(s.command, s.gains, s.stiffness, given, record.dt)
+            output = core.response(s.command, s.gains, s.spring, given, record.dt)
             return s._replace(output=output)
 
         stages = [*self._stages_at("input", "error"), Stage(start_delay, delay)]
@@ -116,7 +116,7 @@ class Simulator:
         stages += [*self._stages_at("gain", "gains"), Stage(command, gain)]
         stages += self._stages_at("path", "command")
         stages += self._stages_at("command", "command")
-        stages += self._stages_at("spring", "stiffness")
+        stages += self._stages_at("spring", "spring")
         stages += [Stage(respond, dynamic)]
         stages += self._stages_at("sum", "output")
         stages += self._stages_at("output", "output")
@@ -134,7 +134,7 @@ class Simulator:
         return made
 
     def _start(self) -> State:
-        return State(self.record.input, 0.0, neutral_gains(), None, 0.0, None)
+        return State(self.record.input, 0.0, neutral_gains(), None, Spring(), None)
 
     def run(self, theta: np.ndarray) -> np.ndarray:
         """Output for parameters, of shape (n_samples, n_runs); its stages are kept."""

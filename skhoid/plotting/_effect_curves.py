@@ -9,7 +9,7 @@ import numpy as np
 from ..effects.composition import Effects
 from ..effects.offsets import Tremor
 from ..effects.record import Record
-from ..effects.signals import Command
+from ..effects.signals import Command, Spring
 from ..greybox.cores import neutral_gains
 from ..greybox.simulator import Simulator
 from ._axes import with_unit
@@ -331,8 +331,8 @@ def spring(bench: Bench) -> Response:
         return float((1.0 + theta[a].sum()) / theta[~a].sum())
 
     def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
-        stiffness = bench.effect.apply(0.0, record, **values)
-        return {"with the effect": linear(theta) * x + stiffness * x**3}
+        further = bench.effect.apply(Spring(), record, **values)
+        return {"with the effect": linear(theta) * x + further.force(x)}
 
     unit = bench.unit("u") if bench.core.kind != "arx" else bench.unit(bench.error)
     return Response(
