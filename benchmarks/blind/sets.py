@@ -25,6 +25,11 @@ FAMILIES: tuple[frozenset[str], ...] = (
     frozenset({"asym_gain", "rectified", "absolute_value"}),  # K (e + a abs(e))
     frozenset({"wrong_delay", "extra_lag", "extra_lead", "nm_mode", "higher_order"}),
     frozenset({"lapses", "tv_gain"}),  # gains that vanish for a while
+    frozenset({"bias", "drift"}),  # an offset that settles holds one that stays
+    # A rational function of the error: integrals have a pole, and an inner loop through the
+    # controlled element is one with it.
+    frozenset({"higher_order", "integral"}),
+    frozenset({"higher_order", "output_feedback"}),
 )
 
 # Locked to time or to the target: what remnant does not dither and all runs share.

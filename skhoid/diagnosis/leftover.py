@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..effects.record import Record
+from ..effects.record import OTHER, Record
+from ..effects.signals import Gains
 from ..greybox.fitting import Criterion, derivatives
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
@@ -19,6 +21,7 @@ LAGS = 12  # of a channel
 LONGEST_LAG = 1.2  # s
 HINGES = 6  # of a nonlinear map
 PIECES = 9  # of a run
+MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
 LEAST_EVIDENCE = 25.0
 
 
@@ -119,6 +122,16 @@ def _explained(gram: np.ndarray, product: np.ndarray) -> float:
     return float(product @ _solved(gram, product))
 
 
+def remembered(signal: np.ndarray, seconds: float, record: Record) -> np.ndarray:
+    """A signal through a lag, of shape (n_samples, n_runs)."""
+    keep = np.exp(-record.dt / (seconds * record.time_unit))
+    return lfilter([1 - keep], [1, -keep], signal, axis=0)
+
+
+def _more(gains: Gains, name: str, shape: np.ndarray) -> np.ndarray:
+    return getattr(gains, name) * (1 + 0.05 * shape)
+
+
 def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
     record = model.simulator.record
     values = model.values()
@@ -160,11 +173,8 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
             "gain",
             "the gains change in the run",
             [
-                with_probe("gain", lambda g, _, s=s: g._replace(error=g.error * (1 + 0.05 * s)))
-                for s in shapes
-            ]
-            + [
-                with_probe("gain", lambda g, _, s=s: g._replace(rate=g.rate * (1 + 0.05 * s)))
+                with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
+                for o in ("error", "rate")
                 for s in shapes
             ],
         )
@@ -195,13 +205,28 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
                 name,
                 f"the output answers {name}",
                 [
-                    with_probe(
-                        "path", lambda c, r, s=s, z=centred: c.plus(0.1 * r.delayed(z, s)), False
-                    )
-                    for s in seconds
+                    with_probe("path", lambda c, r, s=s, z=z: c.plus(0.1 * r.delayed(z, s)), False)
+                    for s, z in [
+                        *((s, centred) for s in seconds),
+                        *((seconds[1], remembered(centred, T, record)) for T in MEMORIES),
+                    ]
                 ],
             )
         )
+        if role == OTHER:
+            size = centred / record.sd(name)
+            found.append(
+                (
+                    "channel",
+                    name,
+                    f"the gains follow {name}",
+                    [
+                        with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
+                        for s in (size, size * np.abs(size), size**2)
+                        for o in ("error", "rate")
+                    ],
+                )
+            )
     found.append(
         (
             "frequency",

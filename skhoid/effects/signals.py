@@ -13,7 +13,8 @@ class Gains(NamedTuple):
     Attributes
     ----------
     error, rate : ndarray
-        On the gains on error and error rate; an ARX model has the first only.
+        On the gains on error and error rate when the error is seen; an ARX model has the first
+        only.
     omega, zeta : ndarray
         On neuromuscular frequency and damping, of shape (1 or n_samples, 1).
     """

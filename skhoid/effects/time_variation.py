@@ -77,7 +77,7 @@ class TimeVaryingGain(Effect):
     parameters = (
         Parameter("K_e_change", "-", -0.98, 10.0, (0.0,), "", "relative change of K_e"),
         Parameter("K_edot_change", "-", -0.98, 10.0, (0.0,), "", "relative change of K_edot"),
-        Parameter("rate", "1/s", 0.03, 30.0, (0.4, 2.0), "", "steepness G"),
+        Parameter("rate", "1/s", 0.03, 100.0, (0.4, 2.0), "", "steepness G"),
         Parameter("time", "s", 0.0, 1.0, (0.15, 0.32, 0.5, 0.68, 0.85), "T", "middle t_M"),
         Parameter("omega_nm_change", "-", -0.8, 4.0, (0.0,), "", "relative change of omega_nm"),
         Parameter("zeta_nm_change", "-", -0.8, 4.0, (0.0,), "", "relative change of zeta_nm"),

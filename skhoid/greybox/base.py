@@ -18,7 +18,7 @@ from ..runs import run_column
 from .controlled_element import estimate_element
 from .cores import Core
 from .estimates import covariance_frame, effects_with_values, parameter_table, summary_text
-from .fitting import Criterion, Noise
+from .fitting import Criterion, Noise, covariance_of
 from .lanes import Lanes, build_record, roles_of
 from .model import Model, beside_each_other, extended
 from .simulator import Simulator
@@ -153,6 +153,8 @@ class GreyBox(RunRegressor):
         self._duration = record.duration
         self._spread = {name: record.sd(name) for name in (*record.channels, "u")}
         covariance = model.covariance()
+        if record.core == "operator":
+            covariance = covariance_of(model.simulator, criterion, model.fit)
         self.noise_ar_ = noise.ar
         n = criterion.n
         self.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ EXPLORED_RUNS = 3
 EXPLORED_STEP = 0.04  # s
 STEP = 1e-4  # of finite differences, relative
 COARSE_STEP = 5e-3  # where the response is not smooth
+WORTHWHILE = 1e-4  # share of the squares that a common scale must save
+MEMORY = 2.0  # s, over which scores may correlate
 
 
 @dataclass(frozen=True)
@@ -125,10 +128,8 @@ class Fit:
         """Covariance of the parameters; those not ``free`` (at a bound) have none."""
         covariance = np.full_like(self.normal, np.nan)
         if free.any():
-            block = self.normal[np.ix_(free, free)]
-            d = np.sqrt(np.maximum(np.diag(block), 1e-300))
-            inverse = np.linalg.pinv(block / np.outer(d, d), rcond=1e-12) / np.outer(d, d)
             sigma2 = self.sse / max(self.n - free.sum(), 1)
+            inverse = scaled_inverse(self.normal[np.ix_(free, free)])
             covariance[np.ix_(free, free)] = sigma2 * inverse
         return covariance
 
@@ -144,7 +145,8 @@ def minimise(
 ) -> Fit:
     """Levenberg-Marquardt with bounds by projection and finite differences.
 
-    Stops when a step lowers the sum of squares by less than ``tol`` of itself.
+    Stops when a step lowers the sum of squares by less than ``tol`` of itself. Where the response
+    is not smooth, its scale is solved for at the start, whatever is ``fixed``.
     """
     low, high = simulator.low, simulator.high
     theta = np.clip(theta, low, high)
@@ -155,6 +157,8 @@ def minimise(
     normal, gradient = np.eye(theta.size), np.zeros(theta.size)
     if not np.isfinite(sse):
         return Fit(theta, np.inf, criterion.n, normal, gradient)
+    if not simulator.smooth:
+        theta, output, sse = rescaled(simulator, criterion, theta, output, sse)
     for _ in range(max_iter):
         normal, gradient = normal_equations(simulator, criterion, theta, output)
         at_low = (theta <= low) & (gradient < 0)
@@ -193,6 +197,36 @@ def minimise(
     return Fit(theta, sse, criterion.n, normal, gradient)
 
 
+def rescaled(
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, sse: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Parameters, output and squares with the output's scale by least squares, where that is better.
+
+    All parameters in units of the output scale together: gains alone, or levels of the output
+    alone, would change what happens at which instant.
+    """
+    table = criterion.whitened(np.stack([output[:: criterion.thin] * criterion.known, criterion.y]))
+    power, product = float(table[0] @ table[0]), float(table[0] @ table[1])
+    if product <= 0.0 or (power - product) ** 2 <= WORTHWHILE * sse * power:
+        return theta, output, sse
+    powers = np.array([power_of_output(p.spec.unit) for p in simulator.parameters])
+    trial = np.clip(theta * (product / power) ** powers, simulator.low, simulator.high)
+    new_output = simulator.run(trial)
+    new = criterion.sse(new_output)
+    if new < sse:
+        return trial, new_output, new
+    return theta, simulator.run(theta), sse
+
+
+def power_of_output(unit: str) -> int:
+    """Power of the output's unit in a unit like ``{u} s/{e}`` or ``1/{u}^2``."""
+    over, under = (
+        sum(int(power or 1) for power in re.findall(r"\{u\}(?:\^(\d+))?", part))
+        for part in (unit.split("/", 1) + [""])[:2]
+    )
+    return over - under
+
+
 def normal_equations(
     simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -225,3 +259,93 @@ def derivatives(
         rows[i] *= 1 / h
     rows[-1] = criterion.residual(output)
     return rows
+
+
+def covariance_of(simulator: Simulator, criterion: Criterion, fit: Fit) -> np.ndarray:
+    """Covariance of an operator's parameters; NaN for those at a bound.
+
+    Of three parts. Derivatives are differences over about a standard deviation, which says more
+    than a tangent of a response that is a step, or jagged. Where whitened residuals are not white,
+    a long-run covariance of the scores enlarges the variances. And what the estimates would move
+    if the sampling time were twice as long counts as a standard deviation of its own: no noise
+    makes up for what the simulation is accurate to.
+    """
+    theta = fit.theta
+    free = (theta > simulator.low) & (theta < simulator.high)
+    covariance = np.full((theta.size, theta.size), np.nan)
+    if not free.any():
+        return covariance
+    output = simulator.run(theta)
+    sigma = np.sqrt(criterion.sse(output) / max(criterion.n - free.sum(), 1))
+    slopes, diagonal = np.empty(0), np.diag(fit.normal)
+    for _ in range(1 if simulator.smooth else 2):
+        slopes = wide_derivatives(simulator, criterion, theta, output, sigma, diagonal)
+        diagonal = (slopes[:-1] ** 2).sum(axis=1)
+    slopes, residual = slopes[:-1][free], slopes[-1]
+    inverse = scaled_inverse(slopes @ slopes.T)
+    block = sigma**2 * inverse
+    scores = (slopes * residual).reshape(len(slopes), *criterion.y.shape)
+    lags = round(MEMORY / (criterion.thin * simulator.record.dt))
+    robust = inverse @ long_run(scores, lags) @ inverse
+    more = np.diag(robust) / np.maximum(np.diag(block), 1e-300)
+    more = np.sqrt(np.clip(more, 1.0, None))
+    block *= np.outer(more, more)
+    moved = inverse @ (
+        slopes @ criterion.whitened(change_if_coarser(simulator, criterion, theta)[None])[0]
+    )
+    covariance[np.ix_(free, free)] = block + np.outer(moved, moved)
+    return covariance
+
+
+def wide_derivatives(
+    simulator: Simulator,
+    criterion: Criterion,
+    theta: np.ndarray,
+    output: np.ndarray,
+    sigma: float,
+    diagonal: np.ndarray,
+) -> np.ndarray:
+    """Whitened differences over the standard deviation that each parameter has by itself."""
+    rows = np.empty((theta.size + 1, *criterion.y.shape))
+    for i, value in enumerate(theta):
+        size = simulator.size(i, value)
+        width = sigma / np.sqrt(max(diagonal[i], 1e-300))
+        width = min(max(width, STEP * size), size)
+        above = min(value + width, simulator.high[i])
+        below = max(value - width, simulator.low[i])
+        rows[i] = simulator.beside(i, above)[:: criterion.thin]
+        rows[i] -= simulator.beside(i, below)[:: criterion.thin]
+        rows[i] /= above - below
+    rows[-1] = criterion.residual(output)
+    return criterion.whitened(rows)
+
+
+def long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
+    """Covariance of sums of scores (count, n, runs) that correlate in time (Newey and West)."""
+    n_lags = min(n_lags, scores.shape[1] - 1)
+    total = np.tensordot(scores, scores, axes=([1, 2], [1, 2]))
+    for lag in range(1, n_lags + 1):
+        cross = np.tensordot(scores[:, lag:], scores[:, :-lag], axes=([1, 2], [1, 2]))
+        total += (1 - lag / (n_lags + 1)) * (cross + cross.T)
+    return total
+
+
+def change_if_coarser(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
+    """What the output would change by at twice the sampling time, on the criterion's rows."""
+    record, output = simulator.record, simulator.run(theta)
+    half = record.part(np.arange(record.n_runs), 2)
+    change = Simulator(simulator.core, simulator.effects, half).run(theta) - output[::2]
+    if not np.isfinite(change).all():
+        return np.zeros_like(criterion.y)
+    at = np.minimum(np.arange(0, len(output), criterion.thin) / 2, len(change) - 1)
+    before = at.astype(int)
+    after = np.minimum(before + 1, len(change) - 1)
+    share = (at - before)[:, None]
+    change = (1 - share) * change[before] + share * change[after]
+    return np.where(criterion.known, change, 0.0)
+
+
+def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
+    """Pseudo-inverse of a Gram matrix, scaled lest units decide what is small."""
+    d = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.linalg.pinv(matrix / np.outer(d, d), rcond=1e-12) / np.outer(d, d)
