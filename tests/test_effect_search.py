@@ -114,6 +114,13 @@ def test_what_is_hidden_is_named(name):
     assert search.verdict_ == "effects found"
 
 
+def test_processes_do_not_change_the_result():
+    runs, names = recorded(**HIDDEN["bias"], seed=5), ["bias", "drift", "asym_gain"]
+    one, two = (searched(runs, names, n_jobs=n) for n in (1, 2))
+    pd.testing.assert_frame_equal(one.ranking_, two.ranking_, check_exact=True)
+    pd.testing.assert_frame_equal(one.predictions_, two.predictions_, check_exact=True)
+
+
 def test_its_parameters_are_the_true_ones(found):
     row = found.best_estimator_.parameters_.loc["dead_zone__width"]
     assert abs(row["value"] - 0.3) < 4 * row["sd"] + 0.005

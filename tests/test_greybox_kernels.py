@@ -90,6 +90,24 @@ def test_second_order_is_the_linear_system_of_scipy(zeta):
         np.testing.assert_allclose(out[:, j], of_position + of_rate, rtol=1e-8, atol=1e-8)
 
 
+@pytest.mark.parametrize("n", [2, 3, 30])
+def test_differences_are_those_of_numpy(n):
+    x = noise(n)
+    np.testing.assert_allclose(
+        greybox.differentiated(x, 0.02), np.gradient(x, 0.02, axis=0), **EXACT
+    )
+
+
+def test_a_single_sample_does_not_change():
+    assert not greybox.differentiated(np.ones((1, 3)), 0.02).any()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 3), (60, 1), (60, 3)])
+def test_signals_are_scaled_by_factors_of_any_shape(shape):
+    x, factor = noise(), np.random.default_rng(1).standard_normal(shape)
+    np.testing.assert_array_equal(greybox.scaled(x, factor), x * factor)
+
+
 @given(
     seed=st.integers(0, 2**32 - 1),
     n=st.integers(1, 40),
@@ -183,6 +201,25 @@ def test_filtered_is_lfilter():
     x, b, a = noise(), np.array([0.3, -0.2, 0.5]), np.array([-1.5, 0.7])
     expected = lfilter(b, np.r_[1.0, a], x, axis=0)
     np.testing.assert_allclose(greybox.filtered(x, b, a), expected, **EXACT)
+
+
+@pytest.mark.parametrize("runs", range(1, 10))
+def test_lanes_do_not_mix(runs):
+    x, b, a = noise(30, runs), np.array([0.3, -0.2, 0.5]), np.array([-1.5, 0.7])
+    together = greybox.filtered(x, b, a)
+    alone = [greybox.filtered(_kernels.gate(x[:, [j]]), b, a) for j in range(runs)]
+    np.testing.assert_array_equal(together, np.hstack(alone))
+
+
+def test_smooth_levels_are_three_sines_beside_a_line():
+    x, step, offset, sines = noise(), 0.3, 0.2, (0.2, 0.05, 0.01)
+    turns = x / step - offset
+    steps = sum(
+        (-1) ** n * amplitude / n * np.sin(2 * np.pi * n * turns)
+        for n, amplitude in enumerate(sines, start=1)
+    )
+    out = greybox.smooth_levels(x, step, offset, *sines)
+    np.testing.assert_allclose(out, step * (turns + steps), **EXACT)
 
 
 @given(n=st.integers(1, 20), runs=st.integers(1, 3), seed=st.integers(0, 2**32 - 1))

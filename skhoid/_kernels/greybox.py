@@ -77,6 +77,25 @@ def scaled(x, factor):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def differentiated(x, dt):
+    """Central differences along time; one-sided at the ends, zero for a single sample."""
+    n, runs = x.shape
+    out = np.zeros((n, runs))
+    if n < 2:
+        return out
+    m = (n - 2) * runs
+    flat = x.reshape(n * runs)
+    before, after, to = flat[:m], flat[2 * runs :], out.reshape(n * runs)[runs : runs + m]
+    by = 0.5 / dt
+    for i in range(m):
+        to[i] = by * (after[i] - before[i])
+    for j in range(runs):
+        out[0, j] = (x[1, j] - x[0, j]) / dt
+        out[n - 1, j] = (x[n - 1, j] - x[n - 2, j]) / dt
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def held_linearly(omega, zeta, dt):
     """Exact discretisation of the neuromuscular system for inputs linear between samples.
 

@@ -40,7 +40,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     Every effect of a catalogue is added to the model in turn, and all parameters refitted
     together in simulation. An effect counts when both keys turn: the whitened likelihood,
     n log(SSE before / after) - k log n > 25 under one noise model for all, and the free run,
-    at least 0.35 points of VAF on held-out rows. The best is added, and the search goes on until
+    at least 0.2 points of VAF on held-out rows. The best is added, and the search goes on until
     none pays; effects that pay no longer beside later ones are taken out again.
 
     Parameters
@@ -58,6 +58,8 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         What the operator controls. None estimates it from u and x where both are measured.
     max_effects : int, default=4
         Effects to add at most.
+    n_jobs : int or None, default=None
+        Processes that try effects; None is 1, -1 all processors. The result does not depend on it.
 
     Attributes
     ----------
@@ -122,6 +124,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         "display": [StrOptions({"compensatory", "pursuit", "preview"})],
         "controlled_element": [ControlledElement, None],
         "max_effects": [Interval(Integral, 0, None, closed="left")],
+        "n_jobs": [Integral, None],
     }
 
     def __init__(
@@ -133,6 +136,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         controlled_element: ControlledElement | None = None,
         *,
         max_effects: int = 4,
+        n_jobs: int | None = None,
     ):
         self.estimator = estimator
         self.effects = effects
@@ -140,6 +144,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.display = display
         self.controlled_element = controlled_element
         self.max_effects = max_effects
+        self.n_jobs = n_jobs
 
     @fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any) -> EffectSearchCV:
@@ -162,7 +167,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 model.set_params(controlled_element=self.controlled_element)
             prepared = model._prepare(X, y)
             folds = self._folds(X, y, prepared)
-            search = Search(prepared.core, prepared.record, self._candidates(), folds)
+            search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
             baseline = model._first_model(prepared)
             path = forward(search, baseline, int(self.max_effects))
             self._set_results(model, prepared, search, path, X, y)

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed, effective_n_jobs
 from scipy.stats import chi2
+from threadpoolctl import threadpool_limits
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
 from ..greybox.base import vaf_of_output
 from ..greybox.cores import Core
-from ..greybox.fitting import Criterion, Noise, minimise, whitened_derivatives
+from ..greybox.fitting import Criterion, Fit, Noise, minimise, whitened_derivatives
 from ..greybox.model import Model, beside_each_other, extended, in_order, without
 from ..greybox.simulator import Simulator
 from .signatures import traces_of
 
 LEAST_EVIDENCE = 25.0  # n log(SSE before / after) - k log n of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
+PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
@@ -127,6 +131,7 @@ class Search:
         record: Record,
         effects: Sequence[Effect],
         folds: list[Fold],
+        n_jobs: int | None = None,
     ):
         self.core, self.record, self.folds = core, record, folds
         self.effects = [e for e in effects if e.name != "tremor"]  # no input explains it
@@ -134,6 +139,20 @@ class Search:
         self.traces = traces_of(record)
         self.criterion = Criterion(record)
         self.coarse = self.criterion.coarse()
+        self.n_jobs = n_jobs
+
+    def _each(self, function: Callable[..., Any], items: Sequence[Any], *args: Any) -> list[Any]:
+        """``function(item, *args)`` of each item, in ``n_jobs`` processes."""
+        n_jobs = effective_n_jobs(self.n_jobs)
+        if n_jobs == 1 or len(items) < 2:
+            return [function(item, *args) for item in items]
+        # Costly neighbours in the catalogue go to different processes, and the record to each once.
+        n_parts = min(PARTS * n_jobs, len(items))
+        parts = [items[i::n_parts] for i in range(n_parts)]
+        done = Parallel(n_jobs, batch_size=1)(
+            delayed(_all_of)(function, part, args) for part in parts
+        )
+        return [done[i % n_parts][i // n_parts] for i in range(len(items))]
 
     def step(self, parent: Model) -> Step:
         """All candidates beside a parent that was fitted by output error."""
@@ -144,12 +163,20 @@ class Search:
                 continue
             candidate = Candidate(unique_name(effect, parent.effects), effect)
             candidate.reason = effect.refusal(self.record, self.core.kind) or ""
-            if not candidate.reason:
-                candidate.model = extended(
-                    parent, candidate.name, effect, self.criterion, self.coarse
-                )
             candidates.append(candidate)
+        tried = [c for c in candidates if not c.reason]
+        added = [(c.name, c.effect) for c in tried]
+        for c, found in zip(tried, self._each(self._extended, added, parent), strict=True):
+            c.model = self._model(found, parent)
         return self.judged(parent, candidates)
+
+    def _extended(self, added: tuple[str, Effect], parent: Model) -> tuple[Effects, Fit]:
+        model = extended(parent, *added, self.criterion, self.coarse)
+        return model.effects, model.fit
+
+    def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
+        effects, fit = found
+        return Model(Simulator(self.core, effects, self.record), fit, parent.other_core)
 
     def judged(
         self, parent: Model, candidates: list[Candidate], noise: Noise | None = None
@@ -162,21 +189,21 @@ class Search:
         base = parent.refined(criterion)
         base_vaf, base_prediction = self._held_out(parent, base, criterion)
         n = criterion.n
-        for c in tried:
+        models = [(c.model.effects, c.model.fit) for c in tried if c.model]
+        refined = self._each(self._refined, models, parent, criterion)
+        for c, (fit, vaf, prediction) in zip(tried, refined, strict=True):
             assert c.model is not None
-            # What gains too little in plain simulation error cannot gain enough held out.
-            hopeless = parent.sse - c.model.sse < HOPELESS * plain.power
-            fitted = c.model
-            c.model = c.model.refined(criterion, max_iter=1 if hopeless else 12)
+            before = c.model.sse
+            c.model = self._model((c.model.effects, fit), parent)
             c.n_parameters = c.model.n_parameters - base.n_parameters
             ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
             c.loglik = ratio / 2
             c.evidence = ratio - c.n_parameters * np.log(n)
-            if hopeless:
-                c.gain = 100 * (parent.sse - fitted.sse) / plain.power
+            if prediction is None:
+                c.gain = 100 * (parent.sse - before) / plain.power
                 c.vaf = base_vaf + c.gain
             else:
-                c.vaf, c.prediction = self._held_out(fitted, c.model, criterion)
+                c.vaf, c.prediction = vaf, prediction
                 c.gain = c.vaf - base_vaf
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
@@ -184,6 +211,17 @@ class Search:
         candidates.sort(key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence))
         mark_confused(candidates)
         return Step(base, base_vaf, base_prediction, candidates)
+
+    def _refined(
+        self, found: tuple[Effects, Fit], parent: Model, criterion: Criterion
+    ) -> tuple[Fit, float, np.ndarray | None]:
+        """A model at the minimum of a criterion, and what it predicts of held-out rows."""
+        fitted = self._model(found, parent)
+        # What gains too little in plain simulation error cannot gain enough held out.
+        if parent.sse - fitted.sse < HOPELESS * self.criterion.power:
+            return fitted.refined(criterion, max_iter=1).fit, -np.inf, None
+        model = fitted.refined(criterion)
+        return model.fit, *self._held_out(fitted, model, criterion)
 
     def _held_out(
         self, fitted: Model, refined: Model, criterion: Criterion
@@ -199,6 +237,12 @@ class Search:
         vafs = [vaf_of_output(self.record, prediction) for prediction in both]
         best = int(np.argmax(vafs))
         return vafs[best], both[best]
+
+
+def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> list[Any]:
+    """What a process does; one thread for small products."""
+    with threadpool_limits(1):
+        return [function(item, *args) for item in items]
 
 
 def mark_confused(candidates: list[Candidate]) -> None:

@@ -66,6 +66,9 @@ class Record:
     ahead: float = np.inf
     _derived: dict = field(default_factory=dict, repr=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_derived": {}}
+
     def part(self, runs: np.ndarray, thin: int) -> Record:
         """Some of the runs, at every so-manieth sample."""
 
@@ -164,4 +167,4 @@ class Record:
 
 def differentiated(signal: np.ndarray, dt: float) -> np.ndarray:
     """Central differences along time."""
-    return np.gradient(signal, dt, axis=0)
+    return _kernels.greybox.differentiated(_kernels.gate(signal), dt)

@@ -79,6 +79,9 @@ class Simulator:
         self._theta: np.ndarray | None = None
         self._states: list[State] = []
 
+    def __reduce__(self) -> tuple:
+        return Simulator, (self.core, self.effects, self.record)
+
     def _add(self, name: str, p: Parameter, low: float, high: float, scale: float) -> None:
         self.parameters.append(FreeParameter(name, p, low, high, scale))
 
