@@ -44,9 +44,6 @@ OF_TRIAL = [
     *("higher_order", "tremor", "quantised", "cubic_gain"),
 ]
 STUCK = {"intermittent"}
-OTHER_FORM = pytest.mark.xfail(
-    reason="lapses of the gain, not of the command (tests.note 11)", strict=True
-)
 
 
 def closed_share(search, X, y, oracle):
@@ -65,9 +62,6 @@ def names(listed, stuck=STUCK):
     reason = "stops beside the minimum, or another name fits as well (tests.note 10, 12)"
     mark = pytest.mark.xfail(reason=reason, strict=True)
     return [pytest.param(n, marks=[mark] if n in stuck else []) for n in listed]
-
-
-LOOPS = [pytest.param(n, marks=OTHER_FORM) if n == "lapses" else n for n in OF_LOOP]
 
 
 def of_loop(name):
@@ -120,13 +114,13 @@ def check(search, share, gap, right):
     assert search.best_effects_[0] in search.summary()
 
 
-@pytest.mark.parametrize("name", [n for n in LOOPS if n != "tv_gain, step"])
+@pytest.mark.parametrize("name", [n for n in OF_LOOP if n != "tv_gain, step"])
 def test_what_the_thesiss_loop_hides_is_found_among_rivals(name):
     check(*search_loop(name, sorted({*RIVALS, name.split(",")[0]})))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize("name", OF_LOOP)
 def test_what_the_thesiss_loop_hides_is_found_in_the_catalogue(name):
     check(*search_loop(name, "all"))
 

@@ -159,6 +159,13 @@ class Effect(BaseEstimator):
         """
         return []
 
+    def adjusted(self, error_of: Callable[[Effect], float], record: Record) -> Effect:
+        """The effect with choices that are no parameters adjusted after a first fit; itself, here.
+
+        ``error_of(effect)`` is what the model leaves with another such effect in its place.
+        """
+        return self
+
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
         """Bounds of the parameters in the units of the data."""
         bounds = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from .base import Effect, Parameter
 from .offsets import with_middle
 from .record import OTHER, Record, differentiated
 from .signals import Gains
+
+EDGE_STEPS = (0.2, 0.1, 0.05, 0.02)  # s, of the ends of lapses
 
 
 def sigmoid(record: Record, rate: float, time: float) -> np.ndarray:
@@ -307,6 +310,22 @@ class Lapses(Effect):
     def variants(self, record: Record) -> list[Effect]:
         found = silent_stretches(record) if self.intervals is None else self.intervals
         return self.with_choices(intervals=found).one_of_each("form", ("command", "gain"))
+
+    def adjusted(self, error_of: Callable[[Effect], float], record: Record) -> Effect:
+        """Each end of an interval moved where that is better."""
+        edges, best = np.array(self.intervals, dtype=float), error_of(self)
+        for size in EDGE_STEPS:
+            for i in range(edges.size):
+                for move in (size * record.time_unit, -size * record.time_unit):
+                    while True:
+                        trial = edges.copy()
+                        trial.flat[i] += move
+                        moved = self.with_choices(intervals=[tuple(e) for e in trial.tolist()])
+                        error = error_of(moved) if (trial[:, 0] < trial[:, 1]).all() else np.inf
+                        if not error < best:
+                            break
+                        edges, best = trial, error
+        return self.with_choices(intervals=[tuple(e) for e in edges.round(4).tolist()])
 
     def apply(self, signal: Any, record: Record, depth: float, shift: float) -> Any:
         away = np.zeros_like(record.t)

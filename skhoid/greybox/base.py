@@ -23,7 +23,8 @@ from .lanes import Lanes, build_record, roles_of
 from .model import Model, beside_each_other, extended
 from .simulator import Simulator
 
-N_LIKELIHOOD = 2  # rounds of noise model and refinement
+N_LIKELIHOOD = {"operator": 12, "arx": 2}  # rounds of noise model and refinement, at most
+SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
 
 
 @dataclass(frozen=True)
@@ -211,10 +212,19 @@ def constants_of(element: ControlledElement) -> tuple[float, float]:
 
 
 def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, Noise]:
-    """Refine under an AR model of the residual, and again under that of the new residual."""
-    for _ in range(N_LIKELIHOOD):
+    """Refine under an AR model of the residual, and again under that of the new residual.
+
+    Until neither moves: in a closed loop the first fit is biased, and so is its noise model, which
+    holds the bias for some rounds. An ARX model gets two rounds: a wrong one would go on, to leave
+    more and more to the noise model.
+    """
+    for _ in range(N_LIKELIHOOD[model.simulator.record.core]):
+        before = model.theta
         criterion.set_noise(criterion.noise_of(model.output))
         model = model.refined(criterion)
+        moved = model.theta - before
+        if criterion.n * (moved @ model.fit.normal @ moved) < SETTLED * model.sse:
+            break
     return model, criterion.noise
 
 

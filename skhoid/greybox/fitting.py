@@ -19,6 +19,7 @@ EXPLORED_STEP = 0.04  # s
 STEP = 1e-4  # of finite differences, relative
 COARSE_STEP = 5e-3  # where the response is not smooth
 WORTHWHILE = 1e-4  # share of the squares that a common scale must save
+SEARCHED = 0.004  # relative, what parameters are searched to where the response is not smooth
 MEMORY = 2.0  # s, over which scores may correlate
 
 
@@ -200,7 +201,7 @@ def minimise(
 def rescaled(
     simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, sse: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Parameters, output and squares with the output's scale by least squares, where that is better.
+    """Parameters, output and squares, with the output's scale solved for where that is better.
 
     All parameters in units of the output scale together: gains alone, or levels of the output
     alone, would change what happens at which instant.
@@ -220,11 +221,12 @@ def rescaled(
 
 def power_of_output(unit: str) -> int:
     """Power of the output's unit in a unit like ``{u} s/{e}`` or ``1/{u}^2``."""
-    over, under = (
-        sum(int(power or 1) for power in re.findall(r"\{u\}(?:\^(\d+))?", part))
-        for part in (unit.split("/", 1) + [""])[:2]
-    )
-    return over - under
+    over, _, under = unit.partition("/")
+
+    def power(part: str) -> int:
+        return sum(int(number or 1) for number in re.findall(r"\{u\}(?:\^(\d+))?", part))
+
+    return power(over) - power(under)
 
 
 def normal_equations(
@@ -264,11 +266,12 @@ def derivatives(
 def covariance_of(simulator: Simulator, criterion: Criterion, fit: Fit) -> np.ndarray:
     """Covariance of an operator's parameters; NaN for those at a bound.
 
-    Of three parts. Derivatives are differences over about a standard deviation, which says more
+    Of four parts. Derivatives are differences over about a standard deviation, which says more
     than a tangent of a response that is a step, or jagged. Where whitened residuals are not white,
     a long-run covariance of the scores enlarges the variances. And what the estimates would move
     if the sampling time were twice as long counts as a standard deviation of its own: no noise
-    makes up for what the simulation is accurate to.
+    makes up for what the simulation is accurate to. The same holds for the last step of a search
+    where the response is not smooth.
     """
     theta = fit.theta
     free = (theta > simulator.low) & (theta < simulator.high)
@@ -294,6 +297,10 @@ def covariance_of(simulator: Simulator, criterion: Criterion, fit: Fit) -> np.nd
         slopes @ criterion.whitened(change_if_coarser(simulator, criterion, theta)[None])[0]
     )
     covariance[np.ix_(free, free)] = block + np.outer(moved, moved)
+    for name, effect in simulator.effects:
+        if not effect.smooth:
+            own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
+            covariance[own, own] += (SEARCHED * theta[own]) ** 2 / 3
     return covariance
 
 

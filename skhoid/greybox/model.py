@@ -192,6 +192,19 @@ def extended(
         fit = best_of(simulator, coarse, starts, explore=True).fit
         if not variant.smooth and fit.sse < HOPEFUL * before:
             fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
+        if before - fit.sse > enough:
+
+            def error_of(other: Effect, theta: np.ndarray = fit.theta) -> float:
+                with_other = Effects([*parent.effects.steps, (name, other)])
+                return coarse.sse(Simulator(core, with_other, coarse.record).run(theta))
+
+            adjusted = variant.adjusted(error_of, coarse.record)
+            if adjusted is not variant:
+                variant = adjusted
+                simulator = Simulator(
+                    core, Effects([*parent.effects.steps, (name, variant)]), coarse.record
+                )
+                fit = minimise(simulator, coarse, fit.theta, max_iter=8, tol=2e-4)
         last = dict(zip(simulator.names, fit.theta.tolist(), strict=True))
         explored.append((fit.sse, number, variant, fit))
     explored.sort(key=lambda item: item[:2])
