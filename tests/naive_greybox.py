@@ -120,12 +120,32 @@ def held_by_clock(x, period, phase):
 
 
 def held_by_event(x, watched, period, threshold, phase):
-    """Take a sample where ``watched`` moved by more than the threshold, ``period`` apart."""
-    out, value, seen, due = [], 0.0, 0.0, phase
-    for k in range(len(x)):
-        if k >= due and abs(watched[k] - seen) > threshold:
-            value, seen, due = x[k], watched[k], k + period
-        out.append(value)
+    """Hold x when ``watched``, linear between samples, has moved that far, ``period`` apart.
+
+    Steps are ramps as those of a clock.
+    """
+    n = len(x)
+    k, out = np.arange(n), np.zeros(n)
+    before, seen, now, due = 0.0, 0.0, 0.0, phase
+    while now <= n - 1:
+        # The first instant from ``due`` on at which it is that far away: in one of the samples.
+        at = max(now, due)
+        while at <= n - 1 and not abs(np.interp(at, k, watched) - seen) >= threshold:
+            after = min(np.floor(at) + 1, n)
+            if after > n - 1:
+                at = np.inf
+                break
+            one, other = np.interp(at, k, watched) - seen, watched[int(after)] - seen
+            if abs(other) > threshold:
+                level = threshold if other > 0 else -threshold
+                at += (after - at) * (level - one) / (other - one)
+                break
+            at = after
+        if not at <= n - 1:
+            break
+        value = np.interp(at, k, x)
+        out += (value - before) * np.clip(k - at + 0.5, 0.0, 1.0)
+        before, seen, due, now = value, np.interp(at, k, watched), at + period, at
     return out
 
 

@@ -67,6 +67,8 @@ RECOVERED = [
     (WrongDelay(), {"extra": 0.07}),
     (TimeVaryingDelay(), {"change": 0.12, "rate": 1.0, "time": 12.0}),
     (Intermittent(trigger="clock"), {"hold_time": 0.35, "phase": 0.1}),
+    (Intermittent(trigger="error"), {"hold_time": 0.1, "threshold": 0.5}),
+    (Intermittent(trigger="error"), {"hold_time": 0.15, "threshold": 0.2}),
     (TimeVaryingGain(), {"K_e_change": 0.6, "K_edot_change": -0.5, "rate": 2.0, "time": 12.0}),
     (
         TimeVaryingGain(form="ramp"),
@@ -89,6 +91,7 @@ RECOVERED = [
     (Saturation(form="behind"), {"limit": 0.8, "remnant": 0.3}),
     (RateLimit(), {"limit": 3.0}),
     (Backlash(), {"gap": 0.2}),
+    (Stiction(), {"breakaway": 0.3, "kinetic": 0.3}),
     (Quantised(form="behind"), {"step": 1.0, "offset": 0.1, "remnant": 0.2}),
     (HardeningStiffness(), {"stiffness": 0.3}),
     (Bias(), {"level": 0.2}),
@@ -120,7 +123,6 @@ RECOVERED = [
 ]
 # Where the search ends beside the best fit (tests.note 1).
 STUCK = [
-    (Stiction(), {"breakaway": 0.3, "kinetic": 0.3}),
     (Quantised(form="sharp"), {"step": 0.8, "offset": 0.1}),
     (Intermittent(trigger="error"), {"hold_time": 0.1, "threshold": 0.3}),
     (Intermittent(trigger="event"), {"hold_time": 0.1, "threshold": 0.3}),

@@ -275,7 +275,33 @@ def test_held_by_events_is_its_twin(x, seed, period, threshold, phase):
     out = greybox.held(x, watched, period, threshold, phase)
     for j in range(x.shape[1]):
         expected = naive.held_by_event(x[:, j], watched[:, j], period, threshold, phase)
-        assert np.array_equal(out[:, j], expected)
+        np.testing.assert_allclose(out[:, j], expected, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("of_error", [False, True])
+def test_a_scan_of_events_leaves_what_the_held_command_leaves(of_error):
+    rng = np.random.default_rng(2)
+    position = np.cumsum(rng.standard_normal((200, 2)), axis=0)
+    slope, dt, omega, zeta = np.gradient(position, axis=0), 0.04, 9.0, 0.4
+    known = rng.uniform(size=(100, 2)) < 0.9
+    y = rng.standard_normal((100, 2)) * known
+    points = np.array([[3.7, 1.3, 0.8, 0.6], [0.0, 0.4, 0.2, 1.5]])
+    matrices = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)
+    args = (position, slope, y, known, points, matrices, 2 * zeta * omega, of_error, 2)
+    left = greybox.events_scanned(*args)
+    for (period, threshold, ratio, factor), row in zip(points, left, strict=True):
+        command = factor * (position + ratio * slope)
+        watched = position if of_error else command
+        kept = greybox.held(command, watched, period, threshold, 0.0)
+        answer = greybox.second_order(kept, np.zeros_like(kept), matrices, 0.0, 0.0, 1e9)
+        assert np.isfinite(row).all()
+        assert row[0] <= (y**2).sum() * (1 + 1e-12)
+        # With the output of the command itself nothing is left.
+        args = (position, slope, answer[::2] * known, *args[3:])
+        again = greybox.events_scanned(*args)
+        at = int(np.flatnonzero(points[:, 0] == period)[0])
+        assert abs(again[at, 0]) < 1e-9 * (answer**2).sum()
+        np.testing.assert_allclose(again[at, 1:], [0.0, 1.0], atol=1e-6)
 
 
 @given(x=signals(), step=st.floats(0.01, 3.0))

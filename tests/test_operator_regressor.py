@@ -23,7 +23,17 @@ from skhoid import (
     select_runs,
     vaf_score,
 )
-from skhoid.effects import Bias, DeadZone, Effects, Feedforward, OutputFeedback, WrongDelay
+from skhoid.effects import (
+    Bias,
+    DeadZone,
+    Effects,
+    Feedforward,
+    OutputFeedback,
+    Quantised,
+    WrongDelay,
+)
+from skhoid.greybox.fitting import Criterion, power_of_output, rescaled
+from skhoid.greybox.simulator import Simulator
 
 # Table II and Appendix D.
 TRUTH = {
@@ -457,3 +467,31 @@ def test_a_silent_output_is_answered_by_no_gain(runs):
     X, y = runs
     model = OperatorRegressor().fit(X, 0 * y)
     np.testing.assert_allclose(model.predict(X), 0.0, atol=1e-6)
+
+
+def test_without_remnant_the_sampling_time_limits_what_is_known():
+    X, y = make_tracking_runs(n_runs=2, duration=40.96, remnant_intensity=0.0, random_state=3)
+    sd = [OperatorRegressor().fit(X[::k], y[::k]).parameters_["sd"] for k in (1, 2)]
+    assert (sd[0] > 1e-5).any()
+    for name in ("T_L", "omega_nm", "zeta_nm", "tau_e"):  # the simulation is of second order
+        assert sd[1][name] / sd[0][name] == pytest.approx(4, rel=0.15)
+
+
+def test_powers_of_the_output_are_read_from_units():
+    powers = {"{u}/{e}": 1, "{u} s/{e}": 1, "{u}": 1, "1/{u}^2": -2, "{e}/{u}^3": -3, "rad/s": 0}
+    assert {unit: power_of_output(unit) for unit in powers} == powers
+
+
+def test_the_scale_of_a_jagged_response_is_solved_for(runs):
+    prepared = OperatorRegressor(delay=0.28)._prepare(*runs)
+    effects = Effects([("quantised", Quantised(form="sharp"))])
+    simulator = Simulator(prepared.core, effects, prepared.record)
+    true = np.array([0.09, 0.036, 11.25, 0.35, 0.1, 0.0])
+    assert [name.split("__")[-1] for name in simulator.names[-2:]] == ["step", "offset"]
+    simulator.record.y[:] = simulator.run(true)
+    off = true * [1.1, 1.1, 1, 1, 1.1, 1]
+    criterion = Criterion(simulator.record)
+    output = simulator.run(off)
+    theta, output, sse = rescaled(simulator, criterion, off, output, criterion.sse(output))
+    np.testing.assert_allclose(theta, true, rtol=1e-9)
+    assert sse < 1e-12 * criterion.power

@@ -66,6 +66,7 @@ def answer(case: Case) -> Answer:
             for name, row in parameters.iterrows()
         },
         baseline=np.asarray(baseline),
+        forms={name: getattr(e, "form", None) for name, e in search.best_estimator_.effects_},
     )
 
 

@@ -19,47 +19,65 @@ from sets import COHERENT, NONE, UNKNOWN, right_answers, right_without
 
 N_SAMPLES = 8192
 
-# What a parameter of the answer must be, from the truth's parameters and what else the effect has;
-# an effect that is not here has the same names in both.
-OfTruth = Callable[[dict[str, Any], dict[str, Any]], float]
+# What a parameter of the answer must be, from the truth's parameters, the case and what the answer
+# says of the effect; an effect that is not here has the same names in both.
+OfTruth = Callable[[dict[str, Any], Case, dict[str, float]], float]
 TRUE: dict[str, dict[str, OfTruth]] = {
     "tv_delay": {
-        "change": lambda p, extra: p["change"],
-        "rate": lambda p, extra: p["G"],
-        "time": lambda p, extra: p["t_M"],
+        "change": lambda p, case, said: p["change"],
+        "rate": lambda p, case, said: p["G"],
+        "time": lambda p, case, said: p["t_M"],
     },
+    # The trial's gains act when the error is answered, the catalogue's when it is seen.
     "tv_gain": {
-        "K_e_change": lambda p, extra: p["K_e_factor"] - 1,
-        "K_edot_change": lambda p, extra: p["K_edot_factor"] - 1,
-        "rate": lambda p, extra: p["G"],
-        "time": lambda p, extra: p["t_M"],
+        "K_e_change": lambda p, case, said: p["K_e_factor"] - 1,
+        "K_edot_change": lambda p, case, said: p["K_edot_factor"] - 1,
+        "rate": lambda p, case, said: p["G"],
+        "time": lambda p, case, said: p["t_M"] - case.truth["operator"]["tau"],
     },
+    "gain_drift": {
+        "rate": lambda p, case, said: p["rate"] / (1 + p["rate"] * case.truth["operator"]["tau"]),
+    },
+    "scheduled_gain": {"slope": lambda p, case, said: p["slope"] / _at_reference(p, case)},
     "lapses": {},
     "rectified": {},
-    "cubic_gain": {"hardening": lambda p, extra: p["cubic"]},
-    "stiction": {
-        "breakaway": lambda p, extra: p["breakaway"],
-        "kinetic": lambda p, extra: p["kinetic"] / p["breakaway"],
+    "cubic_gain": {"hardening": lambda p, case, said: p["cubic"]},
+    # The trial's output jumps and sticks again; the catalogue's slides until the command turns.
+    "stiction": {},
+    "tremor": {"frequency": lambda p, case, said: p["frequency"]},
+    # Two pairs of poles in series: which of them is the effect's, nothing tells.
+    "nm_mode": {
+        "omega": lambda p, case, said: _nearest_mode(p, case, said)[0],
+        "zeta": lambda p, case, said: _nearest_mode(p, case, said)[1],
     },
-    "tremor": {"frequency": lambda p, extra: p["frequency"]},
-    # The low-pass that makes the inverse of the controlled element proper delays by 2 lags.
-    "feedforward": {
-        "gain": lambda p, extra: p["gain"],
-        "delay": lambda p, extra: p["delay"] + 2 * extra["lag"],
-    },
-    "preview": {
-        "gain": lambda p, extra: p["gain"],
-        "time": lambda p, extra: p["time"] - 2 * extra["lag"],
-    },
-    "extra_lag": {"time": lambda p, extra: p["T_I"]},
-    "extra_lead": {"time": lambda p, extra: p["T"]},
+    "extra_lag": {"time": lambda p, case, said: p["T_I"]},
+    "extra_lead": {"time": lambda p, case, said: p["T"]},
     "higher_order": {
-        "zero_frequency": lambda p, extra: p["omega"],
-        "zero_damping": lambda p, extra: p["zeta_zeros"],
-        "pole_frequency": lambda p, extra: p["omega"],
-        "pole_damping": lambda p, extra: p["zeta_poles"],
+        "zero_frequency": lambda p, case, said: p["omega"],
+        "zero_damping": lambda p, case, said: p["zeta_zeros"],
+        "pole_frequency": lambda p, case, said: _nearest_mode(p, case, said)[0],
+        "pole_damping": lambda p, case, said: _nearest_mode(p, case, said)[1],
     },
 }
+# The low-pass with which the trial makes the inverse of the controlled element proper weakens the
+# fastest lines of the target by up to a half: no gain and delay of the catalogue's form does that.
+# Without it, they are those of the trial.
+LOW_PASSED = ("feedforward", "preview")
+# Forms whose parameters are those of the trial's canonical form; those of others mean other things.
+FORMS = {
+    "asym_gain": ("all",),
+    "dead_zone": ("gap",),
+    "cubic_gain": ("cubic",),
+    "quantised": ("sharp", "behind"),
+    "hardening_stiffness": ("cubic",),
+    "drift": ("linear",),
+    "feedforward": ("inverse",),
+    "preview": ("inverse",),
+    "motion_feedback": ("direct",),
+    "cross_axis": ("error",),
+    "tv_gain": ("sigmoid",),
+}
+SETTLING = 3.0  # s; before it nothing counts for the catalogue's reference of a channel
 STEP = 5.0  # 1/s; a sigmoid as steep is practically a step and has no rate
 SMALL = 0.1  # s; errors of delays are in percent of this at least, as a delay may be zero
 
@@ -84,6 +102,8 @@ class Answer:
         ``effect__parameter``: value and standard deviation.
     baseline : ndarray of shape (n_rows,) or None
         Of the model that nothing was added to, for X.
+    forms : dict
+        Form of each effect that has some.
     """
 
     names: list[str]
@@ -93,6 +113,7 @@ class Answer:
     explainable_gap: float | None = None
     parameters: dict[str, tuple[float, float]] = field(default_factory=dict)
     baseline: np.ndarray | None = None
+    forms: dict[str, str | None] = field(default_factory=dict)
 
     @property
     def first(self) -> str:
@@ -180,21 +201,47 @@ def _both(sets: list[frozenset[str]], names: list[str]) -> bool:
     return any(i != j for i in one for j in other)
 
 
-def _parameters(case: Case, answer: Answer) -> dict[str, dict[str, float]]:
-    """True and estimated values of the named effect."""
+def _parameters(case: Case, answer: Answer) -> dict[str, dict[str, Any]]:
+    """True and estimated values of the named effect, and its form where that is another."""
     (name,) = case.truth["effects"]
-    own, extra = case.truth["parameters"][name], case.truth["extra"][name]
+    own = case.truth["parameters"][name]
+    if name in LOW_PASSED and case.truth["extra"][name]["lag"] > 0:
+        return {}
+    said = {
+        full.split("__", 1)[1]: value
+        for full, (value, _) in answer.parameters.items()
+        if full.startswith(f"{name}__")
+    }
     if name in TRUE:
-        true = {parameter: of(own, extra) for parameter, of in TRUE[name].items()}
+        true = {parameter: of(own, case, said) for parameter, of in TRUE[name].items()}
     else:
         true = own
-    graded = {}
+    form = answer.forms.get(name)
+    graded: dict[str, dict[str, Any]] = {}
     for parameter, value in true.items():
         if parameter == "rate" and "t_M" in own and value > STEP:
             continue
-        said, sd = answer.parameters.get(f"{name}__{parameter}", (np.nan, np.nan))
-        graded[parameter] = {"true": value, "value": said, "sd": sd}
+        found, sd = answer.parameters.get(f"{name}__{parameter}", (np.nan, np.nan))
+        graded[parameter] = {"true": value, "value": found, "sd": sd}
+        if form is not None and form not in FORMS.get(name, (form,)):
+            graded[parameter]["form"] = form
     return graded
+
+
+def _at_reference(p: dict[str, Any], case: Case) -> float:
+    """The trial's gain where the catalogue's is one: at the mean of the channel where it counts."""
+    speed = case.X["speed"]
+    counts = speed.index.get_level_values("time").to_numpy() >= SETTLING
+    return 1 + p["slope"] * float(speed[counts].mean() - speed.mean())
+
+
+def _nearest_mode(p: dict[str, Any], case: Case, said: dict[str, float]) -> tuple[float, float]:
+    """Frequency and damping of the poles, or of the operator's own if those are nearer."""
+    own = case.truth["operator"]
+    zeta = p["zeta"] if "zeta" in p else p["zeta_poles"]
+    modes = [(p["omega"], zeta), (own["omega_nm"], own["zeta_nm"])]
+    omega = said.get("omega", said.get("pole_frequency", p["omega"]))
+    return min(modes, key=lambda mode: abs(np.log(mode[0] / omega)))
 
 
 def clopper_pearson(k: int, n: int) -> tuple[float, float]:
@@ -287,8 +334,12 @@ def _single(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
 
 def _parameter_rows(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     errors, inside, absent = [], [], []
+    graded = [p for r in records for p in r.get("parameters", {}).values()]
+    other = ("parameters of another form than the truth's", share("form" in p for p in graded))
     for record in records:
         for name, p in record.get("parameters", {}).items():
+            if "form" in p:
+                continue
             if not np.isfinite(p["value"]):
                 absent.append(f"{record['effects'][0]}__{name}")
                 continue
@@ -303,6 +354,7 @@ def _parameter_rows(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     return [
         ("parameter error, %: median, 90 %", " / ".join(f"{q:.1f}" for q in quantiles)),
         ("95 % intervals that cover the truth", share(inside)),
+        other,
         ("parameters not found in the answer", ", ".join(sorted(set(absent))) or "none"),
     ]
 

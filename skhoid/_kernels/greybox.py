@@ -326,8 +326,8 @@ def held(x, watched, period, threshold, phase):
     """Sample and hold, of shape like x; times in samples.
 
     A new sample is taken when ``period`` has passed since the last one and ``watched`` is more
-    than ``threshold`` away from its value then. A clock (threshold 0) ticks between samples too:
-    x is interpolated, and the step in which it changes weighed by time.
+    than ``threshold`` away from its value then. Clocks (threshold 0) and events do not wait for
+    samples: x is interpolated, and the step in which it changes weighed by time.
     """
     n, runs = x.shape
     out = np.empty((n, runs))
@@ -338,11 +338,25 @@ def held(x, watched, period, threshold, phase):
         for k in range(n):
             out[k, j] = value
             if threshold > 0.0:
-                if k >= due and abs(watched[k, j] - seen) > threshold:
-                    value = x[k, j]
-                    seen = watched[k, j]
-                    out[k, j] = value
-                    due = k + period
+                # Events after the sample before, until this one.
+                i = max(k - 1, 0)
+                last = i + 0.0
+                rise = watched[k, j] - watched[i, j]
+                while k >= due:
+                    at = max(due, last)
+                    away = watched[i, j] + (at - i) * rise - seen
+                    if not abs(away) >= threshold:  # not yet
+                        if not abs(watched[k, j] - seen) > threshold:
+                            break
+                        level = threshold if watched[k, j] > seen else -threshold
+                        at = min(at + (level - away) / rise, k)
+                    new = x[i, j] + (at - i) * (x[k, j] - x[i, j])
+                    # Between samples the output is a ramp: half of the step lies before the event.
+                    out[k, j] += min(k - at + 0.5, 1.0) * (new - value)
+                    out[i, j] += max(k - at - 0.5, 0.0) * (new - value)
+                    value = new
+                    seen = watched[i, j] + (at - i) * rise
+                    due, last = at + period, at
                 continue
             # Between samples the output is a ramp: half of the step lies before the tick.
             while due - 0.5 < k:
@@ -353,6 +367,71 @@ def held(x, watched, period, threshold, phase):
                 out[k, j] = (1 - share) * value + share * new
                 value = new
                 due += period
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def events_scanned(position, slope, y, known, points, matrices, damping, of_error, thin):
+    """Squares that commands held by events leave of y, at many points, as ``held`` and
+    ``second_order`` would; what the answers should come earlier, in seconds; and a gain on them.
+
+    The rows of ``points`` are period in samples, threshold, ratio of the gains and factor of the
+    command ``factor (position + ratio slope)``; events are of that, or of ``position``.
+    ``damping`` is 2 zeta omega. Of each answer the best sum with its rate counts, on every
+    ``thin``-th row.
+    """
+    n, runs = position.shape
+    out = np.empty((len(points), 3))
+    q = matrices[0]
+    for p in range(len(points)):
+        period, threshold, ratio, factor = points[p]
+        yy = yr = rr = ty = tr = tt = 0.0
+        for j in range(runs):
+            due, value, seen = 0.0, 0.0, 0.0
+            z = v = before = last = 0.0  # of two rows ago, and of the row before
+            x0 = factor * (position[0, j] + ratio * slope[0, j])
+            for k in range(n):
+                i = max(k - 1, 0)
+                x1 = factor * (position[k, j] + ratio * slope[k, j])
+                w0 = position[i, j] if of_error else x0
+                w1 = position[k, j] if of_error else x1
+                now, since = value, i + 0.0
+                while k >= due:
+                    at = max(due, since)
+                    away = w0 + (at - i) * (w1 - w0) - seen
+                    if not abs(away) >= threshold:
+                        if not abs(w1 - seen) > threshold:
+                            break
+                        level = threshold if w1 > seen else -threshold
+                        at = min(at + (level - away) / (w1 - w0), k)
+                    new = x0 + (at - i) * (x1 - x0)
+                    now += min(k - at + 0.5, 1.0) * (new - value)
+                    last += max(k - at - 0.5, 0.0) * (new - value)
+                    value = new
+                    seen = w0 + (at - i) * (w1 - w0)
+                    due, since = at + period, at
+                x0 = x1
+                if k >= 2:  # the row before is complete
+                    z, v = (
+                        q[0] * z + q[1] * v + q[4] * before + q[8] * last,
+                        q[2] * z + q[3] * v + q[6] * before + q[10] * last,
+                    )
+                if k >= 1 and (k - 1) % thin == 0 and known[(k - 1) // thin, j]:
+                    rate, target = v - damping * z, y[(k - 1) // thin, j]
+                    yy += z * z
+                    yr += z * rate
+                    rr += rate * rate
+                    ty += target * z
+                    tr += target * rate
+                    tt += target * target
+                before, last = last, now
+        det = yy * rr - yr * yr
+        gain, along = 0.0, 0.0
+        if det > 1e-9 * yy * rr:
+            gain, along = (ty * rr - tr * yr) / det, (tr * yy - ty * yr) / det
+        out[p, 0] = tt - gain * ty - along * tr if gain > 0.0 else tt
+        out[p, 1] = along / gain if gain > 0.0 else 0.0
+        out[p, 2] = gain
     return out
 
 

@@ -16,8 +16,9 @@ from ..effects.composition import Effects
 from ..effects.record import Record
 from ..greybox.base import vaf_of_output
 from ..greybox.cores import Core
+from ..greybox.extend import beside_each_other, extended
 from ..greybox.fitting import Criterion, Fit, Noise, minimise, whitened_derivatives
-from ..greybox.model import Model, beside_each_other, extended, in_order, without
+from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
 from .signatures import traces_of
 

@@ -6,10 +6,11 @@ from .catalogue import catalogue, effect
 from .composition import Effects
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
+from .intermittent import Intermittent
 from .offsets import Bias, Drift, Integral, Tremor
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
-from .timing import Intermittent, TimeVaryingDelay, WrongDelay
+from .timing import TimeVaryingDelay, WrongDelay
 
 __all__ = [
     "AbsoluteValue",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.special import ndtr
 
@@ -10,6 +12,10 @@ from .base import Effect, Parameter
 from .record import Record
 from .signals import Spring
 from .traces import stop_of
+
+SCANNED_STEPS = np.geomspace(0.25, 3.5, 45)  # in standard deviations of the output
+OFFSETS = (0.0, 0.5)
+KEPT_STEPS = 3
 
 
 class Saturation(Effect):
@@ -269,23 +275,44 @@ class Quantised(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        steps = tuple(np.geomspace(0.3, 2.5, 8).tolist())
+        steps = (0.5, 1.0, 2.0)
         offset = Parameter("offset", "-", -0.5, 0.5, (0.0, 0.5), "", "of thresholds, in steps")
         step = Parameter("step", "{u}", 0.05, 6.0, steps, "u", "of levels")
         if self.form == "behind":
-            remnant = Parameter("remnant", "-", 0.12, 0.35, (0.2,), "", "before levels, in steps")
+            remnant = Parameter("remnant", "-", 0.15, 0.35, (0.2,), "", "before levels, in steps")
             return (step, offset, remnant)
         if self.form == "uneven":
             return (step, Parameter("power", "-", 0.5, 2.0, (0.8, 1.25), "", "of uneven levels"))
         return (step, offset)
 
+    softness = 0.0  # of corners, in steps
+
     @property
     def smooth(self) -> bool:  # type: ignore[override]
-        return self.form == "behind"
+        return self.form == "behind" or self.softness > 0.0
+
+    def softened(self, amount: float) -> Effect:
+        soft = self.with_choices()
+        soft.softness = amount
+        return soft
 
     def variants(self, record: Record) -> list[Effect]:
         # The smooth form comes first: the others start from what it finds as well.
         return self.one_of_each("form", ("behind", "sharp", "uneven"))
+
+    def scanned(self, error_of: Callable[..., float], record: Record) -> list[dict[str, float]]:
+        """Steps as close as the minima of the squares, which are some percent wide."""
+        if self.form != "behind" or self.step is not None:
+            return []
+        offsets = OFFSETS if self.offset is None else (self.offset,)
+        remnant = 0.2 if self.remnant is None else self.remnant
+        tried = [
+            {"step": step * record.sd("u"), "offset": offset, "remnant": remnant}
+            for step in SCANNED_STEPS
+            for offset in offsets
+        ]
+        errors = [error_of(values, record.duration) for values in tried]
+        return [tried[i] for i in np.argsort(errors)[:KEPT_STEPS]]
 
     def apply(
         self,
@@ -297,13 +324,19 @@ class Quantised(Effect):
         power: float = 1.0,
     ) -> np.ndarray:
         if self.form == "uneven":
-            levels = np.round(np.abs(signal / step) ** power) ** (1 / power)
+            levels = self._rounded(np.abs(signal / step) ** power) ** (1 / power)
             return step * np.copysign(levels, signal)
         if self.form != "behind":
-            return step * np.round(signal / step - offset)
+            return step * self._rounded(signal / step - offset)
         # Sines of once, twice and three times the angle make the steps, smoothed by the remnant.
         sines = np.exp(-2 * (np.pi * remnant * np.arange(1, 4)) ** 2) / np.pi
         return _kernels.greybox.smooth_levels(_kernels.gate(signal), step, offset, *sines)
+
+    def _rounded(self, place: np.ndarray) -> np.ndarray:
+        if not self.softness:
+            return np.round(place)
+        below = np.floor(place)
+        return below + ndtr((place - below - 0.5) / self.softness)
 
 
 class HardeningStiffness(Effect):

@@ -155,8 +155,12 @@ class Effect(BaseEstimator):
         """Starts found by a search of the effect's own, none by default.
 
         ``error_of(values, seconds)`` is what the best multiple of the simulated output leaves of
-        the first seconds of the runs.
+        the first seconds of the runs; it can do more, see ``greybox.scan``.
         """
+        return []
+
+    def scanned_beside(self, error_of: Any, values: dict[str, float]) -> list[dict[str, float]]:
+        """Starts near values that were found, where the response is not smooth; none by default."""
         return []
 
     def adjusted(self, error_of: Callable[[Effect], float], record: Record) -> Effect:
@@ -165,6 +169,13 @@ class Effect(BaseEstimator):
         ``error_of(effect)`` is what the model leaves with another such effect in its place.
         """
         return self
+
+    def softened(self, amount: float) -> Effect | None:
+        """A smooth effect that becomes this one as ``amount`` goes from 0.2 to zero, or None.
+
+        A search follows it where the effect itself is not smooth.
+        """
+        return None
 
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
         """Bounds of the parameters in the units of the data."""

@@ -8,10 +8,11 @@ from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Satura
 from .base import Effect
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
+from .intermittent import Intermittent
 from .offsets import Bias, Drift, Integral, Tremor
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
-from .timing import Intermittent, TimeVaryingDelay, WrongDelay
+from .timing import TimeVaryingDelay, WrongDelay
 
 CLASSES: tuple[type[Effect], ...] = (
     WrongDelay,

@@ -1,4 +1,4 @@
-"""Delays, and control that is not continuous."""
+"""Delays."""
 
 from __future__ import annotations
 
@@ -7,17 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import _kernels
 from .base import Effect, Parameter
-from .record import Record, differentiated
+from .record import Record
 from .time_variation import sigmoid
 
-HOLDS_CLOCK = tuple(np.arange(0.1, 0.9, 0.1).round(2).tolist())
-SCANS = (10.0, 32.0, 100.0)  # s of the runs
-COHERENT = 0.12  # ticks that a clock may be off at the end of a scan
-KEPT_HOLDS = 6
 SCANNED_DELAYS = 24
-HOLDS_EVENT = (0.02, 0.1, 0.2, 0.3, 0.4)
 
 
 class WrongDelay(Effect):
@@ -130,116 +124,3 @@ class TimeVaryingDelay(Effect):
 
     def apply(self, signal: Any, record: Record, change: float, rate: float, time: float) -> Any:
         return signal + change * sigmoid(record, rate, time)
-
-
-class Intermittent(Effect):
-    """Sampled control: the command is held between decisions.
-
-    Parameters
-    ----------
-    hold_time : float or None, default=None
-        Time between decisions (at least), in seconds; None estimates it.
-    threshold : float or None, default=None
-        Change that makes a decision, in units of the output (``"event"``) or the error
-        (``"error"``); None estimates it.
-    phase : float or None, default=None
-        First tick of the clock after the start of a run, in seconds; None estimates it.
-    trigger : {"clock", "event", "error"} or None, default=None
-        What makes a decision: time alone, a change of the command, or of the error. None tries all.
-
-    References
-    ----------
-    Gawthrop et al., Intermittent control: a computational theory of human control (2011).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Intermittent
-    >>> Intermittent(trigger="clock", hold_time=0.4).place
-    'command'
-    """
-
-    name = "intermittent"
-    place = "command"
-    physics = "The operator decides at instants, and holds the command between."
-    formula = "command(t_i) for t_i <= t < t_(i+1)"
-    source = "Gawthrop et al. (2011)"
-    smooth = False
-
-    def __init__(
-        self,
-        *,
-        hold_time: float | None = None,
-        threshold: float | None = None,
-        phase: float | None = None,
-        trigger: str | None = None,
-    ):
-        self.hold_time = hold_time
-        self.threshold = threshold
-        self.phase = phase
-        self.trigger = trigger
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        if self.trigger in ("event", "error"):
-            unit = "e" if self.trigger == "error" else "u"
-            thresholds = tuple(np.geomspace(0.05, 1.2, 9).tolist())
-            return (
-                Parameter("hold_time", "s", 0.0, 1.2, HOLDS_EVENT, "", "refractory time"),
-                Parameter("threshold", f"{{{unit}}}", 0.01, 4.0, thresholds, unit, "that triggers"),
-            )
-        return (
-            Parameter("hold_time", "s", 0.04, 1.2, HOLDS_CLOCK, "", "between decisions"),
-            Parameter("phase", "s", 0.0, 1.2, (0.0,), "", "of the first decision"),
-        )
-
-    def variants(self, record: Record) -> list[Effect]:
-        return self.one_of_each("trigger", ("clock", "event", "error"))
-
-    def starts(self, record: Record) -> list[dict[str, float]]:
-        """A grid, on which the delay is shorter by what the hold delays on average."""
-        found = []
-        for values in super().starts(record):
-            hold = values.get("hold_time", self.hold_time or 0.0)
-            found.append({**values, "+tau_e": -hold / 2})
-        return found
-
-    def scanned(self, error_of: Callable[..., float], record: Record) -> list[dict[str, float]]:
-        """Times between ticks, ever finer: over a run they must be right to a share of a tick."""
-        if self.trigger != "clock" or self.hold_time is not None:
-            return []
-        unit = record.time_unit
-        duration = record.duration / unit
-        # Of a fast system the settling can be longer than a scan.
-        settled = record.dt * int(record.known.any(axis=1).argmax())
-        begin = settled if record.core == "arx" else 0.0
-        holds = [0.15]
-        while holds[-1] < 0.9:
-            holds.append(holds[-1] + COHERENT * holds[-1] ** 2 / SCANS[0])
-        for i, seconds in enumerate(SCANS):
-            errors = [error_of(self._ticking(h * unit), begin + seconds * unit) for h in holds]
-            best = [holds[j] for j in np.argsort(errors)[: KEPT_HOLDS >> i]]
-            if seconds >= duration:
-                break
-            finer = COHERENT / min(SCANS[i + 1], duration) if i + 1 < len(SCANS) else 0.0
-            holds = [h + k * finer * h**2 for h in best for k in range(-4, 5)]
-        return [self._ticking(hold * unit) for hold in best[:2]]
-
-    def _ticking(self, hold: float) -> dict[str, float]:
-        return {"hold_time": hold, "phase": self.phase or 0.0, "+tau_e": -hold / 2}
-
-    def apply(
-        self,
-        signal: Any,
-        record: Record,
-        hold_time: float,
-        threshold: float = 0.0,
-        phase: float = 0.0,
-    ) -> Any:
-        dt = record.dt
-        whole = _kernels.gate(signal.position + differentiated(signal.rate, dt))
-        watched = _kernels.gate(signal.error) if self.trigger == "error" else whole
-        if self.trigger == "clock":
-            threshold = 0.0
-        period = max(hold_time / dt, 1.0)
-        kept = _kernels.greybox.held(whole, watched, period, threshold, phase / dt)
-        return signal._replace(position=kept, rate=np.zeros_like(kept))

@@ -18,12 +18,14 @@ from ..runs import run_column
 from .controlled_element import estimate_element
 from .cores import Core
 from .estimates import covariance_frame, effects_with_values, parameter_table, summary_text
+from .extend import beside_each_other, extended
 from .fitting import Criterion, Noise, covariance_of
 from .lanes import Lanes, build_record, roles_of
-from .model import Model, beside_each_other, extended
+from .model import Model
 from .simulator import Simulator
 
 N_LIKELIHOOD = {"operator": 12, "arx": 2}  # rounds of noise model and refinement, at most
+WORSE = 1.01  # squares of the simulation error by those of the round before, at most
 SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
 
 
@@ -215,17 +217,25 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, Noise]:
     """Refine under an AR model of the residual, and again under that of the new residual.
 
     Until neither moves: in a closed loop the first fit is biased, and so is its noise model, which
-    holds the bias for some rounds. An ARX model gets two rounds: a wrong one would go on, to leave
-    more and more to the noise model.
+    holds the bias for some rounds. A wrong model leaves ever more to the noise model instead: after
+    two rounds the free run may not become worse than a little. An ARX model gets these two.
     """
-    for _ in range(N_LIKELIHOOD[model.simulator.record.core]):
-        before = model.theta
+    for i in range(N_LIKELIHOOD[model.simulator.record.core]):
+        before, noise = model, criterion.noise
+        residual = criterion.residual(model.output)
         criterion.set_noise(criterion.noise_of(model.output))
         model = model.refined(criterion)
-        moved = model.theta - before
+        moved = model.theta - before.theta
+        if i > 1 and _power(criterion.residual(model.output)) > WORSE * _power(residual):
+            criterion.set_noise(noise)
+            return before, noise
         if criterion.n * (moved @ model.fit.normal @ moved) < SETTLED * model.sse:
             break
     return model, criterion.noise
+
+
+def _power(signal: np.ndarray) -> float:
+    return float((signal**2).sum())
 
 
 def check_rows(record: Record, n_parameters: int, grid: ModelGrid) -> None:

@@ -1,17 +1,14 @@
-"""Models on a record: fitting a core, and adding an effect to a fitted model."""
+"""Models on a record: a simulator with fitted parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
-from .arx_starts import arx_starts
 from .cores import Core, OperatorCore
 from .fitting import Criterion, Fit, minimise
 from .simulator import Simulator
@@ -21,13 +18,6 @@ MANY = 4  # starts, of which each gets one iteration only
 N_SCREENED = 10  # starts that are more than simulated once
 N_SCREENED_COARSELY = 4  # the same, where the response is not smooth
 N_KEPT = 2  # starts, and variants, that are followed to the end
-AS_GOOD = 10.0  # n log(SSE / SSE) of variants that are not told apart
-ALIKE = 0.9  # of the gain of the best variant
-HOPEFUL = 1.0  # times the parent's squares, at most, before a search
-COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
-FINE_SIZES = (0.04, 0.013, 0.004)
-N_ROUNDS = 2  # of least squares beside a delay
-LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
 @dataclass
@@ -157,108 +147,6 @@ def scaled_sse(simulator: Simulator, criterion: Criterion, theta: np.ndarray) ->
     return float(table[1] @ table[1]) - max(product, 0.0) ** 2 / power
 
 
-def extended(
-    parent: Model, name: str, effect: Effect, criterion: Criterion, coarse: Criterion
-) -> Model:
-    """A fitted model with one more effect, from the best of its variants and starts.
-
-    Variants and starts are explored under the ``coarse`` criterion. The fit is followed
-    to the end only where that shows a gain.
-    """
-    record = replace(parent.simulator.record, prediction=parent.output)
-    core = parent.simulator.core
-    before = coarse.sse(Simulator(core, parent.effects, coarse.record).run(parent.theta))
-    explored: list[tuple[float, int, Effect, Fit]] = []
-    last: dict[str, float] = {}
-    enough = LEAST_COARSE_GAIN * coarse.power
-    for number, variant in enumerate(effect.variants(record)):
-        least = min((item[0] for item in explored), default=before)
-        is_shade = effect.shades and explored and variant.form != explored[0][2].form
-        if is_shade and before - least < enough:
-            break
-        together = Effects([*parent.effects.steps, (name, variant)])
-        simulator = Simulator(core, together, coarse.record)
-        scan = _Scan(parent, name, variant, coarse)
-        values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
-        starts = [start_beside(parent, simulator, name, v) for v in values]
-        if core.kind == "arx" and effect.place == "delay":
-            starts = [restarted(simulator, coarse, start) for start in starts]
-        if parent.other_core is not None:
-            starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]
-        if last:  # what the variant before found, as far as it has the same parameters
-            known = [(last.get(n), i) for i, n in enumerate(simulator.names)]
-            again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
-            starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
-        fit = best_of(simulator, coarse, starts, explore=True).fit
-        if not variant.smooth and fit.sse < HOPEFUL * before:
-            fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
-        if before - fit.sse > enough:
-
-            def error_of(other: Effect, theta: np.ndarray = fit.theta) -> float:
-                with_other = Effects([*parent.effects.steps, (name, other)])
-                return coarse.sse(Simulator(core, with_other, coarse.record).run(theta))
-
-            adjusted = variant.adjusted(error_of, coarse.record)
-            if adjusted is not variant:
-                variant = adjusted
-                simulator = Simulator(
-                    core, Effects([*parent.effects.steps, (name, variant)]), coarse.record
-                )
-                fit = minimise(simulator, coarse, fit.theta, max_iter=8, tol=2e-4)
-        last = dict(zip(simulator.names, fit.theta.tolist(), strict=True))
-        explored.append((fit.sse, number, variant, fit))
-    explored.sort(key=lambda item: item[:2])
-    finished: list[tuple[int, Model]] = []
-    gain = before - explored[0][0]
-    for sse, number, variant, fit in explored[:N_KEPT]:
-        together = Effects([*parent.effects.steps, (name, variant)])
-        simulator = Simulator(core, together, parent.simulator.record)
-        promising = before - sse > enough
-        if finished and (not promising or before - sse < ALIKE * gain):
-            break
-        full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)
-        model = Model(simulator, full, parent.other_core)
-        if promising and not variant.smooth:
-            model = searched(model, name, criterion, FINE_SIZES)
-        finished.append((number, model))
-    assert finished
-    least = min(model.sse for _, model in finished)
-    # Of variants that are as good the first is the plainest, and physical.
-    near = [item for item in finished if criterion.n * np.log(item[1].sse / least) < AS_GOOD]
-    return min(near, key=lambda item: item[0])[1]
-
-
-def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
-    """Parameters with the ARX coefficients that least squares give for what reaches the core.
-
-    They make up for a wrong delay, and with another delay lead back to where they come from.
-    """
-    core: Any = simulator.core
-    simulator.run(theta)
-    x = simulator.last_state.command.position
-    rest = theta[len(core.parameters) :]
-    again = [np.r_[own, rest] for own in arx_starts(core, simulator.record, x, N_ROUNDS)]
-    return min([theta, *again], key=lambda t: scaled_sse(simulator, criterion, t))
-
-
-class _Scan:
-    """Error of the first seconds of some runs for values of an effect beside a parent."""
-
-    def __init__(self, parent: Model, name: str, variant: Effect, coarse: Criterion):
-        self.parent, self.name, self.variant, self.coarse = parent, name, variant, coarse
-        self.by_seconds: dict[float, tuple[Simulator, Criterion]] = {}
-
-    def __call__(self, values: dict[str, float], seconds: float) -> float:
-        if seconds not in self.by_seconds:
-            short = Criterion(self.coarse.record.beginning(seconds), rate=self.coarse.rate)
-            together = Effects([*self.parent.effects.steps, (self.name, self.variant)])
-            simulator = Simulator(self.parent.simulator.core, together, short.record)
-            self.by_seconds[seconds] = simulator, short
-        simulator, short = self.by_seconds[seconds]
-        theta = start_beside(self.parent, simulator, self.name, values)
-        return scaled_sse(simulator, short, theta)
-
-
 def start_beside(
     parent: Model,
     simulator: Simulator,
@@ -279,31 +167,6 @@ def start_beside(
     return np.clip([known[n] for n in simulator.names], simulator.low, simulator.high)
 
 
-def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, ...]) -> Model:
-    """Pattern search over the parameters of an effect whose response is not smooth in them.
-
-    The other parameters follow each step.
-    """
-    simulator = model.simulator
-    mine = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
-    fixed = np.zeros(model.theta.size, dtype=bool)
-    fixed[mine] = True
-    best = model.fit
-    for size in sizes:
-        for i in mine:
-            width = size * max(abs(best.theta[i]), 0.1 * simulator.scale[i])
-            for sign in (1.0, -1.0):
-                for _ in range(4):
-                    theta = best.theta.copy()
-                    theta[i] += sign * width
-                    trial = minimise(simulator, criterion, theta, max_iter=1, fixed=fixed)
-                    if not trial.sse < best.sse:
-                        break
-                    best = trial
-        best = minimise(simulator, criterion, best.theta, max_iter=4, fixed=fixed)
-    return Model(simulator, best, model.other_core)
-
-
 def without(model: Model, name: str) -> Model:
     """A model without one of its effects, at the minimum of the simulation error nearby."""
     kept = Effects([(n, e) for n, e in model.effects if n != name])
@@ -312,21 +175,6 @@ def without(model: Model, name: str) -> Model:
     theta = np.array([values[n] for n in simulator.names])
     fewer = Model(simulator, replace(model.fit, theta=theta), model.other_core)
     return fewer.refined(Criterion(model.simulator.record))
-
-
-def beside_each_other(
-    model: Model, templates: Mapping[str, Effect], criterion: Criterion, coarse: Criterion
-) -> Model:
-    """Each effect but the last fitted anew beside the others, where that is better.
-
-    ``templates`` are effects by their ids, with nothing chosen or estimated.
-    """
-    names = model.effects.names
-    for name, effect in model.effects.steps[:-1]:
-        if effect.name in templates:
-            again = extended(without(model, name), name, templates[effect.name], criterion, coarse)
-            model = again if again.sse < model.sse else model
-    return in_order(model, names)
 
 
 def in_order(model: Model, names: Sequence[str]) -> Model:

@@ -94,6 +94,9 @@ class OperatorRegressor(GreyBox):
     Residuals count at 25 Hz, above which operators have no power to speak of; the simulation runs
     at the sampling rate. Runs with more remnant weigh less.
 
+    Standard errors hold for remnant of any colour, and include what the estimates would move at
+    twice the sampling time: where there is little remnant, that is what limits them.
+
     References
     ----------
     Van Grootheest, thesis, Eqs. 3-5 and its reference [12]: Zaal et al., Modeling human

@@ -1,0 +1,125 @@
+"""Adding an effect to a fitted model: its variants, starts and fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..effects.base import Effect
+from ..effects.composition import Effects
+from ..effects.record import Record
+from .arx_starts import arx_starts
+from .fitting import Criterion, Fit, minimise
+from .jumps import searched
+from .model import Model, best_of, in_order, scaled_sse, start_beside, without
+from .scan import Scan
+from .simulator import Simulator
+
+N_KEPT = 2  # starts, and variants, that are followed to the end
+AS_GOOD = 10.0  # n log(SSE / SSE) of variants that are not told apart
+ALIKE = 0.9  # of the gain of the best variant
+HOPEFUL = 1.0  # times the parent's squares, at most, before a search
+COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
+FINE_SIZES = (0.04, 0.013, 0.004)
+N_ROUNDS = 2  # of least squares beside a delay
+LEAST_COARSE_GAIN = 5e-4  # of the power of the output
+
+
+def extended(
+    parent: Model, name: str, effect: Effect, criterion: Criterion, coarse: Criterion
+) -> Model:
+    """A fitted model with one more effect, from the best of its variants and starts.
+
+    Variants and starts are explored under the ``coarse`` criterion. The fit is followed
+    to the end only where that shows a gain.
+    """
+    record = replace(parent.simulator.record, prediction=parent.output)
+    core = parent.simulator.core
+    before = coarse.sse(Simulator(core, parent.effects, coarse.record).run(parent.theta))
+    explored: list[tuple[float, int, Effect, Fit]] = []
+    last: dict[str, float] = {}
+    enough = LEAST_COARSE_GAIN * coarse.power
+
+    def with_(variant: Effect, record: Record) -> Simulator:
+        return Simulator(core, Effects([*parent.effects.steps, (name, variant)]), record)
+
+    for number, variant in enumerate(effect.variants(record)):
+        least = min((item[0] for item in explored), default=before)
+        is_shade = effect.shades and explored and variant.form != explored[0][2].form
+        if is_shade and before - least < enough:
+            break
+        simulator = with_(variant, coarse.record)
+        scan = Scan(parent, name, variant, coarse)
+        values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
+        starts = [start_beside(parent, simulator, name, v) for v in values]
+        if core.kind == "arx" and effect.place == "delay":
+            starts = [restarted(simulator, coarse, start) for start in starts]
+        if parent.other_core is not None:
+            starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]
+        if last:  # what the variant before found, as far as it has the same parameters
+            known = [(last.get(n), i) for i, n in enumerate(simulator.names)]
+            again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
+            starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
+        fit = best_of(simulator, coarse, starts, explore=True).fit
+        if not variant.smooth and fit.sse < HOPEFUL * before:
+            fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
+        if before - fit.sse > enough:
+
+            def error_of(other: Effect, theta: np.ndarray = fit.theta) -> float:
+                return coarse.sse(with_(other, coarse.record).run(theta))
+
+            adjusted = variant.adjusted(error_of, coarse.record)
+            if adjusted is not variant:
+                variant, simulator = adjusted, with_(adjusted, coarse.record)
+                fit = minimise(simulator, coarse, fit.theta, max_iter=8, tol=2e-4)
+        last = dict(zip(simulator.names, fit.theta.tolist(), strict=True))
+        explored.append((fit.sse, number, variant, fit))
+    explored.sort(key=lambda item: item[:2])
+    finished: list[tuple[int, Model]] = []
+    gain = before - explored[0][0]
+    for sse, number, variant, fit in explored[:N_KEPT]:
+        simulator = with_(variant, parent.simulator.record)
+        promising = before - sse > enough
+        if finished and (not promising or before - sse < ALIKE * gain):
+            break
+        full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)
+        model = Model(simulator, full, parent.other_core)
+        if promising and not variant.smooth:
+            model = searched(model, name, criterion, FINE_SIZES)
+        finished.append((number, model))
+    assert finished
+    least = min(model.sse for _, model in finished)
+    # Of variants that are as good the first is the plainest, and physical.
+    near = [item for item in finished if criterion.n * np.log(item[1].sse / least) < AS_GOOD]
+    return min(near, key=lambda item: item[0])[1]
+
+
+def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
+    """Parameters with the ARX coefficients that least squares give for what reaches the core.
+
+    They make up for a wrong delay, and with another delay lead back to where they come from.
+    """
+    core: Any = simulator.core
+    simulator.run(theta)
+    x = simulator.last_state.command.position
+    rest = theta[len(core.parameters) :]
+    again = [np.r_[own, rest] for own in arx_starts(core, simulator.record, x, N_ROUNDS)]
+    return min([theta, *again], key=lambda t: scaled_sse(simulator, criterion, t))
+
+
+def beside_each_other(
+    model: Model, templates: Mapping[str, Effect], criterion: Criterion, coarse: Criterion
+) -> Model:
+    """Each effect but the last fitted anew beside the others, where that is better.
+
+    ``templates`` are effects by their ids, with nothing chosen or estimated.
+    """
+    names = model.effects.names
+    for name, effect in model.effects.steps[:-1]:
+        if effect.name in templates:
+            again = extended(without(model, name), name, templates[effect.name], criterion, coarse)
+            model = again if again.sse < model.sse else model
+    return in_order(model, names)

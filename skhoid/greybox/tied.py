@@ -1,0 +1,70 @@
+"""A simulator whose thresholds follow the gains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .fitting import Fit
+from .simulator import Simulator
+
+
+class Tied(Simulator):
+    """A simulator whose thresholds of the command follow the gains.
+
+    A command and its thresholds that grow by the same factor have the same events. Of vectors
+    theta, thresholds are for a gain of ``reference``.
+    """
+
+    def __init__(self, simulator: Simulator, reference: float):
+        super().__init__(simulator.core, simulator.effects, simulator.record)
+        tied = [
+            f"{name}__{p.name}"
+            for name, effect in self.effects
+            for p in effect.free
+            if effect.place == "command" and p.scale == "u"
+        ]
+        self.gain = self.names.index("K_e") if "K_e" in self.names else 0
+        known = "K_e" in self.names and abs(reference) > 0.0
+        self.tied = np.array([known and name in tied for name in self.names])
+        self.reference = abs(reference)
+
+    def factor(self, theta: np.ndarray) -> float:
+        return self.reference / max(abs(theta[self.gain]), 1e-3 * self.reference)
+
+    def to(self, theta: np.ndarray) -> np.ndarray:
+        return np.where(self.tied, theta * self.factor(theta), theta) if self.tied.any() else theta
+
+    def back(self, theta: np.ndarray) -> np.ndarray:
+        if not self.tied.any():
+            return theta
+        return np.clip(np.where(self.tied, theta / self.factor(theta), theta), self.low, self.high)
+
+    def run(self, theta: np.ndarray) -> np.ndarray:
+        self._given = theta
+        return super().run(self.back(theta))
+
+    def beside(self, position: int, value: float) -> np.ndarray:
+        if position != self.gain or not self.tied.any():
+            theta = self._given.copy()
+            theta[position] = value
+            return super().beside(position, float(self.back(theta)[position]))
+        before = self._theta
+        theta = self._given.copy()
+        theta[position] = value
+        # The gain comes before the thresholds: all behind it runs again.
+        self._theta = self.back(theta)
+        output = super().beside(position, value)
+        self._theta = before
+        return output
+
+    def back_fit(self, fit: Fit) -> Fit:
+        """The fit with its normal equations in the parameters of the model."""
+        if not self.tied.any():
+            return fit
+        by = np.eye(fit.theta.size)
+        by[self.tied, self.tied] = self.factor(fit.theta)
+        by[self.tied, self.gain] = -fit.theta[self.tied] / (fit.theta[self.gain] or 1.0)
+        theta, normal = self.back(fit.theta), by.T @ fit.normal @ by
+        return replace(fit, theta=theta, normal=normal, gradient=by.T @ fit.gradient)
