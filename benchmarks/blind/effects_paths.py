@@ -25,8 +25,11 @@ def _shifted(w: Wiring, signal: np.ndarray, delay: float) -> np.ndarray:
 
 
 def _target_path(w: Wiring, effect: Effect, delay: float) -> None:
-    """Of f_t, so much later: through the inverse of the controlled element, its rate, or itself."""
-    (K_c, omega_b), T = w.context.element, effect.extra["lag"]
+    """Of f_t, so much later: through the inverse of the controlled element, its rate, or itself.
+
+    Where the form differs from the catalogue's, the inverse is made proper by two lags.
+    """
+    (K_c, omega_b), T = w.context.element, 0.0 if effect.canonical else effect.extra["lag"]
     gain, scale = effect.parameters["gain"], effect.extra["scale"]
 
     def response(s: np.ndarray) -> np.ndarray:

@@ -54,7 +54,6 @@ def answer(case: Case) -> Answer:
     if "step" in ranking:
         ranking = ranking[ranking["step"] == ranking["step"].min()]
     parameters = search.best_estimator_.parameters_
-    baseline = search.baseline_.predict(case.X)
     return Answer(
         names=list(search.best_effects_),
         ranking=[str(name) for name in ranking["effect"]],
@@ -65,7 +64,7 @@ def answer(case: Case) -> Answer:
             str(name): (float(row["value"]), float(row["sd"]))
             for name, row in parameters.iterrows()
         },
-        baseline=np.asarray(baseline),
+        baseline_vaf=float(search.error_path_["vaf"].iloc[0]),
         forms={name: getattr(e, "form", None) for name, e in search.best_estimator_.effects_},
     )
 

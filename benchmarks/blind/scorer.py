@@ -59,10 +59,6 @@ TRUE: dict[str, dict[str, OfTruth]] = {
         "pole_damping": lambda p, case, said: _nearest_mode(p, case, said)[1],
     },
 }
-# The low-pass with which the trial makes the inverse of the controlled element proper weakens the
-# fastest lines of the target by up to a half: no gain and delay of the catalogue's form does that.
-# Without it, they are those of the trial.
-LOW_PASSED = ("feedforward", "preview")
 # Forms whose parameters are those of the trial's canonical form; those of others mean other things.
 FORMS = {
     "asym_gain": ("all",),
@@ -97,11 +93,11 @@ class Answer:
     seconds : float
         Time of fit and predict.
     explainable_gap : float or None
-        Points of VAF that a better model can gain over ``baseline`` on the training runs.
+        Points of VAF that a better model can gain over ``baseline_vaf`` on the training runs.
     parameters : dict
         ``effect__parameter``: value and standard deviation.
-    baseline : ndarray of shape (n_rows,) or None
-        Of the model that nothing was added to, for X.
+    baseline_vaf : float or None
+        What the search says of the model that nothing was added to, on held-out training rows.
     forms : dict
         Form of each effect that has some.
     """
@@ -112,7 +108,7 @@ class Answer:
     seconds: float
     explainable_gap: float | None = None
     parameters: dict[str, tuple[float, float]] = field(default_factory=dict)
-    baseline: np.ndarray | None = None
+    baseline_vaf: float | None = None
     forms: dict[str, str | None] = field(default_factory=dict)
 
     @property
@@ -169,10 +165,9 @@ def grade(case: Case, answer: Answer) -> dict[str, Any]:
     }
     if case.gap >= 1:
         record["closed"] = (reached - case.baseline_vaf) / case.gap
-    if answer.baseline is not None and answer.explainable_gap is not None:
-        trained = case.y.to_numpy().reshape(-1, N_SAMPLES)
-        base = vaf(trained, np.asarray(answer.baseline, dtype=float).reshape(trained.shape))
-        record["gap_error"] = answer.explainable_gap - (case.oracle_vaf_of_training - base)
+    if answer.baseline_vaf is not None and answer.explainable_gap is not None:
+        true = case.oracle_vaf_of_training - answer.baseline_vaf
+        record["gap_error"] = answer.explainable_gap - true
     if case.suite == "null":
         record["right"] = record["strict"] = not answer.names
     elif case.suite == "pairs":
@@ -205,8 +200,6 @@ def _parameters(case: Case, answer: Answer) -> dict[str, dict[str, Any]]:
     """True and estimated values of the named effect, and its form where that is another."""
     (name,) = case.truth["effects"]
     own = case.truth["parameters"][name]
-    if name in LOW_PASSED and case.truth["extra"][name]["lag"] > 0:
-        return {}
     said = {
         full.split("__", 1)[1]: value
         for full, (value, _) in answer.parameters.items()

@@ -218,9 +218,8 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
                 Leftover("frequency", "output", trembling.words, 100 * trembling.share, np.nan)
             )
             trembling = None
-        gap, gap_sd, vaf = gap_of(self.baseline_, X, y)
-        ceiling = vaf + gap
-        rest, rest_sd, _ = gap_of(model, X, y) if names else (gap, gap_sd, vaf)
+        rest, rest_sd, vaf = gap_of(model, X, y)
+        ceiling = vaf + rest
         gained = steps[-1].vaf - steps[0].vaf
         left = [item for item in left if item.points >= NOTED]
         if rest > SURE * rest_sd and rest >= NOTED:  # not where it is NaN
