@@ -24,6 +24,9 @@ RATIOS_OF_ERROR = (0.8, 1.1, 1.6)
 LEAST_RATIO = 0.1  # s
 LAG_STEP = 0.04  # s, in which a shorter delay is tried
 SCANS_EVENT = (20.0, 1e6, 1e6, 1e6)  # s of the runs
+NO_HOLD = np.array([0.5, 1e-9])  # samples, and standard deviations
+HOPEFUL_EVENTS = 0.97  # of what the command leaves that is not held
+HOPEFUL_CLOCK = 0.975
 KEPT_EVENTS = (250, 12, 6, 4)
 FINER_EVENT = (0.0, 0.03, 0.015)  # of thresholds and ratios, twice as much of times
 BESIDE = np.array([-1.0, 0.0, 1.0])
@@ -133,6 +136,8 @@ class Intermittent(Effect):
             else:
                 starts = [self._ticking(one, error_of, unit) for one in tried]
                 errors = np.array([error_of(v, begin + seconds * unit) for v in starts])
+            if operator and errors.min() > HOPEFUL_CLOCK * self._of_continuous(error_of, seconds):
+                return []
             best = [tried[j] for j in np.argsort(errors)[: KEPT_HOLDS >> i]]
             if seconds >= duration or i + 1 == len(SCANS):
                 break
@@ -159,6 +164,10 @@ class Intermittent(Effect):
                 answers.append(held(x, x, hold / dt, 0.0, (phase + own) / dt))
             columns.append(np.stack(answers, axis=2))
         return np.asarray(error_of.left(columns, seconds))
+
+    def _of_continuous(self, error_of: Any, seconds: float) -> float:
+        """Squares left by the command as it is."""
+        return float(error_of.left([x[:, :, None] for x in error_of.parts(seconds)], seconds)[0])
 
     def _scanned_events(self, error_of: Any, record: Record) -> list[dict[str, float]]:
         """Refractory times, thresholds and ratios of the gains on a grid, then beside its best.
@@ -187,6 +196,13 @@ class Intermittent(Effect):
             if of_error:
                 table[:, 1] *= abs(ordinary["K_e"])
             left = error_of.left_by_events(table, seconds, of_error)
+            if i == 0:
+                often = np.c_[np.tile(NO_HOLD * np.r_[record.dt, scale], (len(ratios), 1)), ratios]
+                often[:, 2] *= ratio
+                rows = np.c_[often, factor(often[:, 2])]
+                continuous = error_of.left_by_events(rows, seconds, of_error)[:, 0].min()
+                if left[:, 0].min() > HOPEFUL_EVENTS * continuous:
+                    return []
             first = np.argsort(left[:, 0])[: KEPT_EVENTS[i]]
             best = points[first]
             if i + 1 == len(SCANS_EVENT):
