@@ -5,6 +5,7 @@ They share no code with the package. A signal is a list or one-dimensional array
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 
 def delayed(x, delay):
@@ -60,17 +61,20 @@ def spring(y, cubic, square):
 def second_order(position, rate, matrices, cubic, square, bound):
     """s(k+1) = phi s(k) + before w(k) + after w(k+1), w = (position - spring(y), rate).
 
-    ``matrices`` has phi, before and after for each sample. The spring at the next sample takes the
-    output that the last two point to.
+    ``matrices`` has phi, before and after for each sample. The spring at the next sample has the
+    force of the output there.
     """
-    s, last, out = np.zeros(2), 0.0, [0.0]
+    s, out = np.zeros(2), [0.0]
     for k in range(len(position) - 1):
         phi, before, after = matrices[k]
-        ahead = s[0] + (s[0] - last)
         now = np.array([position[k] - spring(s[0], cubic, square), rate[k]])
-        then = np.array([position[k + 1] - spring(ahead, cubic, square), rate[k + 1]])
-        last = s[0]
-        s = phi @ s + before @ now + after @ then
+        rest = phi @ s + before @ now + after @ np.array([position[k + 1], rate[k + 1]])
+
+        def away(y, rest=rest[0], by=after[0, 0]):
+            return y + by * spring(y, cubic, square) - rest
+
+        y = brentq(away, *sorted((0.0, rest[0])), xtol=1e-15) if rest[0] else 0.0
+        s = rest - after[:, 0] * spring(y, cubic, square)
         if cubic or square:
             s[0] = min(max(s[0], -bound), bound)
         out.append(s[0])

@@ -317,20 +317,27 @@ def test_rate_limited_is_its_twin_and_limits_the_rate(x, step):
 @settings(max_examples=200)
 def test_stuck_is_its_twin_and_stays_within_its_distance(x, breakaway, share):
     kinetic = share * breakaway
-    out = greybox.stuck(x, breakaway, kinetic)
+    out = greybox.stuck(x, breakaway, kinetic, True)
     np.testing.assert_allclose(out, by_run(naive.stuck, x, breakaway, kinetic), **EXACT)
     assert np.all(np.abs(out - x) <= breakaway * (1 + 1e-9) + 1e-12)
 
 
+def test_what_sticks_again_jumps_to_its_distance():
+    x = np.linspace(0.0, 2.0, 21)[:, None]
+    out = greybox.stuck(x, 0.45, 0.15, False)[:, 0]
+    # Breaks away at 0.45, 0.75, 1.05 ..., by 0.3.
+    np.testing.assert_allclose(out, np.repeat(0.3 * np.arange(7), [5, 3, 3, 3, 3, 3, 1]))
+
+
 def test_stuck_at_equal_friction_is_play():
     x = np.array([0.0, 1.0, 2.0, 1.5, 0.5, 0.0, -1.0, 0.0])[:, None]
-    out = greybox.stuck(x, 0.5, 0.5)[:, 0]
+    out = greybox.stuck(x, 0.5, 0.5, True)[:, 0]
     np.testing.assert_allclose(out, [0.0, 0.5, 1.5, 1.5, 1.0, 0.5, -0.5, -0.5])
 
 
 def test_no_friction_and_no_limit_change_nothing():
     x = noise()
-    assert np.array_equal(greybox.stuck(x, 0.0, 0.0), x)
+    assert np.array_equal(greybox.stuck(x, 0.0, 0.0, True), x)
     np.testing.assert_allclose(greybox.rate_limited(x, 1e6), x, rtol=0, atol=1e-15)
 
 
@@ -345,6 +352,6 @@ def test_kernels_leave_their_inputs_alone():
     greybox.whitened(x[None], np.ones(6), ones)
     greybox.held(x, x, 4.0, 0.2, 0.0)
     greybox.rate_limited(x, 0.1)
-    greybox.stuck(x, 0.3, 0.1)
+    greybox.stuck(x, 0.3, 0.1, True)
     assert np.array_equal(x, kept)
     assert np.all(ones == 1)

@@ -42,8 +42,10 @@ TRUE: dict[str, dict[str, OfTruth]] = {
     "lapses": {},
     "rectified": {},
     "cubic_gain": {"hardening": lambda p, case, said: p["cubic"]},
-    # The trial's output jumps and sticks again; the catalogue's slides until the command turns.
-    "stiction": {},
+    "stiction": {
+        "breakaway": lambda p, case, said: p["breakaway"],
+        "kinetic": lambda p, case, said: p["kinetic"] / p["breakaway"],
+    },
     "tremor": {"frequency": lambda p, case, said: p["frequency"]},
     # Two pairs of poles in series: which of them is the effect's, nothing tells.
     "nm_mode": {
@@ -72,6 +74,7 @@ FORMS = {
     "motion_feedback": ("direct",),
     "cross_axis": ("error",),
     "tv_gain": ("sigmoid",),
+    "stiction": ("jump",),
 }
 SETTLING = 3.0  # s; before it nothing counts for the catalogue's reference of a channel
 STEP = 5.0  # 1/s; a sigmoid as steep is practically a step and has no rate

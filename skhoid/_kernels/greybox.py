@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+N_NEWTON = 20  # at most
+
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def delayed(x, delay):
@@ -214,7 +216,8 @@ def second_order(position, rate, matrices, cubic, square, bound):
 
     s(k+1) = phi s(k) + before w(k) + after w(k+1), with s = (output, its companion) and
     w = (position - cubic output^3 - square output abs(output), rate); see ``held_linearly`` for the
-    matrices.
+    matrices. The force of the spring at k + 1 is that of the output then, so that no stiffness
+    makes the steps unstable.
     """
     q = matrices[0]
     stiff = cubic != 0.0 or square != 0.0
@@ -236,12 +239,19 @@ def second_order(position, rate, matrices, cubic, square, bound):
         b0, b1, b2, b3 = q[4], q[5], q[6], q[7]
         c0, c1, c2, c3 = q[8], q[9], q[10], q[11]
         for j in range(runs):
-            ahead = 2 * z[j] - last[j]
-            last[j] = z[j]
             p0 = position[k, j] - _force(z[j], cubic, square)
-            p1 = position[k + 1, j] - _force(ahead, cubic, square)
-            r0, r1 = rate[k, j], rate[k + 1, j]
+            p1, r0, r1 = position[k + 1, j], rate[k, j], rate[k + 1, j]
             new = a * z[j] + b * v[j] + b0 * p0 + b1 * r0 + c0 * p1 + c1 * r1
+            if stiff:  # new + c0 force(new) is what it would be without the force of then
+                whole, new = new, 2 * z[j] - last[j]
+                last[j] = z[j]
+                for _ in range(N_NEWTON):
+                    away = new + c0 * _force(new, cubic, square) - whole
+                    step = away / (1 + c0 * (3 * cubic * new * new + 2 * square * abs(new)))
+                    new -= step
+                    if abs(step) < 1e-12 * (1e-6 + abs(new)):
+                        break
+                p1 -= _force(new, cubic, square)
             v[j] = c * z[j] + d * v[j] + b2 * p0 + b3 * r0 + c2 * p1 + c3 * r1
             z[j] = min(max(new, -bound), bound)
             out[k + 1, j] = z[j]
@@ -474,8 +484,11 @@ def rate_limited(x, step):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def stuck(x, breakaway, kinetic):
-    """Stick until x is ``breakaway`` away, then go on ``kinetic`` behind x until it turns."""
+def stuck(x, breakaway, kinetic, slides):
+    """Stick until x is ``breakaway`` away, then jump to ``kinetic`` behind it.
+
+    What ``slides`` goes on behind x until that turns; else it sticks there again.
+    """
     n, runs = x.shape
     out = np.empty((n, runs))
     for j in range(runs):
@@ -489,7 +502,12 @@ def stuck(x, breakaway, kinetic):
                     value = target
                 else:
                     moving = 0
-            if moving == 0 and abs(away) > breakaway:
+            if not slides:  # it broke away between the samples, and perhaps again
+                jump = breakaway - kinetic
+                while abs(away) > breakaway and jump > 0.0:
+                    value += jump if away > 0.0 else -jump
+                    away = x[k, j] - value
+            elif moving == 0 and abs(away) > breakaway:
                 moving = 1 if away > 0.0 else -1
                 value = x[k, j] - moving * kinetic
             out[k, j] = value

@@ -27,6 +27,7 @@ LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
+TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
 
 
@@ -209,6 +210,9 @@ class Search:
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
             c.trace = self.traces.get(c.id, "")
+        most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
+        for c in tried:  # levels may be those at which something else came to rest
+            c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
         candidates.sort(key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence))
         mark_confused(candidates)
         return Step(base, base_vaf, base_prediction, candidates)
@@ -357,7 +361,7 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
         return found
     criterion = Criterion(search.record)
     criterion.set_noise(criterion.noise_of(path.model.output))
-    fewer = path.model.refined(criterion)
+    plain = path.model.refined(criterion)
     for parameter in ("omega_nm_change", "zeta_nm_change"):
         freed = [
             (n, e.with_choices(**{parameter: None}) if n == names[0] else e)
@@ -365,10 +369,13 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
         ]
         simulator = Simulator(search.core, Effects(freed), search.record)
         full = f"{names[0]}__{parameter}"
-        start = np.array([{**fewer.values(), full: 0.0}[n] for n in simulator.names])
+        start = np.array([{**plain.values(), full: 0.0}[n] for n in simulator.names])
         model = Model(simulator, minimise(simulator, criterion, start))
         at = simulator.names.index(full)
-        ratio = criterion.n * np.log(fewer.sse / model.sse)
+        # Of several minima along the time of a change the freed fit may find another.
+        beside = np.array([model.values()[n] for n in plain.simulator.names])
+        fewer = min(plain.sse, minimise(plain.simulator, criterion, beside).sse)
+        ratio = criterion.n * np.log(fewer / model.sse)
         sd = float(np.sqrt(model.covariance()[at, at]))
         found[parameter] = (float(model.theta[at]), sd, float(chi2.sf(max(ratio, 0.0), 1)))
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -16,6 +17,8 @@ from .traces import stop_of
 SCANNED_STEPS = np.geomspace(0.25, 3.5, 45)  # in standard deviations of the output
 OFFSETS = (0.0, 0.5)
 KEPT_STEPS = 3
+SHARES, FINER_SHARES = np.linspace(0.0, 0.95, 20), np.linspace(-0.03, 0.03, 7)
+FACTORS, FINER_FACTORS = np.linspace(0.88, 1.12, 25), np.linspace(0.992, 1.008, 9)
 
 
 class Saturation(Effect):
@@ -172,11 +175,13 @@ class Backlash(Effect):
         return {"gap": 0.0}
 
     def apply(self, signal: np.ndarray, record: Record, gap: float) -> np.ndarray:
-        return _kernels.greybox.stuck(_kernels.gate(signal), gap, gap)
+        return _kernels.greybox.stuck(_kernels.gate(signal), gap, gap, True)
 
 
 class Stiction(Effect):
-    """Dry friction: the output sticks until it breaks away, then slides behind the command.
+    """Dry friction: the output sticks until it breaks away, then moves to behind the command.
+
+    ``"slide"``: it follows from there until the command turns; ``"jump"``: it sticks there again.
 
     Parameters
     ----------
@@ -184,8 +189,10 @@ class Stiction(Effect):
         Distance of command and output at which it breaks away, in units of the output; None
         estimates it.
     kinetic : float or None, default=None
-        Distance kept while it slides (Coulomb friction), as a share of ``breakaway``; None
-        estimates it.
+        Distance kept while it slides (Coulomb friction), or left by a jump, as a share of
+        ``breakaway``; None estimates it.
+    form : {"slide", "jump"} or None, default=None
+        None tries both.
 
     References
     ----------
@@ -200,7 +207,7 @@ class Stiction(Effect):
 
     name = "stiction"
     place = "output"
-    physics = "The stick sticks, breaks away and slides."
+    physics = "The stick sticks, breaks away and slides, or sticks again."
     formula = "u' stays while |u - u'| < breakaway, then follows kinetic * breakaway behind"
     source = "Armstrong-Helouvry et al. (1994)"
     parameters = (
@@ -208,15 +215,45 @@ class Stiction(Effect):
         Parameter("kinetic", "-", 0.0, 0.95, (0.2, 0.6), "", "kinetic by static friction"),
     )
     smooth = False
+    shades = True
 
-    def __init__(self, *, breakaway: float | None = None, kinetic: float | None = None):
+    def __init__(
+        self,
+        *,
+        breakaway: float | None = None,
+        kinetic: float | None = None,
+        form: str | None = None,
+    ):
         self.breakaway = breakaway
         self.kinetic = kinetic
+        self.form = form
+
+    def variants(self, record: Record) -> list[Effect]:
+        return self.one_of_each("form", ("slide", "jump"))
+
+    def scanned_beside(self, error_of: Any, values: dict[str, float]) -> list[dict[str, float]]:
+        """Jumps of the same mean distance from the command, which is found first, and nearly."""
+        if self.form != "jump" or self.fixed:
+            return []
+        mean, best = values["breakaway"] * (1 + values["kinetic"]) / 2, values
+        shares, factors = SHARES, FACTORS
+        for _ in range(2):
+            tried = [
+                {"breakaway": 2 * by * mean / (1 + share), "kinetic": share}
+                for share in shares
+                for by in factors
+            ]
+            best = min(tried, key=lambda one: error_of(one, np.inf))
+            mean = best["breakaway"] * (1 + best["kinetic"]) / 2
+            shares = np.clip(best["kinetic"] + FINER_SHARES, 0.0, 0.95)
+            factors = FINER_FACTORS
+        return [best]
 
     def apply(
         self, signal: np.ndarray, record: Record, breakaway: float, kinetic: float
     ) -> np.ndarray:
-        return _kernels.greybox.stuck(_kernels.gate(signal), breakaway, kinetic * breakaway)
+        slides = self.form != "jump"
+        return _kernels.greybox.stuck(_kernels.gate(signal), breakaway, kinetic * breakaway, slides)
 
 
 class Quantised(Effect):

@@ -228,6 +228,8 @@ class Intermittent(Effect):
         core = error_of.cores[0]
         if self.trigger == "clock" or self.fixed or not core.get("K_edot", 0.0) * core["K_e"] > 0:
             return []
+        if error_of.coarse.rate < error_of.coarse.record.criterion_rate:  # has other events
+            return []
         of_error = self.trigger == "error"
         hold, threshold = values["hold_time"], values["threshold"]
         points = np.array([[hold, threshold, core["K_edot"] / core["K_e"], 1.0]])

@@ -89,7 +89,7 @@ class Record:
 
     def beginning(self, seconds: float) -> Record:
         """The first seconds of the runs."""
-        n = min(round(seconds / self.dt), self.known.shape[0])
+        n = min(round(min(seconds, self.duration) / self.dt), self.known.shape[0])
         return replace(
             self,
             t=self.t[:n],

@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import _kernels
 from ..effects.base import Parameter
-from ..effects.record import Record, differentiated
+from ..effects.record import Record
 from ..effects.signals import Command, Gains, Spring
 
 BOUND = 1e9  # of simulated outputs
@@ -34,9 +34,7 @@ class Core(Protocol):
     def delay(self, values: dict[str, float]) -> float:
         """Delay of the answer to the input in seconds, without effects."""
 
-    def command(
-        self, error: np.ndarray, gains: Gains, values: dict[str, float], dt: float
-    ) -> tuple:
+    def command(self, error: np.ndarray, gains: Gains, values: dict[str, float]) -> tuple:
         """Position and rate command for a delayed error and gains as late."""
 
     def response(
@@ -78,13 +76,10 @@ class OperatorCore:
         return self.fixed_delay if self.fixed_delay is not None else values["tau_e"]
 
     def command(
-        self, error: np.ndarray, gains: Gains, values: dict[str, float], dt: float
+        self, error: np.ndarray, gains: Gains, values: dict[str, float]
     ) -> tuple[np.ndarray, np.ndarray]:
         error = _kernels.gate(error)
-        by_error = values["K_e"] * gains.error
-        if len(gains.rate) > 1:  # K_edot de/dt = d/dt (K_edot e) - e d/dt K_edot
-            by_error = by_error - values["K_edot"] * differentiated(gains.rate, dt)
-        position = _kernels.greybox.scaled(error, _kernels.gate(by_error))
+        position = _kernels.greybox.scaled(error, _kernels.gate(values["K_e"] * gains.error))
         rate = _kernels.greybox.scaled(error, _kernels.gate(values["K_edot"] * gains.rate))
         return position, rate
 
@@ -147,7 +142,7 @@ class ARXCore:
         return 0.0
 
     def command(
-        self, error: np.ndarray, gains: Gains, values: dict[str, float], dt: float
+        self, error: np.ndarray, gains: Gains, values: dict[str, float]
     ) -> tuple[np.ndarray, np.ndarray]:
         return gains.error * error, np.zeros_like(error)
 

@@ -14,7 +14,7 @@ from .simulator import Simulator
 from .tied import Tied
 
 FINE_SIZES = (0.04, 0.013, 0.004)
-N_AGAIN = 2  # scans at the full rate
+N_AGAIN = 2  # scans beside what was found
 SOFT = (0.1, 0.05, 0.025, 0.012)  # corners, ever sharper
 
 
@@ -32,7 +32,7 @@ def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, 
     fixed = np.zeros(model.theta.size, dtype=bool)
     fixed[mine] = True
     best = replace(model.fit, theta=tied.to(model.theta))
-    for _ in range(N_AGAIN if sizes is FINE_SIZES else 0):  # the coarse model has other events
+    for _ in range(N_AGAIN):
         before = best.sse
         for start in _starts_beside(simulator, name, criterion, tied.back(best.theta), model):
             trial = minimise(tied, criterion, tied.to(start), max_iter=6, fixed=fixed)

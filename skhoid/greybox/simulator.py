@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects.base import PLACES, Effect, Parameter
 from ..effects.composition import Effects
-from ..effects.record import Record, differentiated
+from ..effects.record import Record
 from ..effects.signals import Command, Gains, Spring
 from .cores import BOUND, Core, neutral_gains
 
@@ -107,7 +107,7 @@ class Simulator:
 
         def command(s: State, theta: Any) -> State:
             gains = gains_of_delayed(s.gains, s.delay, record)
-            position, rate = core.command(s.error, gains, values(theta, gain), record.dt)
+            position, rate = core.command(s.error, gains, values(theta, gain))
             return s._replace(command=Command(position, rate, s.error, s.delay))
 
         def respond(s: State, theta: Any) -> State:
@@ -180,11 +180,7 @@ class Simulator:
 
 
 def gains_of_delayed(gains: Gains, delay: Any, record: Record) -> Gains:
-    """The gains with which an error was seen that is answered now: as late as the error.
-
-    The rate of the error, too, is that with which it was seen: where the delay changes, the rate of
-    the delayed error is another.
-    """
+    """The gains with which an error was seen that is answered now: as late as the error."""
     error, rate = gains.error, gains.rate
     if len(error) > 1:
         error = record.delayed(error, delay)
@@ -192,8 +188,6 @@ def gains_of_delayed(gains: Gains, delay: Any, record: Record) -> Gains:
         rate = error
     elif len(rate) > 1:
         rate = record.delayed(rate, delay)
-    if np.ndim(delay) and len(delay) > 1:
-        rate = rate / np.maximum(1 - differentiated(delay, record.dt), 0.1)
     return gains._replace(error=error, rate=rate)
 
 
