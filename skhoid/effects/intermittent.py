@@ -226,7 +226,8 @@ class Intermittent(Effect):
 
     def scanned_beside(self, error_of: Any, values: dict[str, float]) -> list[dict[str, float]]:
         core = error_of.cores[0]
-        if self.trigger == "clock" or self.fixed or not core.get("K_edot", 0.0) * core["K_e"] > 0:
+        both = core.get("K_edot", 0.0) * core.get("K_e", 0.0)
+        if self.trigger == "clock" or self.fixed or not both > 0.0:
             return []
         if error_of.coarse.rate < error_of.coarse.record.criterion_rate:  # has other events
             return []

@@ -12,6 +12,8 @@ from .dynamics import bilinear
 from .record import OTHER, Record, differentiated
 from .time_variation import needs_channel
 
+SCAN_STEP = 0.06  # s, of the time of an answer to the target
+WHOLE = 1e6  # s, more than runs last
 FASTEST = 0.06  # s; a faster answer to what the loop moves is the loop itself
 
 
@@ -28,6 +30,26 @@ class _AnswerToTarget(Effect):
         return needs_target(record, self.form)
 
     forms: tuple[str, ...] = ("inverse", "rate", "gain")
+    ahead = -1.0  # sign of the parameter that is a time, as time looked ahead
+
+    def scanned(self, error_of: Any, record: Record) -> list[dict[str, float]]:
+        """Times as close as the minima of the squares, with all gains solved for at each."""
+        gain, time = self.parameters[:2]
+        if record.core != "operator" or self.fixed or self.form == "spread":
+            return []
+        times = np.arange(time.low, time.high + SCAN_STEP / 2, SCAN_STEP)
+        target = shaped_target(record, self.form)
+        answers = [record.delayed(target, -self.ahead * float(t)) for t in times]
+        columns = [np.repeat(x[:, :, None], times.size, axis=2) for x in error_of.parts(WHOLE)]
+        left = error_of.left([*columns, np.stack(answers, axis=2)], WHOLE)
+        # Of neighbours the best, which leaves room for another minimum.
+        best = [i for i in np.argsort(left) if left[i] <= left[max(i - 1, 0) : i + 2].min()]
+        scale = gain.scale_of(record)
+        return [
+            {gain.name: start * scale, time.name: float(times[i])}
+            for i in best[:2]
+            for start in (*gain.starts, 2 * gain.starts[0])
+        ]
 
     def variants(self, record: Record) -> list[Effect]:
         known = record.controlled_element is not None
@@ -119,6 +141,7 @@ class Preview(_AnswerToTarget):
     physics = "The operator sees the target coming and answers ahead."
     formula = "command + gain f_t(t + time) / H_CE"
     source = "Van der El et al. (2016)"
+    ahead = 1.0
     forms = ("inverse", "rate", "gain", "spread")
 
     def __init__(
