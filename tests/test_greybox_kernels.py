@@ -326,8 +326,15 @@ def test_stuck_is_its_twin_and_stays_within_its_distance(x, breakaway, share):
 def test_what_sticks_again_jumps_to_its_distance():
     x = np.linspace(0.0, 2.0, 21)[:, None]
     out = greybox.stuck(x, 0.45, 0.15, False)[:, 0]
-    # Breaks away at 0.45, 0.75, 1.05 ..., by 0.3.
+    # Breaks away at 0.45, 0.75, 1.05 ..., between two samples, by 0.3.
     np.testing.assert_allclose(out, np.repeat(0.3 * np.arange(7), [5, 3, 3, 3, 3, 3, 1]))
+
+
+def test_a_jump_moves_with_the_distance_at_which_it_happens():
+    x = np.linspace(0.0, 1.0, 11)[:, None]
+    for breakaway in (0.45, 0.47, 0.49, 0.53):
+        out = greybox.stuck(x, breakaway, breakaway - 0.3, False)[:, 0]
+        assert out[:7].sum() == pytest.approx(0.3 * (6.5 - 10 * breakaway))
 
 
 def test_stuck_at_equal_friction_is_play():

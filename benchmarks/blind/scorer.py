@@ -75,6 +75,7 @@ FORMS = {
     "cross_axis": ("error",),
     "tv_gain": ("sigmoid",),
     "stiction": ("jump",),
+    "absolute_value": ("together",),
 }
 SETTLING = 3.0  # s; before it nothing counts for the catalogue's reference of a channel
 STEP = 5.0  # 1/s; a sigmoid as steep is practically a step and has no rate

@@ -487,7 +487,8 @@ def rate_limited(x, step):
 def stuck(x, breakaway, kinetic, slides):
     """Stick until x is ``breakaway`` away, then jump to ``kinetic`` behind it.
 
-    What ``slides`` goes on behind x until that turns; else it sticks there again.
+    What ``slides`` goes on behind x until that turns; else it sticks there again, and its jumps
+    fall between samples.
     """
     n, runs = x.shape
     out = np.empty((n, runs))
@@ -504,9 +505,20 @@ def stuck(x, breakaway, kinetic, slides):
                     moving = 0
             if not slides:  # it broke away between the samples, and perhaps again
                 jump = breakaway - kinetic
+                now, before = value, x[max(k - 1, 0), j]
                 while abs(away) > breakaway and jump > 0.0:
-                    value += jump if away > 0.0 else -jump
+                    sign = 1.0 if away > 0.0 else -1.0
+                    moved = x[k, j] - before
+                    late = (abs(away) - breakaway) / abs(moved) if moved != 0.0 else 0.0
+                    # A step is a ramp of one sample, half of which lies before it.
+                    late = min(late, 1.0)
+                    now += min(late + 0.5, 1.0) * sign * jump
+                    if k > 0:
+                        out[k - 1, j] += max(late - 0.5, 0.0) * sign * jump
+                    value += sign * jump
                     away = x[k, j] - value
+                out[k, j] = now
+                continue
             elif moving == 0 and abs(away) > breakaway:
                 moving = 1 if away > 0.0 else -1
                 value = x[k, j] - moving * kinetic

@@ -27,6 +27,8 @@ LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
+LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
+AS_GOOD = 0.05  # points
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
 
@@ -214,6 +216,7 @@ class Search:
         for c in tried:  # levels may be those at which something else came to rest
             c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
         candidates.sort(key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence))
+        plainest_first(candidates)
         mark_confused(candidates)
         return Step(base, base_vaf, base_prediction, candidates)
 
@@ -248,6 +251,25 @@ def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> 
     """What a process does; one thread for small products."""
     with threadpool_limits(1):
         return [function(item, *args) for item in items]
+
+
+def plainest_first(candidates: list[Candidate]) -> None:
+    """Put a plainer effect before the best where hardly anything is left to tell them apart.
+
+    With little remnant the likelihood tells the last digits of simulations apart.
+    """
+    first = candidates[0] if candidates else None
+    if first is None or not first.passes or first.trace or first.vaf < LITTLE_NOISE:
+        return
+    plainer = [
+        c
+        for c in candidates
+        if c.passes and c.gain > first.gain - AS_GOOD and c.n_parameters < first.n_parameters
+    ]
+    if plainer:
+        best = min(plainer, key=lambda c: (c.n_parameters, -c.evidence))
+        candidates.remove(best)
+        candidates.insert(0, best)
 
 
 def mark_confused(candidates: list[Candidate]) -> None:
@@ -389,6 +411,9 @@ def better(search: Search, one: Model, other: Model) -> bool:
     criterion.set_noise(criterion.noise_of(best.output))
     a, b = (m.refined(criterion) for m in both)
     n = criterion.n
+    vafs = [vaf_of_output(search.record, m.output) for m in both]
+    if min(vafs) > LITTLE_NOISE and vafs[0] < vafs[1] + AS_GOOD:
+        return a.n_parameters < b.n_parameters
     return n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n) > 0
 
 

@@ -277,10 +277,17 @@ class CubicGain(Effect):
 class AbsoluteValue(Effect):
     """The size of the error is answered besides its sign: the command gets gain abs(e).
 
+    ``"together"`` with the error; ``"apart"`` earlier or later than that.
+
     Parameters
     ----------
     gain : float or None, default=None
         In units of the output per unit of the error; None estimates it.
+    later : float or None, default=None
+        How much later than the error its size is answered (``"apart"``), in seconds; None estimates
+        it.
+    form : {"together", "apart"} or None, default=None
+        None tries both.
 
     References
     ----------
@@ -296,18 +303,31 @@ class AbsoluteValue(Effect):
     name = "absolute_value"
     place = "path"
     physics = "The stick moves to one side with the size of the error, whatever its sign."
-    formula = "command + gain |e(t - tau_e)|"
+    formula = "command + gain |e(t - tau_e - later)|"
     source = "McRuer and Krendel (1974)"
-    parameters = (
-        Parameter("gain", "{u}/{e}", -5.0, 5.0, (-0.3, 0.3), "u/e", "answer to the size"),
-    )
+    shades = True
 
-    def __init__(self, *, gain: float | None = None):
+    def __init__(
+        self, *, gain: float | None = None, later: float | None = None, form: str | None = None
+    ):
         self.gain = gain
+        self.later = later
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        gain = Parameter("gain", "{u}/{e}", -5.0, 5.0, (-0.3, 0.3), "u/e", "answer to the size")
+        if self.form != "apart":
+            return (gain,)
+        return (gain, Parameter("later", "s", -0.3, 0.6, (-0.1, 0.1), "", "than the error"))
+
+    def variants(self, record: Record) -> list[Effect]:
+        return self.one_of_each("form", ("together", "apart"))
 
     @property
     def neutral(self) -> dict[str, float]:
         return {"gain": 0.0}
 
-    def apply(self, signal: Any, record: Record, gain: float) -> Any:
-        return signal.plus(gain * np.abs(signal.error))
+    def apply(self, signal: Any, record: Record, gain: float, later: float = 0.0) -> Any:
+        size = np.abs(signal.error)
+        return signal.plus(gain * (record.delayed(size, later) if self.form == "apart" else size))

@@ -19,7 +19,7 @@ EXPLORED_STEP = 0.04  # s
 STEP = 1e-4  # of finite differences, relative
 COARSE_STEP = 5e-3  # where the response is not smooth
 WORTHWHILE = 1e-4  # share of the squares that a common scale must save
-SEARCHED = 0.004  # relative, what parameters are searched to where the response is not smooth
+SEARCHED = 0.02  # relative, to which parameters are found where the response is not smooth
 MEMORY = 2.0  # s, over which scores may correlate
 
 
@@ -300,7 +300,7 @@ def covariance_of(simulator: Simulator, criterion: Criterion, fit: Fit) -> np.nd
     for name, effect in simulator.effects:
         if not effect.smooth:
             own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
-            covariance[own, own] += (SEARCHED * theta[own]) ** 2 / 3
+            covariance[own, own] += (SEARCHED * theta[own]) ** 2
     return covariance
 
 
