@@ -73,10 +73,13 @@ def second_order(position, rate, matrices, cubic, square, bound):
         def away(y, rest=rest[0], by=after[0, 0]):
             return y + by * spring(y, cubic, square) - rest
 
+        if abs(s[0]) == bound:
+            out.append(out[-1])
+            continue
         y = brentq(away, *sorted((0.0, rest[0])), xtol=1e-14, maxiter=1000) if rest[0] else 0.0
         s = rest - after[:, 0] * spring(y, cubic, square)
-        if cubic or square:
-            s[0] = min(max(s[0], -bound), bound)
+        if (cubic or square) and not abs(s[0]) < bound:
+            s[0] = np.copysign(bound, s[0])
         out.append(s[0])
     return out
 

@@ -252,9 +252,14 @@ def second_order(position, rate, matrices, cubic, square, bound):
                     if abs(step) < 1e-12 * (1e-6 + abs(new)):
                         break
                 p1 -= _force(new, cubic, square)
-            v[j] = c * z[j] + d * v[j] + b2 * p0 + b3 * r0 + c2 * p1 + c3 * r1
-            z[j] = min(max(new, -bound), bound)
-            out[k + 1, j] = z[j]
+            if abs(z[j]) == bound:  # lost: it stays at the bound
+                new = z[j]
+            elif not abs(new) < bound:
+                new = bound if new > 0.0 else -bound
+            else:
+                v[j] = c * z[j] + d * v[j] + b2 * p0 + b3 * r0 + c2 * p1 + c3 * r1
+            z[j] = new
+            out[k + 1, j] = new
     return out
 
 

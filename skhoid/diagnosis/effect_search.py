@@ -30,7 +30,7 @@ LEAST_UNEXPLAINED = 0.6  # points
 NOTED = 0.2  # points
 REPEATS = "part of the residual repeats from run to run, or follows the target"
 SMALL_SHARE = 0.1  # of what could be explained may be left beside effects that are named
-LARGE_SHARE = 0.15  # of what could be explained is left: the best effect is no name for it
+LARGE_SHARE = 0.12  # of what could be explained is left: the best effect is no name for it
 SURE = 3.0  # standard errors
 
 

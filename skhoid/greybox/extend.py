@@ -93,7 +93,8 @@ def extended(
     assert finished
     least = min(model.sse for _, model in finished)
     # Of variants that are as good the first is the plainest, and physical.
-    near = [item for item in finished if criterion.n * np.log(item[1].sse / least) < AS_GOOD]
+    most = least * np.exp(AS_GOOD / criterion.n)
+    near = [item for item in finished if item[1].sse <= most]
     return min(near, key=lambda item: item[0])[1]
 
 
