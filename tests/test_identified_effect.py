@@ -145,6 +145,7 @@ OTHERS = {
     TimeVaryingGain(K_e_change=-0.4, K_edot_change=0.3, rate=0.5, time=41.0): "gains",
     GainDrift(rate=-0.005, reference=41.0): "gains",
     Lapses(depth=0.9, shift=0.0, intervals=[(10, 12.0)]): "gains",
+    Lapses(depth=0.9, shift=0.0, intervals=[(10, 12.0)], form="gain"): "gains",
     ScheduledGain(slope=0.04, channel="speed", reference=20.0): "gains",
     AwakeByError(slope=0.2): "gains",
     RateLimit(limit=0.3): "loop",

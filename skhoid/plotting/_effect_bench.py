@@ -207,10 +207,11 @@ def share_of_command(bench: Bench, values: dict[str, float]) -> np.ndarray | Non
     record, slow = bench.made_up(t), 2 * np.pi / t[-1]
     made = []
     for error in (1.0 + 0.1 * np.sin(slow * t), 1.0 - 0.1 * np.cos(2 * slow * t)):
-        made += [
-            passed(bench, record, error, values),
-            total_command(command_of(bench, error), record.dt),
-        ]
+        # Of a position: what scales the rate as well kicks at every change of the factor.
+        given = command_of(bench, error)
+        given = given._replace(rate=np.zeros_like(given.rate))
+        after = bench.effect.apply(given, record, **values)
+        made += [total_command(after, record.dt), total_command(given, record.dt)]
     first, of_first, second, of_second = made
     size = np.abs(of_first).max() * np.abs(of_second).max()
     if not np.allclose(first * of_second, second * of_first, rtol=0.0, atol=1e-9 * size):
