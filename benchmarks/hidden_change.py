@@ -34,8 +34,8 @@ import pandas as pd
 from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
+from scipy import special  # a ufunc of this module could not be sent to processes
 from scipy.optimize import curve_fit
-from scipy.special import expit
 from scipy.stats import binomtest
 
 from skhoid import (
@@ -157,7 +157,7 @@ def followed(model: RecursiveARX, condition: str) -> dict[str, float]:
     lead = path["K_edot"].dropna().loc[SETTLED:]
     row["arx_time"] = crossing(lead)
     curve, _ = curve_fit(
-        lambda t, a, b, rate, middle: a + (b - a) * expit(rate * (t - middle)),
+        lambda t, a, b, rate, middle: a + (b - a) * special.expit(rate * (t - middle)),
         lead.index.to_numpy(),
         lead.to_numpy(),
         p0=[row["arx_K_edot_before"], row["arx_K_edot_after"], 1.0, row["arx_time"]],
