@@ -34,7 +34,7 @@ HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "RESULTS.md"
 
 
-def answer(case: Case) -> Answer:
+def answer(case: Case, n_jobs: int = 1) -> Answer:
     """Ask the search, through its public names."""
     import skhoid
 
@@ -45,7 +45,11 @@ def answer(case: Case) -> Answer:
     start = time.perf_counter()
     model = skhoid.OperatorRegressor(delay=case.delay)
     search = skhoid.EffectSearchCV(
-        model, effects=effects, display=case.display, controlled_element=element
+        model,
+        effects=effects,
+        display=case.display,
+        controlled_element=element,
+        n_jobs=n_jobs,
     )
     search.fit(case.X, case.y)
     prediction = np.asarray(search.predict(case.X_test))
@@ -83,7 +87,7 @@ def oracle_answer(case: Case) -> Answer:
 STAND_INS = {"baseline": baseline_answer, "oracle": oracle_answer}
 
 
-def ask(suite: str, number: int, seed: int, who: str) -> dict[str, Any]:
+def ask(suite: str, number: int, seed: int, who: str, n_jobs: int = 1) -> dict[str, Any]:
     """Make a case, have it answered, and grade it; a failure of either is a record too."""
     try:
         case = make_case(suite, number, seed)
@@ -92,7 +96,7 @@ def ask(suite: str, number: int, seed: int, who: str) -> dict[str, Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            said = _asked(who)(case)
+            said = answer(case, n_jobs) if who == "search" else _asked(who)(case)
             return grade(case, said)
         except Exception as error:
             said = Answer(["failed"], [], case.baseline_prediction, 0.0)
@@ -104,7 +108,7 @@ def _asked(who: str) -> Any:
     if ":" in who:
         module, function = who.split(":")
         return getattr(import_module(module), function)
-    return STAND_INS.get(who, answer)
+    return STAND_INS[who]
 
 
 def numbers_of(suite: str, effect: str | None, cases: int, first: int) -> list[int]:
@@ -175,7 +179,8 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--effect", choices=EFFECTS, help="only cases of this effect")
-    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--jobs", type=int, default=2, help="cases at a time")
+    parser.add_argument("--n-jobs", type=int, default=1, help="processes of one search")
     parser.add_argument("--out", type=Path, help="JSON lines; what it has is not run again")
     parser.add_argument("--confusion", type=Path, help="write the confusion matrix as CSV")
     parser.add_argument("--verdict", action="store_true", help="take the seed from the commit")
@@ -187,7 +192,7 @@ def main() -> int:
     numbers = numbers_of(options.suite, options.effect, options.cases, options.first)
     known = _known(options.out, options.suite, seed) if options.out else {}
     left = [n for n in numbers if n not in known]
-    tasks = (delayed(ask)(options.suite, n, seed, options.who) for n in left)
+    tasks = (delayed(ask)(options.suite, n, seed, options.who, options.n_jobs) for n in left)
     start = time.perf_counter()
     config = parallel_config(backend="loky", inner_max_num_threads=1)
     with config, Progress(disable=not sys.stderr.isatty()) as progress:
