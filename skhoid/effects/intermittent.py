@@ -23,7 +23,7 @@ RATIOS = tuple(np.geomspace(0.95, 1.6, 10).tolist())  # of gains, to those of a 
 RATIOS_OF_ERROR = (0.8, 1.1, 1.6)
 LEAST_RATIO = 0.1  # s
 LAG_STEP = 0.04  # s, in which a shorter delay is tried
-SCANS_EVENT = (20.0, 1e6, 1e6, 1e6)  # s of the runs
+SCANS_EVENT = (20.0, np.inf, np.inf, np.inf)  # s of the runs
 NO_HOLD = np.array([0.5, 1e-9])  # samples, and standard deviations
 HOPEFUL_EVENTS = 0.97  # of what the command leaves that is not held
 HOPEFUL_CLOCK = 0.975
@@ -149,7 +149,7 @@ class Intermittent(Effect):
     def _ticking(self, one: tuple[float, float], error_of: Any, unit: float) -> dict[str, float]:
         hold, phase = one
         phase = phase if self.phase is None else self.phase / unit
-        core = error_of.earlier(hold * unit / 2)[-1]
+        core = error_of.earlier(hold * unit / 2)
         return {**core, "hold_time": hold * unit, "phase": phase * unit}
 
     def _of_clocks(self, tried: Any, error_of: Any, seconds: float) -> np.ndarray:

@@ -13,7 +13,6 @@ from .record import OTHER, Record, differentiated
 from .time_variation import needs_channel
 
 SCAN_STEP = 0.06  # s, of the time of an answer to the target
-WHOLE = 1e6  # s, more than runs last
 FASTEST = 0.06  # s; a faster answer to what the loop moves is the loop itself
 
 
@@ -40,8 +39,8 @@ class _AnswerToTarget(Effect):
         times = np.arange(time.low, time.high + SCAN_STEP / 2, SCAN_STEP)
         target = shaped_target(record, self.form)
         answers = [record.delayed(target, -self.ahead * float(t)) for t in times]
-        columns = [np.repeat(x[:, :, None], times.size, axis=2) for x in error_of.parts(WHOLE)]
-        left = error_of.left([*columns, np.stack(answers, axis=2)], WHOLE)
+        columns = [np.repeat(x[:, :, None], times.size, axis=2) for x in error_of.parts(np.inf)]
+        left = error_of.left([*columns, np.stack(answers, axis=2)], np.inf)
         # Of neighbours the best, which leaves room for another minimum.
         best = [i for i in np.argsort(left) if left[i] <= left[max(i - 1, 0) : i + 2].min()]
         scale = gain.scale_of(record)

@@ -155,9 +155,10 @@ class GreyBox(RunRegressor):
         self._theta, self._chosen = model.theta, model.effects
         self._duration = record.duration
         self._spread = {name: record.sd(name) for name in (*record.channels, "u")}
-        covariance = model.covariance()
         if record.core == "operator":
             covariance = covariance_of(model.simulator, criterion, model.fit)
+        else:
+            covariance = model.covariance()
         self.noise_ar_ = noise.ar
         n = criterion.n
         self.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))

@@ -18,7 +18,7 @@ from .model import Model, best_of, in_order, scaled_sse, start_beside, without
 from .scan import Scan
 from .simulator import Simulator
 
-N_KEPT = 2  # starts, and variants, that are followed to the end
+N_KEPT = 2  # variants that are followed to the end
 AS_GOOD = 10.0  # n log(SSE / SSE) of variants that are not told apart
 ALIKE = 0.9  # of the gain of the best variant
 HOPEFUL = 1.0  # times the parent's squares, at most, before a search

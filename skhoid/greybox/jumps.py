@@ -13,7 +13,6 @@ from .scan import Scan
 from .simulator import Simulator
 from .tied import Tied
 
-FINE_SIZES = (0.04, 0.013, 0.004)
 N_AGAIN = 2  # scans beside what was found
 SOFT = (0.1, 0.05, 0.025, 0.012)  # corners, ever sharper
 

@@ -17,7 +17,7 @@ N_TRIED = 2  # iterations from every start
 MANY = 4  # starts, of which each gets one iteration only
 N_SCREENED = 10  # starts that are more than simulated once
 N_SCREENED_COARSELY = 4  # the same, where the response is not smooth
-N_KEPT = 2  # starts, and variants, that are followed to the end
+N_KEPT = 2  # starts that are followed to the end
 
 
 @dataclass

@@ -18,7 +18,6 @@ from .simulator import Simulator
 from .tied import Tied
 
 ORDINARY = {"omega_nm": 11.0, "zeta_nm": 0.35}  # neuromuscular system of an operator
-WHOLE = 1e6  # s, more than runs last
 FOLLOWED = 3  # iterations from a value that is scanned
 
 
@@ -48,17 +47,15 @@ class Scan:
             found.append(dict(zip(values, plain.theta.tolist(), strict=True)))
         return found
 
-    def earlier(self, seconds: float) -> list[dict[str, float]]:
-        """Changes of the parent by which it answers that much earlier, from each of ``cores``."""
-        parent, found = self.parent.values(), []
-        for core in self.cores:
-            change = {f"+{name}": core[name] - parent[name] for name in core}
-            if "tau_e" in core:
-                change["+tau_e"] -= seconds
-            elif "K_edot" in core:
-                change["+K_edot"] += core["K_e"] * seconds
-            found.append({name: value for name, value in change.items() if value})
-        return found
+    def earlier(self, seconds: float) -> dict[str, float]:
+        """Changes of the parent to the last of ``cores``, answering that much earlier."""
+        parent, core = self.parent.values(), self.cores[-1]
+        change = {f"+{name}": core[name] - parent[name] for name in core}
+        if "tau_e" in core:
+            change["+tau_e"] -= seconds
+        elif "K_edot" in core:
+            change["+K_edot"] += core["K_e"] * seconds
+        return {name: value for name, value in change.items() if value}
 
     def on(self, seconds: float) -> tuple[Simulator, Criterion]:
         """The model on the first seconds."""
@@ -150,7 +147,7 @@ class Scan:
 
     def fitted(self, values: dict[str, float]) -> tuple[float, dict[str, float]]:
         """Squares on the whole, and values, with the parent's parameters fitted beside them."""
-        simulator, coarse = self.on(WHOLE)
+        simulator, coarse = self.on(np.inf)
         theta = start_beside(self.parent, simulator, self.name, values)
         mine = np.array([name.startswith(f"{self.name}__") for name in simulator.names])
         parent = self.parent.values()
