@@ -1,5 +1,7 @@
 """EffectSearchCV: names what was hidden, and its tables tell one story."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,6 +12,7 @@ from sklearn.model_selection import KFold, LeaveOneGroupOut
 
 from skhoid import EffectSearchCV, OperatorRegressor, RunCutWarning, run_labels, vaf_score
 from skhoid.effects import Bias, DeadZone, Effect, Effects, Parameter, catalogue
+from skhoid.greybox.model import Model, without
 
 RATE = 50.0
 K_E, K_EDOT, OMEGA, ZETA, TAU = 0.5, 0.25, 10.0, 0.35, 0.24  # TAU in whole samples
@@ -97,6 +100,13 @@ def two():
     return searched(recorded(inner=dead, outer=lambda u: u + 0.25))
 
 
+def of_limited_rate(u):
+    out = u.copy()
+    for k in range(1, len(u)):
+        out[k] = out[k - 1] + np.clip(u[k] - out[k - 1], -0.008, 0.008)
+    return out
+
+
 HIDDEN = {
     "dead_zone": {"inner": dead},
     "asym_gain": {"inner": lambda e: np.where(e > 0, 1.4, 0.6) * e},
@@ -143,15 +153,16 @@ def test_nothing_is_missing(clean):
     [
         ({"inner": np.sign}, ("amplitude", "e")),
         ({"gain": lambda t: 1 + 0.6 * np.sin(2 * np.pi * t / 8)}, ("time", "gain")),
+        ({"outer": of_limited_rate}, ("amplitude", "rate of the output")),
     ],
-    ids=["relay", "periodic gain"],
+    ids=["relay", "periodic gain", "rate limit"],
 )
 def test_what_the_catalogue_lacks_is_unknown(hidden, where):
     search = searched(recorded(**hidden, remnant=0.05), ["bias", "gain_drift", "extra_lag"])
     assert search.best_effects_ == ["unknown"]
     assert search.verdict_ == "something is missing, not in the catalogue"
     assert where in zip(search.unexplained_["where"], search.unexplained_["at"], strict=True)
-    assert search.explainable_gap_ > 2
+    assert search.explainable_gap_ > 0.6
     assert "What no effect of the catalogue explains" in search.summary()
     assert list(search.error_path_["effect"]) == ["baseline"]
 
@@ -168,6 +179,18 @@ def test_two_effects_are_both_named(two):
     assert parameters.loc["bias__level", "value"] == pytest.approx(0.25, abs=0.03)
     assert two.error_path_["vaf"].is_monotonic_increasing
     assert two.error_path_["rmse"].is_monotonic_decreasing
+
+
+def test_what_runs_away_without_an_effect_starts_from_the_core():
+    estimator = OperatorRegressor(effects=DeadZone() + Bias())
+    prepared = estimator._prepare(*recorded(inner=dead, outer=lambda u: u + 0.25))
+    model = estimator._first_model(prepared)
+    good = model.values()
+    far = np.array([{**good, "K_e": np.nan}[n] for n in model.simulator.names])
+    astray = Model(model.simulator, replace(model.fit, theta=far))
+    assert not np.isfinite(without(astray, "bias").sse)
+    fewer = without(astray, "bias", {"K_e": good["K_e"]})
+    assert fewer.sse == pytest.approx(without(model, "bias").sse, rel=1e-3)
 
 
 def test_max_effects(two):

@@ -132,7 +132,7 @@ RECOVERED = [
         },
     ),
 ]
-# Where the search ends beside the best fit (tests.note 1).
+# Where the search ends beside the best fit.
 STUCK = [
     (Quantised(form="sharp"), {"step": 0.8, "offset": 0.1}),
     (Quantised(form="uneven"), {"step": 0.8, "power": 1.3}),

@@ -337,6 +337,14 @@ def test_a_jump_moves_with_the_distance_at_which_it_happens():
         assert out[:7].sum() == pytest.approx(0.3 * (6.5 - 10 * breakaway))
 
 
+def test_friction_ends_however_far_away_its_input_runs():
+    x = np.array([0.0, 1e3, -1e9, 1e17, 1.7e17, 0.5])[:, None]
+    out = greybox.stuck(x, 0.006, 0.001, False)[:, 0]
+    assert out[5] == pytest.approx(0.5, abs=0.006)
+    np.testing.assert_allclose(out[1:5], x[1:5, 0], rtol=1e-3)
+    assert np.isinf(greybox.stuck(np.array([[0.0], [np.inf]]), 0.006, 0.001, False)[1, 0])
+
+
 def test_stuck_at_equal_friction_is_play():
     x = np.array([0.0, 1.0, 2.0, 1.5, 0.5, 0.0, -1.0, 0.0])[:, None]
     out = greybox.stuck(x, 0.5, 0.5, True)[:, 0]

@@ -59,7 +59,7 @@ def closed_share(search, X, y, oracle):
 
 
 def names(listed, stuck=STUCK):
-    reason = "stops beside the minimum, or another name fits as well (tests.note 10, 12)"
+    reason = "stops beside the minimum, or another name fits as well"
     mark = pytest.mark.xfail(reason=reason, strict=True)
     return [pytest.param(n, marks=[mark] if n in stuck else []) for n in listed]
 

@@ -69,6 +69,9 @@ def answer(case: Case, n_jobs: int = 1) -> Answer:
             for name, row in parameters.iterrows()
         },
         baseline_vaf=float(search.error_path_["vaf"].iloc[0]),
+        left={
+            f"{row.where} {row.at}": float(row.points) for row in search.unexplained_.itertuples()
+        },
         forms={name: getattr(e, "form", None) for name, e in search.best_estimator_.effects_},
     )
 

@@ -104,6 +104,8 @@ class Answer:
         What the search says of the model that nothing was added to, on held-out training rows.
     forms : dict
         Form of each effect that has some.
+    left : dict
+        Points of VAF of each structure that no effect explains.
     """
 
     names: list[str]
@@ -114,6 +116,7 @@ class Answer:
     parameters: dict[str, tuple[float, float]] = field(default_factory=dict)
     baseline_vaf: float | None = None
     forms: dict[str, str | None] = field(default_factory=dict)
+    left: dict[str, float] = field(default_factory=dict)
 
     @property
     def first(self) -> str:
@@ -164,6 +167,7 @@ def grade(case: Case, answer: Answer) -> dict[str, Any]:
         "ranking": answer.ranking[:5],
         "seconds": answer.seconds,
         "explainable_gap": answer.explainable_gap,
+        "left": answer.left,
         "above_oracle": reached - case.oracle_vaf,
         "above_ceiling": reached - case.ceiling_vaf,
     }

@@ -26,6 +26,8 @@ FAMILIES: tuple[frozenset[str], ...] = (
     frozenset({"wrong_delay", "extra_lag", "extra_lead", "nm_mode", "higher_order"}),
     frozenset({"lapses", "tv_gain"}),  # gains that vanish for a while
     frozenset({"bias", "drift"}),  # an offset that settles holds one that stays
+    frozenset({"dead_zone", "cubic_gain"}),  # odd maps of the error whose gain grows with it
+    frozenset({"saturation", "hardening_stiffness"}),  # slowly, a stiffening spring limits softly
     # A rational function of the error: integrals have a pole, and an inner loop through the
     # controlled element is one with it.
     frozenset({"higher_order", "integral"}),

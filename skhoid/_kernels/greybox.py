@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 N_NEWTON = 20  # at most
+MOST_JUMPS = 100  # of friction in one sample
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -511,7 +512,9 @@ def stuck(x, breakaway, kinetic, slides):
             if not slides:  # it broke away between the samples, and perhaps again
                 jump = breakaway - kinetic
                 now, before = value, x[max(k - 1, 0), j]
-                while abs(away) > breakaway and jump > 0.0:
+                for _ in range(MOST_JUMPS):
+                    if not abs(away) > breakaway or jump <= 0.0:
+                        break
                     sign = 1.0 if away > 0.0 else -1.0
                     moved = x[k, j] - before
                     late = (abs(away) - breakaway) / abs(moved) if moved != 0.0 else 0.0
@@ -522,6 +525,8 @@ def stuck(x, breakaway, kinetic, slides):
                         out[k - 1, j] += max(late - 0.5, 0.0) * sign * jump
                     value += sign * jump
                     away = x[k, j] - value
+                if abs(away) > breakaway and jump > 0.0:  # too far for jumps one by one
+                    value = now = x[k, j] - kinetic if away > 0.0 else x[k, j] + kinetic
                 out[k, j] = now
                 continue
             elif moving == 0 and abs(away) > breakaway:

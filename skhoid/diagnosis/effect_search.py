@@ -31,7 +31,9 @@ NOTED = 0.2  # points
 REPEATS = "part of the residual repeats from run to run, or follows the target"
 SMALL_SHARE = 0.1  # of what could be explained may be left beside effects that are named
 LARGE_SHARE = 0.12  # of what could be explained is left: the best effect is no name for it
-SURE = 3.0  # standard errors
+LEAST_OF_SEVERAL = 0.4  # points, where several effects are named
+SHARE_OF_SEVERAL = 0.04
+SURE = 4.0  # standard errors
 
 
 class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -229,11 +231,14 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             columns=["where", "at", "description", "points", "evidence"],
         )
         worst = max([item.points for item in left], default=0.0)
-        unknown = worst >= LEAST_UNEXPLAINED and worst > SMALL_SHARE * (worst + gained)
+        several = len(names) > 1  # that leave something may together imitate what is missing
+        share = worst / max(worst + gained, 1e-300)
+        unknown = worst >= (LEAST_OF_SEVERAL if several else LEAST_UNEXPLAINED)
+        unknown = unknown and share > (SHARE_OF_SEVERAL if several else SMALL_SHARE)
         ids = [dict(path.model.effects.steps)[n].name for n in names]
         if trembling is not None:
             ids.append("tremor")
-        if unknown and worst > LARGE_SHARE * (worst + gained):
+        if unknown and (several or share > LARGE_SHARE):
             self.stand_ins_, ids = ids, []
         self.best_effects_ = [*ids, "unknown"] if unknown else ids
         self.verdict_ = (

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..effects.record import OTHER, Record
+from ..effects.record import OTHER, Record, differentiated
 from ..effects.signals import Gains
 from ..greybox.fitting import Criterion, derivatives
 from ..greybox.model import Model
@@ -22,6 +22,7 @@ LONGEST_LAG = 1.2  # s
 HINGES = 6  # of a nonlinear map
 PIECES = 9  # of a run
 MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
+LAGGED = 0.2  # s, by which an output of limited rate stays behind
 LEAST_EVIDENCE = 25.0
 
 
@@ -161,6 +162,18 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
             "output",
             "the output departs from the model by its own size",
             [np.maximum(output - k, 0) for k in levels],
+        )
+    )
+    rate = differentiated(output, record.dt)
+    found.append(
+        (
+            "amplitude",
+            "rate of the output",
+            "the output departs from the model by its own rate",
+            [
+                remembered(np.maximum(rate - k, 0), LAGGED, record)
+                for k in np.quantile(rate[record.known], np.linspace(0.05, 0.95, HINGES))
+            ],
         )
     )
     t = record.t

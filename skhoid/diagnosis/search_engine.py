@@ -295,6 +295,11 @@ class Path:
     def ids(self) -> list[str]:
         return [effect.name for _, effect in self.model.effects]
 
+    @property
+    def core(self) -> dict[str, float]:
+        """Parameters of the core before any effect was added."""
+        return {n: v for n, v in self.steps[0].parent.values().items() if "__" not in n}
+
 
 def forward(search: Search, baseline: Model, most: int) -> Path:
     """Add the best effect as long as one pays; try the second best first effect too."""
@@ -423,7 +428,7 @@ def without_superfluous(search: Search, path: Path) -> Path:
     if len(names) < 2:
         return path
     for name in names[:-1]:
-        fewer = without(path.model, name)
+        fewer = without(path.model, name, path.core)
         one = Candidate(
             name, dict(path.model.effects.steps)[name], model=output_error_fit(path.model)
         )

@@ -28,7 +28,7 @@ def walked(search: Search, path: Path) -> list[Step]:
     first = path.steps[0].parent.effects.names
     added = [n for n in path.model.effects.names if n not in first]
     for name in reversed(added):
-        models.append(without(models[-1], name))
+        models.append(without(models[-1], name, path.core))
     noise = search.criterion.noise_of(path.model.output)
     return [search.judged(model, [], noise) for model in reversed(models)]
 

@@ -167,14 +167,20 @@ def start_beside(
     return np.clip([known[n] for n in simulator.names], simulator.low, simulator.high)
 
 
-def without(model: Model, name: str) -> Model:
-    """A model without one of its effects, at the minimum of the simulation error nearby."""
+def without(model: Model, name: str, core: dict[str, float] | None = None) -> Model:
+    """A model without one of its effects, at the minimum of the simulation error nearby.
+
+    Without the effect it may run away; then ``core`` replaces its parameters at the start.
+    """
     kept = Effects([(n, e) for n, e in model.effects if n != name])
     simulator = Simulator(model.simulator.core, kept, model.simulator.record)
+    criterion = Criterion(model.simulator.record)
     values = model.values()
-    theta = np.array([values[n] for n in simulator.names])
-    fewer = Model(simulator, replace(model.fit, theta=theta), model.other_core)
-    return fewer.refined(Criterion(model.simulator.record))
+    starts = [
+        np.array([known[n] for n in simulator.names]) for known in (values, values | (core or {}))
+    ]
+    theta = min(starts, key=lambda start: criterion.sse(simulator.run(start)))
+    return Model(simulator, replace(model.fit, theta=theta), model.other_core).refined(criterion)
 
 
 def in_order(model: Model, names: Sequence[str]) -> Model:
