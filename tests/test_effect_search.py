@@ -12,6 +12,7 @@ from sklearn.model_selection import KFold, LeaveOneGroupOut
 
 from skhoid import EffectSearchCV, OperatorRegressor, RunCutWarning, run_labels, vaf_score
 from skhoid.effects import Bias, DeadZone, Effect, Effects, Parameter, catalogue
+from skhoid.greybox.estimates import parameter_text
 from skhoid.greybox.model import Model, without
 
 RATE = 50.0
@@ -100,10 +101,10 @@ def two():
     return searched(recorded(inner=dead, outer=lambda u: u + 0.25))
 
 
-def of_limited_rate(u):
+def of_limited_rate(u, step=0.008):
     out = u.copy()
     for k in range(1, len(u)):
-        out[k] = out[k - 1] + np.clip(u[k] - out[k - 1], -0.008, 0.008)
+        out[k] = out[k - 1] + np.clip(u[k] - out[k - 1], -step, step)
     return out
 
 
@@ -139,7 +140,7 @@ def test_its_parameters_are_the_true_ones(found):
 
 
 def test_nothing_is_missing(clean):
-    assert clean.best_effects_ == []
+    assert clean.best_effects_ == clean.stand_ins_ == []
     assert clean.verdict_ == "nothing is missing"
     assert list(clean.error_path_["effect"]) == ["baseline"]
     assert list(clean.predictions_.columns) == ["measured", "baseline"]
@@ -171,6 +172,14 @@ def test_an_effect_that_is_left_out_is_not_replaced_by_a_wrong_one():
     data = recorded(inner=lambda e: e - np.clip(e, -0.6, 0.6), remnant=0.05)
     search = searched(data, ["asym_gain", "bias", "gain_drift", "extra_lag", "lapses"])
     assert search.best_effects_ == ["unknown"]
+
+
+def test_what_explains_too_little_is_a_stand_in():
+    data = recorded(outer=lambda u: of_limited_rate(u, 0.006), remnant=0.05)
+    search = searched(data, ["bias", "gain_drift", "extra_lag"])
+    assert (search.best_effects_, search.stand_ins_) == (["unknown"], ["extra_lag"])
+    assert search.best_estimator_.effects_.names == ["extra_lag"]
+    assert "No name for it, though part of it follows: extra_lag." in search.summary()
 
 
 def test_two_effects_are_both_named(two):
@@ -507,3 +516,12 @@ def test_wrong_arguments_are_named(hidden_data, wrong, message):
     arguments = {"estimator": OperatorRegressor(), **wrong}
     with pytest.raises((ValueError, TypeError), match=message):
         EffectSearchCV(**arguments).fit(*hidden_data)
+
+
+def test_small_numbers_are_shown():
+    table = pd.DataFrame(
+        {"value": [1.234e-9, 0.31234], "sd": [5.6e-11, 0.0041], "unit": ["1/px^2", "deg"]},
+        index=["a__stiffness", "a__width"],
+    )
+    shown = parameter_text(table, "a")
+    assert shown == "stiffness = 1.23e-09 ± 5.6e-11 1/px^2, width = 0.3123 ± 0.0041 deg"

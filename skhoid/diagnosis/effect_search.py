@@ -73,8 +73,10 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         better", "does not apply"), reason.
     best_effects_ : list of str
         Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
-        structure that nothing in the catalogue explains; alone, that the best effect explains
-        too little of it to be named.
+        structure that nothing in the catalogue explains; alone, that the effects which explain
+        part of it, ``stand_ins_``, explain too little to be named.
+    stand_ins_ : list of str
+        Ids of effects of ``best_estimator_`` that are no names for what is missing; else empty.
     verdict_ : str
         "nothing is missing", "effects found", or "something is missing, not in the catalogue".
     error_path_ : DataFrame
@@ -238,6 +240,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         ids = [dict(path.model.effects.steps)[n].name for n in names]
         if trembling is not None:
             ids.append("tremor")
+        self.stand_ins_: list[str] = []
         if unknown and (several or share > LARGE_SHARE):
             self.stand_ins_, ids = ids, []
         self.best_effects_ = [*ids, "unknown"] if unknown else ids
@@ -285,6 +288,7 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             self.error_path_,
             self.ranking_,
             self.best_effects_,
+            self.stand_ins_,
             self.verdict_,
             self.unexplained_,
             self.experiments_,

@@ -83,6 +83,7 @@ def summary_of(
     path: pd.DataFrame,
     ranking: pd.DataFrame,
     ids: Sequence[str],
+    stand_ins: Sequence[str],
     verdict: str,
     unexplained: pd.DataFrame,
     experiments: Sequence[str],
@@ -118,6 +119,8 @@ def summary_of(
                 f"  The best of {len(near)} effects tried, {best['effect']}, would gain "
                 f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): not enough."
             )
+    if stand_ins:
+        lines.append(f"  No name for it, though part of it follows: {', '.join(stand_ins)}.")
     if ids and ids[-1] == "unknown" and len(unexplained):
         lines.append("  What no effect of the catalogue explains:")
         for _, row in unexplained.iterrows():

@@ -135,8 +135,8 @@ def parameter_text(table: pd.DataFrame, prefix: str) -> str:
             continue
         if np.isfinite(row["sd"]):
             digits = max(0, 1 - int(np.floor(np.log10(row["sd"])))) if row["sd"] > 0 else 3
-            digits = min(digits, 6)
-            parts.append(f"{name} = {row['value']:.{digits}f} ± {row['sd']:.{digits}f}{unit}")
+            form = f".{digits}f" if digits <= 6 else ".3g"
+            parts.append(f"{name} = {row['value']:{form}} ± {row['sd']:{form}}{unit}")
         else:
             parts.append(f"{name} = {row['value']:.3g}{unit} (at its bound)")
     return ", ".join(parts)
