@@ -25,13 +25,14 @@ LEFT_OUT = "(left out)"
 
 def combined(main: pd.DataFrame, null: pd.DataFrame, left_out: pd.DataFrame) -> pd.DataFrame:
     """Counts of first names (columns) by what was hidden (rows), both in the catalogue's order."""
-    rows = pd.concat([main, null, left_out.sum().to_frame(LEFT_OUT).T]).fillna(0).astype(int)
-    return rows.reindex([*EFFECTS, NONE, LEFT_OUT], columns=[*EFFECTS, NONE, UNKNOWN]).fillna(0)
+    rows = pd.concat([main, null, left_out.sum().to_frame(LEFT_OUT).T])
+    rows = rows.reindex([*EFFECTS, NONE, LEFT_OUT], columns=[*EFFECTS, NONE, UNKNOWN])
+    return rows.fillna(0).astype(int)
 
 
 def draw(counts: pd.DataFrame) -> plt.Figure:
     """Shares of each row by colour, counts as numbers; answers that count as right are framed."""
-    shares = counts.div(counts.sum(axis=1).clip(lower=1), axis=0).to_numpy()
+    shares = counts.div(counts.sum(axis=1), axis=0).to_numpy()
     figure, ax = plt.subplots(figsize=(11, 10.5), layout="constrained")
     display = ConfusionMatrixDisplay(shares, display_labels=list(counts.columns))
     display.plot(
@@ -44,10 +45,9 @@ def draw(counts: pd.DataFrame) -> plt.Figure:
     )
     for i, name in enumerate(counts.index):
         for j, said in enumerate(counts.columns):
-            count = int(counts.iloc[i, j])
-            if count:
-                white = shares[i, j] > 0.4
-                ax.text(j, i, count, ha="center", va="center", color="w" if white else "k", size=7)
+            if count := counts.iloc[i, j]:
+                color = "w" if shares[i, j] > 0.4 else "k"
+                ax.text(j, i, count, ha="center", va="center", color=color, size=7)
             right = said in right_answers(name, np.inf) if name in EFFECTS else said == name
             if right or (name, said) == (LEFT_OUT, UNKNOWN):
                 frame = plt.Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, ec="tab:green", lw=1)
@@ -62,7 +62,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Confusion matrix of the blind trial.")
     parser.add_argument("csv", nargs=3, type=Path, help="of the suites main, null and left_out")
     counts = combined(*(pd.read_csv(path, index_col=0) for path in parser.parse_args().csv))
-    counts.astype(int).to_csv(DOCS / "_static" / "confusion.csv", index_label="hidden")
+    counts.to_csv(DOCS / "_static" / "confusion.csv", index_label="hidden")
     draw(counts).savefig(DOCS / "_static" / "confusion.png", dpi=110)
 
 

@@ -107,7 +107,7 @@ def ask(suite: str, number: int, seed: int, who: str, n_jobs: int = 1) -> dict[s
 
 
 def _asked(who: str) -> Any:
-    """``answer``, a stand-in, or ``module:function``."""
+    """A stand-in, or ``module:function``."""
     if ":" in who:
         module, function = who.split(":")
         return getattr(import_module(module), function)

@@ -26,13 +26,13 @@ from .search_words import changes_in_words, experiment, summary_of
 from .signatures import tremor
 
 GUARD = 5.0  # s beside held-out blocks of a single run
-LEAST_UNEXPLAINED = 0.6  # points
 NOTED = 0.2  # points
 REPEATS = "part of the residual repeats from run to run, or follows the target"
-SMALL_SHARE = 0.1  # of what could be explained may be left beside effects that are named
-LARGE_SHARE = 0.12  # of what could be explained is left: the best effect is no name for it
-LEAST_OF_SEVERAL = 0.4  # points, where several effects are named
-SHARE_OF_SEVERAL = 0.04
+# What is left is unknown from so many points on, and from the first share of what could be
+# explained; from the second on what was found is no name for it. Several effects that leave
+# something may together imitate what is missing.
+BESIDE_ONE = (0.6, 0.1, 0.12)
+BESIDE_SEVERAL = (0.4, 0.04, 0.04)
 SURE = 4.0  # standard errors
 
 
@@ -233,15 +233,14 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             columns=["where", "at", "description", "points", "evidence"],
         )
         worst = max([item.points for item in left], default=0.0)
-        several = len(names) > 1  # that leave something may together imitate what is missing
         share = worst / max(worst + gained, 1e-300)
-        unknown = worst >= (LEAST_OF_SEVERAL if several else LEAST_UNEXPLAINED)
-        unknown = unknown and share > (SHARE_OF_SEVERAL if several else SMALL_SHARE)
+        least, small, large = BESIDE_SEVERAL if len(names) > 1 else BESIDE_ONE
+        unknown = worst >= least and share > small
         ids = [dict(path.model.effects.steps)[n].name for n in names]
         if trembling is not None:
             ids.append("tremor")
         self.stand_ins_: list[str] = []
-        if unknown and (several or share > LARGE_SHARE):
+        if unknown and share > large:
             self.stand_ins_, ids = ids, []
         self.best_effects_ = [*ids, "unknown"] if unknown else ids
         self.verdict_ = (

@@ -144,24 +144,28 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
         simulator = Simulator(model.simulator.core, Effects(steps), record)
         return simulator.run(np.array([values[n] for n in simulator.names])) - output
 
+    def knots(signal: np.ndarray) -> np.ndarray:
+        return np.quantile(signal[record.known], np.linspace(0.05, 0.95, HINGES))
+
     found = []
     error = record.input
-    knots = np.quantile(error[record.known], np.linspace(0.05, 0.95, HINGES))
     found.append(
         (
             "amplitude",
             record.inputs[0],
             "the answer depends on the size or the sign of the error",
-            [with_probe("input", lambda e, _, k=k: e + 0.1 * np.maximum(e - k, 0)) for k in knots],
+            [
+                with_probe("input", lambda e, _, k=k: e + 0.1 * np.maximum(e - k, 0))
+                for k in knots(error)
+            ],
         )
     )
-    levels = np.quantile(output[record.known], np.linspace(0.05, 0.95, HINGES))
     found.append(
         (
             "amplitude",
             "output",
             "the output departs from the model by its own size",
-            [np.maximum(output - k, 0) for k in levels],
+            [np.maximum(output - k, 0) for k in knots(output)],
         )
     )
     rate = differentiated(output, record.dt)
@@ -170,10 +174,7 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
             "amplitude",
             "rate of the output",
             "the output departs from the model by its own rate",
-            [
-                remembered(np.maximum(rate - k, 0), LAGGED, record)
-                for k in np.quantile(rate[record.known], np.linspace(0.05, 0.95, HINGES))
-            ],
+            [remembered(np.maximum(rate - k, 0), LAGGED, record) for k in knots(rate)],
         )
     )
     t = record.t

@@ -176,10 +176,10 @@ def without(model: Model, name: str, core: dict[str, float] | None = None) -> Mo
     simulator = Simulator(model.simulator.core, kept, model.simulator.record)
     criterion = Criterion(model.simulator.record)
     values = model.values()
-    starts = [
-        np.array([known[n] for n in simulator.names]) for known in (values, values | (core or {}))
-    ]
-    theta = min(starts, key=lambda start: criterion.sse(simulator.run(start)))
+    theta = np.array([values[n] for n in simulator.names])
+    if core is not None:
+        other = np.array([(values | core)[n] for n in simulator.names])
+        theta = min(theta, other, key=lambda start: criterion.sse(simulator.run(start)))
     return Model(simulator, replace(model.fit, theta=theta), model.other_core).refined(criterion)
 
 
