@@ -11,6 +11,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import KFold, LeaveOneGroupOut
 
 from skhoid import EffectSearchCV, OperatorRegressor, RunCutWarning, run_labels, vaf_score
+from skhoid.diagnosis.story import Story
 from skhoid.effects import Bias, DeadZone, Effect, Effects, Parameter, catalogue
 from skhoid.greybox.estimates import parameter_text
 from skhoid.greybox.model import Model, without
@@ -180,6 +181,9 @@ def test_what_explains_too_little_is_a_stand_in():
     assert (search.best_effects_, search.stand_ins_) == (["unknown"], ["extra_lag"])
     assert search.best_estimator_.effects_.names == ["extra_lag"]
     assert "No name for it, though part of it follows: extra_lag." in search.summary()
+    story = Story(clone(search), *data)
+    assert "  No name for it, though part of it follows: extra_lag" in list(story.tell())
+    assert story.as_dict()["stand_ins"] == ["extra_lag"]
 
 
 def test_two_effects_are_both_named(two):

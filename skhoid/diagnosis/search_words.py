@@ -79,6 +79,11 @@ def experiment(one: str, other: str) -> str:
     return f"{one} and {other} cannot be told apart here; this experiment would: {told}."
 
 
+def stand_ins_in_words(ids: Sequence[str]) -> str:
+    """What effects are that explain part of what is missing, and not enough to name it."""
+    return f"No name for it, though part of it follows: {', '.join(ids)}"
+
+
 def summary_of(
     path: pd.DataFrame,
     ranking: pd.DataFrame,
@@ -120,7 +125,7 @@ def summary_of(
                 f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): not enough."
             )
     if stand_ins:
-        lines.append(f"  No name for it, though part of it follows: {', '.join(stand_ins)}.")
+        lines.append(f"  {stand_ins_in_words(stand_ins)}.")
     if ids and ids[-1] == "unknown" and len(unexplained):
         lines.append("  What no effect of the catalogue explains:")
         for _, row in unexplained.iterrows():

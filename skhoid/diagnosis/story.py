@@ -18,6 +18,7 @@ from ..effects.time_variation import GainDrift, TimeVaryingGain
 from ..runs import read_layout
 from .comparison import Comparison, compare
 from .effect_search import EffectSearchCV
+from .search_words import stand_ins_in_words
 
 # Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
 HIDDEN: dict[str, Effect] = {
@@ -195,6 +196,8 @@ class Story:
         if len(path) > 1:
             yield f"  held-out VAF {path.iloc[0]:.1f} -> {path.iloc[-1]:.1f} %"
             yield f"  {parameter_line(search.best_estimator_)}"
+        if search.stand_ins_:
+            yield f"  {stand_ins_in_words(search.stand_ins_)}"
         if search.best_effects_[-1:] == ["unknown"]:
             yield "  what no effect of the catalogue explains:"
             for _, row in search.unexplained_.iterrows():
@@ -238,6 +241,7 @@ class Story:
             "ranking": _records(search.ranking_),
             "error_path": _records(search.error_path_.reset_index()),
             "best_effects": search.best_effects_,
+            "stand_ins": search.stand_ins_,
             "verdict": search.verdict_,
             "explainable_gap": search.explainable_gap_,
             "parameters": _records(search.best_estimator_.parameters_.reset_index()),
