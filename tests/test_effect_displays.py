@@ -316,6 +316,14 @@ def test_ranking_marks_what_cannot_be_told_apart():
     )
 
 
+def test_ranking_whose_second_has_the_better_likelihood():
+    search = copy.copy(SEARCHES["one"])
+    search.ranking_ = search.ranking_.copy()
+    search.ranking_.loc[search.ranking_["effect"] == "candidate_0", "delta_bic"] = 421.0
+    title = EffectRankingDisplay.from_estimator(search).ax_.get_title().replace("\n", " ")
+    assert title == "Step 1: dead_zone is added, though candidate_0 is 21 better in BIC"
+
+
 def test_ranking_of_a_step_that_adds_nothing():
     display = EffectRankingDisplay.from_estimator(SEARCHES["one"], step=2)
     assert display.ax_.get_title() == "Step 2: no candidate is better by more than chance"

@@ -244,7 +244,11 @@ class EffectRankingDisplay:
             second = tried["effect"].iloc[1]
             bic = tried["delta_bic"].to_numpy(dtype=float)
             points = f"{self.margin_:.1f} points and " if self.margin_ > 0.05 else ""
-            words += f", {points}{bic[0] - bic[1]:.0f} in BIC before {second}"
+            lead = bic[0] - bic[1]
+            if lead < 0:  # the second gains too little on held-out runs, or is less plain
+                words += f", though {second} is {-lead:.0f} better in BIC"
+            else:
+                words += f", {points}{lead:.0f} in BIC before {second}"
             if second in self.confused_:
                 words += ", which these data cannot tell apart"
         return words
