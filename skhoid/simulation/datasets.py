@@ -22,6 +22,8 @@ from .remnant import Remnant
 from .tuning import tune_remnant
 
 CHANNELS = {"e": "e", "x": "x", "f_t": "f_t", "dist": "f_d"}
+REMNANT = ("remnant_intensity", "remnant_order", "remnant_gain")
+NOT_OF_TASK = (*REMNANT, "adaptation_lag", "perturbation")  # options that change a task
 
 
 def make_tracking_runs(
@@ -151,13 +153,11 @@ def make_tracking_runs(
     >>> truth.nk, truth.arx_parameters.iloc[0].round(4).tolist()
     (29, [-1.9121, 0.9243, 0.0443, -0.0432])
     """
-    unknown = [name for name in channels if name not in CHANNELS]
-    if unknown or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
-        hint = " The disturbance f_d is the channel 'dist'." if "f_d" in channels else ""
-        raise ValueError(
-            f"channels is a list of some of {list(CHANNELS)}, each once; got {channels!r}.{hint}"
-        )
+    check_channels(channels)
     given = {
+        "remnant_intensity": remnant_intensity,
+        "remnant_order": remnant_order,
+        "remnant_gain": remnant_gain,
         "sampling_rate": sampling_rate,
         "duration": duration,
         "run_in": run_in,
@@ -167,21 +167,11 @@ def make_tracking_runs(
         "operator": operator,
         "controlled_element": controlled_element,
         "effects": effects,
+        "adaptation_lag": adaptation_lag,
+        "perturbation": perturbation,
         "transport": transport,
     }
-    defaults = signature(make_tracking_runs).parameters
-    given = {name: value for name, value in given.items() if not _is(value, defaults[name].default)}
-    if not isinstance(condition, CompensatoryTask):
-        task = CompensatoryTask.of_condition(condition, **given)
-    elif given:
-        raise ValueError(
-            f"A whole task has its own {', '.join(given)}: change the task "
-            "(dataclasses.replace), or give a condition."
-        )
-    else:
-        task = condition
-    task = _adapted(task, adaptation_lag, dict(perturbation or {}))
-    task = _with_remnant(task, condition, remnant_intensity, remnant_order, remnant_gain)
+    task = task_of(condition, given)
     if task.remnant is not None and task.remnant.gain is None:
         task = tune_remnant(
             task, random_state=random_state, open_loop=open_loop, n_jobs=n_jobs, progress=progress
@@ -196,17 +186,62 @@ def make_tracking_runs(
         n_jobs=n_jobs,
         progress=progress,
     )
-    index = pd.MultiIndex.from_product([range(n_runs), record.time], names=["run", "time"])
-    X = pd.DataFrame(
-        {c: _rows(getattr(record, CHANNELS[c]), n_runs) for c in channels}, index=index
-    )
-    y = pd.Series(record.u.ravel(), index=index, name="u")
+    X, y = frames_of(record, channels)
     if isinstance(condition, str) and target is None:  # Tables I and II
         X.attrs["units"] = dict.fromkeys(channels, "deg")
         y.attrs["units"] = {"u": "deg"}
     if not return_truth:
         return X, y
-    return X, y, _truth(task, record, index)
+    return X, y, truth_of(task, record)
+
+
+def check_channels(channels: Any) -> None:
+    """Refuse what are no names of channels."""
+    unknown = [name for name in channels if name not in CHANNELS]
+    if unknown or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
+        hint = " The disturbance f_d is the channel 'dist'." if "f_d" in channels else ""
+        raise ValueError(
+            f"channels is a list of some of {list(CHANNELS)}, each once; got {channels!r}.{hint}"
+        )
+
+
+def task_of(
+    condition: str | Condition | CompensatoryTask, given: Mapping[str, Any]
+) -> CompensatoryTask:
+    """The task that options of :func:`make_tracking_runs` describe; gains are not tuned yet."""
+    defaults = {
+        name: parameter.default
+        for name, parameter in signature(make_tracking_runs).parameters.items()
+    }
+    given = {name: value for name, value in given.items() if not _is(value, defaults[name])}
+    of_task = {name: value for name, value in given.items() if name not in NOT_OF_TASK}
+    if not isinstance(condition, CompensatoryTask):
+        task = CompensatoryTask.of_condition(condition, **of_task)
+    elif of_task:
+        raise ValueError(
+            f"A whole task has its own {', '.join(of_task)}: change the task "
+            "(dataclasses.replace), or give a condition."
+        )
+    else:
+        task = condition
+    lag, perturbation = given.get("adaptation_lag", 0.0), given.get("perturbation")
+    task = _adapted(task, lag, dict(perturbation or {}))
+    remnant = [given.get(name, defaults[name]) for name in REMNANT]
+    return _with_remnant(task, condition, *remnant)
+
+
+def frames_of(record: TrackingRecord, channels: Sequence[str]) -> tuple[pd.DataFrame, pd.Series]:
+    """X and y of simulated runs."""
+    n_runs = len(record.u)
+    index = _index(record)
+    X = pd.DataFrame(
+        {c: _rows(getattr(record, CHANNELS[c]), n_runs) for c in channels}, index=index
+    )
+    return X, pd.Series(record.u.ravel(), index=index, name="u")
+
+
+def _index(record: TrackingRecord) -> pd.MultiIndex:
+    return pd.MultiIndex.from_product([range(len(record.u)), record.time], names=["run", "time"])
 
 
 def _is(value: Any, default: Any) -> bool:
@@ -261,6 +296,8 @@ def _with_remnant(
                 "remnant_gain='table' needs the name of a condition of the thesis; "
                 "Remnant.from_table(name, intensity) in a task of your own."
             )
+        if intensity == 0:
+            return replace(task, remnant=None)
         return replace(task, remnant=Remnant.from_table(condition, intensity, order))
     if gain is not None:
         if intensity:
@@ -273,7 +310,9 @@ def _with_remnant(
     return task
 
 
-def _truth(task: CompensatoryTask, record: TrackingRecord, index: pd.MultiIndex) -> Bunch:
+def truth_of(task: CompensatoryTask, record: TrackingRecord) -> Bunch:
+    """What is behind simulated runs; see :func:`make_tracking_runs`."""
+    index = _index(record)
     t = pd.Index(record.time, name="time")
     element, operator, remnant = task.controlled_element, task.operator, task.remnant
     truth = Bunch(

@@ -41,8 +41,12 @@ def simulate(
     n_jobs: int | None = None,
     progress: bool = False,
     stream: int = 0,
+    first_run: int = 0,
 ) -> TrackingRecord:
-    """See :meth:`CompensatoryTask.simulate`; ``stream`` tells apart noise for different uses."""
+    """See :meth:`CompensatoryTask.simulate`; ``stream`` tells apart noise for different uses.
+
+    Runs are those from number ``first_run`` on.
+    """
     if isinstance(n_runs, bool) or not isinstance(n_runs, Integral) or n_runs < 1:
         raise ValueError(f"n_runs is a whole number, at least 1; got {n_runs!r}.")
     n_total, rate, remnant = task.n_run_in + task.n_samples, task.sampling_rate, task.remnant
@@ -73,13 +77,13 @@ def simulate(
             if given_noise is None:
                 samples = np.empty((len(runs), n_total))
                 for row, run in zip(samples, runs, strict=True):
-                    _generator(entropy, stream, run).standard_normal(out=row)
+                    _generator(entropy, stream, first_run + run).standard_normal(out=row)
             else:
                 samples = given_noise[runs.start : runs.stop]
             white = np.empty((n_total, len(runs)))
             np.multiply(samples.T, np.sqrt(rate), out=white)  # unit intensity: variance 1 / dt
         f_t, f_d = (
-            _drawn_forcing(task, name, entropy, runs) if shared is None else shared
+            _drawn_forcing(task, name, entropy, runs, first_run) if shared is None else shared
             for name, shared in forcing.items()
         )
         compiled = _kernels.loop.track_one if len(runs) == 1 else _kernels.loop.track_many
@@ -148,7 +152,9 @@ def _generator(entropy: int, stream: int, run: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(stream, run)))
 
 
-def _drawn_forcing(task: CompensatoryTask, name: str, entropy: int, runs: range) -> np.ndarray:
+def _drawn_forcing(
+    task: CompensatoryTask, name: str, entropy: int, runs: range, first_run: int
+) -> np.ndarray:
     """A forcing function with phases of its own in each run, of shape (n_total, n_runs)."""
     given = getattr(task, name)
     n_total = task.n_run_in + task.n_samples
@@ -158,7 +164,8 @@ def _drawn_forcing(task: CompensatoryTask, name: str, entropy: int, runs: range)
         raise ValueError(
             f"random_phases=True draws phases of a Multisine; the {name} is {type(given).__name__}."
         )
-    seeds = [int(_generator(entropy, STREAMS[name], i).integers(2**31)) for i in runs]
+    numbers = [first_run + run for run in runs]
+    seeds = [int(_generator(entropy, STREAMS[name], i).integers(2**31)) for i in numbers]
     drawn = [given.with_random_phases(seed) for seed in seeds]
     return np.stack([f.sample(-task.n_run_in, n_total, task.sampling_rate) for f in drawn], axis=1)
 
