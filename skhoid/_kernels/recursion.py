@@ -223,13 +223,15 @@ def recursion(n_params, lanes):
                                         s[(k * (k - 1) // 2 + i) * L + j] = u + c * v / d * rest
                                     c *= before / d
                     else:
-                        for k in range(N):
-                            for j in range(L):
+                        for j in range(L):
+                            for k in range(N):
                                 d = s[D + k * L + j]
                                 grown = d * s[INFLATION + k * L + j]
                                 cap = s[CAP + k * L + j]
                                 over = grown - max(d, cap)
-                                for i in range(k):
+                                for i in range(N):
+                                    if i >= k:
+                                        continue
                                     u = s[(k * (k - 1) // 2 + i) * L + j]
                                     tilted = u * s[TILT + (k * (k - 1) // 2 + i) * L + j]
                                     cap_i = s[CAP + i * L + j]
@@ -241,7 +243,9 @@ def recursion(n_params, lanes):
                                 hold = (over > 0.0) & (s[NOW + j] > 0.0)
                                 s[HELD_NOW + j] = 1.0 if hold else s[HELD_NOW + j]
                                 s[D + k * L + j] = grown if move else d
-                                for i in range(k):
+                                for i in range(N):
+                                    if i >= k:
+                                        continue
                                     u = s[(k * (k - 1) // 2 + i) * L + j]
                                     ratio = s[TILT + (k * (k - 1) // 2 + i) * L + j]
                                     s[(k * (k - 1) // 2 + i) * L + j] = u * (ratio if move else 1.0)
