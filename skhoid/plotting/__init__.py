@@ -6,6 +6,7 @@ from .delay_loss import DelayLossDisplay
 from .effect_ranking import EffectRankingDisplay
 from .effect_steps import EffectStepsDisplay
 from .error_path import ErrorPathDisplay
+from .experiment import ExperimentDisplay
 from .forgetting_profile import ForgettingProfileDisplay
 from .identified_effect import IdentifiedEffectDisplay
 from .memory_horizon import MemoryHorizonDisplay
@@ -19,6 +20,10 @@ from .residual_map import ResidualMapDisplay
 from .residual_time import ResidualTimeDisplay
 from .run_comparison import RunComparisonDisplay
 from .simulation import SimulationDisplay
+from .study_boxes import StudyBoxDisplay
+from .study_paths import StudyPathDisplay
+from .study_responses import StudyResponseDisplay
+from .study_trade_off import StudyTradeOffDisplay
 from .tracking import TrackingDisplay
 from .vaf_contour import VAFContourDisplay
 
@@ -29,6 +34,7 @@ __all__ = [
     "EffectRankingDisplay",
     "EffectStepsDisplay",
     "ErrorPathDisplay",
+    "ExperimentDisplay",
     "ForgettingProfileDisplay",
     "IdentifiedEffectDisplay",
     "MemoryHorizonDisplay",
@@ -42,6 +48,10 @@ __all__ = [
     "ResidualTimeDisplay",
     "RunComparisonDisplay",
     "SimulationDisplay",
+    "StudyBoxDisplay",
+    "StudyPathDisplay",
+    "StudyResponseDisplay",
+    "StudyTradeOffDisplay",
     "TrackingDisplay",
     "VAFContourDisplay",
 ]

@@ -14,8 +14,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..pipelines import taken_apart
 from ._axes import BLACK, COLOURS, GREY, given_axes, legend_columns, note_outside, seconds_axis
+from ._horizons import MARKERS, horizon_axis, near_best
 
-MARKERS = "os^Dv<>"
 LABELS = {
     "gain": "gain in VAF over $\\lambda$ = 1, points",
     "score": "cross-validated VAF, %",
@@ -23,9 +23,6 @@ LABELS = {
     "overfit_ratio": "VAF of training / validation",
 }
 EDGE: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
-MOST_TICKS = 14
-AFAR = 1.5  # octaves from the longest horizon to the infinite one
-REACH = 3.0  # times the distance of best and median, within which limits hold the values
 MARGIN = 0.08  # of the range, above and below
 
 
@@ -187,22 +184,9 @@ class MemoryHorizonDisplay:
 
     def _set_axis(self) -> None:
         """A logarithmic axis of samples with infinity at its end, and one of seconds."""
-        horizons = np.unique(self.results["memory_horizon"])
+        panel, horizons = self.ax_, np.unique(self.results["memory_horizon"])
         finite = horizons[np.isfinite(horizons)]
-        self.infinite_ = float(finite[-1] * 2**AFAR) if finite.size else 2.0
-        panel = self.ax_
-        panel.set_xscale("log", base=2)
-        ticks = _apart(finite, self.infinite_)
-        names = [f"{tick:g}" for tick in ticks]
-        if finite.size < horizons.size:
-            ticks, names = [*ticks, self.infinite_], [*names, "∞"]
-            if finite.size:
-                middle = finite[-1] * 2 ** (AFAR / 2)
-                panel.axvline(middle, color=GREY, lw=0.8, ls=":", zorder=1)
-        panel.set_xticks(ticks, names, fontsize="small")
-        panel.xaxis.set_minor_locator(NullLocator())
-        panel.set_xlim(min([*finite, self.infinite_]) / 1.5, max([*ticks, *finite]) * 1.5)
-        panel.set_xlabel("memory horizon $N_0$, samples")
+        self.infinite_ = horizon_axis(panel, horizons)
         self.seconds_ax_: Any = None
         if self.dt is not None and finite.size:
             self.seconds_ax_ = seconds_axis(panel, self.dt, "memory horizon $T_0$, s")
@@ -252,9 +236,8 @@ class MemoryHorizonDisplay:
             if value.size == 0:
                 continue
             shown = np.concatenate([shown, sign * value])
-            best, median = value.max(), np.median(value)
-            held += (sign * value[value >= best - REACH * (best - median)]).tolist()
-            better = value >= median
+            held += (sign * near_best(value)).tolist()
+            better = value >= np.median(value)
             for edge in (value + deviation, value - deviation):
                 held += (sign * edge[better]).tolist()
         low, high = min(held), max(held)
@@ -365,13 +348,3 @@ def _joined(results: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
             name = ", ".join(filter(None, (str(label), kind or "one $N_0$" * several)))
             lines.append((name, rows))
     return lines
-
-
-def _apart(horizons: np.ndarray, last: float) -> list[float]:
-    """Horizons that are far enough apart for a name each."""
-    ticks: list[float] = []
-    for horizon in horizons:
-        gap = np.log2(last / horizons[0]) / MOST_TICKS
-        if not ticks or np.log2(horizon / ticks[-1]) > 0.99 * gap:
-            ticks.append(float(horizon))
-    return ticks

@@ -1,0 +1,319 @@
+"""How a study's quality of recursive models depends on the memory horizon."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.lines import Line2D
+
+from ._axes import BLACK, COLOURS, GREY, given_axes, legend_columns, note_outside
+from ._horizons import MARKERS, horizon_axis, near_best
+from ._study import REPLICATION, check_table, in_words, ordered, refuse_mixtures
+
+NAME = "StudyTradeOffDisplay"
+KEYS = ["condition", "form", "remnant_intensity", "memory_horizon"]
+VAF = ["vaf_estimation", "vaf_validation"]
+LABELS = {
+    "gain": "gain in VAF of validation\nover no forgetting, points",
+    "vaf_validation": "VAF of validation, %",
+    "vaf_estimation": "VAF of estimation, %",
+    "overfit_difference": "VAF of estimation −\nvalidation, points",
+    "overfit_ratio": "VAF of estimation /\nvalidation",
+    "tradeoff_ratio": "VAF of validation /\nthat of no forgetting",
+}
+LOWER_IS_BETTER = ("overfit_difference", "overfit_ratio")
+WITHOUT = {"gain": 0.0, "tradeoff_ratio": 1.0}  # values of no forgetting
+FEW = 3  # conditions, up to which each has a row
+MOST_TICKS = (8, 5)  # along the axis of a wide panel and of a narrow one
+MARGIN = 0.08
+EDGE: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
+
+
+class StudyTradeOffDisplay:
+    """Tracking ability against noise sensitivity in all cells of a study (Figs. 13, J.1-J.5).
+
+    A panel for each condition and form of forgetting, a line for each remnant intensity: means over
+    the replications against the memory horizon N0 in samples on a logarithmic axis, with no
+    forgetting (an infinite horizon) at its end. An asterisk marks the horizon of each line with
+    the best VAF of validation; the dashed line that with the best mean of all cells of the form.
+
+    The panels of one condition have the same limits. These leave out values that are far worse than
+    the median of their line, as those of a few samples' memory are; a note counts them.
+
+    Make it with :meth:`from_table`.
+
+    Parameters
+    ----------
+    means : DataFrame
+        One row per cell: ``condition``, ``form``, ``remnant_intensity``, ``memory_horizon`` in
+        samples, the number of replications ``n``, and the means ``vaf_estimation``,
+        ``vaf_validation`` (%), ``gain``, ``overfit_difference`` (points), ``overfit_ratio`` and
+        ``tradeoff_ratio``. The ratios are those of means.
+
+    Attributes
+    ----------
+    axes_ : ndarray of Axes, shape (n_rows, n_columns)
+        The panels; with more than three conditions two of them share a row.
+    ax_ : Axes
+        The first of them.
+    figure_ : Figure
+        The figure that holds them.
+    panels_ : list of tuple (condition, form)
+        What each panel of ``axes_.flat`` shows.
+    lines_ : dict of Line2D
+        Values by (condition, form, remnant intensity).
+    best_ : dict of Line2D
+        Marks of the best horizons by the same.
+    best_overall_ : dict of float
+        The horizon with the best mean VAF of validation over conditions and intensities, by form.
+    infinite_ : float
+        Where an infinite horizon stands on the axis.
+    notes_ : list of Text or None
+        Count of values outside, in each panel.
+
+    See Also
+    --------
+    MemoryHorizonDisplay : The same of cross-validated runs.
+
+    References
+    ----------
+    Van Grootheest, thesis, Eqs. 31-32 and J.1-J.6, Fig. 13 and Appendix J.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from skhoid.plotting.study_trade_off import StudyTradeOffDisplay
+    >>> table = pd.DataFrame(
+    ...     {
+    ...         "condition": "C4",
+    ...         "remnant_intensity": 0.15,
+    ...         "replication": 0,
+    ...         "form": "lambda",
+    ...         "memory_horizon": [64, 256, 1024, float("inf")],
+    ...         "vaf_estimation": [85.0, 82.0, 74.0, 68.0],
+    ...         "vaf_validation": [75.0, 78.0, 72.0, 67.0],
+    ...     }
+    ... )
+    >>> display = StudyTradeOffDisplay.from_table(table)
+    >>> display.means["gain"].tolist(), display.best_overall_
+    ([8.0, 11.0, 5.0, 0.0], {'lambda': 256.0})
+    """
+
+    def __init__(self, *, means: pd.DataFrame) -> None:
+        self.means = means
+
+    @classmethod
+    def from_table(
+        cls, table: pd.DataFrame, *, kind: str = "gain", ax: Any = None
+    ) -> StudyTradeOffDisplay:
+        """Draw the table of a study of forgetting.
+
+        Parameters
+        ----------
+        table : DataFrame
+            One row per cell, replication, form of forgetting and horizon: ``condition``,
+            ``remnant_intensity``, ``replication``, ``form``, ``memory_horizon`` (samples,
+            infinite without forgetting), ``vaf_estimation`` and ``vaf_validation`` (%).
+        kind : str, default="gain"
+            ``"gain"`` of the VAF of validation over no forgetting (Eqs. 31-32, Fig. 13); the VAF
+            itself, ``"vaf_validation"`` (Fig. J.2) or ``"vaf_estimation"`` (Fig. J.1); VAF of
+            estimation less validation, ``"overfit_difference"`` (Eqs. J.1-J.2), or over it,
+            ``"overfit_ratio"`` (Eqs. J.3-J.4); and VAF of validation over that of no forgetting,
+            ``"tradeoff_ratio"`` (Eqs. J.5-J.6).
+        ax : array of Axes or None, default=None
+            Where to draw, one for each condition and form, the forms of a condition after each
+            other. None makes a figure.
+
+        Returns
+        -------
+        display : StudyTradeOffDisplay
+
+        Raises
+        ------
+        TypeError
+            If ``table`` is no DataFrame.
+        ValueError
+            If a column is missing, cells would be mixed, ``kind`` is not known, or there is no
+            value of it.
+        """
+        check_table(table, [*KEYS, *VAF, REPLICATION], NAME)
+        refuse_mixtures(table, KEYS, NAME)
+        return cls(means=_means(table)).plot(ax, kind=kind)
+
+    def plot(self, ax: Any = None, *, kind: str = "gain") -> StudyTradeOffDisplay:
+        """Draw.
+
+        Parameters
+        ----------
+        ax : array of Axes or None, default=None
+            Where to draw, one for each condition and form. None makes a figure.
+        kind : str, default="gain"
+            What to draw, see :meth:`from_table`.
+
+        Returns
+        -------
+        self : StudyTradeOffDisplay
+        """
+        if kind not in LABELS:
+            raise ValueError(f"kind must be one of {', '.join(map(repr, LABELS))}; got {kind!r}.")
+        if not np.isfinite(self.means[kind]).any():
+            raise ValueError(
+                f"There is no value of {kind!r} to draw: it compares with no forgetting, and the "
+                "table has no memory_horizon = inf, or with a VAF of 0."
+            )
+        conditions, forms = ordered(self.means["condition"]), ordered(self.means["form"])
+        self.panels_ = [(condition, form) for condition in conditions for form in forms]
+        beside = 2 if len(conditions) > FEW else 1  # conditions in a row
+        shape = -(-len(conditions) // beside), beside * len(forms)
+        own = ax is None
+        if own:
+            width, height = max(6.4, 2.0 + 2.4 * shape[1]), 1.4 + 2.2 * shape[0]
+            _, self.axes_ = plt.subplots(
+                *shape, figsize=(width, height), squeeze=False, layout="constrained"
+            )
+            for spare in self.axes_.flat[len(self.panels_) :]:
+                spare.remove()
+            panels = list(self.axes_.flat[: len(self.panels_)])
+        else:
+            panels = given_axes(ax, (len(self.panels_),), "one for each condition and form")
+            self.axes_ = np.array(panels, dtype=object)
+        self.ax_ = panels[0]
+        self.figure_ = self.ax_.figure
+        self.lines_: dict[tuple[Any, Any, Any], Any] = {}
+        self.best_: dict[tuple[Any, Any, Any], Any] = {}
+        self.best_overall_ = {form: _best_overall(self.means, form) for form in forms}
+        self.notes_: list[Any] = []
+        intensities = ordered(self.means["remnant_intensity"])
+        horizons = self.means["memory_horizon"].to_numpy(dtype=float)
+        most_ticks = MOST_TICKS[shape[1] > 2]
+        for (condition, form), panel in zip(self.panels_, panels, strict=True):
+            self.infinite_ = horizon_axis(panel, horizons, most_ticks)
+            self._draw(panel, condition, form, intensities, kind)
+            panel.set_title(f"{condition}, {in_words('form', form)}", fontsize="medium")
+        for number, condition in enumerate(conditions):
+            beside_each_other = panels[number * len(forms) : (number + 1) * len(forms)]
+            self._limit(beside_each_other, condition, kind)
+            for form, panel in zip(forms, beside_each_other, strict=True):
+                shown = self._cell(condition, form)[kind].to_numpy(dtype=float)
+                # Worse values leave at the bottom, or at the top; the note stands there.
+                corner = ("top" if kind in LOWER_IS_BETTER else "bottom", "left")
+                self.notes_.append(note_outside(panel, shown, corner))
+                panel.tick_params(labelleft=not own or form == forms[0])
+        self._label(panels, shape, len(forms), kind, own)
+        self._explain(intensities, own)
+        return self
+
+    def _cell(self, condition: Any, form: Any) -> pd.DataFrame:
+        table = self.means
+        return table[(table["condition"] == condition) & (table["form"] == form)]
+
+    def _draw(
+        self, panel: Any, condition: Any, form: Any, intensities: list[Any], kind: str
+    ) -> None:
+        panel.grid(alpha=0.3)
+        if kind in WITHOUT:
+            panel.axhline(WITHOUT[kind], color=GREY, lw=0.8, zorder=1)
+        overall = self.best_overall_[form]
+        if overall is not None:
+            at = self.infinite_ if np.isinf(overall) else overall
+            panel.axvline(at, color=BLACK, ls="--", lw=1.0, zorder=1.5)
+        of_panel = self._cell(condition, form)
+        for position, P_n in enumerate(intensities):
+            rows = of_panel[of_panel["remnant_intensity"] == P_n].sort_values("memory_horizon")
+            if rows.empty:
+                continue
+            colour, key = COLOURS[position % len(COLOURS)], (condition, form, P_n)
+            at = rows["memory_horizon"].replace(np.inf, self.infinite_).to_numpy(dtype=float)
+            value = rows[kind].to_numpy(dtype=float)
+            marker = MARKERS[position % len(MARKERS)]
+            (self.lines_[key],) = panel.plot(
+                at, value, color=colour, marker=marker, ms=3, lw=1.1, zorder=2.5
+            )
+            if rows["vaf_validation"].notna().any():
+                best = int(np.nanargmax(rows["vaf_validation"]))
+                (self.best_[key],) = panel.plot(
+                    at[best], value[best], color=colour, marker="*", ms=11, zorder=4, **EDGE
+                )
+
+    def _limit(self, panels: list[Any], condition: Any, kind: str) -> None:
+        """One range for a condition, which holds what is not far worse than usual."""
+        sign = -1.0 if kind in LOWER_IS_BETTER else 1.0
+        held = [WITHOUT[kind]] if kind in WITHOUT else []
+        for (of, _, _), line in self.lines_.items():
+            value = sign * np.asarray(line.get_ydata(), dtype=float)
+            value = value[np.isfinite(value)]
+            if of == condition and value.size:
+                held += (sign * near_best(value)).tolist()
+        if not held:
+            return
+        low, high = min(held), max(held)
+        margin = MARGIN * max(high - low, 1e-6 * abs(high))
+        if margin > 0:
+            for panel in panels:
+                panel.set_ylim(low - margin, high + margin)
+
+    def _label(
+        self, panels: list[Any], shape: tuple[int, int], n_forms: int, kind: str, own: bool
+    ) -> None:
+        last = len(panels) - shape[1]
+        for number, panel in enumerate(panels):
+            if own and number < last:
+                panel.set_xlabel("")
+                panel.tick_params(labelbottom=False)
+            if number % (shape[1] if own else n_forms) == 0:
+                panel.set_ylabel(LABELS[kind])
+        if own:
+            self.figure_.align_ylabels(panels)
+
+    def _explain(self, intensities: list[Any], own: bool) -> None:
+        handles = [
+            Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=MARKERS[i % len(MARKERS)], ms=4)
+            for i in range(len(intensities))
+        ]
+        labels = [in_words("remnant_intensity", P_n) for P_n in intensities]
+        handles.append(Line2D([], [], color="white", marker="*", ms=11, ls="none", **EDGE))
+        labels.append("best $N_0$ of the line")
+        known = {form: N0 for form, N0 in self.best_overall_.items() if N0 is not None}
+        if known:
+            handles.append(Line2D([], [], color=BLACK, ls="--", lw=1.0))
+            values = {form: "∞" if np.isinf(N0) else f"{N0:g}" for form, N0 in known.items()}
+            each = ", ".join(f"{v} ({in_words('form', form)})" for form, v in values.items())
+            labels.append(f"best of all cells: $N_0$ = {each}")
+        if own:
+            wide = self.figure_.get_figwidth() > 8
+            columns = -(-len(labels) // 2) if wide else legend_columns(labels)
+            self.figure_.legend(handles, labels, loc="outside lower center", ncols=columns)
+        else:
+            self.ax_.legend(handles, labels, loc="best", fontsize="small")
+
+
+def _means(table: pd.DataFrame) -> pd.DataFrame:
+    """Means over the replications, and what follows from them."""
+    groups = table.groupby(KEYS, sort=False)
+    means = groups[VAF].mean().assign(n=groups.size()).reset_index()
+    cell = KEYS[:3]
+    without = means.loc[np.isinf(means["memory_horizon"]), [*cell, "vaf_validation"]]
+    base = means[cell].merge(without, on=cell, how="left")["vaf_validation"].to_numpy(dtype=float)
+    estimation, validation = (means[name].to_numpy(dtype=float) for name in VAF)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # The ratio to a VAF of 0 says nothing.
+        ratio = np.where(validation > 0, estimation / validation, np.nan)
+        to_base = np.where(base > 0, validation / base, np.nan)
+    return means.assign(
+        gain=validation - base,
+        overfit_difference=estimation - validation,
+        overfit_ratio=ratio,
+        tradeoff_ratio=to_base,
+    )
+
+
+def _best_overall(means: pd.DataFrame, form: Any) -> float | None:
+    """The horizon with the best mean over the cells of a form, of those that all cells have."""
+    cells = means[means["form"] == form].pivot_table(
+        index="memory_horizon", columns=["condition", "remnant_intensity"], values="vaf_validation"
+    )
+    complete = cells.dropna()
+    return None if complete.empty else float(complete.mean(axis=1).idxmax())
