@@ -1,5 +1,7 @@
 """skhoid: identify human operators from recorded control loops."""
 
+__version__ = "0.1.0"
+
 from .arx.batch import ARXRegressor
 from .arx.forgetting import forgetting_factor
 from .arx.recursive import RecursiveARX
@@ -27,7 +29,10 @@ from .exceptions import (
     RunTimeWarning,
     SamplingJitterWarning,
     ShortRunError,
+    StudyFolderError,
+    StudyWarning,
     UnstableLoopError,
+    WorkersLostError,
 )
 from .frequency import (
     FrequencyResponse,
@@ -51,6 +56,12 @@ from .human import (
 )
 from .io import load_bicycle_rider, load_human_tracking, read_runs, write_runs
 from .metrics import VAFScorer, vaf_score
+from .montecarlo import (
+    MonteCarloStudy,
+    analyse_experiment,
+    recommend_forgetting,
+    simulate_experiment,
+)
 from .preprocessing import Decimator, DelayShift, RunInTrimmer, resample_runs
 from .selection import run_labels, sampling_time, select_runs
 from .simulation import (
@@ -62,8 +73,6 @@ from .simulation import (
     tracking_condition,
     tune_remnant,
 )
-
-__version__ = "0.1.0"
 
 __all__ = [
     "ARXRegressor",
@@ -80,6 +89,7 @@ __all__ = [
     "IrregularSamplingError",
     "MissingDataWarning",
     "Mixture",
+    "MonteCarloStudy",
     "Multisine",
     "OperatorRegressor",
     "OrderSearchCV",
@@ -99,8 +109,12 @@ __all__ = [
     "ShortRunError",
     "Sigmoid",
     "Step",
+    "StudyFolderError",
+    "StudyWarning",
     "UnstableLoopError",
     "VAFScorer",
+    "WorkersLostError",
+    "analyse_experiment",
     "arx_to_operator",
     "auto_psd",
     "check_channels",
@@ -117,12 +131,14 @@ __all__ = [
     "operator_parameters",
     "performance_scores",
     "read_runs",
+    "recommend_forgetting",
     "reference_fits",
     "remnant_estimate",
     "resample_runs",
     "run_labels",
     "sampling_time",
     "select_runs",
+    "simulate_experiment",
     "tracking_condition",
     "tune_remnant",
     "vaf_score",

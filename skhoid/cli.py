@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from . import __version__
 from ._cli_effects import add_effect_commands
 from ._cli_files import add_file_options, as_json, at_least_one, read_files
+from ._cli_study import add_study_command
+from .exceptions import WorkersLostError
 
 if TYPE_CHECKING:
     from .arx.identify import Identification
@@ -55,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return int(options.action(options))
     except KeyboardInterrupt:
         return 130
-    except (ValueError, OSError, ImportError) as error:
+    except (ValueError, OSError, ImportError, WorkersLostError) as error:
         from .exceptions import IrregularSamplingError
 
         irregular = isinstance(error, IrregularSamplingError) and "resample_runs" in str(error)
@@ -145,6 +147,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--picture", metavar="FILE", help="draw the first run, with the spread of the others")
     add("--debug", action="store_true", help="show tracebacks")
     add_effect_commands(commands)
+    add_study_command(commands)
     return parser
 
 

@@ -13,7 +13,10 @@ __all__ = [
     "RunTimeWarning",
     "SamplingJitterWarning",
     "ShortRunError",
+    "StudyFolderError",
+    "StudyWarning",
     "UnstableLoopError",
+    "WorkersLostError",
 ]
 
 
@@ -39,6 +42,18 @@ class UnstableLoopError(ValueError):
 
 class RemnantIntensityError(ValueError):
     """No remnant gain gives the wanted intensity, or the realisations do not determine it."""
+
+
+class StudyFolderError(ValueError):
+    """A folder belongs to a different study, or to none."""
+
+
+class WorkersLostError(RuntimeError):
+    """The workers of a study died again and again; what was finished is kept."""
+
+
+class StudyWarning(UserWarning):
+    """Part of a study had to be computed again, or data sets failed."""
 
 
 class SamplingJitterWarning(UserWarning):

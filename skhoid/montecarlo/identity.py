@@ -1,0 +1,165 @@
+"""What a study is, in words that two processes, and two days, agree on."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import inspect
+import json
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from types import CodeType
+from typing import Any
+
+import joblib
+import numpy as np
+import pandas as pd
+
+PLAIN = (bool, int, float, str, bytes, tuple, type(None))
+
+
+def described(value: Any, within: tuple[int, ...] = ()) -> Any:
+    """A value as JSON can hold it; equal values give equal descriptions, in any process.
+
+    Numbers and text stand for themselves, dataclasses and mappings for their parts, functions for
+    their name and source with what they enclose, estimators for their parameters and what they
+    learned, arrays and all else for a digest of what they hold. ``within`` are the objects around
+    it, so that what refers to itself comes to an end.
+    """
+    if value is None or isinstance(value, (bool, str)):
+        return value
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        number = float(value)  # exact as text, and infinity and NaN are no JSON
+        return int(number) if number.is_integer() else repr(number)
+    if id(value) in within:
+        return "itself"
+    part = functools.partial(described, within=(*within, id(value)))
+    if isinstance(value, Mapping):
+        return {str(key): part(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [part(item) for item in value]
+    if isinstance(value, (set, frozenset)):
+        return ["set", sorted((part(item) for item in value), key=repr)]
+    if isinstance(value, np.ndarray):
+        if value.dtype == object:
+            return [f"array {value.shape}", part(value.ravel().tolist())]
+        contents = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()[:16]
+        return [f"array {value.dtype} {value.shape}", contents]
+    if isinstance(value, (pd.DataFrame, pd.Series, pd.Index)):
+        frame = value.reset_index() if not isinstance(value, pd.Index) else value.to_frame()
+        columns = [part(frame.iloc[:, i].to_numpy()) for i in range(frame.shape[1])]
+        return [type(value).__qualname__, part([str(name) for name in frame.columns]), columns]
+    if isinstance(value, functools.partial):
+        return ["partial", part(value.func), part(value.args), part(value.keywords)]
+    if inspect.ismethod(value):
+        return [_of_function(value.__func__, part), part(value.__self__)]
+    if inspect.isfunction(value):
+        return _of_function(value, part)
+    if inspect.isclass(value):
+        return [f"{value.__module__}.{value.__qualname__}", digest(_source(value))]
+    kind = type(value).__qualname__
+    if is_dataclass(value):
+        return [kind, {field.name: part(getattr(value, field.name)) for field in fields(value)}]
+    if hasattr(value, "get_params"):
+        parameters = value.get_params(deep=False)
+        learned = {key: item for key, item in vars(value).items() if key not in parameters}
+        return [kind, part(parameters), *([part(learned)] if learned else [])]
+    source = [digest(_source(type(value)))] if callable(value) else []
+    try:
+        return [kind, *source, joblib.hash(value)]
+    except Exception as error:
+        raise TypeError(
+            f"A {kind} cannot be told from others of its kind ({type(error).__name__}: {error}). "
+            "A study needs that, for its seeds and its folder: use numbers, text, dataclasses or "
+            "functions."
+        ) from error
+
+
+def _of_function(function: Any, part: Any) -> list[Any]:
+    """Name, source, defaults, what it encloses, and the plain values and helpers of its module."""
+    code = function.__code__
+    # The source of a lambda is a line, which may hold several.
+    source = "" if function.__name__ == "<lambda>" else _source(function)
+    held: dict[str, Any] = {"defaults": [function.__defaults__, function.__kwdefaults__]}
+    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+        try:
+            held[name] = cell.cell_contents
+        except ValueError:  # not assigned yet
+            continue
+    for name in sorted(_names(code)):
+        if name not in function.__globals__:
+            continue
+        found = function.__globals__[name]
+        helper = inspect.isfunction(found) and found.__module__ == function.__module__
+        if helper or isinstance(found, PLAIN):
+            held[f"global {name}"] = found
+    return [
+        f"{function.__module__}.{function.__qualname__}",
+        digest([source or _of_code(code), part(held)]),
+    ]
+
+
+def _source(thing: Any) -> str:
+    try:
+        return inspect.getsource(thing)
+    except (OSError, TypeError):  # typed at a prompt, or compiled
+        return ""
+
+
+def _names(code: CodeType) -> set[str]:
+    """Names of globals (and attributes) that a function and those within it use."""
+    inner = [_names(const) for const in code.co_consts if isinstance(const, CodeType)]
+    return set(code.co_names).union(*inner)
+
+
+def _of_code(code: CodeType) -> list[Any]:
+    """Bytecode without addresses and without the order of sets, which differ by process."""
+    constants = [
+        _of_code(const)
+        if isinstance(const, CodeType)
+        else sorted(map(repr, const))
+        if isinstance(const, frozenset)
+        else repr(const)
+        for const in code.co_consts
+    ]
+    return [code.co_code.hex(), list(code.co_names), list(code.co_varnames), constants]
+
+
+def digest(value: Any) -> str:
+    """A short digest of a description."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def key_words(value: Any) -> tuple[int, ...]:
+    """Four whole numbers that seed what belongs to a description."""
+    raw = hashlib.sha256(json.dumps(value, sort_keys=True).encode()).digest()
+    return tuple(int.from_bytes(raw[i : i + 4], "little") for i in range(0, 16, 4))
+
+
+def differences(one: Any, two: Any, where: str = "") -> list[str]:
+    """In words where two descriptions differ, the second being the one that is wanted."""
+    if isinstance(one, dict) and isinstance(two, dict):
+        found = []
+        for key in [*one, *(key for key in two if key not in one)]:
+            inner = f"{where}.{key}" if where else str(key)
+            found += differences(one.get(key), two.get(key), inner)
+        return found
+    if isinstance(one, list) and isinstance(two, list) and len(one) == len(two):
+        found = []
+        for i, (a, b) in enumerate(zip(one, two, strict=True)):
+            found += differences(a, b, f"{where}[{i}]")
+        return found
+    if one == two:
+        return []
+    if isinstance(one, list) and isinstance(two, list) and where == "cells":
+        return [f"cells: {len(one)} there, {len(two)} here"]
+    return [f"{where}: {_short(one)} there, {_short(two)} here"]
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

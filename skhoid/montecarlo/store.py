@@ -1,0 +1,187 @@
+"""A study's folder: finished blocks as Parquet files, and what study they belong to."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..exceptions import StudyFolderError, StudyWarning
+from ..io._table import require
+from .identity import differences, digest
+
+MANIFEST = "study.json"
+BLOCKS = "blocks"
+NAME = re.compile(r"block-(\d{6,})\.parquet")
+KEY = b"skhoid"  # of the file's metadata
+NUMBERS = (bool, int, float, np.bool_, np.number)
+
+
+class Store:
+    """The folder of one study.
+
+    A block is written beside its place and then moved there, so that a file of its name is whole.
+    Files that are damaged all the same, or belong to other blocks, are told by the digest of the
+    study, their number and the checksums of their pages and table, and are computed again.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], description: dict[str, Any]) -> None:
+        self.folder, self.description = Path(folder), description
+        self.digest = digest(description)
+        self.pyarrow = require("pyarrow", "A study with a folder")
+        self.parquet = require("pyarrow.parquet", "A study with a folder")
+        self._open()
+
+    def _open(self) -> None:
+        if self.folder.exists() and not self.folder.is_dir():
+            raise StudyFolderError(f"{self.folder} is a file; a study needs a folder.")
+        manifest = self.folder / MANIFEST
+        if manifest.exists():
+            there = read_manifest(self.folder) or {}
+            if there != self.description:
+                apart = differences(there, self.description)
+                more = f" (and {len(apart) - 4} more)" if len(apart) > 4 else ""
+                raise StudyFolderError(
+                    f"The folder {self.folder} belongs to a different study: "
+                    f"{'; '.join(apart[:4])}{more}. Take another folder, or delete this one."
+                )
+        else:
+            strangers = sorted(self.folder.iterdir()) if self.folder.exists() else []
+            strangers = [path for path in strangers if not _is_left_over(path)]
+            if strangers:
+                raise StudyFolderError(
+                    f"The folder {self.folder} is not a study's: it has no {MANIFEST}, and holds "
+                    f"{strangers[0].name}. Take an empty or a new one."
+                )
+            self.folder.mkdir(parents=True, exist_ok=True)
+            text = json.dumps(self.description, indent=1)
+            _write_whole(manifest, lambda path: path.write_text(text, encoding="utf-8"))
+        (self.folder / BLOCKS).mkdir(exist_ok=True)
+
+    def finished(self) -> dict[int, pd.DataFrame]:
+        """Blocks that are whole, by number; what is not is deleted."""
+        found: dict[int, pd.DataFrame] = {}
+        for path in sorted((self.folder / BLOCKS).iterdir()):
+            match = NAME.fullmatch(path.name)
+            if match is None:
+                if _is_left_over(path):  # of a process that was killed while it wrote
+                    path.unlink(missing_ok=True)
+                continue
+            number = int(match[1])
+            try:
+                found[number] = self._read(path, number)
+            except Exception as error:
+                reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+                warnings.warn(
+                    f"{path} is damaged ({reason}); the block is computed again.",
+                    StudyWarning,
+                    stacklevel=4,
+                )
+                path.unlink()
+        return found
+
+    def _read(self, path: Path, number: int) -> pd.DataFrame:
+        table = self.parquet.read_table(path, page_checksum_verification=True, partitioning=None)
+        stamp = (table.schema.metadata or {}).get(KEY, b"").decode()
+        found = uniform(table.replace_schema_metadata().to_pandas())
+        if not stamp.startswith(f"{self.digest} {number} "):
+            raise ValueError("not the block of this study that its name says")
+        if stamp != self._stamp(number, found):
+            raise ValueError("not what was written")
+        return found
+
+    def _stamp(self, number: int, table: pd.DataFrame) -> str:
+        return f"{self.digest} {number} {checksum(table)}"
+
+    def write(self, number: int, table: pd.DataFrame) -> None:
+        """Write one block; it is there whole or not at all."""
+        arrow = self.pyarrow.Table.from_pandas(table, preserve_index=False)
+        arrow = arrow.replace_schema_metadata({KEY: self._stamp(number, table)})
+        _write_whole(
+            self.folder / BLOCKS / f"block-{number:06d}.parquet",
+            lambda path: self.parquet.write_table(arrow, path, write_page_checksum=True),
+        )
+
+
+def read_manifest(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """The description of the study that a folder belongs to; None if it has none."""
+    manifest = Path(folder) / MANIFEST
+    if not manifest.exists():
+        return None
+    try:
+        found = json.loads(manifest.read_text(encoding="utf-8"))
+    except (ValueError, UnicodeDecodeError) as error:
+        raise StudyFolderError(
+            f"{manifest} cannot be read ({error}): the folder belongs to no study that is known. "
+            "Take another folder, or delete this one."
+        ) from error
+    if not isinstance(found, dict) or not str(found.get("entropy", "")).isdecimal():
+        raise StudyFolderError(f"{manifest} is no description of a study. Take another folder.")
+    return found
+
+
+def uniform(table: pd.DataFrame) -> pd.DataFrame:
+    """The same columns whether a table comes from memory or from a file.
+
+    Whole numbers and truth values stay so unless one is missing, which makes them floating-point;
+    what is not a number becomes text, and missing text is None.
+    """
+    columns = {name: _uniform(column) for name, column in table.items()}
+    return pd.DataFrame(columns, index=range(len(table)))
+
+
+def _uniform(column: pd.Series) -> pd.Series:
+    kind = getattr(column.dtype, "kind", "O") if isinstance(column.dtype, np.dtype) else "O"
+    if kind in "bif":
+        return pd.Series(column.to_numpy(dtype={"b": bool, "i": np.int64, "f": np.float64}[kind]))
+    missing = column.isna().to_numpy()
+    kinds = {type(value) for value in column.to_numpy(dtype=object)[~missing]}
+    if not kinds:
+        is_number = pd.api.types.is_numeric_dtype(column.dtype)
+        return pd.Series(np.full(missing.size, np.nan if is_number else None))
+    if all(issubclass(kind, NUMBERS) for kind in kinds):
+        if all(issubclass(kind, (bool, np.bool_)) for kind in kinds) and not missing.any():
+            return pd.Series(column.to_numpy(dtype=bool))
+        values = column.to_numpy(dtype=object)
+        whole = all(issubclass(kind, (int, np.integer)) and kind is not bool for kind in kinds)
+        if whole and not missing.any() and abs(max(values, key=abs)) < 2**63:
+            return pd.Series(values.astype(np.int64))
+        return pd.Series(column.to_numpy(dtype=float, na_value=np.nan))
+    texts = [
+        None if gone else value if isinstance(value, str) else str(value)
+        for gone, value in zip(missing, column, strict=True)
+    ]
+    return pd.Series(np.array(texts, dtype=object), dtype=object)
+
+
+def checksum(table: pd.DataFrame) -> str:
+    """Of the names, kinds and values of a table as :func:`uniform` makes it."""
+    found = hashlib.sha256()
+    for name, column in table.items():
+        found.update(f"{name} {column.dtype} {len(column)} ".encode())
+        text = column.dtype == object
+        found.update(json.dumps(list(column)).encode() if text else column.to_numpy().tobytes())
+    return found.hexdigest()[:16]
+
+
+def _write_whole(path: Path, write: Any) -> None:
+    """Write beside the place, make sure that it is on the disk, and move it there."""
+    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        write(aside)
+        with open(aside, "rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def _is_left_over(path: Path) -> bool:
+    return path.name.startswith(".") and path.name.endswith(".tmp")

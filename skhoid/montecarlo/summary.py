@@ -1,0 +1,151 @@
+"""Statistics of a study's table by cell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from .blocks import ERROR, REPLICATION, SEED
+
+
+def summarize(
+    table: pd.DataFrame,
+    by: str | Sequence[str] | None = None,
+    values: str | Sequence[str] | None = None,
+    *,
+    statistic: str | Callable[[np.ndarray], float] = "mean",
+    quantiles: Sequence[float] = (0.05, 0.25, 0.5, 0.75, 0.95),
+    confidence: float = 0.95,
+    n_resamples: int = 999,
+    random_state: int = 0,
+) -> pd.DataFrame:
+    """Means, standard deviations, quantiles and a confidence interval, by cell.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Results of :meth:`MonteCarloStudy.run`.
+    by : str, sequence of str or None, default=None
+        Columns that make a cell; None means those before ``replication``. Name others that the
+        function returned, such as a setting, too.
+    values : str, sequence of str or None, default=None
+        Columns to describe; None means all that are numbers or truth values.
+    statistic : {"mean", "median", "std"} or callable, default="mean"
+        What the confidence interval is for; a callable takes an array of values. Of the mean the
+        interval is that of Student's t, of others the percentiles of bootstrap samples.
+    quantiles : sequence of float, default=(0.05, 0.25, 0.5, 0.75, 0.95)
+        Quantiles to give.
+    confidence : float, default=0.95
+        Of the interval.
+    n_resamples : int, default=999
+        Bootstrap samples.
+    random_state : int, default=0
+        Their seed.
+
+    Returns
+    -------
+    summary : DataFrame
+        A row for each cell and value, with ``n`` (values that are not NaN), ``missing``, ``mean``,
+        ``sd``, ``q05`` ..., the statistic's name if it is another, and the interval ``low`` and
+        ``high`` (NaN with fewer than two values).
+
+    Raises
+    ------
+    ValueError
+        If a column is not there.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from skhoid.montecarlo import summarize
+    >>> table = pd.DataFrame(
+    ...     {"condition": ["C1"] * 4, "replication": range(4), "nk": [28.0, 29.0, 29.0, 30.0]}
+    ... )
+    >>> summarize(table)[["n", "mean", "sd", "low", "high"]].round(2)
+                     n  mean    sd  low  high
+    condition value
+    C1        nk     4  29.0  0.82 27.7  30.3
+    """
+    columns = list(table.columns)
+    if by is None:
+        if REPLICATION not in columns:
+            raise ValueError(
+                "The table has no column 'replication', so the cells are not known: name them (by)."
+            )
+        by = columns[: columns.index(REPLICATION)]
+    by = [by] if isinstance(by, str) else list(by)
+    if values is None:
+        numbers = table.select_dtypes(["number", "bool"]).columns
+        values = [name for name in numbers if name not in {*by, REPLICATION, ERROR, SEED}]
+    values = [values] if isinstance(values, str) else list(values)
+    missing = [name for name in [*by, *values] if name not in columns]
+    if missing:
+        raise ValueError(f"The table has no column {missing[0]!r}; it has {columns}.")
+    if not 0 < confidence < 1:
+        raise ValueError(f"confidence is between 0 and 1; got {confidence!r}.")
+    if not all(0 <= q <= 1 for q in quantiles):
+        raise ValueError(f"quantiles are between 0 and 1; got {quantiles!r}.")
+    name, compute = _statistic(statistic)
+    rows = []
+    groups = table.groupby(by, sort=False, dropna=False) if by else [((), table)]
+    for key, group in groups:
+        for value in values:
+            x = group[value].to_numpy(dtype=float)
+            known = x[~np.isnan(x)]
+            row: dict[str, Any] = dict(zip(by, key, strict=True)) | {"value": value}
+            row |= {"n": known.size, "missing": x.size - known.size}
+            with np.errstate(invalid="ignore"):  # infinities have no deviation
+                row["mean"] = known.mean() if known.size else np.nan
+                row["sd"] = _deviation(known)
+                for q in quantiles:
+                    row[_label(q)] = np.quantile(known, q) if known.size else np.nan
+                if name != "mean":
+                    row[name] = compute(known) if known.size else np.nan
+                row["low"], row["high"] = _interval(
+                    known, name, compute, confidence, n_resamples, random_state
+                )
+            rows.append(row)
+    return pd.DataFrame(rows).set_index([*by, "value"])
+
+
+def _label(quantile: float) -> str:
+    whole, dot, rest = f"{round(100 * quantile, 6):g}".partition(".")
+    return f"q{whole.zfill(2)}{dot}{rest}"
+
+
+def _deviation(x: np.ndarray) -> float:
+    return float(x.std(ddof=1)) if x.size > 1 else np.nan
+
+
+def _statistic(statistic: Any) -> tuple[str, Callable[[np.ndarray], float]]:
+    known = {"mean": np.mean, "median": np.median, "std": _deviation}
+    if isinstance(statistic, str):
+        if statistic not in known:
+            raise ValueError(f"statistic is one of {list(known)} or a function; got {statistic!r}.")
+        return statistic, known[statistic]  # type: ignore[return-value]
+    return getattr(statistic, "__name__", "statistic"), statistic
+
+
+def _interval(
+    x: np.ndarray,
+    name: str,
+    compute: Callable[[np.ndarray], float],
+    confidence: float,
+    n_resamples: int,
+    random_state: int,
+) -> tuple[float, float]:
+    if x.size < 2:
+        return np.nan, np.nan
+    if np.ptp(x) == 0 and name in ("mean", "median"):
+        return float(x[0]), float(x[0])
+    if name == "mean":
+        half = stats.t.ppf((1 + confidence) / 2, x.size - 1) * x.std(ddof=1) / np.sqrt(x.size)
+        return float(x.mean() - half), float(x.mean() + half)
+    rng = np.random.default_rng(random_state)
+    found = [compute(rng.choice(x, x.size)) for _ in range(n_resamples)]
+    low, high = np.quantile(found, [(1 - confidence) / 2, (1 + confidence) / 2])
+    return float(low), float(high)

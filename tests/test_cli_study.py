@@ -1,0 +1,91 @@
+"""The command ``skhoid study``."""
+
+import json
+
+import pytest
+
+from skhoid import make_tracking_runs, write_runs
+from skhoid.cli import main
+
+SMALL = ["--conditions", "C1", "--intensities", "0.1", "--replications", "3"]
+
+
+def test_list(capsys):
+    assert main(["study", "list"]) == 0
+    out = capsys.readouterr().out
+    assert "fig13" in out
+    assert "experiment" in out
+
+
+def test_words_and_files(capsys, tmp_path):
+    words = ["study", "fig12", *SMALL, "--validation", "2", "--out", str(tmp_path)]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "[holds] Fig. 12" in out
+    assert "4 files in" in out
+    assert (tmp_path / "fig12" / "fig12.png").stat().st_size > 5000
+    assert main(words) == 0  # goes on: all is there
+    assert main([*words, "--seed", "1"]) == 2
+    assert "belongs to a different study: entropy" in capsys.readouterr().err
+
+
+def test_json(capsys):
+    words = ["study", "fig13", *SMALL, "--validation", "2", "--json", "--jobs", "2"]
+    assert main(words) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["study"] == "fig13"
+    assert found["failed"] == 0
+    assert found["claims"][0]["holds"] is None
+
+
+def test_all(capsys, tmp_path):
+    words = ["study", "all", "--replications", "2", "--validation", "1", "--json"]
+    words += ["--conditions", "C1", "--intensities", "0", "0.1", "--orders", "2", "nm"]
+    assert main([*words, "--out", str(tmp_path), "--no-pictures"]) == 0
+    found = json.loads(capsys.readouterr().out)["studies"]
+    assert [one["study"] for one in found] == ["appG", "fig12", "fig13", "appI", "appK"]
+    assert (tmp_path / "appK" / "claims.csv").exists()
+
+
+def test_recommend(capsys, tmp_path):
+    words = ["study", "recommend", "--conditions", "C4", "--intensities", "0.1", "--rate", "50"]
+    words += ["--replications", "4", "--validation", "3"]
+    assert main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["memory_horizon"] in (64, 128, 256)
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    assert "samples" in capsys.readouterr().out
+    assert (tmp_path / "recommend" / "trade-off.png").exists()
+
+
+def test_experiment(capsys, tmp_path):
+    words = ["study", "experiment", "--subjects", "2", "--runs", "4", "--last", "3"]
+    words += ["--conditions", "C4", "--out", str(tmp_path)]
+    assert main(words) == 0
+    assert "S2" in capsys.readouterr().out
+    made = {path.name for path in (tmp_path / "experiment").iterdir()}
+    assert {"scores.csv", "verdicts.csv", "C4-lambda-arx.png", "C4-Lambda-operator.png"} <= made
+
+
+def test_experiment_of_ones_own_files(capsys, tmp_path):
+    X, y = make_tracking_runs("C4", 3, remnant_intensity=0.1, random_state=0)
+    write_runs(X.rename(columns={"e": "error"}), y.rename("stick"), tmp_path / "runs.csv")
+    words = ["study", "experiment", str(tmp_path / "runs.csv"), "--time", "time", "--run", "run"]
+    words += ["--input", "error", "--output", "stick", "--json"]
+    assert main(words) == 0
+    assert "all" in json.loads(capsys.readouterr().out)["summary"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["fig99"], "No study 'fig99'"),
+        (["appI", "--orders", "2"], "--orders does not apply to the study 'appI'"),
+        (["fig13", "run.csv"], "Only 'experiment' takes files"),
+        (["recommend", "--conditions", "C1", "C2"], "takes one condition"),
+        (["fig9", "--conditions", "C7"], "Unknown condition 'C7'"),
+        (["fig13", "--intensities", "0.12"], "--gains tuned"),
+    ],
+)
+def test_errors(words, message, capsys):
+    assert main(["study", *words]) == 2
+    assert message in capsys.readouterr().err
