@@ -139,8 +139,8 @@ def delay_study(
     result : StudyResult
         Its table has two rows a replication, ``delay`` "fixed" and "estimated": nk, the ARX
         parameters and their relative bias (Eq. 30), those of the operator (Eqs. 22-23),
-        ``weight_ratio`` (of ``|A|^2`` at 100 and at 20 rad/s, Fig. 11) and ``vaf_validation`` (whole
-        window, %).
+        ``weight_ratio`` (of ``|A|^2`` at 100 and at 20 rad/s, Fig. 11) and ``vaf_validation``
+        (whole window, %).
 
     Examples
     --------

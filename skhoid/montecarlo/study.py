@@ -171,8 +171,9 @@ class MonteCarloStudy:
             stopped, in whatever way, goes on there, and ends with the same table. None keeps
             nothing. Needs ``pip install "skhoid[io]"``.
         n_jobs : int or None, default=None
-            Number of workers, as in joblib; inside ``joblib.parallel_config`` those of its
-            backend, such as a dask cluster.
+            Number of workers, as in joblib; inside ``joblib.parallel_config(backend="dask")``
+            those of the dask cluster that is connected (``pip install "skhoid[dask]"``). Ray and
+            spark bring joblib backends of their own; their results come in rounds.
         progress : bool or None, default=None
             Show a bar; None means where there is a terminal.
 
@@ -187,7 +188,8 @@ class MonteCarloStudy:
         StudyFolderError
             If the folder belongs to a different study, or is not a study's.
         WorkersLostError
-            If workers die again and again.
+            If workers die again and again, or a cluster has none for a minute. All blocks but
+            those that kill their worker are finished first.
 
         Warns
         -----

@@ -90,6 +90,12 @@ def summarize(
     if not all(0 <= q <= 1 for q in quantiles):
         raise ValueError(f"quantiles are between 0 and 1; got {quantiles!r}.")
     name, compute = _statistic(statistic)
+    made = {"value", "n", "missing", "mean", "sd", "low", "high", name, *map(_label, quantiles)}
+    if taken := sorted(made.intersection(by)):
+        raise ValueError(
+            f"The cells have a column {taken[0]!r}, as the summary has: rename it first, with "
+            f"table.rename(columns={{{taken[0]!r}: ...}})."
+        )
     rows = []
     groups = table.groupby(by, sort=False, dropna=False) if by else [((), table)]
     for key, group in groups:

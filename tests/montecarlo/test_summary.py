@@ -110,5 +110,7 @@ def test_other_groups():
 def test_what_makes_no_sense(options, message):
     with pytest.raises(ValueError, match=message):
         summarize(table(), **options)
+    with pytest.raises(ValueError, match=r"column 'n', as the summary has: rename it"):
+        summarize(table().rename(columns={"order": "n"}))
     with pytest.raises(ValueError, match="'replication'"):
         summarize(table().drop(columns="replication"))
