@@ -113,7 +113,7 @@ print((100 * power["mean"]).round().unstack("runs").to_string())
 
 # %%
 # ``summarize`` describes any column of any table by any cell: here the share of sessions, with its
-# interval. (Where all sessions agree the interval has no width, which is too good to be true.)
+# interval.
 
 import matplotlib.pyplot as plt
 

@@ -36,7 +36,8 @@ def summarize(
         Columns to describe; None means all that are numbers or truth values.
     statistic : {"mean", "median", "std"} or callable, default="mean"
         What the confidence interval is for; a callable takes an array of values. Of the mean the
-        interval is that of Student's t, of others the percentiles of bootstrap samples.
+        interval is that of Student's t, of a share (the mean of truth values) Wilson's, of others
+        the percentiles of bootstrap samples.
     quantiles : sequence of float, default=(0.05, 0.25, 0.5, 0.75, 0.95)
         Quantiles to give.
     confidence : float, default=0.95
@@ -111,9 +112,12 @@ def summarize(
                     row[_label(q)] = np.quantile(known, q) if known.size else np.nan
                 if name != "mean":
                     row[name] = compute(known) if known.size else np.nan
-                row["low"], row["high"] = _interval(
-                    known, name, compute, confidence, n_resamples, random_state
-                )
+                if name == "mean" and table[value].dtype == bool:
+                    row["low"], row["high"] = _share(known, confidence)
+                else:
+                    row["low"], row["high"] = _interval(
+                        known, name, compute, confidence, n_resamples, random_state
+                    )
             rows.append(row)
     return pd.DataFrame(rows).set_index([*by, "value"])
 
@@ -134,6 +138,13 @@ def _statistic(statistic: Any) -> tuple[str, Callable[[np.ndarray], float]]:
             raise ValueError(f"statistic is one of {list(known)} or a function; got {statistic!r}.")
         return statistic, known[statistic]  # type: ignore[return-value]
     return getattr(statistic, "__name__", "statistic"), statistic
+
+
+def _share(x: np.ndarray, confidence: float) -> tuple[float, float]:
+    if not x.size:
+        return np.nan, np.nan
+    found = stats.binomtest(int(x.sum()), x.size).proportion_ci(confidence, method="wilson")
+    return float(found.low), float(found.high)
 
 
 def _interval(

@@ -114,3 +114,11 @@ def test_what_makes_no_sense(options, message):
         summarize(table().rename(columns={"order": "n"}))
     with pytest.raises(ValueError, match="'replication'"):
         summarize(table().drop(columns="replication"))
+
+
+def test_a_share_has_an_interval_even_where_all_agree():
+    given = pd.DataFrame({"condition": "C1", "replication": range(20), "seen": True})
+    row = summarize(given).iloc[0]
+    assert (row["mean"], row["sd"]) == (1.0, 0.0)
+    assert row["high"] == pytest.approx(1.0)
+    assert row["low"] == pytest.approx(20 / (20 + 1.96**2), abs=1e-3)  # Wilson (1927)
