@@ -4,8 +4,9 @@
     python benchmarks/bench_growth.py               # some minutes
     python benchmarks/bench_growth.py --share 0.25  # to try
 
-One process. Each row is a fresh Python; memory is the peak of its resident set above that of a
-study of a single data set, without the table itself. Exits with 1 if time grows by more than
+One process. Each row is a fresh Python, the fastest of three that take turns with those of the
+other sizes; memory is the peak of its resident set above that of a study of a single data set,
+without the table itself. Exits with 1 if time grows by more than
 1.15 times the size, or memory of what need not grow by more than 20 MB.
 """
 
@@ -58,13 +59,9 @@ def measure(sizes: dict[str, int]) -> dict[str, float]:
 
 
 def in_a_process(sizes: dict[str, int]) -> dict[str, float]:
-    """The faster of some."""
     command = [sys.executable, __file__, "--one", json.dumps(sizes)]
-    found = [
-        json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-        for _ in range(REPEATS)
-    ]
-    return min(found, key=lambda one: one["seconds"])
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return json.loads(done.stdout)
 
 
 def main() -> int:
@@ -82,11 +79,15 @@ def main() -> int:
     print(f"{'':<14}{'size':>8}{'seconds':>9}{'growth':>8}{'memory, MB':>12}{'table, MB':>11}")
     missed = []
     for name in BASE:
-        first = None
-        for factor in FACTORS:
-            found = in_a_process(base | {name: factor * base[name]})
+        rounds = [
+            [in_a_process(base | {name: factor * base[name]}) for factor in FACTORS]
+            for _ in range(REPEATS)
+        ]
+        fastest = [min(each, key=lambda one: one["seconds"]) for each in zip(*rounds, strict=True)]
+        first = fastest[0]
+        for found in fastest:
             found["peak"] -= floor["peak"]
-            first = first or found
+        for factor, found in zip(FACTORS, fastest, strict=True):
             growth = found["seconds"] / first["seconds"]
             print(
                 f"{name:<14}{factor * base[name]:>8}{found['seconds']:>9.2f}{growth:>8.2f}"

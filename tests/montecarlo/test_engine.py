@@ -146,7 +146,7 @@ import sys, time
 from skhoid import MonteCarloStudy
 
 def spread(data):
-    time.sleep(0.01)
+    time.sleep(0.03)
     return {"u": data.y.std(), "own": data.random_state}
 
 study = MonteCarloStudy(
@@ -171,8 +171,9 @@ def test_killed_at_random_moments(table, tmp_path, n_jobs):
             assert process.stdout.readline() == "ready\n"
             if kills < 3:
                 # Some blocks after what was there, and then any moment.
-                wanted = kept + int(rng.integers(0, 4))
+                wanted = kept + int(rng.integers(0, 3))
                 while len(list(tmp_path.glob("study/blocks/block*"))) < wanted:
+                    assert process.poll() is None
                     time.sleep(0.002)
                 time.sleep(float(rng.uniform(0, 0.04)))
                 process.kill()
