@@ -75,6 +75,25 @@ def note_outside(panel: Axes, values: np.ndarray, corner: tuple[str, str]) -> An
     )
 
 
+def legend_entries(panels: Any) -> dict[str, Any]:
+    """Handles by label, each label once."""
+    entries: dict[str, Any] = {}
+    for panel in panels:
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    return entries
+
+
+def legend_of_all(figure: Any, panels: Sequence[Axes], own: bool) -> None:
+    """What panels show, each once: below a figure of one's own, else in the first panel."""
+    entries = legend_entries(panels)
+    if own:
+        columns = legend_columns(entries)
+        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
+    elif entries:
+        panels[0].legend(entries.values(), entries.keys(), loc="best", fontsize="small")
+
+
 def given_axes(ax: Any, allowed: Sequence[int], what: str) -> list[Axes]:
     """The Axes of ``ax`` (one, or a sequence or array of them) in order, as many as allowed."""
     axes = [ax] if isinstance(ax, Axes) else list(np.asarray(ax, dtype=object).ravel())

@@ -13,7 +13,16 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from ..diagnosis.comparison import Comparison, compare
-from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILLION, legend_columns, with_unit
+from ._axes import (
+    BLACK,
+    BLUE,
+    GREY,
+    PURPLE,
+    VERMILLION,
+    legend_columns,
+    legend_entries,
+    with_unit,
+)
 
 # One meaning a colour on every picture of a comparison.
 MEASURED = BLACK
@@ -138,15 +147,6 @@ def plain_logarithmic(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < FEW_DECADES * low else (1.0,)))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
-
-
-def legend_entries(panels: Any) -> dict[str, Any]:
-    """Handles by label, each label once."""
-    entries: dict[str, Any] = {}
-    for panel in panels:
-        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
-            entries.setdefault(label, handle)
-    return entries
 
 
 def legend_below(panel: Axes, columns: int, pad: float, **options: Any) -> Any:

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, COLOURS, GREEN, GREY, given_axes, legend_columns, note_outside
+from ._axes import BLACK, COLOURS, GREEN, GREY, given_axes, legend_of_all, note_outside
 
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that limits always hold
 FEW = 20  # estimates, below which limits hold all
@@ -164,19 +164,7 @@ class EstimatesDisplay:
 
     def _explain(self) -> None:
         """The legend: what the panels show, each once."""
-        entries: dict[str, Any] = {}
-        for panel in self.axes_:
-            for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
-                entries.setdefault(label, handle)
-        if self._own:
-            self.figure_.legend(
-                entries.values(),
-                entries.keys(),
-                loc="outside lower center",
-                ncols=legend_columns(entries),
-            )
-        elif entries:
-            self.axes_[0].legend(entries.values(), entries.keys(), loc="best", fontsize="small")
+        legend_of_all(self.figure_, list(self.axes_), self._own)
 
 
 def is_over_time(table: pd.DataFrame) -> bool:

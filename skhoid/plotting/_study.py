@@ -9,19 +9,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..human.conversion import FROM_POLES, UNITS
 from ._axes import parameter_symbol, with_unit
+from .operator_parameters import SYMBOLS
 
 REPLICATION = "replication"
 LISTED = 8  # values in a message
 # Results, wherever they stand in a table.
 RESULT = re.compile(r"[ab]\d+|bias_\w+|vaf_\w+|nk|P_n|H_(real|imag)|\w+_sd|weight_ratio")
-OPERATOR = {
-    "K_e": ("$K_e$", ""),
-    "T_L": ("$T_L$", "s"),
-    "K_edot": (r"$K_{\dot e}$", "s"),
-    "omega_nm": (r"$\omega_{nm}$", "rad/s"),
-    "zeta_nm": (r"$\zeta_{nm}$", ""),
-}
+OPERATOR = {name: (SYMBOLS[name], UNITS[name]) for name in FROM_POLES}
 QUANTITIES = {
     "condition": "condition",
     "remnant_order": "remnant filter",

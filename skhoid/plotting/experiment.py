@@ -15,7 +15,7 @@ from ._axes import (
     GREEN,
     GREY,
     given_axes,
-    legend_columns,
+    legend_of_all,
     note_outside,
     parameter_symbol,
     with_unit,
@@ -310,16 +310,4 @@ class ExperimentDisplay:
 
     def _explain(self) -> None:
         """The legend: what the panels show, each once."""
-        entries: dict[str, Any] = {}
-        for panel in self.ax_.flat:
-            for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
-                entries.setdefault(label, handle)
-        if self._own:
-            self.figure_.legend(
-                entries.values(),
-                entries.keys(),
-                loc="outside lower center",
-                ncols=legend_columns(entries),
-            )
-        else:
-            self.ax_[0, 0].legend(entries.values(), entries.keys(), loc="best", fontsize="small")
+        legend_of_all(self.figure_, list(self.ax_.flat), self._own)

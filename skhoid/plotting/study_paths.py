@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREEN, GREY, VERMILLION, given_axes, legend_columns, note_outside
+from ._axes import BLACK, GREEN, GREY, VERMILLION, given_axes, legend_of_all, note_outside
 from ._study import (
     OPERATOR,
     REPLICATION,
@@ -359,22 +359,11 @@ class StudyPathDisplay:
             )
 
     def _explain(self, own: bool) -> None:
-        entries: dict[str, Any] = {}
-        for panel in self.axes_.flat:
-            for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
-                entries.setdefault(label, handle)
-        if not own:
-            self.ax_.legend(entries.values(), entries.keys(), loc="best", fontsize="small")
-            return
-        if self.title:
-            self.figure_.suptitle(self.title, fontsize="medium")
-        self.figure_.align_ylabels(self.axes_[:, 0])
-        self.figure_.legend(
-            entries.values(),
-            entries.keys(),
-            loc="outside lower center",
-            ncols=legend_columns(entries),
-        )
+        if own:
+            if self.title:
+                self.figure_.suptitle(self.title, fontsize="medium")
+            self.figure_.align_ylabels(self.axes_[:, 0])
+        legend_of_all(self.figure_, list(self.axes_.flat), own)
 
 
 def _names(table: pd.DataFrame, parameters: str | Sequence[str]) -> list[str]:
