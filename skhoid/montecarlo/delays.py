@@ -11,14 +11,13 @@ import numpy as np
 import pandas as pd
 from scipy.signal import lfilter
 
-from ..human.conversion import arx_to_operator
+from ..human.conversion import FROM_POLES, arx_to_operator
 from ..human.discretisation import delay_samples, zoh_parameters
 from .batch import delay_losses, least_squares
 from .blocks import Block
 from .paper import (
     INTENSITIES,
     KEPT,
-    OPERATOR,
     PARAMETERS,
     STATES,
     Claim,
@@ -28,6 +27,7 @@ from .paper import (
     gains_of,
     shifted,
     span,
+    succeeded,
 )
 from .study import MonteCarloStudy
 
@@ -59,7 +59,7 @@ def delays_and_bias(block: Block) -> pd.DataFrame:
         found |= dict(zip(PARAMETERS, theta.T, strict=True))
         found |= dict(zip(BIASES, (theta / truth - 1).T, strict=True))
         values, _, _ = arx_to_operator(theta, 1 / rate)
-        found |= {parameter: values[parameter] for parameter in OPERATOR}
+        found |= {parameter: values[parameter] for parameter in FROM_POLES}
         found["weight_ratio"] = _weight(theta, HIGH / rate) / _weight(theta, LOW / rate)
         if block.validation is not None:
             e_v, u_v = block.validation.e, block.validation.u[:, before:]
@@ -168,21 +168,21 @@ def delay_study(
     )
     table = study.run(out, n_jobs=n_jobs, progress=progress)
     table["remnant_order"] = table["remnant_order"].astype(str)
-    summary = _summary(table)
+    good = succeeded(table)
+    summary = _summary(good)
     return StudyResult(
         "fig9",
         "Delay and bias of batch ARX models against the remnant filter (Figs. 9-12, App. G)",
         table,
         summary,
         _claims(summary),
-        _figures(table),
+        _figures(good),
     )
 
 
 def _summary(table: pd.DataFrame) -> pd.DataFrame:
     """Means over replications, a row a cell."""
-    table = table[table["error"].isna()]
-    names = ["nk", *BIASES, *OPERATOR]
+    names = ["nk", *BIASES, *FROM_POLES]
     names += ["vaf_validation"] if "vaf_validation" in table else []
     means = table.groupby([*CELL, "delay"], sort=False)[names].mean().unstack("delay")
     means.columns = [f"{name}_{delay}" for name, delay in means.columns]
@@ -327,15 +327,15 @@ def _other_claims(noisy: pd.DataFrame) -> list[Claim]:
 
 def _figures(table: pd.DataFrame) -> dict[str, Any]:
     """Figs. 9 and 10 of each condition, rate and loop there is, and Fig. 12."""
-    good = table[table["error"].isna()]
     keys = ["condition", "sampling_rate", "open_loop"]
     figures: dict[str, Any] = {}
-    for (condition, rate, open_loop), part in good.groupby(keys, sort=False):
+    for (condition, rate, open_loop), part in table.groupby(keys, sort=False):
         where = f"{condition}-{rate:g}Hz" + ("-open-loop" if open_loop else "")
         figures[f"fig9-{where}"] = partial(_draw_delays, part)
         figures[f"fig10-{where}"] = partial(_draw_bias, part)
-    if "vaf_validation" in good and (good["remnant_order"] == "2").any():
-        figures["fig12"] = partial(_draw_difference, good[good["remnant_order"] == "2"])
+    second = table[table["remnant_order"] == "2"]
+    if "vaf_validation" in table and len(second):
+        figures["fig12"] = partial(_draw_difference, second)
     return figures
 
 

@@ -19,8 +19,8 @@ from ..human.reference import reference_fits
 from ..preprocessing import DelayShift
 from ..runs import RUN, TIME
 from .experiment_runs import CONDITION, RECORDING, SUBJECT, Cell
+from .paper import PARAMETERS as ARX
 
-ARX = ("a1", "a2", "b0", "b1")
 PARAMETERS = (*ARX, *FROM_POLES)
 FORMS = ("lambda", "Lambda", "constant")
 LONGEST_DELAY = 0.5  # s

@@ -22,7 +22,6 @@ KEPT = 1.0  # s kept of the run-in, so that shifted signals have a past; more fo
 FIRST_PART = 30.72  # s: first and last part of a run, in which nothing changes
 EARLIER, LATER = 0.13, 0.20  # s: n_k / f_s from so much below tau_e to so much above are tried
 PARAMETERS = ("a1", "a2", "b0", "b1")
-OPERATOR = ("K_e", "T_L", "K_edot", "omega_nm", "zeta_nm")
 
 
 @dataclass(frozen=True)
@@ -180,6 +179,11 @@ def kept_run_in(task: CompensatoryTask) -> float:
             "known one delay before the measurement window. Give it run_in=None or more."
         )
     return kept
+
+
+def succeeded(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of data sets that did not fail."""
+    return table[table["error"].isna()]
 
 
 def shifted(e: np.ndarray, before: int, nk: int, extra: int = 0) -> np.ndarray:

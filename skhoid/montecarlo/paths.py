@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..arx.recursive import RecursiveARX
-from ..human.conversion import arx_to_operator
+from ..human.conversion import FROM_POLES, arx_to_operator
 from ..simulation.conditions import T_M
 from ..simulation.datasets import task_of, truth_of
 from .batch import delay_losses, least_squares
@@ -19,7 +19,6 @@ from .blocks import Block
 from .paper import (
     FIRST_PART,
     KEPT,
-    OPERATOR,
     PARAMETERS,
     STATES,
     Claim,
@@ -28,6 +27,7 @@ from .paper import (
     gains_of,
     shifted,
     span,
+    succeeded,
 )
 from .study import MonteCarloStudy
 
@@ -65,7 +65,7 @@ def parameter_paths(
         for name, theta in found.items():
             table = pd.DataFrame(theta, columns=list(PARAMETERS))
             values, _, _ = arx_to_operator(theta, 1 / rate)
-            table = table.assign(**{parameter: values[parameter] for parameter in OPERATOR})
+            table = table.assign(**{parameter: values[parameter] for parameter in FROM_POLES})
             table.insert(0, "time", np.nan if name in ENDS else time)
             table.insert(0, "form", name)
             table.insert(0, "replication", replication)
@@ -144,21 +144,22 @@ def path_study(
         random_state=random_state,
     )
     table = study.run(out, n_jobs=n_jobs, progress=progress)
-    summary = _summary(table)
+    good = succeeded(table)
+    summary = _summary(good)
     return StudyResult(
         "fig14",
         "Parameters over time of recursive ARX models (Figs. 14-15, Apps. K and L)",
         table,
         summary,
-        _claims(summary, table),
-        _figures(table),
+        _claims(summary, good),
+        _figures(good),
     )
 
 
 def _summary(table: pd.DataFrame) -> pd.DataFrame:
     """Means and deviations over replications, averaged over the transition window."""
-    names = [*PARAMETERS, *OPERATOR]
-    path = table[table["error"].isna() & table["time"].between(*TRANSITION)]
+    names = [*PARAMETERS, *FROM_POLES]
+    path = table[table["time"].between(*TRANSITION)]
     grouped = path.groupby([*CELL, "form", "time"], sort=False)[names]
     over_time = grouped.mean().add_prefix("mean_").join(grouped.std(ddof=0).add_prefix("sd_"))
     return over_time.groupby([*CELL, "form"]).mean()
@@ -240,7 +241,7 @@ def _figures(table: pd.DataFrame) -> dict[str, Any]:
         from ..plotting import StudyPathDisplay
 
         return StudyPathDisplay.from_table(
-            table[table["error"].isna()],
+            table,
             condition=condition,
             form=form,
             parameters=parameters,
@@ -260,4 +261,4 @@ def true_paths(condition: Any) -> pd.DataFrame:
     """The true parameters of a condition over time."""
     task = task_of(condition, {"run_in": 1.0})
     truth = truth_of(task, task.simulate(1))
-    return truth.arx_parameters.join(truth.parameters[list(OPERATOR)])
+    return truth.arx_parameters.join(truth.parameters[list(FROM_POLES)])

@@ -16,8 +16,8 @@ from ..human.variation import evaluate
 from ..simulation.conditions import Condition
 from ..simulation.loop import CompensatoryTask
 from ..simulation.physics import parameters_of
-from .forgetting import SETTING, forgetting_vaf
-from .paper import kept_run_in
+from .forgetting import SETTING, forgetting_vaf, with_gain
+from .paper import kept_run_in, succeeded
 from .study import MonteCarloStudy
 
 FIRST = 3 / 8  # of the duration, in which nothing changes: 30.72 s of 81.92 s
@@ -120,7 +120,7 @@ class ForgettingAdvice:
         """
         from ..plotting import StudyTradeOffDisplay
 
-        good = self.table[self.table["error"].isna()]
+        good = succeeded(self.table)
         cell = ["remnant_intensity", "replication", *SETTING]
         table = good.groupby(cell)[["vaf_estimation", "vaf_validation"]].mean().reset_index()
         table.insert(0, "condition", "this task")
@@ -247,8 +247,8 @@ def recommend_forgetting(
 
 
 def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> ForgettingAdvice:
-    summary = _summary(table)
-    of_lambda = table[table["error"].isna() & (table["form"] == "lambda")]
+    good = succeeded(table)
+    of_lambda = good[good["form"] == "lambda"]
     vaf = of_lambda.pivot(index=RUNS, columns="memory_horizon", values="vaf_validation")
     best = float(vaf.mean().idxmax())
     worse = vaf.rsub(vaf[best], axis=0)
@@ -262,7 +262,7 @@ def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> Fo
         forgetting=float(forgetting_factor(best)),
         close=close,
         gain=float(vaf[best].mean() - vaf[np.inf].mean()),
-        summary=summary,
+        summary=_summary(good),
         table=table,
         window=window,
         sampling_rate=rate,
@@ -270,11 +270,7 @@ def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> Fo
 
 
 def _summary(table: pd.DataFrame) -> pd.DataFrame:
-    good = table[table["error"].isna()]
-    endless = good[np.isinf(good["memory_horizon"])].set_index([*RUNS, "form"])["vaf_validation"]
-    good = good.join(endless.rename("endless"), on=[*RUNS, "form"])
-    good = good.assign(gain=good["vaf_validation"] - good["endless"])
-    grouped = good.groupby(["remnant_intensity", *SETTING])
+    grouped = with_gain(table, RUNS).groupby(["remnant_intensity", *SETTING])
     means = grouped[["vaf_estimation", "vaf_validation", "gain"]].mean()
     errors = [standard_error(part.set_index(RUNS)[["gain"]])["gain"] for _, part in grouped]
     return means.assign(se_gain=errors)

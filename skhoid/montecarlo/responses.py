@@ -25,6 +25,7 @@ from .paper import (
     candidate_delays,
     gains_of,
     span,
+    succeeded,
 )
 from .study import MonteCarloStudy
 
@@ -126,21 +127,21 @@ def response_study(
         random_state=random_state,
     )
     table = study.run(out, n_jobs=n_jobs, progress=progress)
-    summary = _summary(table)
+    good = succeeded(table)
+    summary = _summary(good)
     return StudyResult(
         "appI",
         "Frequency responses by Fourier coefficients, batch and recursive ARX models (App. I)",
         table,
         summary,
         _claims(summary),
-        _figures(table),
+        _figures(good),
     )
 
 
 def _summary(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
-    good = table[table["error"].isna()]
-    for (condition, P_n, method), part in good.groupby([*CELL, "method"], sort=False):
+    for (condition, P_n, method), part in table.groupby([*CELL, "method"], sort=False):
         H = part["H_real"].to_numpy() + 1j * part["H_imag"].to_numpy()
         n_lines = part["omega"].nunique()
         H = H.reshape(-1, n_lines)
@@ -222,7 +223,7 @@ def _figures(table: pd.DataFrame) -> dict[str, Any]:
         from ..plotting import StudyResponseDisplay
 
         return StudyResponseDisplay.from_table(
-            table[table["error"].isna()],
+            table,
             condition=condition,
             remnant_intensity=P_n,
             truth=task_of(condition, {}).operator.frequency_response,
