@@ -7,7 +7,14 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._cli_files import add_file_options, as_json, at_least_one, pairs, read_files
+from ._cli_files import (
+    add_file_options,
+    as_json,
+    at_least_one,
+    pairs,
+    read_files,
+    without_screen,
+)
 
 if TYPE_CHECKING:
     from .diagnosis.story import Story
@@ -253,9 +260,7 @@ def _print(line: str) -> None:
 
 def draw(story: Story, folder: Path) -> list[str]:
     """Draw what the story tells into a folder; returns the paths."""
-    import matplotlib
-
-    matplotlib.use("Agg")
+    without_screen()
     import matplotlib.pyplot as plt
 
     from .plotting import (

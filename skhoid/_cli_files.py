@@ -78,3 +78,10 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list):
         return [_finite(v) for v in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def without_screen() -> None:
+    """Draw into files, on machines without a display too."""
+    import matplotlib
+
+    matplotlib.use("Agg")

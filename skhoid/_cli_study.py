@@ -8,7 +8,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from ._cli_files import add_file_options, as_json, at_least_one, read_files
+from ._cli_files import add_file_options, as_json, at_least_one, read_files, without_screen
 
 STUDY_EXAMPLES = """\
 examples:
@@ -135,7 +135,7 @@ def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
-    _without_screen()
+    without_screen()
     return [str(path) for path in result.save(folder, figures=not options.no_pictures)]
 
 
@@ -163,7 +163,7 @@ def _recommend(options: argparse.Namespace) -> int:
         advice.summary.to_csv(folder / "summary.csv")
         files = [str(folder / "summary.csv")]
         if not options.no_pictures:
-            _without_screen()
+            without_screen()
             advice.plot().figure_.savefig(folder / "trade-off.png", dpi=120)
             files.append(str(folder / "trade-off.png"))
     if options.json:
@@ -216,7 +216,7 @@ def _experiment(options: argparse.Namespace) -> int:
 
 
 def _draw_experiment(result: Any, folder: Path) -> list[str]:
-    _without_screen()
+    without_screen()
     import matplotlib.pyplot as plt
 
     files = []
@@ -233,9 +233,3 @@ def _draw_experiment(result: Any, folder: Path) -> list[str]:
 def _say_files(files: list[str]) -> None:
     if files:
         print(f"  {len(files)} files in {Path(files[0]).parent}")
-
-
-def _without_screen() -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")

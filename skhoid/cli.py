@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import __version__
 from ._cli_effects import add_effect_commands
-from ._cli_files import add_file_options, as_json, at_least_one, read_files
+from ._cli_files import add_file_options, as_json, at_least_one, read_files, without_screen
 from ._cli_study import add_study_command
 from .exceptions import WorkersLostError
 
@@ -185,9 +185,7 @@ def _simulate(options: argparse.Namespace) -> int:
             f"{by_run.max():.3f}), wanted {options.remnant:g}"
         )
     if options.picture:
-        import matplotlib
-
-        matplotlib.use("Agg")
+        without_screen()
         from .plotting import TrackingDisplay
 
         display: Any = TrackingDisplay.from_runs(X, y, truth=truth)
@@ -250,9 +248,7 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
 
 
 def _draw(found: Identification, folder: Path) -> list[str]:
-    import matplotlib
-
-    matplotlib.use("Agg")
+    without_screen()
     import matplotlib.pyplot as plt
 
     from .plotting import DelayLossDisplay, SimulationDisplay, VAFContourDisplay
