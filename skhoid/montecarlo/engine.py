@@ -43,9 +43,10 @@ def results_of(
     while waiting:
         before, sent = len(waiting), Sent()
         try:
-            for place, result in _send(waiting, compute, n_jobs, threads, sent):
-                del waiting[place]
-                yield place, result
+            with contextlib.closing(_send(waiting, compute, n_jobs, threads, sent)) as results:
+                for place, result in results:
+                    del waiting[place]
+                    yield place, result
         except Exception as error:
             _check_lost(error)
             suspects = sent.lost or list(waiting)[: sent.at_once]
@@ -102,7 +103,7 @@ def _send(
     n_jobs: int | None,
     threads: bool,
     sent: Sent,
-) -> Iterator[tuple[int, Any]]:
+) -> Generator[tuple[int, Any], None, None]:
     options: dict[str, Any] = {"n_jobs": n_jobs, "prefer": "threads" if threads else None}
     options |= {"batch_size": 1, "max_nbytes": None}
     parallel = Parallel(**options)
@@ -116,7 +117,8 @@ def _send(
         calls = (delayed(placed)(place, compute, job) for place, job in list(waiting.items()))
         results = Parallel(return_as="generator_unordered", **options)(calls)
         try:
-            yield from results
+            for result in results:  # noqa: UP028  'yield from' closes them before the next lines
+                yield result
         finally:
             with warnings.catch_warnings():  # that results were not used, when the study is stopped
                 warnings.simplefilter("ignore", UserWarning)

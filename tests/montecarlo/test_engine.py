@@ -124,21 +124,39 @@ def test_an_error_of_the_study_itself_is_raised():
         list(results_of([1, 0], lambda job: 1 / job, n_jobs=2))
 
 
-def test_stopping_leaves_finished_blocks(table, tmp_path):
+@pytest.fixture
+def interruptible():
+    """A shell that starts the tests in the background tells them to ignore Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_stopping_leaves_finished_blocks(table, tmp_path, interruptible):
     """As with Ctrl-C while workers are busy."""
-    main = os.getpid()
+    main, blocks = os.getpid(), tmp_path / "blocks"
 
     def stopping(data):
         if data.replication == 7 and data.task.remnant is None and data.task.is_constant:
-            time.sleep(0.5)  # the block before is kept by then
+            while not list(blocks.glob("block-*")):  # written in whatever time it takes
+                time.sleep(0.01)
             os.kill(main, signal.SIGINT)
             time.sleep(5)
         return {"u": data.y.std(), "own": data.random_state}
 
     with pytest.raises(KeyboardInterrupt):
         study(stopping).run(tmp_path, n_jobs=2)
-    assert 1 <= len(list((tmp_path / "blocks").glob("block-*"))) < len(table) / SIZE
+    assert 1 <= len(list(blocks.glob("block-*"))) < len(table) / SIZE
     same(study().run(n_jobs=2), table)  # with workers that were stopped
+
+
+def test_stopping_while_results_wait():
+    """No warning of joblib's that they were not used, which would hide the reason."""
+    with pytest.raises(KeyboardInterrupt):  # noqa: PT012
+        for _ in results_of(list(range(20)), lambda job: job, n_jobs=2):
+            time.sleep(1)  # more are there by then
+            raise KeyboardInterrupt
+    assert len(list(results_of(list(range(20)), lambda job: job, n_jobs=2))) == 20
 
 
 SCRIPT = """
