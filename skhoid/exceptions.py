@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 __all__ = [
     "IrregularSamplingError",
     "MissingDataWarning",
@@ -21,56 +24,246 @@ __all__ = [
 
 
 class RunIndexError(ValueError):
-    """Rows, runs or indexes of ``X`` and ``y`` break the data convention."""
+    """Rows, runs or indexes of ``X`` and ``y`` break the data convention.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, make_tracking_runs
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> ARXRegressor().fit(X[::-1], y[::-1])
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.RunIndexError: The rows are shuffled: time goes backwards ...
+    """
 
 
 class IrregularSamplingError(ValueError):
-    """The clock of a run is too irregular, or not the one the model was fitted at."""
+    """The clock of a run is too irregular, or not the one the model was fitted at.
+
+    Examples
+    --------
+    >>> from skhoid import sampling_time, make_tracking_runs
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> sampling_time(X[:1])
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.IrregularSamplingError: The sampling time cannot be read from the index: ...
+    """
 
 
 class ShortRunError(ValueError):
-    """A run has fewer rows than the model's lags need."""
+    """A run has fewer rows than the model's lags need.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, make_tracking_runs
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> ARXRegressor(nk=15).fit(X[:10], y[:10])
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.ShortRunError: Run 0 has at most 10 successive rows ...
+    """
 
 
 class RankDeficiencyError(ValueError):
-    """The regressors are linearly dependent; the message names the cause."""
+    """The regressors are linearly dependent; the message names the cause.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, make_tracking_runs
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> ARXRegressor(inputs=["e", "half"]).fit(X.assign(half=X["e"] / 2), y)
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.RankDeficiencyError: The 6 parameters cannot all be estimated: ...
+    """
 
 
 class UnstableLoopError(ValueError):
-    """A simulated loop is unstable."""
+    """A simulated loop is unstable.
+
+    Examples
+    --------
+    >>> from skhoid import make_tracking_runs
+    >>> make_tracking_runs(perturbation={"K_e": 9.0}, random_state=0)  # a far too high gain
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.UnstableLoopError: The loop is unstable: ...
+    """
 
 
 class RemnantIntensityError(ValueError):
-    """No remnant gain gives the wanted intensity, or the realisations do not determine it."""
+    """No remnant gain gives the wanted intensity, or the realisations do not determine it.
+
+    Examples
+    --------
+    >>> from skhoid import make_tracking_runs
+    >>> make_tracking_runs(remnant_intensity=0.9, random_state=0)
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.RemnantIntensityError: No gain gives P_n = 0.9. ...
+    """
 
 
 class StudyFolderError(ValueError):
-    """A folder belongs to a different study, or to none."""
+    """A folder belongs to a different study, or to none.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from skhoid import MonteCarloStudy
+    >>> folder = Path(mkdtemp())
+    >>> _ = (folder / "notes.txt").write_text("not a study")
+    >>> study = MonteCarloStudy(
+    ...     lambda data: {"sd": data.y.std()}, {"condition": ["C1"]}, n_replications=1
+    ... )
+    >>> study.run(folder)
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.StudyFolderError: The folder ... is not a study's: ...
+    """
 
 
 class WorkersLostError(RuntimeError):
-    """The workers of a study died again and again; what was finished is kept."""
+    """The workers of a study died again and again; what was finished is kept.
+
+    Examples
+    --------
+    >>> from skhoid import MonteCarloStudy
+    >>> from skhoid.exceptions import WorkersLostError
+    >>> study = MonteCarloStudy(
+    ...     lambda data: {"sd": data.y.std()}, {"condition": ["C1"]}, n_replications=2
+    ... )
+    >>> try:
+    ...     found = study.run()  # n_jobs=8, say, on a machine whose memory may not suffice
+    ... except WorkersLostError as error:
+    ...     print(error)
+    >>> len(found)
+    2
+    """
 
 
 class StudyWarning(UserWarning):
-    """Part of a study had to be computed again, or data sets failed."""
+    """Part of a study had to be computed again, or data sets failed.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from skhoid import MonteCarloStudy
+    >>> from skhoid.exceptions import StudyWarning
+    >>> study = MonteCarloStudy(
+    ...     lambda data: {"sd": data.y.std()}, {"remnant_intensity": [0.1, 0.9]}, n_replications=1
+    ... )
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", StudyWarning)
+    ...     study.run()
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.StudyWarning: 1 of 2 data sets failed; ...
+    """
 
 
 class SamplingJitterWarning(UserWarning):
-    """The sampling instants jitter, within the tolerance."""
+    """The sampling instants jitter, within the tolerance.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import numpy as np
+    >>> from skhoid import ARXRegressor, make_tracking_runs
+    >>> from skhoid.exceptions import SamplingJitterWarning
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> jitter = 6e-4 * np.sin(1.7 * np.arange(len(X)))  # s
+    >>> shaken = X.reset_index("time")
+    >>> shaken["time"] += jitter
+    >>> shaken = shaken.set_index("time", append=True)
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", SamplingJitterWarning)
+    ...     ARXRegressor().fit(shaken, y.set_axis(shaken.index))
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.SamplingJitterWarning: The sampling instants jitter by up to ...
+    """
 
 
 class MissingDataWarning(UserWarning):
-    """Rows with missing values were left out, or held, and counted."""
+    """Rows with missing values were left out, or held, and counted.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from skhoid import ARXRegressor, make_tracking_runs
+    >>> from skhoid.exceptions import MissingDataWarning
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", MissingDataWarning)
+    ...     ARXRegressor().fit(X, y.mask(y > 0.9 * y.max()))
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.MissingDataWarning: 12 rows of 'u' are NaN, ...
+    """
 
 
 class PoorExcitationWarning(UserWarning):
-    """The data do not determine all parameters; some stay where they were."""
+    """The data do not determine all parameters; some stay where they were.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from skhoid import RecursiveARX, make_tracking_runs
+    >>> from skhoid.exceptions import PoorExcitationWarning
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> X[X.index.get_level_values("time") < 2] = 0.0  # nothing to see at first
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", PoorExcitationWarning)
+    ...     RecursiveARX(init_window=1.0).fit(X, y)
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.PoorExcitationWarning: ...
+    """
 
 
 class RunCutWarning(UserWarning):
-    """A cross-validation split has rows of one run on both sides."""
+    """A cross-validation split has rows of one run on both sides.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from sklearn.model_selection import KFold
+    >>> from skhoid import OrderSearchCV, make_tracking_runs
+    >>> from skhoid.exceptions import RunCutWarning
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", RunCutWarning)
+    ...     OrderSearchCV(na=[2], nb=[2], nk=[15], cv=KFold(3)).fit(X, y)
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.RunCutWarning: The splits of cv=KFold(...) cut run 0: ...
+    """
 
 
 class RunTimeWarning(UserWarning):
-    """Runs that should share their time in the run do not."""
+    """Runs that should share their time in the run do not.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from skhoid import RecursiveARX, make_tracking_runs
+    >>> from skhoid.exceptions import RunTimeWarning
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> model = RecursiveARX(memory_time=5.0).fit(X, y)
+    >>> later = X.set_axis(X.index.set_levels(X.index.levels[1] + 100, level="time"))
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", RunTimeWarning)
+    ...     model.predict(later)
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.RunTimeWarning: Rows from run 0, t = 100 s (row 0) on lie outside ...
+    """
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """The end of a message about an unknown word: the nearest that is known, if one is near."""
+    near = get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f" Did you mean {near[0]!r}?" if near else ""

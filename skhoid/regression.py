@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,16 +13,18 @@ import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, column_or_1d
 
+from ._sklearn import FittedDisplay
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows
 from .preprocessing.base import check_numbers, read_table
 from .preprocessing.grid import ModelGrid
 from .runs import DecimationMark, check_alignment, input_columns
+from .summaries import Summary
 
 NOTED_JITTER = 0.01  # of a sampling time
 
 
-class RunRegressor(RegressorMixin, BaseEstimator):
+class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
     """A regressor that predicts the output of runs by simulation, on the grid marks leave."""
 
     inputs: Any
@@ -77,6 +81,8 @@ class RunRegressor(RegressorMixin, BaseEstimator):
             self._names, values.shape[1], self.inputs, self._run, self.roles
         )
         self.inputs_ = self._channel_names(self._columns)
+        self._units = {**units_of(X), **units_of(y)}
+        self._n_runs = len(grid.layout.labels)
         self.dt_ = grid.dt
         self.jitter_ = grid.layout.jitter
         if self.jitter_ > NOTED_JITTER:
@@ -163,6 +169,47 @@ class RunRegressor(RegressorMixin, BaseEstimator):
         keep = scored_rows(grid.layout, None, None)
         return vaf_of_rows(self._read_y(X, y), prediction, keep, grid.layout, "pooled", False)
 
+    def summary(self, X: Any = None, y: Any = None) -> str:
+        """Say in a table what was fitted, how, and how sure the parameters are.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns), default=None
+            Channels to validate on, best of runs that were not fitted.
+        y : Series or array of shape (n_rows,), default=None
+            Their measured output. With data the header says the VAF of the free run, and that of
+            the predictions one step ahead of models that make them: the free run is what counts.
+
+        Returns
+        -------
+        text : str
+            Lines of at most 88 columns.
+        """
+        self._check_fitted()
+        found = self._summary()
+        if X is not None:
+            found = replace(found, facts=found.facts | self._validation(X, y))
+        return found.text()
+
+    def _summary(self) -> Summary:
+        raise NotImplementedError
+
+    def _found_html(self) -> str:
+        return self._summary().html()
+
+    def _validation(self, X: Any, y: Any) -> dict[str, str]:
+        """VAF on the data of a summary."""
+        facts = {"VAF, free run": f"{self.score(X, y):.1f} % of the data given"}
+        if hasattr(self, "predict_ahead"):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", MissingDataWarning)  # score has said so
+                ahead = self.predict_ahead(X, y)
+                grid, _ = self._read_X(X, reset=False)
+            keep = scored_rows(grid.layout, None, None)
+            vaf = vaf_of_rows(self._read_y(X, y), ahead, keep, grid.layout, "pooled", False)
+            facts["VAF, one step"] = f"{vaf:.1f} % (is high for wrong models too)"
+        return facts
+
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
@@ -171,6 +218,12 @@ class RunRegressor(RegressorMixin, BaseEstimator):
 
 def _marked(mark: DecimationMark | None) -> str:
     return "not decimated" if mark is None else f"decimated by {mark.factor} ({mark.method})"
+
+
+def units_of(data: Any) -> dict[str, str]:
+    """Units that a pandas object carries."""
+    units = getattr(data, "attrs", {}).get("units")
+    return {str(k): str(v) for k, v in units.items() if v} if isinstance(units, Mapping) else {}
 
 
 def segments(grid: ModelGrid) -> list[tuple[int, int]]:

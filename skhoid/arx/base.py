@@ -72,6 +72,14 @@ class BaseARX(RunRegressor):
                 stacklevel=5,
             )
 
+    def _coefficient_units(self) -> list[str]:
+        """Units of the entries of theta."""
+        output = self._units.get(self._output_name) or f"[{self._output_name}]"
+        units = ["-"] * self.orders_.na
+        for channel, nb in zip(self.inputs_, self.orders_.nb, strict=True):
+            units += [f"{output}/{self._units.get(channel) or f'[{channel}]'}"] * nb
+        return units + [output] * self.orders_.intercept
+
     def to_transfer_function(self, backend: str = "scipy") -> Any:
         """Return the discrete-time transfer function from the inputs to the output.
 

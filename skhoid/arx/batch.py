@@ -16,18 +16,20 @@ from ..effects.record import Record
 from ..greybox.arx import fitted_arx, forecast
 from ..greybox.base import GreyBox, Prepared
 from ..greybox.cores import ARXCore
-from ..greybox.estimates import arx_parameter_table, summary_text
+from ..greybox.estimates import arx_parameter_table
 from ..greybox.fitting import Criterion, Noise
 from ..greybox.model import Model
 from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
 from ..regression import segments
 from ..runs import input_columns
+from ..summaries import Summary
 from .base import BaseARX, check_row_count
 from .excitation import rank_error
 from .instruments import estimate
 from .least_squares import Triangle, newey_west
 from .orders import Orders, regressors
+from .summary import batch_summary, orders_in_words
 
 
 class ARXRegressor(BaseARX, GreyBox):
@@ -255,11 +257,12 @@ class ARXRegressor(BaseARX, GreyBox):
         self.b_ = self.orders_.input_rows(self.coef_)
         self.effects_, self._simulation_error = Effects([]), False
         self.parameters_ = arx_parameter_table(
-            self.parameter_names_, self.coef_, self.standard_errors_
+            self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
         )
         return self
 
     _takes_first = False
+    _errors_in_words = "Standard errors take the residual, whitened by its AR model, as white."
 
     def _prepare(self, X: Any, y: Any) -> Prepared:
         if self.method == "iv":
@@ -276,6 +279,9 @@ class ARXRegressor(BaseARX, GreyBox):
         orders = Orders.of(self.na, self.nb, self.nk, 1, bool(self.fit_intercept))
         return ARXCore(orders.na, orders.nb[0], orders.nk[0], orders.intercept)
 
+    def _core_in_words(self) -> str:
+        return orders_in_words(self.orders_)
+
     def _fitted_core(self, core: Any, record: Record, criterion: Criterion) -> Model:
         return fitted_arx(core, record, criterion)
 
@@ -290,7 +296,6 @@ class ARXRegressor(BaseARX, GreyBox):
         self.b_ = self.orders_.input_rows(self.coef_)
         self.standard_errors_ = np.sqrt(np.diag(model.covariance()))[:n]
         self.noise_variance_ = model.sse / max(model.fit.n - model.theta.size, 1)
-        self.n_rows_used_ = int(model.simulator.record.known.sum())
         self._simulation_error = True
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
@@ -338,21 +343,8 @@ class ARXRegressor(BaseARX, GreyBox):
             )
         return super().simulate(X, y, initial_state=initial_state)
 
-    def summary(self) -> str:
-        """Parameters with their intervals, effects and goodness of fit, as text.
-
-        Returns
-        -------
-        text : str
-        """
-        self._check_fitted()
-        if self._simulation_error:
-            return summary_text(self)
-        head = (
-            f"ARXRegressor: {self.n_rows_used_} rows, variance of the equation error "
-            f"{self.noise_variance_:.4g}"
-        )
-        return "\n".join([head, "", self.parameters_.to_string(float_format="{:.4g}".format)])
+    def _summary(self) -> Summary:
+        return super()._summary() if self._simulation_error else batch_summary(self)
 
     def _fit_ols(
         self,

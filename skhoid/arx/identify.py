@@ -16,6 +16,7 @@ from ..preprocessing import Decimator, RunInTrimmer
 from ..runs import RunLayout, read_layout, run_name, whole_samples
 from ..selection import run_labels
 from .batch import ARXRegressor
+from .recursive import RecursiveARX
 from .searches import DelaySearchCV, OrderSearchCV
 
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
@@ -31,7 +32,7 @@ class FittedModel:
     vaf_validation: float
 
     @property
-    def model(self) -> ARXRegressor:
+    def model(self) -> Any:
         return self.pipeline[-1]
 
     @property
@@ -81,10 +82,10 @@ class Identification:
     estimation: str
     validation: str
     centered: bool
-    delay_search: DelaySearchCV
-    vaf_delay_search: DelaySearchCV
-    order_search: OrderSearchCV
+    delay_searches: dict[str, DelaySearchCV]
+    order_search: OrderSearchCV | None
     models: list[FittedModel]
+    adapting: FittedModel | None
 
     @property
     def units(self) -> dict[str, str]:
@@ -107,8 +108,41 @@ class Identification:
 
     @property
     def best(self) -> FittedModel:
-        """The model with the searched delay and orders."""
+        """The model with the searched, or given, delay and orders."""
         return self.models[-1]
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Everything found, as tables by name."""
+        fitted = [*self.models, *([self.adapting] if self.adapting else [])]
+        flat = [model.as_dict() for model in fitted]
+        parameters = [{"model": m["name"], **p} for m in flat for p in m.pop("parameters")]
+        free_runs = {m.name.replace(" ", "_"): m.pipeline.predict(self.X) for m in fitted}
+        tables = {
+            "models": pd.DataFrame(flat),
+            "parameters": pd.DataFrame(parameters),
+            "predictions": pd.DataFrame(
+                {"measured": self.y, **free_runs, "held_out": self.held_out}, index=self.X.index
+            ),
+        }
+        if self.delay_searches:
+            columns = [
+                pd.DataFrame(s.cv_results_)
+                .set_index(["nk", "delay"])
+                .rename(columns={"loss": f"{criterion}_loss"})
+                for criterion, s in self.delay_searches.items()
+            ]
+            tables["delays"] = pd.concat(columns, axis=1)
+        if self.order_search is not None:
+            tables["orders"] = pd.DataFrame(self.order_search.cv_results_).drop(columns="params")
+        if self.adapting is not None:
+            model = self.adapting.pipeline[-1]
+            tables["parameter_path"] = pd.DataFrame(
+                model.coef_path_,
+                index=pd.Index(model.time_path_, name="time"),
+                columns=model.parameter_names_,
+            )
+        return tables
 
 
 def identify(
@@ -120,6 +154,12 @@ def identify(
     factor: int = 1,
     longest_delay: float = 0.5,
     criterion: str = "one_step",
+    na: int | None = None,
+    nb: Any = None,
+    nk: Any = None,
+    method: str = "ols",
+    instruments: list[str] | None = None,
+    memory: dict[str, Any] | None = None,
     validation_runs: list[Any] | None = None,
     centered: bool = True,
     callbacks: tuple[Any, ...] = (),
@@ -128,42 +168,67 @@ def identify(
 
     The last run is held out, or ``validation_runs``, or the second half of a single run; nothing
     is chosen or fitted on it. With ``centered`` the models have an intercept and VAF is taken
-    about the mean of each run.
+    about the mean of each run. A given ``nk`` is not searched, nor are orders if ``na`` or ``nb``
+    is given (the other is then 2). Searches compare least squares; with ``method="iv"`` what they
+    choose is fitted by instrumental variables. ``memory``, the ``memory_time`` or
+    ``memory_horizon`` of a :class:`RecursiveARX`, adds a model that follows the data.
     """
     layout = read_layout(X)
     held_out, names = _held_out_rows(layout, validation_runs)
-    model = ARXRegressor(inputs=inputs, fit_intercept=centered, covariance="hac")
-    pipeline = make_pipeline(RunInTrimmer(run_in), Decimator(factor), model)
+    fixed_orders = na is not None or nb is not None
+    orders: dict[str, Any] = {
+        "na": 2 if na is None else na,
+        "nb": 2 if nb is None else nb,
+        "nk": 0 if nk is None else nk,
+    }
+    model = ARXRegressor(**orders, inputs=inputs, fit_intercept=centered, covariance="hac")
+    steps = [RunInTrimmer(run_in), Decimator(factor)]
+    pipeline = make_pipeline(*steps, model)
     scorer = VAFScorer(run_in=run_in, centered=centered)
     X_e, y_e = X[~held_out], y[~held_out]
 
-    grid_dt = layout.dt * factor
-    candidates = range(int(np.floor(whole_samples(longest_delay, grid_dt))) + 1)
-    searches = []
-    for how in ("one_step", "vaf"):
-        search = DelaySearchCV(pipeline, nk=candidates, criterion=how, scoring=scorer)
-        searches.append(search.set_callbacks(*callbacks).fit(X_e, y_e))
-    chosen = searches[0 if criterion == "one_step" else 1]
-    orders = OrderSearchCV(chosen.best_estimator_, nk=[chosen.best_nk_], scoring=scorer)
-    orders.set_callbacks(*callbacks).fit(X_e, y_e)
+    candidates = {}
+    searches = {}
+    if nk is None:
+        candidates["without delay"] = orders
+        longest = int(np.floor(whole_samples(longest_delay, layout.dt * factor)))
+        for how in ("one_step", "vaf"):
+            search = DelaySearchCV(
+                pipeline, nk=range(longest + 1), criterion=how, scoring=scorer
+            ).set_callbacks(*callbacks)
+            searches[how] = search.fit(X_e, y_e)
+        orders = {**orders, "nk": searches[criterion].best_nk_}
+        candidates["with delay"] = orders
+    else:
+        candidates["as given" if fixed_orders else "with the delay given"] = orders
+    order_search = None
+    if not fixed_orders:
+        pipeline.set_params(arxregressor__nk=orders["nk"])
+        order_search = OrderSearchCV(pipeline, nk=[orders["nk"]], scoring=scorer)
+        order_search.set_callbacks(*callbacks).fit(X_e, y_e)
+        orders = {name: order_search.best_params_[name] for name in ("na", "nb", "nk")}
+        candidates["with delay and orders"] = orders
 
-    models = []
-    for label, fitted in (
-        ("without delay", clone(pipeline).fit(X_e, y_e)),
-        ("with delay", chosen.best_estimator_),
-        ("with delay and orders", orders.best_estimator_),
-    ):
-        prediction = fitted.predict(X)
-        keep = ~trimmed_rows(fitted, X)
+    def fitted(name: str, model: Any) -> FittedModel:
+        pipeline = make_pipeline(*map(clone, steps), model).fit(X_e, y_e)
+        prediction = pipeline.predict(X)
+        keep = ~trimmed_rows(pipeline, X)
         vafs = [
             vaf_of_rows(
                 y.to_numpy(dtype=float), prediction, keep & rows, layout, "pooled", centered
             )
             for rows in (~held_out, held_out)
         ]
-        models.append(FittedModel(label, fitted, *vafs))
+        return FittedModel(name, pipeline, *vafs)
+
+    model.set_params(method=method, instruments=instruments)
+    models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]
+    adapting = None
+    if memory:
+        follows = RecursiveARX(**orders, inputs=inputs, fit_intercept=centered, **memory)
+        adapting = fitted("following changes", follows)
     return Identification(
-        X, y, layout, held_out, *names, centered, searches[0], searches[1], orders, models
+        X, y, layout, held_out, *names, centered, searches, order_search, models, adapting
     )
 
 

@@ -7,11 +7,14 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from .. import _kernels
 from .._sklearn import Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning
+from ..greybox.estimates import arx_parameter_table
 from ..preprocessing.grid import ModelGrid
+from ..summaries import Summary
 from .base import check_row_count
 from .forgetting import Forgetting, read_forgetting
 from .partial_fit import OF_RUNS, PartialFit
@@ -25,6 +28,7 @@ from .recursion import (
 )
 from .start import needs_data
 from .streaming import Clock
+from .summary import recursive_summary
 
 
 class RecursiveARX(PartialFit):
@@ -104,6 +108,8 @@ class RecursiveARX(PartialFit):
         Covariance of ``coef_``: σ² P (1 + λ^n) / (1 + λ) after n instants.
     standard_errors_ : ndarray of shape (n_params,)
         Square roots of its diagonal.
+    parameters_ : DataFrame
+        The last parameters: value, sd, low and high (95 % interval), unit, meaning.
     covariance_path_ : ndarray of shape (n_instants, n_params, n_params)
         Covariance of ``coef_path_``; with ``store_covariance``.
     coef_paths_ : ndarray of shape (n_runs, n_instants, n_params)
@@ -436,6 +442,12 @@ class RecursiveARX(PartialFit):
         return self.orders_.split(self.coef_)[2]
 
     @property
+    def parameters_(self) -> pd.DataFrame:
+        return arx_parameter_table(
+            self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
+        )
+
+    @property
     def covariance_(self) -> np.ndarray:
         self._check_fitted()
         shares = self._last_share**2
@@ -463,6 +475,9 @@ class RecursiveARX(PartialFit):
         if (self._forgetting.factors == 1.0).all() and not self._forgetting.over_time:
             return 0
         return int(sum(state.count("held").sum() for state in self._states))
+
+    def _summary(self) -> Summary:
+        return recursive_summary(self)
 
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
         if self.parameters == "last" or "coef_path_" not in vars(self):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -13,11 +14,13 @@ from .. import _kernels
 from .._sklearn import fit_context
 from ..exceptions import RunCutWarning
 from ..metrics import VAFScorer, scored_rows, vaf_of_rows, vaf_of_sums
+from ..summaries import Summary, Table, number
 from .base import BOUND
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursion import RecursionData, State, kernel_regressors, recurse
 from .recursive import RecursiveARX
 from .searches.folds import folds_of
+from .searches.words import highest, standard_error
 
 HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 
@@ -281,6 +284,23 @@ class RecursiveARXCV(RecursiveARX):
         self.best_index_ = int(np.argmax(test))
         self.best_memory_horizon_ = self._entries[self.best_index_]
         self.best_score_ = float(test[self.best_index_])
+
+    def _summary(self) -> Summary:
+        results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
+        shown, caption = highest(vaf, standard_error(results, self.best_index_))
+        header = ["N0 (samples)", "VAF (%)", "VAF, train (%)", "gain"]
+        rows = [
+            [
+                str(self._entries[i]),
+                *(number(results[key][i], 0.1) for key in ("mean_test_score", "mean_train_score")),
+                number(results["gain"][i], 0.1),
+            ]
+            for i in shown
+        ]
+        found = super()._summary()
+        searched = f"{len(vaf)} memory horizons, by cross-validated VAF {self.best_score_:.1f} %"
+        facts = {**found.facts, "Searched": searched}
+        return replace(found, facts=facts, more=[Table(caption, header, rows), *found.more])
 
     def _check_streaming(self, fitted: bool) -> None:
         super()._check_streaming(fitted)

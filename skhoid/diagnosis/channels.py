@@ -212,7 +212,7 @@ def _copy(recording: Recording, source: Any, copy: Any, shift: int, gain: float)
 
 
 def _first_samples(recording: Recording) -> Iterator[Finding]:
-    """Samples at the begin of runs that are not yet those of the channel."""
+    """Samples at the beginning of runs that are not yet those of the channel."""
     for name, values in recording.values.items():
         jumps: dict[str, tuple[int, float, float]] = {}
         still: dict[str, int] = {}
@@ -233,7 +233,7 @@ def _first_samples(recording: Recording) -> Iterator[Finding]:
             number, jump, later = jumps[label]
             yield Finding(
                 "first samples",
-                f"{name} is not valid from the begin of {_runs(jumps)}",
+                f"{name} is not valid from the beginning of {_runs(jumps)}",
                 f"In run {label} it stands still and jumps by {jump:.4g} after {number} samples "
                 f"({number * recording.dt:.3g} s); later steps are {later:.4g} at most.",
                 "The channel held an old value until then: a cursor at (0, 0), or a display that "
@@ -245,7 +245,7 @@ def _first_samples(recording: Recording) -> Iterator[Finding]:
             number = still[label]
             yield Finding(
                 "first samples",
-                f"{name} stands still at the begin of {_runs(still)}",
+                f"{name} stands still at the beginning of {_runs(still)}",
                 f"The first {number} samples of run {label} ({number * recording.dt:.3g} s) are "
                 f"equal, more than {LONGER:g} times as many as anywhere later.",
                 "The run was recorded before the signal, or the operator, was ready.",
@@ -271,7 +271,7 @@ def _jump(early: np.ndarray, late: np.ndarray) -> int | None:
 
 
 def _stillness(early: np.ndarray, late: np.ndarray) -> int | None:
-    """Equal samples at the begin of a run, if there are many more than ever after."""
+    """Equal samples at the beginning of a run, if there are many more than ever after."""
     count = int(np.argmax(early > 0)) + 1 if early.any() else early.size
     longest = _longest_zero_run(late) + 1
     return count if count >= max(STILL, LONGER * longest) else None

@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clon
 from sklearn.utils.validation import check_is_fitted
 from threadpoolctl import threadpool_limits
 
-from .._sklearn import HasMethods, Interval, StrOptions, fit_context
+from .._sklearn import FittedDisplay, HasMethods, Interval, StrOptions, fit_context
 from ..arx.searches.folds import folds_of
 from ..effects.base import Effect
 from ..effects.catalogue import CLASSES
@@ -36,7 +36,7 @@ BESIDE_SEVERAL = (0.4, 0.04, 0.04)
 SURE = 4.0  # standard errors
 
 
-class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     """Which physical effects a model is missing, judged on held-out runs.
 
     Every effect of a catalogue is added to the model in turn, and all parameters refitted
@@ -293,6 +293,15 @@ class EffectSearchCV(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             self.experiments_,
             self.notes_,
         )
+
+    def _found_html(self) -> str:
+        first, last = (self.error_path_["vaf"].iloc[i] for i in (0, -1))
+        added = ", ".join(self.error_path_["effect"].iloc[1:]) or "none"
+        found = (
+            f"EffectSearchCV: {self.verdict_}. Added: {added}; held-out VAF {first:.1f} to "
+            f"{last:.1f} %."
+        )
+        return self.best_estimator_._summary().html(found)
 
     def predict(self, X: Any) -> np.ndarray:
         """Free run of the best model.

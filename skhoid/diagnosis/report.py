@@ -42,7 +42,8 @@ def figures(c: Comparison) -> list[tuple[str, str]]:
     else:
         low, high = c.noise_ceiling_interval
         ceiling = f"{c.noise_ceiling:.1f} % ({low:.1f} to {high:.1f}), {c.ceiling_note}"
-        gap = f"{c.explainable_gap:.1f} VAF points"
+        nothing = ": nothing, within its error" if c.explainable_gap < 0 else ""
+        gap = f"{c.explainable_gap:.1f} VAF points{nothing}"
     if c.overfit is None:
         overfit = "not available (give estimation=(X, y))"
     else:
@@ -81,7 +82,7 @@ def html(c: Comparison) -> str:
     runs = c.by_run.drop(columns=["target", "p"]).round(3).to_html(index=False, border=0)
     notes = "".join(f"<p>{escape(note)}.</p>" for note in c.notes)
     return (
-        f"<h4>{escape(c.model_name)} against measured {escape(c.output)}</h4>"
+        f"<p><b>{escape(c.model_name)} against measured {escape(c.output)}</b></p>"
         f"<table>{rows}</table><ol>{found}</ol><details><summary>By run</summary>{runs}"
         f"</details>{notes}"
     )

@@ -131,7 +131,7 @@ def summary_of(
         for _, row in unexplained.iterrows():
             lines.append(f"  - {row['description']} ({row['where']}): {row['points']:.1f} points")
     gap = last["explainable_gap"]
-    if np.isfinite(gap):
+    if np.isfinite(gap) and np.isfinite(ceiling):
         lines.append(f"Left to explain at the end: {max(gap, 0.0):.1f} points.")
     lines += [f"Note: {e}" for e in (*experiments, *notes)]
     return "\n".join(lines)

@@ -20,6 +20,7 @@ from ..greybox.lanes import PREFIXES, ROLES
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
+from ..regression import units_of
 from ..runs import RunLayout, check_alignment, run_name
 
 SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
@@ -181,6 +182,12 @@ def read_signals(
             f"{int(used.sum()) - covered} rows beside the longest gapless stretch of their run "
             "count in the VAF, and not in spectra and tests"
         )
+    mean, sd = (float(f(measured[scored])) for f in (np.mean, np.std))
+    if abs(mean) > sd:
+        notes.append(
+            f"the mean of the output ({mean:.4g}) is larger than its spread ({sd:.4g}), and VAF "
+            "counts it as explained: subtract the means of X and y for a VAF about them"
+        )
     return Signals(
         layout=layout,
         index=X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(layout.n_rows),
@@ -192,10 +199,7 @@ def read_signals(
         channels=channels,
         groups=_groups(layout, stretches, channels, repeats),
         output=str(getattr(y, "name", None) or "u"),
-        units={
-            **getattr(X, "attrs", {}).get("units", {}),
-            **getattr(y, "attrs", {}).get("units", {}),
-        },
+        units={**units_of(X), **units_of(y)},
         notes=notes,
     )
 

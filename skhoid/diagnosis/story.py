@@ -15,6 +15,7 @@ from ..effects.input_maps import AsymmetricGain, CubicGain, DeadZone
 from ..effects.offsets import Bias, Drift
 from ..effects.paths import Feedforward, OutputFeedback
 from ..effects.time_variation import GainDrift, TimeVaryingGain
+from ..regression import units_of
 from ..runs import read_layout
 from .comparison import Comparison, compare
 from .effect_search import EffectSearchCV
@@ -132,8 +133,7 @@ class Story:
     @property
     def units(self) -> dict[str, str]:
         """Units of the channels, as far as they are known."""
-        of_X, of_y = (getattr(d, "attrs", {}).get("units", {}) for d in (self.X, self.y))
-        return {**of_X, **of_y}
+        return {**units_of(self.X), **units_of(self.y)}
 
     def _named(self, channel: str) -> str:
         unit = self.units.get(channel)
@@ -157,6 +157,8 @@ class Story:
         else:
             why = found.ceiling_note.removeprefix("none: ")
             yield f"  how much of the rest is remnant is not known: {why}"
+        for note in found.notes:
+            yield f"  note: {note}"
         for finding in found.findings[:SHOWN]:
             cost = f" ({finding.severity:.1f} points)" if np.isfinite(finding.severity) else ""
             yield f"  - {finding.title}{cost}"
@@ -174,6 +176,8 @@ class Story:
                 f"Search, step {number}: {len(tried)} effects tried{aside}, judged on rows held "
                 "out of the fit"
             )
+            if number == 1:  # of a likelihood fit, above, it can be lower
+                yield f"  without any, the best free run has a VAF of {path['vaf'].iloc[0]:.1f} %"
             tried = tried[tried["delta_bic"].notna()]
             for _, row in tried.head(SHOWN).iterrows():
                 yield f"  {candidate_line(row)}"
@@ -220,15 +224,6 @@ class Story:
         """
         search, compared = self.search_, self.comparison_
         layout = read_layout(self.X, dt=self.baseline_.dt, run=self.baseline_.run)
-        comparison = None
-        if compared is not None:
-            comparison = {
-                "vaf": compared.vaf,
-                "noise_ceiling": compared.noise_ceiling,
-                "noise_ceiling_interval": list(compared.noise_ceiling_interval),
-                "explainable_gap": compared.explainable_gap,
-                "findings": [finding.name for finding in compared.findings],
-            }
         return {
             "n_runs": len(layout.labels),
             "n_rows": layout.n_rows,
@@ -237,7 +232,7 @@ class Story:
             "output": self._output,
             "units": self.units,
             "baseline": _records(self.baseline_.parameters_.reset_index()),
-            "comparison": comparison,
+            "comparison": None if compared is None else comparison_dict(compared),
             "ranking": _records(search.ranking_),
             "error_path": _records(search.error_path_.reset_index()),
             "best_effects": search.best_effects_,
@@ -248,6 +243,17 @@ class Story:
             "unexplained": _records(search.unexplained_),
             "experiments": search.experiments_,
         }
+
+
+def comparison_dict(found: Comparison) -> dict[str, Any]:
+    """The figures of a comparison, for JSON."""
+    return {
+        "vaf": found.vaf,
+        "noise_ceiling": found.noise_ceiling,
+        "noise_ceiling_interval": list(found.noise_ceiling_interval),
+        "explainable_gap": found.explainable_gap,
+        "findings": [finding.name for finding in found.findings],
+    }
 
 
 def parameter_line(model: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from ..exceptions import did_you_mean
 from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
 from .base import Effect
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
@@ -70,7 +71,10 @@ def effect(name: str) -> Effect:
     DeadZone()
     """
     if name not in BY_NAME:
-        raise ValueError(f"No effect is called {name!r}. There are: {', '.join(BY_NAME)}.")
+        raise ValueError(
+            f"No effect is called {name!r}. There are: {', '.join(BY_NAME)}."
+            f"{did_you_mean(name, BY_NAME)}"
+        )
     return BY_NAME[name]()
 
 

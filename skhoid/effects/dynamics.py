@@ -139,10 +139,8 @@ class HigherOrder(Effect):
 
     Parameters
     ----------
-    zero_frequency, pole_frequency : float or None, default=None
-        In rad/s; None estimates it.
-    zero_damping, pole_damping : float or None, default=None
-        Damping ratios; None estimates them.
+    zero_frequency, zero_damping, pole_frequency, pole_damping : float or None, default=None
+        Frequencies in rad/s and damping ratios; None estimates one.
 
     References
     ----------

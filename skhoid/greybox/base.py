@@ -15,14 +15,16 @@ from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor
 from ..runs import run_column
+from ..summaries import Summary
 from .controlled_element import estimate_element
 from .cores import Core
-from .estimates import covariance_frame, effects_with_values, parameter_table, summary_text
+from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
 from .fitting import Criterion, Noise, covariance_of
 from .lanes import Lanes, build_record, roles_of
 from .model import Model
 from .simulator import Simulator
+from .summary import simulated_summary
 
 N_LIKELIHOOD = {"operator": 12, "arx": 2}  # rounds of noise model and refinement, at most
 WORSE = 1.01  # squares of the simulation error by those of the round before, at most
@@ -56,12 +58,16 @@ class GreyBox(RunRegressor):
     controlled_element: ControlledElement | None
     settling: float
     _takes_first = True  # channel, where none has the role e
+    _errors_in_words: str
 
     def _core(self) -> Core:
         raise NotImplementedError
 
     def _fitted_core(self, core: Core, record: Record, criterion: Criterion) -> Model:
         """The core at the minimum of the simulation error, without effects."""
+        raise NotImplementedError
+
+    def _core_in_words(self) -> str:
         raise NotImplementedError
 
     def _given_values(self) -> dict[str, float]:
@@ -104,8 +110,6 @@ class GreyBox(RunRegressor):
             given_roles = {f"x{position}": role for position, role in given_roles.items()}
         self._roles = roles_of(names, given_roles)
         self._roles[self.inputs_[0]] = "e"
-        self._units = {**getattr(X, "attrs", {}).get("units", {})}
-        self._units.update(getattr(y, "attrs", {}).get("units", {}))
         held = self._hold(grid, values[:, self._channels], names)
         given = self.controlled_element
         element = None if given is None else constants_of(given)
@@ -163,7 +167,10 @@ class GreyBox(RunRegressor):
         n = criterion.n
         self.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
         self.bic_ = -2 * self.loglik_ + model.n_parameters * float(np.log(n))
-        self.vaf_ = vaf_of_output(record, model.output)
+        self.n_rows_used_, self._n_residuals = int(record.known.sum()), n
+        output = model.output
+        self.vaf_ = vaf_of_output(record, output)
+        self._rmse = float(np.sqrt(np.mean((record.y - output)[record.known] ** 2)))
         units = {"u": self._units.get(self._output_name), "e": self._units.get(self.inputs_[0])}
         units.update({f"[{name}]": unit for name, unit in self._units.items()})
         self.parameters_ = parameter_table(
@@ -192,15 +199,8 @@ class GreyBox(RunRegressor):
         record, lanes = self._record_of(grid, values)
         return lanes.rows(Simulator(self._core(), self._chosen, record).run(self._theta))
 
-    def summary(self) -> str:
-        """Parameters with their intervals, effects and goodness of fit, as text.
-
-        Returns
-        -------
-        text : str
-        """
-        self._check_fitted()
-        return summary_text(self)
+    def _summary(self) -> Summary:
+        return simulated_summary(self)
 
 
 def constants_of(element: ControlledElement) -> tuple[float, float]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pandas as pd
 from sklearn.base import clone
@@ -95,7 +93,9 @@ def derived(
     return found
 
 
-def arx_parameter_table(names: list[str], theta: np.ndarray, sd: np.ndarray) -> pd.DataFrame:
+def arx_parameter_table(
+    names: list[str], theta: np.ndarray, sd: np.ndarray, units: list[str]
+) -> pd.DataFrame:
     """The same of an ARX model that was fitted by least squares."""
     meaning = {"a": "of the output", "b": "of the input", "i": "constant"}
     columns = {
@@ -103,7 +103,7 @@ def arx_parameter_table(names: list[str], theta: np.ndarray, sd: np.ndarray) -> 
         "sd": sd,
         "low": theta - NORMAL_95 * sd,
         "high": theta + NORMAL_95 * sd,
-        "unit": "-",
+        "unit": units,
         "meaning": [meaning[name[0]] for name in names],
     }
     return pd.DataFrame(columns, index=pd.Index(names, name="parameter"))
@@ -140,19 +140,3 @@ def parameter_text(table: pd.DataFrame, prefix: str) -> str:
         else:
             parts.append(f"{name} = {row['value']:.3g}{unit} (at its bound)")
     return ", ".join(parts)
-
-
-def summary_text(model: Any) -> str:
-    """What a fitted model says of itself."""
-    head = [
-        f"{type(model).__name__}: VAF {model.vaf_:.1f} % of the fitted rows, "
-        f"log-likelihood {model.loglik_:.1f}, BIC {model.bic_:.1f}",
-        "",
-    ]
-    table = model.parameters_.copy()
-    for column in ("value", "sd", "low", "high"):
-        table[column] = [f"{v:.4g}" if np.isfinite(v) else "-" for v in table[column]]
-    lines = [*head, table.to_string()]
-    for name, effect in model.effects_:
-        lines.append(f"{name}: {effect.physics} {effect.formula}")
-    return "\n".join(lines)

@@ -68,6 +68,8 @@ class OperatorRegressor(GreyBox):
         Bayesian information criterion (smaller is better).
     vaf_ : float
         VAF of the free run on the fitted rows, in percent.
+    n_rows_used_ : int
+        Rows that count: measured, and not in the settling or a run-in.
     controlled_element_ : ControlledElement or None
         Given or estimated.
     dt_ : float
@@ -145,6 +147,8 @@ class OperatorRegressor(GreyBox):
         self.dt = dt
         self.run = run
 
+    _errors_in_words = "Standard errors allow for remnant of any colour."
+
     @fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: Any, y: Any) -> OperatorRegressor:
         """Estimate all parameters.
@@ -165,6 +169,9 @@ class OperatorRegressor(GreyBox):
 
     def _core(self) -> OperatorCore:
         return OperatorCore(None if self.delay is None else float(self.delay))
+
+    def _core_in_words(self) -> str:
+        return "human operator, Eqs. 3-5"
 
     def _fitted_core(self, core: Any, record: Record, criterion: Criterion) -> Model:
         return fit_operator(core, record, criterion)

@@ -139,7 +139,7 @@ class Scan:
             for j in range(i + 1):
                 gram[:, i, j] = gram[:, j, i] = np.einsum("ij,ij->j", table[i], table[j])
         right = np.stack([y @ table[i] for i in range(k)], axis=1)
-        size = np.sqrt(np.einsum("kii->ki", gram)) + 1e-300
+        size = np.sqrt(np.einsum("kii->ki", gram)) + 1e-150
         gram = gram / (size[:, :, None] * size[:, None, :]) + 1e-6 * np.eye(k)
         right = right / size
         solved = np.linalg.solve(gram, right[:, :, None])[:, :, 0]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from inspect import signature
 from typing import Any
 
+from ..exceptions import did_you_mean
 from .delays import delay_study
 from .forgetting import forgetting_study
 from .paper import CONDITIONS, INTENSITIES, StudyResult
@@ -109,9 +109,10 @@ def paper_study(
     ('Fig. 12', True, ['fig12'])
     """
     if name not in PAPER_STUDIES:
-        near = get_close_matches(name, PAPER_STUDIES, n=1, cutoff=0.4)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"No study {name!r}; there are {', '.join(PAPER_STUDIES)}.{hint}")
+        raise ValueError(
+            f"No study {name!r}; there are {', '.join(PAPER_STUDIES)}."
+            f"{did_you_mean(name, PAPER_STUDIES)}"
+        )
     study = PAPER_STUDIES[name]
     known = list(signature(study.function).parameters)
     for option in options:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ..exceptions import did_you_mean
 from ..simulation.datasets import make_tracking_runs, task_of
 from .identity import described, digest
 
@@ -130,9 +130,8 @@ def _check_settings(
     accepted = {p.name for p in parameters[1:]}
     for name in settings:
         if name not in accepted:
-            near = get_close_matches(name, [*known, *accepted], n=1)
-            hint = f" Did you mean {near[0]!r}?" if near else ""
             raise ValueError(
                 f"conditions: {name!r} is neither an option of make_tracking_runs nor an argument "
-                f"of the function ({', '.join(sorted(accepted)) or 'it has none'}).{hint}"
+                f"of the function ({', '.join(sorted(accepted)) or 'it has none'})."
+                f"{did_you_mean(name, [*known, *accepted])}"
             )

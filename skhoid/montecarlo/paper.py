@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..io.tables import check_table_format, write_tables
 from ..simulation.loop import CompensatoryTask
 from ..simulation.physics import response_of
 from ..simulation.remnant import ORDERS
@@ -108,7 +109,9 @@ class StudyResult:
         """
         return {name: draw().figure_ for name, draw in self.figures.items()}
 
-    def save(self, folder: str | os.PathLike[str], *, figures: bool = True) -> list[Path]:
+    def save(
+        self, folder: str | os.PathLike[str], *, figures: bool = True, table_format: str = "csv"
+    ) -> list[Path]:
         """Write table, summary, claims and figures.
 
         Parameters
@@ -117,18 +120,24 @@ class StudyResult:
             Made if it is not there.
         figures : bool, default=True
             Also draw.
+        table_format : {"csv", "tsv", "parquet"}, default="csv"
+            Of the tables; Parquet needs ``pip install "skhoid[io]"``.
 
         Returns
         -------
         files : list of Path
-            ``table.csv.gz``, ``summary.csv``, ``claims.csv`` and PNG files.
+            ``table.csv.gz``, ``summary.csv``, ``claims.csv``, or with the other endings, and PNG
+            files.
         """
+        check_table_format(table_format)
         folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        files = [folder / "table.csv.gz", folder / "summary.csv", folder / "claims.csv"]
-        self.table.to_csv(files[0], index=False)
-        self.summary.to_csv(files[1])
-        pd.DataFrame([asdict(claim) for claim in self.claims]).to_csv(files[2], index=False)
+        packed = "" if table_format == "parquet" else ".gz"
+        tables = {
+            f"table.{table_format}{packed}": self.table,
+            f"summary.{table_format}": self.summary,
+            f"claims.{table_format}": pd.DataFrame([asdict(claim) for claim in self.claims]),
+        }
+        files = write_tables(tables, folder)
         if figures:
             import matplotlib.pyplot as plt
 

@@ -14,12 +14,12 @@ from sklearn.utils.validation import check_is_fitted
 BLACK = "#000000"
 GREY = "#999999"
 BLUE = "#0072B2"
-VERMILLION = "#D55E00"
+VERMILION = "#D55E00"
 GREEN = "#009E73"
 PURPLE = "#CC79A7"
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
-COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, GREY)
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
 
 LETTERS = 88  # in a row of a legend, of which each handle takes
 HANDLE = 9

@@ -18,7 +18,7 @@ from ._axes import (
     BLUE,
     GREY,
     PURPLE,
-    VERMILLION,
+    VERMILION,
     legend_columns,
     legend_entries,
     with_unit,
@@ -29,7 +29,7 @@ MEASURED = BLACK
 PREDICTED = BLUE
 RESIDUAL = PURPLE
 NOISE = GREY
-EXCEEDING = VERMILLION
+EXCEEDING = VERMILION
 
 FEW_DECADES = 300.0  # from one end of an axis to the other
 ALL_RUNS = "all"  # the name in by_time of all validation runs together

@@ -7,11 +7,11 @@ from typing import Any
 
 from sklearn.exceptions import NotFittedError
 
-from ._axes import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
+from ._axes import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 BASELINE = "baseline"
 UNKNOWN = "unknown"
-BEFORE = VERMILLION
+BEFORE = VERMILION
 AFTER = BLUE
 BETWEEN = (GREEN, PURPLE, ORANGE, SKY)
 LONG = 12  # letters in one line below an axis

@@ -22,12 +22,12 @@ from ._axes import (
     ORANGE,
     PURPLE,
     SKY,
-    VERMILLION,
+    VERMILION,
     given_axes,
     with_unit,
 )
 
-COLOURS = (BLACK, VERMILLION, BLUE, GREEN, PURPLE, ORANGE, SKY)
+COLOURS = (BLACK, VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY)
 SYMBOLS = "osD^vPX"
 MAX_MARKERS = 40  # responses with more lines than this are curves
 N_POINTS = 300

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from ..arx.searches import DelaySearchCV
-from ._axes import BLACK, BLUE, VERMILLION, check_search, given_axes, with_unit
+from ._axes import BLACK, BLUE, VERMILION, check_search, given_axes, with_unit
 
 WORTHLESS = 100.0  # percent; with more, the model is worse than none at all
 MAX_NAMED = 25  # candidates that get a tick label of their own
@@ -208,7 +208,7 @@ class DelayLossDisplay:
         (self.best_,) = self.ax_.plot(
             at[position],
             loss[position],
-            color=VERMILLION,
+            color=VERMILION,
             marker="*",
             ms=15,
             ls="none",
@@ -246,7 +246,7 @@ class DelayLossDisplay:
     def _draw_path(self) -> None:
         time, delay = np.asarray(self.window_time), np.asarray(self.nk_path) * self.dt
         best = float(np.max(self.nk[self.best_index])) * self.dt
-        self.best_ = self.ax_.axhline(best, color=VERMILLION, ls="--", lw=1.2, label="all data")
+        self.best_ = self.ax_.axhline(best, color=VERMILION, ls="--", lw=1.2, label="all data")
         (self.line_,) = self.ax_.plot(
             time, delay, color=BLUE, marker=".", ms=8, lw=1.2, label="sliding window"
         )

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILLION, given_axes, with_unit
+from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, given_axes, with_unit
 from ._comparison import percent, say_instead, wrapped
 from ._effects import UNKNOWN, attributes_of, broken, step_labels, unit_of
 
@@ -242,7 +242,7 @@ class ErrorPathDisplay:
     def _draw_gap(self, panel: Axes, n_steps: int, vaf: float, ceiling: float, gap: float) -> None:
         """What is left, beside the last step: red where no effect of the catalogue explains it."""
         left = UNKNOWN in self.best_effects
-        colour = VERMILLION if left else BLACK
+        colour = VERMILION if left else BLACK
         edge = n_steps - 0.5
         at = vaf
         if np.isnan(ceiling):

@@ -117,8 +117,6 @@ class ResidualTimeDisplay(ComparisonPicture):
         if self.bars_ is None:
             say_instead(bottom, "Relative power is not available.")
             return self
-        if self.misfit_ is not None and knows_repeats(together):
-            self.bars_.set_label("does not repeat")
         self._draw_power(bottom, together)
         for panel in self.axes_:
             mark_changes(panel, self.changes_)
@@ -176,9 +174,10 @@ def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> 
         "edgecolor": "white",
         "linewidth": 0.6,
     }
-    bars = panel.bar(start, share, color=RESIDUAL, **look)
     raised = failing(windows, false_alarm)
     misfit = None
+    rest = "does not repeat" if raised.any() and knows_repeats(windows) else "lost"
+    bars = panel.bar(start, share, color=RESIDUAL, label=rest, **look)
     if raised.any():
         height = share
         if knows_repeats(windows):  # a part of the bar, though estimates of it may exceed the bar

@@ -13,7 +13,7 @@ from ..metrics import layout_of_output, vaf_score
 from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.run_in import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, run_name
-from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
+from ._axes import BLACK, BLUE, GREY, VERMILION, given_axes, with_unit
 
 MAX_RUNS = 5
 
@@ -312,7 +312,7 @@ class SimulationDisplay:
         time = np.insert(time, at_gaps, np.nan)
         true, pred = np.insert(true, at_gaps, np.nan), np.insert(pred, at_gaps, np.nan)
         self.measured_ += top.plot(time, true, color=BLACK, lw=1.2, label="measured")
-        self.simulated_ += top.plot(time, pred, color=VERMILLION, lw=1.2, label="simulated")
+        self.simulated_ += top.plot(time, pred, color=VERMILION, lw=1.2, label="simulated")
         top.set_ylabel(with_unit(self.output_name, self.unit))
         top.set_title(self._title(number), loc="left", fontsize="medium")
         if len(panels) == 2:

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREEN, GREY, VERMILLION, given_axes, legend_of_all, note_outside
+from ._axes import BLACK, GREEN, GREY, VERMILION, given_axes, legend_of_all, note_outside
 from ._study import (
     OPERATOR,
     REPLICATION,
@@ -329,7 +329,7 @@ class StudyPathDisplay:
             if len(values) == 1:
                 at, values = [time.min(), time.max()], np.repeat(values, 2)
             (self.truth_[key],) = panel.plot(
-                at, values, color=VERMILLION, lw=1.1, label="true", zorder=2.6
+                at, values, color=VERMILION, lw=1.1, label="true", zorder=2.6
             )
 
     def _draw_batch(self, panel: Any, name: str, P_n: float, row: dict[Any, Any]) -> None:

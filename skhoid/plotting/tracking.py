@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..runs import read_layout
-from ._axes import BLACK, BLUE, GREY, VERMILLION, given_axes, with_unit
+from ._axes import BLACK, BLUE, GREY, VERMILION, given_axes, with_unit
 
 NAMES = {
     "e": "error e",
@@ -175,7 +175,7 @@ class TrackingDisplay:
                 )
                 panel.legend(loc="upper right", frameon=False, fontsize="small")
             if self.transition is not None and self.time[0] < self.transition < self.time[-1]:
-                panel.axvline(self.transition, color=VERMILLION, ls="--", lw=0.8)
+                panel.axvline(self.transition, color=VERMILION, ls="--", lw=0.8)
             panel.set_ylabel(with_unit(NAMES.get(name, name), (self.units or {}).get(name)))
             panel.grid(alpha=0.3)
         self.axes_[-1].set_xlabel("time, s")

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from ..arx.searches import OrderSearchCV
-from ._axes import BLACK, BLUE, VERMILLION, check_search, given_axes
+from ._axes import BLACK, BLUE, VERMILION, check_search, given_axes
 
 MAX_PANELS = 12
 MAX_TICKS = 10
@@ -412,7 +412,7 @@ def _ring(panel: Any, x: float, y: float) -> Line2D:
         marker="o",
         ms=17,
         color="none",
-        markeredgecolor=VERMILLION,
+        markeredgecolor=VERMILION,
         markeredgewidth=2.2,
         ls="none",
         zorder=5,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
+from ..exceptions import did_you_mean
 from ..human import ControlledElement, HumanOperator, Sigmoid
 from ..human.variation import Parameter, mix
 
@@ -144,6 +144,7 @@ def known_name(name: Any) -> str:
     """The name of a condition, or an error that offers the nearest."""
     if isinstance(name, str) and name.upper() in _TRANSITIONS:
         return name.upper()
-    near = get_close_matches(str(name).upper(), _TRANSITIONS, n=1, cutoff=0.4)
-    hint = f" Did you mean {near[0]!r}?" if near else ""
-    raise ValueError(f"Unknown condition {name!r}; known are {', '.join(_TRANSITIONS)}.{hint}")
+    raise ValueError(
+        f"Unknown condition {name!r}; known are {', '.join(_TRANSITIONS)}."
+        f"{did_you_mean(str(name).upper(), _TRANSITIONS)}"
+    )

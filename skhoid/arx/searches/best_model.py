@@ -10,10 +10,14 @@ from sklearn.callback import CallbackSupportMixin
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from ...pipelines import final_step, reach_model
+from ..._sklearn import FittedDisplay
+from ...pipelines import final_step, reach_model, taken_apart
+from ...summaries import Table, sentences
 
 
-class BestModel(CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+class BestModel(
+    FittedDisplay, CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEstimator
+):
     """A search whose predictions are those of its best estimator."""
 
     estimator: Any
@@ -75,6 +79,39 @@ class BestModel(CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEs
         """
         check_is_fitted(self, "best_estimator_")
         return self.best_estimator_.score(X, y)
+
+    def summary(self, X: Any = None, y: Any = None) -> str:
+        """Say what was searched and found, and the summary of the best model.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns), default=None
+            Channels to validate the best model on, best of runs that were not fitted.
+        y : Series or array of shape (n_rows,), default=None
+            Their measured output.
+
+        Returns
+        -------
+        text : str
+            Lines of at most 88 columns.
+        """
+        check_is_fitted(self, "best_estimator_")
+        found, candidates = self._found()
+        steps, model = taken_apart(self.best_estimator_)
+        lines = [sentences([found]), "", candidates.caption, *candidates.lines(), ""]
+        if steps:
+            lines += [sentences([f"The best model comes after {', '.join(map(repr, steps))}."]), ""]
+        if X is not None:
+            model, X = reach_model(self.best_estimator_, X)
+        return "\n".join([*lines, model.summary(X, y)])
+
+    def _found(self) -> tuple[str, Table]:
+        """What was searched and found in a sentence, and the best candidates."""
+        raise NotImplementedError
+
+    def _found_html(self) -> str:
+        _, model = taken_apart(self.best_estimator_)
+        return model._summary().html(self._found()[0])
 
     def _keep_names(self) -> None:
         for name in ("n_features_in_", "feature_names_in_"):

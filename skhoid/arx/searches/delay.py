@@ -12,6 +12,7 @@ from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
 from ...exceptions import RankDeficiencyError
 from ...metrics import VAFScorer
 from ...pipelines import raw_layout, reach_model
+from ...summaries import Table, number
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from .best_model import BestModel
@@ -23,6 +24,7 @@ from .candidates import (
     with_orders,
 )
 from .folds import folds_of
+from .words import highest, lowest, standard_error
 
 N_CANDIDATES = 50
 
@@ -196,6 +198,29 @@ class DelaySearchCV(BestModel):
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
 
+    def _found(self) -> tuple[str, Table]:
+        results, nk = self.cv_results_, self.cv_results_["nk"]
+        seconds = [_in_words(delay, number) for delay in results["delay"]]
+        found = (
+            f"DelaySearchCV: nk = {_in_words(self.best_nk_)} ({seconds[self.best_index_]} s) is "
+            f"the best of {len(nk)} candidates, {_in_words(nk[0])} to {_in_words(nk[-1])}, by "
+        )
+        header = ["nk", "delay (s)"]
+        if self.criterion == "one_step":
+            found += "the mean squared error one step ahead."
+            shown, caption = lowest(self.loss_), "Lowest losses"
+            header += ["loss", "over the best"]
+            least = max(self.loss_[self.best_index_], 1e-300)
+            cells = [[f"{x:.5g}", f"{100 * (x / least - 1):.2f} %"] for x in self.loss_]
+        else:
+            found += f"cross-validated VAF of the free run, {self.best_score_:.1f} %."
+            vaf = results["mean_test_score"]
+            shown, caption = highest(vaf, standard_error(results, self.best_index_))
+            header += ["VAF (%)"]
+            cells = [[f"{v:.2f}"] for v in vaf]
+        rows = [[_in_words(nk[i]), seconds[i], *cells[i]] for i in shown]
+        return found, Table(caption, header, rows)
+
     def _candidates(self, shortest_run: int) -> list[Any]:
         if self.nk is not None:
             return _as_candidates(self.nk)
@@ -279,6 +304,11 @@ class DelaySearchCV(BestModel):
         self.nk_path_ = np.full(n_windows, np.nan)
         self.nk_path_[some] = values[np.nanargmin(losses[some], axis=1)]
         self.delay_path_ = self.nk_path_ * self.dt_
+
+
+def _in_words(value: Any, form: Any = str) -> str:
+    """A delay, or those of several inputs."""
+    return f"({', '.join(map(form, value))})" if isinstance(value, tuple) else str(form(value))
 
 
 def _as_candidates(nk: Any) -> list[Any]:

@@ -19,6 +19,7 @@ from ...exceptions import RankDeficiencyError
 from ...metrics import VAFScorer
 from ...pipelines import final_step, raw_layout, reach_model
 from ...preprocessing import Decimator, RunInTrimmer
+from ...summaries import Table
 from ..batch import ARXRegressor
 from ..orders import whole_number
 from .best_model import BestModel
@@ -30,6 +31,7 @@ from .candidates import (
     with_orders,
 )
 from .folds import Fold, folds_of
+from .words import highest, lowest
 
 DEFAULT_ORDERS = (1, 2, 3, 4)
 
@@ -212,6 +214,38 @@ class OrderSearchCV(BestModel):
         self._keep_names()
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
+
+    def _found(self) -> tuple[str, Table]:
+        results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
+        chosen = ", ".join(f"{name} = {value}" for name, value in self.best_params_.items())
+        shown, caption = highest(vaf, self.standard_error_)
+        if self.criterion != "vaf":
+            by = f"by the lowest {self.criterion.upper()}"
+            shown = lowest(results[self.criterion])
+            caption = f"Lowest {self.criterion.upper()}"
+        elif self.rule == "best":
+            by = "by the highest VAF"
+        else:
+            by = "as the smallest within one standard error of the highest VAF"
+        if self.best_index_ not in shown:
+            shown = np.append(shown, self.best_index_)
+        found = (
+            f"OrderSearchCV: {chosen}, chosen from {vaf.size} candidates {by}. Its "
+            f"cross-validated VAF is {self.best_score_:.1f} %."
+        )
+        rows = [
+            [
+                *(str(value) for value in results["params"][i].values()),
+                f"{results['n_params'][i]:.0f}",
+                f"{results['delay'][i]:.4g}",
+                f"{vaf[i]:.2f}",
+                f"{results['bic'][i]:.4f}",
+                "chosen" if i == self.best_index_ else "",
+            ]
+            for i in shown
+        ]
+        header = [*self.best_params_, "parameters", "delay (s)", "VAF (%)", "BIC / n", ""]
+        return found, Table(caption, header, rows)
 
     def _variants(self, estimator: Any) -> list[tuple[int, Any]]:
         """Clones of the estimator, one per decimation factor."""

@@ -1,0 +1,51 @@
+"""What a fitted model with effects says of itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..summaries import Summary, estimates_table, grid_facts, quantity, signal_facts
+
+if TYPE_CHECKING:
+    from .base import GreyBox
+
+
+def simulated_summary(model: GreyBox) -> Summary:
+    """Summary of a model whose parameters minimise the error of simulation."""
+    output, element = model._output_name, model.controlled_element_
+    facts = {
+        "Model": model._core_in_words(),
+        "Effects": ", ".join(model.effects_.names) or "none",
+        **signal_facts(model),
+        "Method": "maximum likelihood",
+        "Rows": f"{model.n_rows_used_}",
+        "Runs": f"{model._n_runs}",
+        **grid_facts(model),
+        "Residuals": f"{model._n_residuals} in the likelihood",
+        "Settling": f"{model.settling:g} s left out",
+        "VAF, fit": f"{model.vaf_:.1f} % (free run)",
+        "RMSE, fit": quantity(model._rmse, model._units.get(output)) + " (free run)",
+        "Log-likelihood": f"{model.loglik_:.1f}",
+        "BIC": f"{model.bic_:.1f}",
+        "Noise model": f"AR({len(model.noise_ar_)})",
+    }
+    if element is not None:
+        facts["Element"] = f"K_c = {element.K_c:.4g}, omega_b = {element.omega_b:.4g} rad/s"
+    notes = [
+        model._errors_in_words,
+        "What the model lacks is not in them: see compare and EffectSearchCV.",
+        "VAF and RMSE are those of the rows fitted; summary(X, y) says the VAF of others. "
+        "Log-likelihood and BIC are without constants.",
+    ]
+    table = model.parameters_
+    if not (table["sd"] > 0).all():
+        notes.append("A dash in place of a standard error: given, or at a bound.")
+    return Summary(
+        f"{type(model).__name__}: {output} from {model.inputs_[0]}",
+        facts,
+        estimates_table(table),
+        [
+            *notes,
+            *(f"{name}: {effect.physics} {effect.formula}" for name, effect in model.effects_),
+        ],
+    )

@@ -1,0 +1,225 @@
+"""Summaries of fitted models, as text and as HTML."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+WIDTH = 88  # columns
+LABEL = 16  # columns of a label in the header
+IN_SHORT = (
+    "Model",
+    "Effects",
+    "Method",
+    "Memory",
+    "Delay, nk",
+    "Rows",
+    "Runs",
+    "Residual sd",
+    "VAF, fit",
+)
+LONGEST_UNIT = 16  # columns
+LEFT_ALIGNED = ("", "unit")
+TITLES = {"": "parameter", "[0.025": "95 % from", "0.975]": "to"}  # of columns, in HTML
+STYLE = """<style>
+.skhoid-summary {color: inherit; font-size: 0.9em; margin-top: 0.5em; overflow-x: auto}
+.skhoid-summary p {margin: 0.4em 0}
+.skhoid-summary table {border-collapse: collapse; color: inherit; margin: 0.4em 0}
+.skhoid-summary caption {font-weight: bold; text-align: left}
+.skhoid-summary th, .skhoid-summary td {background: none; border: 0; color: inherit;
+  border-bottom: 1px solid color-mix(in srgb, currentColor 25%, transparent);
+  font-variant-numeric: tabular-nums; padding: 0.2em 0.7em; text-align: right}
+.skhoid-summary .left {text-align: left}
+</style>"""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under a header; the first column names the rows."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def lines(self) -> list[str]:
+        """Lines of at most ``WIDTH`` columns, for which long names are cut in the middle."""
+        widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
+        widths = [
+            min(width, LONGEST_UNIT) if title == "unit" else width
+            for title, width in zip(self.header, widths, strict=True)
+        ]
+        widths[0] = min(widths[0], max(WIDTH - sum(widths[1:]) - 2 * (len(widths) - 1), 8))
+        return [
+            "  ".join(
+                f"{_cut(cell, width):<{width}}" if title in LEFT_ALIGNED else f"{cell:>{width}}"
+                for title, cell, width in zip(self.header, row, widths, strict=True)
+            ).rstrip()
+            for row in (self.header, *self.rows)
+        ]
+
+    def html(self, of: str) -> str:
+        left = ["left" if title in LEFT_ALIGNED else "" for title in self.header]
+        head = "".join(
+            f'<th scope="col" class="{side}">{escape(TITLES.get(title, title))}</th>'
+            for title, side in zip(self.header, left, strict=True)
+        )
+        body = "".join(
+            f'<tr><th scope="row" class="left">{escape(row[0])}</th>'
+            + "".join(
+                f'<td class="{side}">{escape(cell)}</td>'
+                for cell, side in zip(row[1:], left[1:], strict=True)
+            )
+            + "</tr>"
+            for row in self.rows
+        )
+        return (
+            f"<table><caption>{escape(self.caption)} of {escape(of)}</caption>"
+            f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        )
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a fitted model says of itself."""
+
+    title: str
+    facts: dict[str, str]
+    estimates: Table
+    notes: Sequence[str] = ()
+    more: Sequence[Table] = field(default=())
+
+    def text(self) -> str:
+        lines = [
+            _cut(self.title, WIDTH).center(WIDTH).rstrip(),
+            "=" * WIDTH,
+            *_in_two_columns(self.facts),
+        ]
+        lines += ["-" * WIDTH, *self.estimates.lines()]
+        for table in self.more:
+            lines += ["-" * WIDTH, table.caption, *table.lines()]
+        lines += ["=" * WIDTH]
+        for number, note in enumerate(self.notes, 1):
+            lines += wrapped(f"[{number}] {note}", "    ")
+        return "\n".join(lines)
+
+    def html(self, above: str = "") -> str:
+        """A table and a line of facts, below a line on what found the model."""
+        facts = " · ".join(f"{k}: {v}" for k, v in self.facts.items() if k in IN_SHORT)
+        before = f"<p>{escape(above)}</p>" if above else ""
+        return (
+            f'{STYLE}<div class="skhoid-summary" role="region" tabindex="0" '
+            f'aria-label="{escape(self.title)}">{before}{self.estimates.html(self.title)}'
+            f"<p>{escape(facts)}</p></div>"
+        )
+
+
+def signal_facts(model: Any) -> dict[str, str]:
+    """Output and inputs of a fitted model, with their units."""
+
+    def named(channel: str) -> str:
+        unit = model._units.get(channel)
+        return f"{channel} ({unit})" if unit else channel
+
+    several = "Inputs" if len(model.inputs_) > 1 else "Input"
+    return {
+        "Output": named(model._output_name),
+        several: ", ".join(map(named, model.inputs_)),
+    }
+
+
+def grid_facts(model: Any) -> dict[str, str]:
+    """Sampling time of the data, and that of the grid a model is fitted on."""
+    if model._mark is None:
+        return {"Sampling time": f"{model.dt_:.6g} s"}
+    factor = model._mark.factor
+    return {
+        "Sampling time": f"{model.dt_ / factor:.6g} s",
+        "Fitted grid": f"{model.dt_:.6g} s (1 in {factor} rows)",
+    }
+
+
+def estimates_table(parameters: pd.DataFrame, caption: str = "Parameters") -> Table:
+    """Table of a frame with the columns value, sd, low, high and unit.
+
+    What was given, or lies at a bound, has no standard error (0 or NaN) and shows a dash.
+    """
+    header = ["", "coef", "std err", "z", "P>|z|", "[0.025", "0.975]", "unit"]
+    rows = []
+    for name, row in parameters.iterrows():
+        value, sd = float(row["value"]), float(row["sd"])
+        unit = "" if row["unit"] == "-" or "[" in row["unit"] else str(row["unit"])
+        if not (np.isfinite(sd) and sd > 0.0):
+            rows.append([str(name), number(value), *"-----", unit])
+            continue
+        z = value / sd
+        p = math.erfc(abs(z) / math.sqrt(2.0))
+        rows.append(
+            [
+                str(name),
+                number(value, sd),
+                number(sd, sd),
+                f"{z:.2f}" if abs(z) < 1e5 else f"{z:.3g}",
+                f"{p:.3f}" if p >= 0.001 else "<0.001",
+                number(float(row["low"]), sd),
+                number(float(row["high"]), sd),
+                unit,
+            ]
+        )
+    if not any(row[-1] for row in rows):
+        header, rows = header[:-1], [row[:-1] for row in rows]
+    return Table(caption, header, rows)
+
+
+def number(value: float, sd: float = np.nan) -> str:
+    """A number to two digits of its standard error, or to four of its own."""
+    if not np.isfinite(value):
+        return "-"
+    if np.isfinite(sd) and sd > 0.0:
+        decimals = max(1 - math.floor(math.log10(sd)), 0)
+        if decimals <= 8 and abs(value) < 1e7:
+            return f"{value:.{decimals}f}"
+        return f"{value:.6g}"
+    return f"{value:.4g}"
+
+
+def quantity(value: float, unit: str | None) -> str:
+    return number(value) + (f" {unit}" if unit else "")
+
+
+def wrapped(text: str, indent: str = "") -> list[str]:
+    return textwrap.wrap(text, WIDTH, subsequent_indent=indent)
+
+
+def sentences(lines: Iterable[str]) -> str:
+    """Lines of a search, each wrapped."""
+    return "\n".join(part for line in lines for part in wrapped(line))
+
+
+def _in_two_columns(facts: dict[str, str]) -> list[str]:
+    """Facts side by side; one that is too long has a line of its own."""
+    half = WIDTH // 2
+    lines, left = [], ""
+    for label, value in facts.items():
+        cell = f"{label + ':':<{LABEL}}{value}"
+        if len(cell) > half - 2:
+            lines += [left] * bool(left) + wrapped(cell, " " * LABEL)
+            left = ""
+        elif left:
+            lines.append(f"{left:<{half}}{cell}")
+            left = ""
+        else:
+            left = cell
+    return lines + [left] * bool(left)
+
+
+def _cut(text: str, width: int) -> str:
+    if len(text) <= width:
+        return text
+    return text[: width // 2] + "…" + text[len(text) - (width - width // 2 - 1) :]
