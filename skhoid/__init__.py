@@ -1,4 +1,32 @@
-"""skhoid: identify human operators from recorded control loops."""
+"""Identify human operators, who steer in a closed loop, from recorded runs.
+
+``X`` holds the input channels, ``y`` the operator's output, both with ``run`` and ``time`` in the
+index. Estimators, searches and transformers follow the scikit-learn API. By task:
+
+- Data: `read_runs`, `write_runs`, `resample_runs`, `run_labels`, `sampling_time`, `select_runs`,
+  `check_channels`; recordings `load_human_tracking`, `load_bicycle_rider`.
+- Preprocess, in pipelines: `Decimator`, `DelayShift`, `RunInTrimmer`, `ensemble_average`.
+- Identify: `ARXRegressor`; delay and orders by `DelaySearchCV`, `OrderSearchCV`; the physical
+  model `OperatorRegressor`.
+- Track a change: `RecursiveARX`, `RecursiveARXCV`, `forgetting_factor`.
+- Validate: `vaf_score`, `VAFScorer`, `compare`, `remnant_estimate`, `performance_scores`.
+- Find what is missing: `EffectSearchCV`, `report`; the catalogue is `skhoid.effects`, and
+  `skhoid.testing` checks effects of your own.
+- Interpret: `operator_parameters`, `zoh_parameters`, `arx_to_operator`, `reference_fits`,
+  `crossover`, `crossover_path`, `fourier_coefficients`, `FrequencyResponse`, `auto_psd`.
+- Simulate: `make_tracking_runs`, `CompensatoryTask`, `tracking_condition`, `mixed_condition`,
+  `HumanOperator`, `ControlledElement`, `Remnant`, `tune_remnant`, `Multisine`; what varies over
+  time is a `Sigmoid`, `Step`, `Ramp` or `Mixture`.
+- Plan an experiment: `recommend_forgetting`, `MonteCarloStudy`, `simulate_experiment`,
+  `analyse_experiment`.
+- Draw: `skhoid.plotting`. Errors and warnings to catch: `skhoid.exceptions`.
+
+>>> from skhoid import ARXRegressor, make_tracking_runs, vaf_score
+>>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, random_state=0)
+>>> model = ARXRegressor(nk=29).fit(X, y)
+>>> print(f"VAF {vaf_score(y, model.predict(X)):.1f} %")
+VAF 88.2 %
+"""
 
 __version__ = "0.1.0"
 
@@ -63,6 +91,7 @@ from .montecarlo import (
     simulate_experiment,
 )
 from .preprocessing import Decimator, DelayShift, RunInTrimmer, resample_runs
+from .reporting import Report, report
 from .selection import run_labels, sampling_time, select_runs
 from .simulation import (
     CompensatoryTask,
@@ -101,6 +130,7 @@ __all__ = [
     "Remnant",
     "RemnantEstimate",
     "RemnantIntensityError",
+    "Report",
     "RunCutWarning",
     "RunInTrimmer",
     "RunIndexError",
@@ -134,6 +164,7 @@ __all__ = [
     "recommend_forgetting",
     "reference_fits",
     "remnant_estimate",
+    "report",
     "resample_runs",
     "run_labels",
     "sampling_time",

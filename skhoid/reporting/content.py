@@ -1,0 +1,444 @@
+"""What a report says: tables and sentences from results, ready for the template."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..diagnosis.channels import check_channels
+from ..diagnosis.comparison import Comparison
+from ..diagnosis.effect_search import EffectSearchCV
+from ..diagnosis.report import figures
+from ..diagnosis.search_engine import LEAST_EVIDENCE, LEAST_GAIN
+from ..diagnosis.search_words import stand_ins_in_words
+from ..greybox.lanes import roles_of
+from ..pipelines import raw_layout, taken_apart
+from ..regression import units_of
+from ..runs import run_name
+from ..summaries import number
+from .pictures import Gallery, Picture
+from .provenance import provenance
+
+UNKNOWN = "unknown"
+MANY = 40  # runs in a table
+DRAWN = 8  # channels
+DASH = "-"
+ABSENT = "not available"
+# Findings of a comparison that a search of the whole catalogue has answered.
+ANSWERED = (
+    "asymmetry",
+    "bias",
+    "cross-correlation",
+    "delay",
+    "distortion",
+    "gain",
+    "gain change",
+    "lag",
+    "mean change",
+    "nonlinearity",
+    "unknown",
+)
+
+
+def content_of(
+    X: Any,
+    y: Any,
+    *,
+    baseline: Any,
+    final: Any,
+    search: EffectSearchCV | None,
+    no_search: str,
+    fitted_here: bool,
+    comparison: Comparison | None,
+    no_comparison: str,
+    after: Comparison | None,
+    source: str | None,
+    made_with: dict[str, str] | None,
+) -> dict[str, Any]:
+    """Everything the template shows."""
+    rows = "the rows it was fitted to" if fitted_here else "the rows given"
+    frame = X if isinstance(X, pd.DataFrame) else pd.DataFrame(X).rename(columns="x{}".format)
+    output = pd.Series(np.asarray(y, dtype=float).ravel(), name=str(getattr(y, "name", 0) or "u"))
+    units = {**units_of(X), **units_of(y)}
+    gallery = Gallery([*map(str, frame.columns), str(output.name), *units.values(), repr(baseline)])
+    compared = [
+        {
+            "title": title,
+            "key": key,
+            "rows": rows,
+            "figures": [(name, text) for name, text in figures(found) if ABSENT not in text],
+            "findings": found.findings,
+            "notes": [_sentence(note) for note in found.notes],
+            "false_alarm": f"{100 * found.false_alarm:g}",
+            "pictures": gallery.comparison(found),
+        }
+        for title, key, found in (
+            ("Without new effects", "before", comparison),
+            ("With the effects found", "after", after),
+        )
+        if found is not None
+    ]
+    return {
+        "in_short": _in_short(search, comparison),
+        "verdict": _verdict(search, comparison),
+        "facts": list(_facts(search, comparison, rows)),
+        "source": source,
+        "data": _data(X, y, frame, output, units, baseline, comparison, after, gallery),
+        "model": _model(baseline),
+        "compared": compared,
+        "no_comparison": no_comparison,
+        "steps": [] if search is None else _steps(search, gallery),
+        "unit": units.get(str(output.name), ""),
+        "rankings": [] if search is None else list(_rankings(search)),
+        "no_search": no_search,
+        "keys": {"evidence": f"{LEAST_EVIDENCE:g}", "gain": f"{LEAST_GAIN:g}"},
+        "parameters": _parameters(baseline, final),
+        "with_before": final is not None,
+        "effects": [] if final is None else gallery.effects(final, X, y),
+        "paths": _paths(baseline, gallery),
+        "next_steps": list(_next_steps(baseline, search, no_search, comparison, after)),
+        "made": provenance(search if search is not None else baseline, X, y, made_with),
+    }
+
+
+def _fixed(value: Any, form: str) -> str:
+    return format(float(value), form) if np.isfinite(value) else DASH
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:].rstrip(".") + "."
+
+
+def _in_short(search: EffectSearchCV | None, comparison: Comparison | None) -> str:
+    if search is None:
+        return "not compared" if comparison is None else f"VAF {comparison.vaf:.1f} %"
+    vaf = search.error_path_["vaf"]
+    text = f"{search.verdict_}, held-out VAF {vaf.iloc[0]:.1f}"
+    return text + (f" -> {vaf.iloc[-1]:.1f} %" if len(vaf) > 1 else " %")
+
+
+def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> dict[str, str]:
+    """Kind, headline and sentence at the top of the page."""
+    if search is None:
+        if comparison is None:
+            return {"kind": "none", "headline": "The data", "sentence": ""}
+        first = comparison.findings[0].title if comparison.findings else "No findings"
+        headline = f"VAF {comparison.vaf:.1f} %. {first}."
+        return {"kind": "none", "headline": headline, "sentence": ""}
+    named = [name for name in search.best_effects_ if name != UNKNOWN]
+    path = search.error_path_
+    if search.verdict_.startswith("nothing"):
+        headline, kind = "Nothing is missing that these data could show.", "nothing"
+    elif search.best_effects_[-1:] == [UNKNOWN]:
+        kind = "unknown"
+        headline = "Something is missing that is not in the catalogue."
+        if named:
+            headline = f"Missing: {', '.join(named)}, and something not in the catalogue."
+    else:
+        headline, kind = f"Missing: {', '.join(named)}.", "found"
+    first, last = path.iloc[0], path.iloc[-1]
+    sentence = f"On rows held out of the fit: VAF {first['vaf']:.1f} %"
+    if len(path) > 1:
+        unit = search.predictions_.attrs.get("units", {}).get("measured", "")
+        sentence += (
+            f" without new effects, {last['vaf']:.1f} % with {', '.join(path['effect'].iloc[1:])}; "
+            f"root mean square error {first['rmse']:#.3g} and {last['rmse']:#.3g} {unit}".rstrip()
+        )
+    sentence += "."
+    if search.stand_ins_:
+        sentence += f" {stand_ins_in_words(search.stand_ins_)}."
+    if kind == "unknown" and len(search.unexplained_):
+        sentence += f" Left: {_unexplained(search)}."
+    return {"kind": kind, "headline": headline, "sentence": sentence}
+
+
+def _unexplained(search: EffectSearchCV) -> str:
+    return "; ".join(
+        f"{row['description']} ({row['where']}, {row['points']:.1f} points)"
+        for _, row in search.unexplained_.iterrows()
+    )
+
+
+def _facts(
+    search: EffectSearchCV | None, comparison: Comparison | None, rows: str
+) -> Iterator[tuple[str, str, str]]:
+    """Figures at the top: value, what it is, and a remark."""
+    if search is not None:
+        path = search.error_path_
+        first, last = path.iloc[0], path.iloc[-1]
+        yield f"{first['vaf']:.1f} %", "VAF of the baseline", "held-out rows"
+        if len(path) > 1:
+            yield f"{last['vaf']:.1f} %", "VAF with the effects", "held-out rows"
+        if np.isfinite(last["ceiling"]):
+            yield f"{last['ceiling']:.1f} %", "noise ceiling", "what any model could reach"
+            left = max(float(last["explainable_gap"]), 0.0)
+            yield f"{left:.1f}", "points left to explain", "the rest is remnant"
+        else:
+            yield "not known", "noise ceiling", "no run repeats its target"
+    elif comparison is not None:
+        yield f"{comparison.vaf:.1f} %", "VAF", f"free run, on {rows}"
+        if np.isfinite(comparison.noise_ceiling):
+            yield f"{comparison.noise_ceiling:.1f} %", "noise ceiling", "what any model could reach"
+
+
+def _data(
+    X: Any,
+    y: Any,
+    frame: pd.DataFrame,
+    output: pd.Series,
+    units: dict[str, str],
+    baseline: Any,
+    comparison: Comparison | None,
+    after: Comparison | None,
+    gallery: Gallery,
+) -> dict[str, Any]:
+    layout = raw_layout(baseline, X)
+    names = [str(name) for name in frame.columns]
+    model = taken_apart(baseline)[1]
+    roles = roles_of(names, {str(k): v for k, v in (getattr(model, "roles", None) or {}).items()})
+    inputs = {str(name) for name in getattr(model, "inputs_", [])}
+    channels = []
+    for name, column in [*frame.items(), (output.name, output)]:
+        values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
+        known = values[np.isfinite(values)]
+        use = "output" if column is output else "input" if str(name) in inputs else ""
+        channels.append(
+            {
+                "name": str(name),
+                "use": use,
+                "role": "" if column is output else roles.get(str(name), ""),
+                "unit": units.get(str(name), ""),
+                "mean": number(_mean(known)) if known.size else DASH,
+                "rms": number(float(np.sqrt(np.mean(known**2)))) if known.size else DASH,
+                "range": f"{known.min():.4g} to {known.max():.4g}" if known.size else DASH,
+                "missing": str(values.size - known.size),
+            }
+        )
+    edges = layout.run_starts
+    runs = [
+        {
+            "run": run_name(label),
+            "rows": str(edges[i + 1] - edges[i]),
+            "seconds": f"{(edges[i + 1] - edges[i]) * layout.dt:.4g}",
+            "before": _vaf_of_run(comparison, i),
+            "after": _vaf_of_run(after, i),
+        }
+        for i, label in enumerate(layout.labels[:MANY])
+    ]
+    n_runs = len(layout.labels)
+    return {
+        "sentence": f"{n_runs} {'run' if n_runs == 1 else 'runs'}, {layout.n_rows} rows at "
+        f"{1 / layout.dt:.6g} Hz, {layout.n_rows * layout.dt:.4g} s in all",
+        "channels": channels,
+        "runs": runs,
+        "more_runs": max(n_runs - MANY, 0),
+        "with_after": after is not None,
+        "findings": check_channels(
+            X, y, dt=getattr(model, "dt", None), run=getattr(model, "run", None)
+        ),
+        "pictures": _traces(X, y, gallery, int(edges[1])),
+    }
+
+
+def _mean(values: np.ndarray) -> float:
+    """The mean, or zero where it is but rounding."""
+    mean = float(values.mean())
+    return mean if abs(mean) > 1e-12 * np.abs(values).max() else 0.0
+
+
+def _vaf_of_run(found: Comparison | None, number: int) -> str:
+    if found is None:
+        return DASH
+    table = found.by_run[found.by_run["data"] == "validation"]
+    return _fixed(table["vaf"].iloc[number], ".1f") if number < len(table) else DASH
+
+
+def _traces(X: Any, y: Any, gallery: Gallery, n_first: int) -> list[Picture]:
+    """The channels of the first run."""
+    if not (isinstance(X, pd.DataFrame) and isinstance(y, pd.Series)):
+        return []
+    if not isinstance(X.index, pd.MultiIndex):
+        return []
+    return gallery.channels(X.iloc[:n_first, :DRAWN], y.iloc[:n_first])
+
+
+def _model(baseline: Any) -> dict[str, str]:
+    steps, model = taken_apart(baseline)
+    lines = (inspect.getdoc(type(model)) or "").splitlines()
+    return {
+        "name": type(model).__name__,
+        "what": lines[0] if lines else "",
+        "steps": ", ".join(type(step).__name__ for step in steps),
+        "text": repr(baseline),
+    }
+
+
+def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
+    """The baseline, and one step for each effect added."""
+    path = search.error_path_
+    pictures = gallery.steps(search)
+    worst = float(path["rmse"].max())
+    last = path.iloc[-1]
+    floor = np.nan  # error that the noise ceiling leaves
+    if np.isfinite(last["ceiling"]) and last["vaf"] < 100:
+        floor = last["rmse"] * np.sqrt(max(100 - last["ceiling"], 0.0) / (100 - last["vaf"]))
+    added = search.ranking_[search.ranking_["status"] == "added"]
+    steps = []
+    for step, (_, row) in enumerate(path.iterrows()):
+        name = str(row["effect"])
+        # The second of a kind is called dead_zone-2.
+        kind, _, which = name.partition("-")
+        told = added[(added["effect"] == kind) & (added["delta_bic"].notna())]
+        entry = None if told.empty else told.iloc[min(int(which or 1), len(told)) - 1]
+        before = path.iloc[max(step - 1, 0)]
+        steps.append(
+            {
+                "name": name if step == 0 else f"+ {name}",
+                "vaf": f"{row['vaf']:.1f}",
+                "rmse": f"{row['rmse']:#.3g}",
+                "height": f"{100 * row['rmse'] / worst:.1f}" if worst > 0 else "0",
+                "floor": f"{100 * floor / worst:.1f}" if np.isfinite(floor) and worst > 0 else "",
+                "from_vaf": f"{before['vaf']:.1f}",
+                "from_rmse": f"{before['rmse']:#.3g}",
+                "words": "" if entry is None else _sentence(entry["words"]),
+                "parameters": "" if entry is None else entry["parameters"],
+                "confused": "" if entry is None else ", ".join(entry["confused_with"]),
+                "picture": pictures[step] if step < len(pictures) else None,
+            }
+        )
+    return steps
+
+
+def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
+    for step, table in search.ranking_.groupby("step"):
+        winner = table.loc[table["status"] == "added", "effect"]
+        rows = [
+            {
+                "rank": str(row["rank"]),
+                "effect": row["effect"] + (f" ({row['form']})" if row["form"] else ""),
+                "status": row["status"],
+                "vaf": _fixed(row["vaf_after"], ".2f"),
+                "gain": _fixed(row["vaf_gain"], "+.2f"),
+                "evidence": _fixed(row["delta_bic"], "+.0f"),
+                "p": DASH if row["status"] == "does not apply" else _p(row["p_value"]),
+                "parameters": row["parameters"],
+                "words": _sentence(row["words"]),
+                "why": _why(row, str(winner.iloc[0]) if len(winner) else ""),
+            }
+            for _, row in table.iterrows()
+        ]
+        tried = [row for row in rows if row["status"] != "does not apply"]
+        yield {
+            "step": str(step),
+            "parent": " + ".join(search.error_path_["effect"].iloc[: int(step)]),
+            "first": tried[:5],
+            "others": tried[5:],
+            "refused": [row for row in rows if row["status"] == "does not apply"],
+        }
+
+
+def _p(p: float) -> str:
+    return "< 1e-6" if p < 1e-6 else f"{p:.2g}"
+
+
+def _why(row: pd.Series, winner: str) -> str:
+    """The reason for the place of a candidate."""
+    if row["status"] == "does not apply":
+        return str(row["reason"])
+    if row["status"] == "added":
+        text = "Added: likelihood and held-out VAF both say so, and none says it better."
+        others = ", ".join(row["confused_with"])
+        return text + (f" As good on these runs: {others}." if others else "")
+    likely, gains = row["delta_bic"] > LEAST_EVIDENCE, row["vaf_gain"] >= LEAST_GAIN
+    if likely and gains:
+        return f"It pays too, but {winner} has more evidence." if winner else "It pays."
+    if gains:
+        return "More VAF, but not more than chance gives: the likelihood does not say so."
+    if likely:
+        return f"Likely, but it gains less than {LEAST_GAIN:g} points on held-out rows."
+    return "It explains nothing more on held-out rows."
+
+
+def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
+    """Parameters of the last model, with those of the baseline beside them."""
+    table = parameter_frame(baseline if final is None else final)
+    before = None if final is None else parameter_frame(baseline)
+    rows = []
+    for name, row in table.iterrows():
+        sd = row["sd"]
+        # Zero stands for what is given, or follows from the choice of a form.
+        known = np.isfinite(sd) and sd > 0
+        was = before is not None and name in before.index
+        rows.append(
+            {
+                "name": str(name),
+                "value": number(row["value"], sd),
+                "sd": number(sd, sd) if known else DASH,
+                "interval": f"{number(row['low'], sd)} to {number(row['high'], sd)}"
+                if known
+                else DASH,
+                "unit": "" if row["unit"] == "-" else row["unit"],
+                "meaning": row["meaning"],
+                "before": _before(before.loc[name]) if was else DASH,  # type: ignore[union-attr]
+            }
+        )
+    return rows
+
+
+def _before(row: pd.Series) -> str:
+    at_bound = "" if np.isfinite(row["sd"]) else " (at its bound)"
+    return number(row["value"], row["sd"]) + at_bound
+
+
+def parameter_frame(model: Any) -> pd.DataFrame:
+    """Value, sd, low, high, unit and meaning of each parameter; empty where a model has none."""
+    nothing = pd.DataFrame(columns=["value", "sd", "low", "high", "unit", "meaning"])
+    return getattr(taken_apart(model)[1], "parameters_", nothing)
+
+
+def _paths(baseline: Any, gallery: Gallery) -> list[Picture]:
+    model = taken_apart(baseline)[1]
+    return gallery.paths(model) if hasattr(model, "coef_path_") else []
+
+
+def _next_steps(
+    baseline: Any,
+    search: EffectSearchCV | None,
+    no_search: str,
+    comparison: Comparison | None,
+    after: Comparison | None,
+) -> Iterator[dict[str, str]]:
+    """What to do next, the most important first: what, why, and code where there is some."""
+    if search is None:
+        what = "Which effects are missing has not been asked"
+        yield {"what": what, "why": no_search, "code": ""}
+    else:
+        added = [str(name) for name in search.error_path_["effect"].iloc[1:]]
+        if added and not search.stand_ins_:
+            calls = "".join(f'\n    .with_effect("{name.split("-")[0]}")' for name in added)
+            yield {
+                "what": f"Go on with the model that has {', '.join(added)}",
+                "why": "It is search.best_estimator_, or by hand:",
+                "code": f"model = (\n    {type(baseline).__name__}(...){calls}\n    .fit(X, y)\n)",
+            }
+        for sentence in search.experiments_:
+            yield {"what": "Record what tells effects apart", "why": sentence, "code": ""}
+        if search.best_effects_[-1:] == [UNKNOWN]:
+            yield {
+                "what": "Look at what no effect of the catalogue explains",
+                "why": f"{_sentence(_unexplained(search))} Record the channel that carries it, or "
+                "write an effect of your own and add it to effects=[...].",
+                "code": "",
+            }
+        for sentence in search.notes_:
+            yield {"what": "Note", "why": sentence, "code": ""}
+    found = after if after is not None else comparison
+    everything = search is not None and isinstance(search.effects, str)  # "all"
+    for finding in found.findings if found is not None else []:
+        if everything and finding.name in ANSWERED:
+            continue
+        yield {"what": finding.next_step, "why": f"{finding.title}. {finding.evidence}", "code": ""}

@@ -1,0 +1,311 @@
+"""The report as a document: what it holds, and how it is shown and saved."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import webbrowser
+from functools import cached_property
+from html import escape
+from importlib.resources import files
+from os import PathLike, replace
+from pathlib import Path
+from tempfile import NamedTemporaryFile, mkdtemp
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.utils.validation import check_is_fitted
+
+from ..diagnosis.comparison import Comparison, compare
+from ..diagnosis.effect_search import EffectSearchCV
+from ..pipelines import taken_apart
+from .content import content_of
+
+HEIGHT = 900  # px, in a notebook
+
+
+class Report:
+    """A report on a model: data, comparison, missing effects, parameters, what to do next.
+
+    Make it with :func:`report`. In a notebook it shows itself.
+
+    Parameters
+    ----------
+    title : str
+        Title of the page.
+    content : dict
+        What its template shows.
+    search : EffectSearchCV or None
+        The search for missing effects, fitted; None where there was none.
+    comparison : Comparison or None
+        The model without new effects against the data; None where that is not possible.
+    final_comparison : Comparison or None
+        The same of the model with the effects found; None where none was added.
+
+    Attributes
+    ----------
+    html : str
+        The whole page: one file with its pictures inside, which needs no network.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, make_tracking_runs, report
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> page = report(ARXRegressor(nk=15), X, y, effects=None, title="First look")
+    >>> page
+    <Report 'First look': VAF ... %>
+    >>> page.html[:15]
+    '<!DOCTYPE html>'
+    """
+
+    def __init__(
+        self,
+        title: str,
+        content: dict[str, Any],
+        search: EffectSearchCV | None,
+        comparison: Comparison | None,
+        final_comparison: Comparison | None,
+    ):
+        self.title = title
+        self.search = search
+        self.comparison = comparison
+        self.final_comparison = final_comparison
+        self._content = content
+
+    def __repr__(self) -> str:
+        return f"<Report {self.title!r}: {self._content['in_short']}>"
+
+    @cached_property
+    def html(self) -> str:
+        loader = PackageLoader(__name__.rpartition(".")[0], ".")
+        environment = Environment(
+            loader=loader,
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        here = files(__package__)
+        script = here.joinpath("report.js").read_text(encoding="utf-8")
+        # No other script can run, whatever a name in the data holds.
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        return environment.get_template("report.html.j2").render(
+            title=self.title,
+            style=here.joinpath("report.css").read_text(encoding="utf-8"),
+            script=script,
+            script_hash=f"sha256-{digest}",
+            **self._content,
+        )
+
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Write the page to a file; one that exists is replaced at once, when all is written.
+
+        Parameters
+        ----------
+        path : str or path
+            Name of the file, such as ``report.html``. Folders are made.
+
+        Returns
+        -------
+        path : Path
+        """
+        path = Path(path)
+        if path.is_dir():
+            raise IsADirectoryError(f"{path} is a folder; name a file in it: {path}/report.html.")
+        html = self.html
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with NamedTemporaryFile(
+            "w", encoding="utf-8", dir=path.parent, suffix=".part", delete=False
+        ) as file:
+            try:
+                file.write(html)
+                file.close()
+                Path(file.name).chmod(0o644)
+                replace(file.name, path)
+            except BaseException:
+                Path(file.name).unlink(missing_ok=True)
+                raise
+        return path
+
+    def open_in_browser(self) -> Path:
+        """Write the page to a temporary file and show it in the browser.
+
+        Returns
+        -------
+        path : Path
+            The file.
+        """
+        path = self.save(Path(mkdtemp(prefix="skhoid-")) / "report.html")
+        webbrowser.open(path.as_uri())
+        return path
+
+    def _repr_html_(self) -> str:
+        # A frame of its own keeps the styles of page and notebook apart.
+        return (
+            f'<iframe srcdoc="{escape(self.html)}" title="{escape(self.title)}" '
+            f'sandbox="allow-scripts" loading="lazy" '
+            f'style="width: 100%; height: {HEIGHT}px; border: 1px solid #ccc"></iframe>'
+        )
+
+
+def report(
+    model: Any,
+    X: Any,
+    y: Any,
+    *,
+    effects: Any = "all",
+    repeats: Any = None,
+    title: str | None = None,
+    source: str | None = None,
+    made_with: dict[str, str] | None = None,
+    n_jobs: int | None = None,
+) -> Report:
+    """Report on a model: one HTML page from the data to what is missing, and what to do next.
+
+    The page holds the data and their checks, the model, where it fails in time, frequency,
+    amplitude and run, the ranking of all effects tried with the reason for each, the error
+    staircase (one step for each effect added, to click or to walk with the arrow keys),
+    parameters with units and confidence, what to do next, and how the page was made. It is one
+    file, with its pictures inside, and needs no network.
+
+    Parameters
+    ----------
+    model : EffectSearchCV, OperatorRegressor, ARXRegressor, or any regressor with ``predict``
+        What to report on. What is not fitted is fitted to ``X`` and ``y``. A search that is
+        fitted must be so on these data; where one is made here, it fits the model anew.
+    X : DataFrame or array of shape (n_rows, n_columns)
+        Channels, one row per sample.
+    y : Series or array of shape (n_rows,)
+        Measured output.
+    effects : "all", list of ids or effects, or None, default="all"
+        Effects to try on a model that can take them, by an :class:`EffectSearchCV` with its
+        other settings at their defaults; None does not search. A search as ``model`` has its own.
+    repeats : None, bool, dict or sequence, default=None
+        Which runs share the target, see :func:`compare`.
+    title : str or None, default=None
+        Title of the page; None names the model and the output.
+    source : str or None, default=None
+        Where the data are from, in a sentence.
+    made_with : dict of str or None, default=None
+        More lines for the section "How this was made": the command, a seed.
+    n_jobs : int or None, default=None
+        Processes of the search, where one is made.
+
+    Returns
+    -------
+    report : Report
+        ``save(path)`` writes the file, ``open_in_browser()`` shows it; notebooks show it too.
+
+    Raises
+    ------
+    ValueError
+        If a fitted search was fitted to other data than ``X`` and ``y``.
+
+    See Also
+    --------
+    EffectSearchCV : The search for missing effects.
+    compare : A model against measured runs.
+
+    Notes
+    -----
+    All text from the data is escaped, and the page's policy lets no script run but its own.
+
+    Examples
+    --------
+    >>> from skhoid import OperatorRegressor, make_tracking_runs, report
+    >>> from skhoid.effects import Bias
+    >>> X, y = make_tracking_runs(
+    ...     n_runs=2,
+    ...     remnant_intensity=0.05,
+    ...     sampling_rate=50,
+    ...     effects=Bias(level=0.1),
+    ...     random_state=0,
+    ... )
+    >>> page = report(OperatorRegressor(), X, y, effects=["bias", "dead_zone"])
+    >>> page.search.best_effects_
+    ['bias']
+    >>> page.save("report.html")  # doctest: +SKIP
+    """
+    search, no_search = _search(model, X, y, effects, n_jobs)
+    if search is not None:
+        baseline = search.baseline_
+        final = search.best_estimator_ if len(search.error_path_) > 1 else None
+    else:
+        baseline = model if _is_fitted(model) else clone(model).fit(X, y)
+        final = None
+    comparison, no_comparison = _comparison(baseline, X, y, repeats)
+    after, _ = (None, "") if final is None else _comparison(final, X, y, repeats)
+    content = content_of(
+        X,
+        y,
+        baseline=baseline,
+        final=final,
+        search=search,
+        no_search=no_search,
+        fitted_here=search is not None or baseline is not model,
+        comparison=comparison,
+        no_comparison=no_comparison,
+        after=after,
+        source=source,
+        made_with=made_with,
+    )
+    name = getattr(y, "name", None) or "u"
+    if title is None:
+        title = f"{type(taken_apart(baseline)[1]).__name__} against measured {name}"
+    return Report(title, content, search, comparison, after)
+
+
+def _search(
+    model: Any, X: Any, y: Any, effects: Any, n_jobs: int | None
+) -> tuple[EffectSearchCV | None, str]:
+    """The fitted search for missing effects, or why there is none."""
+    if isinstance(model, EffectSearchCV):
+        if not _is_fitted(model):
+            return clone(model).fit(X, y), ""
+        of_fit = model.predictions_["measured"].to_numpy()
+        given = getattr(y, "to_numpy", lambda: y)()
+        if len(of_fit) != len(given) or not _same(of_fit, given):
+            raise ValueError(
+                f"This search was fitted to {len(of_fit)} rows of an output, and y "
+                f"({len(given)} rows) is not that output. Pass the X and y that it was fitted to, "
+                "or fit it to these."
+            )
+        return model, ""
+    if not hasattr(model, "with_effect"):
+        kind = type(model).__name__
+        return None, (
+            f"{kind} takes no effects. Models that do: OperatorRegressor and ARXRegressor, by "
+            "report(OperatorRegressor(), X, y)."
+        )
+    if effects is None:
+        return None, 'Not asked for (effects=None). effects="all" tries the whole catalogue.'
+    search = EffectSearchCV(clone(model), effects=effects, n_jobs=n_jobs)
+    try:
+        return search.fit(X, y), ""
+    except ValueError as error:
+        # A model of several inputs, say, which effects cannot be added to, can be reported on.
+        if not _is_fitted(model):
+            raise
+        return None, f"Not possible: {error}"
+
+
+def _comparison(model: Any, X: Any, y: Any, repeats: Any) -> tuple[Comparison | None, str]:
+    try:
+        return compare(model, X, y, repeats=repeats), ""
+    except ValueError as error:
+        return None, str(error)
+
+
+def _is_fitted(model: Any) -> bool:
+    try:
+        check_is_fitted(model)
+    except NotFittedError:
+        return False
+    return True
+
+
+def _same(one: Any, other: Any) -> bool:
+    return bool(np.array_equal(one, np.asarray(other, dtype=float).ravel(), equal_nan=True))

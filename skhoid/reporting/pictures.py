@@ -1,0 +1,276 @@
+"""Pictures of a report, as SVG that stands inside its HTML."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from html import escape
+from itertools import count
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..diagnosis.comparison import Comparison
+
+TILE = (4.2, 3.1)  # inches; a phone shows it at nearly full size, so that its letters stay readable
+BAR = (4.2, 1.9)
+WIDE = (10.5, 4.2)
+TALL = (4.2, 5.0)
+LINE = 52  # letters across a tile
+STYLE: dict[str, Any] = {
+    "font.size": 9.5,
+    "svg.fonttype": "none",  # text stays text: it can be searched, and read aloud
+    "svg.hashsalt": "skhoid",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.dpi": 100,
+    "savefig.dpi": 150,
+    "savefig.facecolor": "white",
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An SVG element with what it shows; ``narrow`` is the same for a small screen."""
+
+    svg: str
+    caption: str
+    narrow: str = ""
+
+
+class Gallery:
+    """Makes the pictures of one page, whose ids must differ.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names from the data that pictures may show.
+    """
+
+    def __init__(self, names: Iterable[str] = ()) -> None:
+        self._numbers = count(1)
+        # matplotlib takes what stands between two dollars for mathematics.
+        self._style = {**STYLE, "text.parse_math": not any("$" in name for name in names)}
+
+    def svg(self, figure: Figure, label: str) -> str:
+        """The figure as an SVG element that scales with the page."""
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+        svg = text.getvalue()
+        svg = svg[svg.index("<svg") :]
+        svg = re.sub(r"<metadata>.*?</metadata>", "", svg, count=1, flags=re.S)
+        # Its style is for *, which inside HTML would be the whole page.
+        svg = re.sub(r"<style.*?</style>", "", svg, flags=re.S)
+        prefix = f"p{next(self._numbers)}-"
+        svg = re.sub(r'(\bid="|url\(#|xlink:href="#)', rf"\g<1>{prefix}", svg)
+        head, rest = svg.split(">", 1)
+        head = re.sub(r'\s(width|height|version|xmlns(:xlink)?)="[^"]*"', "", head)
+        return f'{head} role="img" aria-label="{escape(label)}">{rest}'
+
+    def comparison(self, found: Comparison) -> list[Picture]:
+        """Where a model fails: one picture for each of the ways to look."""
+        from ..plotting import ComparisonDisplay, ResidualMapDisplay, RunComparisonDisplay
+
+        with self._drawing() as new:
+            panels = [new(size) for size in (WIDE, TILE, TILE, TILE, BAR)]
+            display = ComparisonDisplay.from_comparison(found, ax=[p.axes[0] for p in panels])
+            for panel in panels:
+                panel.axes[0].set_title("")
+                _legend_below(panel)
+            small = new(TALL)
+            ComparisonDisplay.from_comparison(
+                found, ax=[small.axes[0], *(new(TILE).axes[0] for _ in range(4))]
+            )
+            small.axes[0].set_title("")
+            _legend_below(small)
+            traces, time, frequency, amplitude, bar = panels
+            channel = amplitude.axes[0].get_xlabel() or "the signals"
+            runs = new(TILE)
+            RunComparisonDisplay.from_comparison(found, ax=runs.axes[0])
+            runs.axes[0].set_title("")
+            _without_validation(runs.axes[0])
+            _slanted_if_long(runs.axes[0])
+            _legend_below(runs)
+            pictures = [
+                self._picture(bar, "How much is explained, explainable, and noise"),
+                self._picture(runs, "Run by run"),
+                self._picture(
+                    traces,
+                    f"Measured and simulated output in run {display.run_}, where it is worst",
+                    small,
+                ),
+                self._picture(time, "Where in time: points of VAF lost"),
+                self._picture(frequency, "Where in frequency: spectra"),
+                self._picture(amplitude, f"Where in amplitude: mean residual over {channel}"),
+            ]
+            panel = new(TILE)
+            ResidualMapDisplay.from_comparison(found, ax=panel.axes[0])
+            _rasterised(panel)
+            _legend_below(panel)
+            pictures.append(self._picture(panel, "Where in time and frequency: residual power"))
+        return pictures
+
+    def steps(self, search: Any) -> list[Picture]:
+        """Measured against held-out simulation at each step, all in the same window."""
+        from ..plotting import EffectStepsDisplay
+
+        with self._drawing() as new:
+            place = EffectStepsDisplay.from_estimator(search, ax=new((4, 4), 2).axes)
+            titles = [name for name in search.predictions_ if name != "measured"]
+            if not place.lines_:  # nothing could be simulated
+                return []
+            limits = [panel.get_ylim() for panel in place.axes_]
+            pictures = []
+            for step, title in enumerate(titles):
+                shown = [0] if step == 0 else [0, step]
+                drawn = []
+                for size in (WIDE, TALL):
+                    figure = new(size, 2, sharex=True, height_ratios=[1.6, 1.0])
+                    panels = figure.axes
+                    display = EffectStepsDisplay.from_estimator(
+                        search, run=place.run_, window=place.window_, steps=shown, ax=panels
+                    )
+                    for panel, limit in zip(panels, limits, strict=True):
+                        panel.set_ylim(limit)
+                    if step:
+                        _pale(display.lines_["baseline"], display.residuals_["baseline"])
+                    panels[0].set_title("")
+                    _legend_below(figure)
+                    drawn.append(figure)
+                caption = (
+                    f"Run {place.run_}, {place.window_[0]:.4g} to {place.window_[1]:.4g} s: "
+                    f"measured output and {title}, by a model that was not fitted to these rows"
+                )
+                pictures.append(self._picture(drawn[0], caption, drawn[1]))
+        return pictures
+
+    def effects(self, model: Any, X: Any, y: Any) -> list[Picture]:
+        """Each identified effect itself."""
+        from ..plotting import IdentifiedEffectDisplay
+
+        pictures = []
+        with self._drawing() as new:
+            for name in model.effects_.names:
+                panel = new(TILE)
+                display = IdentifiedEffectDisplay.from_estimator(
+                    model, name, X, y, ax=panel.axes[0]
+                )
+                panel.axes[0].set_title("")
+                _legend_below(panel)
+                words = f"{name}: {display.physics}".rstrip(".")
+                pictures.append(self._picture(panel, words))
+        return pictures
+
+    def channels(self, X: Any, y: Any) -> list[Picture]:
+        """The recorded signals over time."""
+        from ..plotting import TrackingDisplay
+
+        return self._stacked(
+            X.shape[1] + 1,
+            lambda axes: TrackingDisplay.from_runs(X, y, ax=axes),
+            "Recorded channels over the time in a run",
+        )
+
+    def paths(self, model: Any) -> list[Picture]:
+        """Parameters over time, of a model that follows the data."""
+        from ..plotting import ParameterPathDisplay
+
+        return self._stacked(
+            len(model.parameter_names_),
+            lambda axes: ParameterPathDisplay.from_estimator(model, ax=axes),
+            "Parameters over the time in a run",
+        )
+
+    def _stacked(self, n: int, draw: Callable[[Any], Any], caption: str) -> list[Picture]:
+        """Panels one below the other, over one time."""
+        with self._drawing() as new:
+            drawn = []
+            for width in (WIDE[0], TILE[0]):
+                figure = new((width, 0.8 + 1.1 * n), n, sharex=True)
+                draw(figure.axes)
+                for panel in figure.axes[:-1]:
+                    panel.set_xlabel("")
+                _legend_below(figure)
+                drawn.append(figure)
+            return [self._picture(drawn[0], caption, drawn[1])]
+
+    @contextmanager
+    def _drawing(self) -> Iterator[Any]:
+        """A maker of figures that no window and no notebook shows."""
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
+
+        def new(size: tuple[float, float], rows: int = 1, **options: Any) -> Figure:
+            ratios = options.pop("height_ratios", None)
+            figure = Figure(figsize=size, layout="constrained")
+            figure.subplots(rows, gridspec_kw={"height_ratios": ratios}, **options)
+            return figure
+
+        style: Any = self._style
+        with mpl.rc_context(style):
+            yield new
+
+    def _picture(self, figure: Figure, caption: str, narrow: Figure | None = None) -> Picture:
+        small = "" if narrow is None else self.svg(narrow, caption)
+        return Picture(self.svg(figure, caption), caption, small)
+
+
+def _legend_below(figure: Figure) -> None:
+    """One legend below the panels, where no data can be."""
+    from ..plotting._axes import legend_entries
+
+    entries = legend_entries(figure.axes)
+    for panel in figure.axes:
+        legend = panel.get_legend()
+        if legend is not None:
+            legend.remove()
+    if not entries:
+        return
+    letters = LINE * figure.get_figwidth() / TILE[0]
+    longest = max(len(label) for label in entries) + 6
+    figure.legend(
+        entries.values(),
+        entries.keys(),
+        loc="outside lower center",
+        ncols=int(np.clip(letters // longest, 1, len(entries))),
+        frameon=False,
+        fontsize="medium",
+    )
+
+
+def _without_validation(panel: Axes) -> None:
+    """Names that say no more than what runs these are: which, the page says."""
+    artists: list[Any] = [*panel.get_children(), *panel.containers]
+    for drawn in artists:
+        label = str(drawn.get_label())
+        if "validation" in label:
+            label = label.replace("validation runs", "all runs")
+            drawn.set_label(label.replace("validation", "run"))
+
+
+def _slanted_if_long(panel: Axes) -> None:
+    """Names below the axis that would run into each other."""
+    letters = sum(len(label.get_text()) + 2 for label in panel.get_xticklabels())
+    if letters > LINE:
+        for label in panel.get_xticklabels():
+            label.set(rotation=30, ha="right", rotation_mode="anchor")
+
+
+def _rasterised(figure: Figure) -> None:
+    """A map as an image: as shapes it would be most of the page."""
+    for panel in figure.axes:
+        for drawn in panel.collections:
+            if drawn.get_array() is not None:
+                drawn.set_rasterized(True)
+
+
+def _pale(*lines: Any) -> None:
+    for line in lines:
+        line.set(color="0.6", lw=1.0, zorder=1)

@@ -1,0 +1,52 @@
+"use strict";
+// The error staircase: a tab for each step. Without this script all steps stand one below the other.
+(() => {
+  const list = document.querySelector("#steps .stairs");
+  if (list) {
+    const tabs = [...list.querySelectorAll("a")];
+    const panels = tabs.map((tab) => document.getElementById(tab.hash.slice(1)));
+    const select = (n, focus) => {
+      tabs.forEach((tab, i) => {
+        tab.setAttribute("aria-selected", String(i === n));
+        tab.tabIndex = i === n ? 0 : -1;
+        panels[i].hidden = i !== n;
+      });
+      if (focus) tabs[n].focus({ preventScroll: true });
+    };
+    const current = () => tabs.findIndex((tab) => tab.getAttribute("aria-selected") === "true");
+    list.setAttribute("role", "tablist");
+    list.setAttribute("aria-label", "Steps");
+    tabs.forEach((tab, i) => {
+      tab.setAttribute("role", "tab");
+      tab.id = `tab-${i}`;
+      tab.setAttribute("aria-controls", panels[i].id);
+      panels[i].setAttribute("role", "tabpanel");
+      panels[i].setAttribute("aria-labelledby", tab.id);
+      panels[i].tabIndex = 0;
+      tab.addEventListener("click", (event) => {
+        event.preventDefault();
+        select(i, true);
+      });
+    });
+    document.addEventListener("keydown", (event) => {
+      if (event.altKey || event.ctrlKey || event.metaKey || event.shiftKey) return;
+      const at = document.activeElement;
+      // Elsewhere arrows keep what they do: a wide table scrolls.
+      if (at !== document.body && !list.contains(at) && !panels.includes(at)) return;
+      const n = current();
+      const to = { ArrowRight: n + 1, ArrowLeft: n - 1 };
+      if (list.contains(at)) Object.assign(to, { Home: 0, End: tabs.length - 1 });
+      if (!(event.key in to)) return;
+      event.preventDefault();
+      select(Math.min(Math.max(to[event.key], 0), tabs.length - 1), list.contains(at));
+    });
+    select(0, false);
+  }
+  // Paper has nothing to click: all steps and details are printed.
+  let opened = [];
+  window.addEventListener("beforeprint", () => {
+    opened = [...document.querySelectorAll("details:not([open])")];
+    opened.forEach((details) => (details.open = true));
+  });
+  window.addEventListener("afterprint", () => opened.forEach((details) => (details.open = false)));
+})();
