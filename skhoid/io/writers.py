@@ -18,7 +18,7 @@ __all__ = ["write_runs"]
 
 
 def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write runs to a CSV, Parquet or MATLAB file.
+    """Write runs to a CSV, TSV, Parquet or MATLAB file.
 
     The file is whole or not there: it is written beside its place and then moved.
 
@@ -29,7 +29,7 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
     y : Series of shape (n_rows,)
         The operator's output, with a name and the same index.
     path : path
-        The extension tells the format. ``.csv`` and ``.parquet`` (which needs
+        The extension tells the format. ``.csv``, ``.tsv`` and ``.parquet`` (which needs
         ``pip install "skhoid[io]"``) have the columns ``run``, ``time``, those of X and y.
         ``.mat`` (version 5) has one matrix for each channel, with a column for each run, and a
         vector ``time``; its runs must share their times, and lose their labels.
@@ -98,6 +98,10 @@ def _write_csv(table: pd.DataFrame, layout: Any, path: Path) -> None:
     table.to_csv(path)
 
 
+def _write_tsv(table: pd.DataFrame, layout: Any, path: Path) -> None:
+    table.to_csv(path, sep="\t")
+
+
 def _write_parquet(table: pd.DataFrame, layout: Any, path: Path) -> None:
     require("pyarrow", f"Writing the Parquet file {path.name}")
     table.reset_index().to_parquet(path, engine="pyarrow", index=False)
@@ -129,4 +133,5 @@ _WRITERS: dict[str, Callable[[pd.DataFrame, Any, Path], None]] = {
     ".csv": _write_csv,
     ".parquet": _write_parquet,
     ".mat": _write_mat,
+    ".tsv": _write_tsv,
 }

@@ -2,6 +2,7 @@
 
 import json
 
+import pandas as pd
 import pytest
 
 from skhoid import make_tracking_runs, write_runs
@@ -22,7 +23,8 @@ def test_words_and_files(capsys, tmp_path):
     assert main(words) == 0
     out = capsys.readouterr().out
     assert "[holds] Fig. 12" in out
-    assert "4 files in" in out
+    assert f"Files in {tmp_path / 'fig12'}: " in " ".join(out.split())
+    assert "claims.csv" in out
     assert (tmp_path / "fig12" / "fig12.png").stat().st_size > 5000
     assert main(words) == 0  # goes on: all is there
     assert main([*words, "--seed", "1"]) == 2
@@ -89,3 +91,21 @@ def test_experiment_of_ones_own_files(capsys, tmp_path):
 def test_errors(words, message, capsys):
     assert main(["study", *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_list_as_json(run_json):
+    studies = run_json("study", "list")["studies"]
+    assert {"fig13", "experiment", "recommend", "all"} <= set(studies)
+
+
+@pytest.mark.parametrize("form", ["tsv", "parquet"])
+def test_table_formats(run_json, form):
+    words = ["fig12", *SMALL, "--validation", "2", "--out", "out", "--no-pictures"]
+    files = run_json("study", *words, "--table-format", form)["files"]
+    packed = "" if form == "parquet" else ".gz"
+    assert files == [
+        f"out/fig12/{n}" for n in (f"table.{form}{packed}", f"summary.{form}", f"claims.{form}")
+    ]
+    read = pd.read_parquet if form == "parquet" else lambda path: pd.read_csv(path, sep="\t")
+    assert len(read(files[0])) >= 3
+    assert set(read(files[2])) == {"source", "statement", "found", "holds"}

@@ -8,9 +8,18 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from ._cli_files import add_file_options, as_json, at_least_one, read_files, without_screen
+from .commands import add_command
+from .files import (
+    add_file_options,
+    at_least_one,
+    check_folders,
+    read_files,
+    save_figures,
+    without_screen,
+)
+from .output import add_output_options, add_table_format, print_json, say_files, write_tables
 
-STUDY_EXAMPLES = """\
+EXAMPLES = """\
 examples:
   skhoid study list
   skhoid study fig13 --replications 20 --jobs 2
@@ -21,22 +30,28 @@ examples:
   skhoid study experiment                  three simulated subjects, six conditions, seven runs
   skhoid study experiment s1_*.csv --input e --output u --time t --measurement-time 81.92
 """
+OF_EXPERIMENT = ("paths", "batch", "scores", "validation", "changes", "delays", "verdicts")
+OTHERS = {
+    "experiment": "subjects, conditions and runs: Figs. 16-17, App. M, Table VI",
+    "recommend": "the memory horizon for an experiment to come",
+    "all": "every study of the paper",
+}
 WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # these have the cells of all others
 
 
-def add_study_command(commands: Any) -> None:
+def add_study(commands: Any) -> None:
     """Add the command to the parser."""
-    command = commands.add_parser(
+    command = add_command(
+        commands,
         "study",
-        help="Monte-Carlo studies: the paper's figures, an experiment, a memory horizon",
-        description="Simulate many runs, fit them all, and say how it compares with the thesis: "
+        study,
+        "Monte-Carlo studies: the paper's figures, an experiment, a memory horizon",
+        "Simulate many runs, fit them all, and say how it compares with the thesis: "
         "'list' names the studies; 'all' makes every one of the paper; 'experiment' analyses "
         "subjects, conditions and runs (simulated, or your files of one subject and condition); "
         "'recommend' finds the memory horizon for an experiment to come.",
-        epilog=STUDY_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        EXAMPLES,
     )
-    command.set_defaults(action=study)
     add = command.add_argument
     add(
         "name", metavar="NAME", help="fig9, fig10, fig12 ... (see list), all, experiment, recommend"
@@ -58,22 +73,26 @@ def add_study_command(commands: Any) -> None:
     add("--jobs", type=int, metavar="N", help="workers (default: 1; -1: all processors)")
     add("--out", metavar="FOLDER", help="keep blocks, tables and pictures in FOLDER/NAME")
     add("--no-pictures", action="store_true", help="draw nothing")
-    add("--json", action="store_true", help="print the results as JSON")
-    add("--debug", action="store_true", help="show tracebacks")
+    add_table_format(add, "csv")
+    add_output_options(add, tables=False)
 
 
 def study(options: argparse.Namespace) -> int:
     """Run one study, or all of the paper."""
-    from .montecarlo import PAPER_STUDIES
+    from ..io.tables import check_table_format
+    from ..montecarlo import PAPER_STUDIES
 
     if options.files and options.name != "experiment":
         raise ValueError(f"Only 'experiment' takes files; {options.name!r} simulates its runs.")
+    if options.out is not None:
+        check_folders(options.out)
+        check_table_format(options.table_format)
     if options.name == "list":
-        for name, one in PAPER_STUDIES.items():
-            print(f"{name:<11} {one.what}")
-        print("experiment  subjects, conditions and runs: Figs. 16-17, App. M, Table VI")
-        print("recommend   the memory horizon for an experiment to come")
-        print("all         every study of the paper")
+        studies = {name: one.what for name, one in PAPER_STUDIES.items()} | OTHERS
+        if options.json:
+            print_json({"studies": studies})
+        else:
+            print("\n".join(f"{name:<11} {what}" for name, what in studies.items()))
         return 0
     if options.name == "experiment":
         return _experiment(options)
@@ -82,12 +101,12 @@ def study(options: argparse.Namespace) -> int:
     names = WHOLE if options.name == "all" else [options.name]
     found = [_paper(name, options) for name in names]
     if options.json:
-        print(as_json(found[0] if len(found) == 1 else {"studies": found}))
+        print_json(found[0] if len(found) == 1 else {"studies": found})
     return 0
 
 
 def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
-    from .montecarlo import PAPER_STUDIES, paper_study
+    from ..montecarlo import PAPER_STUDIES, paper_study
 
     given = {
         "conditions": options.conditions,
@@ -123,7 +142,7 @@ def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
         for line in [*result.claims, *result.notes]:
             print(f"  {line}")
         print(f"  {result.table['error'].isna().sum()} rows in {seconds:.1f} s.")
-        _say_files(files)
+        say_files({"files": files})
     return {
         "study": name,
         "title": result.title,
@@ -136,12 +155,13 @@ def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
 
 def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
     without_screen()
-    return [str(path) for path in result.save(folder, figures=not options.no_pictures)]
+    files = result.save(folder, figures=not options.no_pictures, table_format=options.table_format)
+    return [str(path) for path in files]
 
 
 def _recommend(options: argparse.Namespace) -> int:
-    from .montecarlo import recommend_forgetting
-    from .simulation import CompensatoryTask
+    from ..montecarlo import recommend_forgetting
+    from ..simulation import CompensatoryTask
 
     conditions = options.conditions or ["C4"]
     if len(conditions) > 1:
@@ -159,25 +179,22 @@ def _recommend(options: argparse.Namespace) -> int:
     files = []
     if options.out is not None:
         folder = Path(options.out) / "recommend"
-        folder.mkdir(parents=True, exist_ok=True)
-        advice.summary.to_csv(folder / "summary.csv")
-        files = [str(folder / "summary.csv")]
+        files = write_tables({"summary": advice.summary}, folder, options.table_format)
         if not options.no_pictures:
             without_screen()
-            advice.plot().figure_.savefig(folder / "trade-off.png", dpi=120)
-            files.append(str(folder / "trade-off.png"))
+            files += save_figures({"trade-off.png": advice.plot().figure_}, folder)
     if options.json:
         found = {name: getattr(advice, name) for name in ("memory_horizon", "memory_time", "gain")}
         found |= {"forgetting": advice.forgetting, "close": advice.close, "files": files}
-        print(as_json(found))
+        print_json(found)
     else:
         print(advice)
-        _say_files(files)
+        say_files({"files": files})
     return 0
 
 
 def _experiment(options: argparse.Namespace) -> int:
-    from .montecarlo import analyse_experiment, simulate_experiment
+    from ..montecarlo import analyse_experiment, simulate_experiment
 
     if options.files:
         X, y = read_files(options, [options.input])
@@ -201,35 +218,25 @@ def _experiment(options: argparse.Namespace) -> int:
     files = []
     if options.out is not None:
         folder = Path(options.out) / "experiment"
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in ("paths", "batch", "scores", "validation", "changes", "delays", "verdicts"):
-            files.append(str(folder / f"{name}.csv"))
-            getattr(result, name).to_csv(files[-1], index=name == "scores")
+        tables = {name: getattr(result, name) for name in OF_EXPERIMENT}
+        files = write_tables(tables, folder, options.table_format)
         if not options.no_pictures:
             files += _draw_experiment(result, folder)
     if options.json:
-        print(as_json({"summary": result.summary(), "files": files}))
+        print_json({"summary": result.summary(), "files": files})
     else:
         print(result.summary())
-        _say_files(files)
+        say_files({"files": files})
     return 0
 
 
 def _draw_experiment(result: Any, folder: Path) -> list[str]:
     without_screen()
-    import matplotlib.pyplot as plt
-
     files = []
     for condition in result.conditions:
         for form in ("lambda", "Lambda"):
             for parameters in ("arx", "operator"):
-                figure = result.plot(condition=condition, form=form, parameters=parameters).figure_
-                files.append(str(folder / f"{condition}-{form}-{parameters}.png"))
-                figure.savefig(files[-1], dpi=120)
-                plt.close(figure)
+                display = result.plot(condition=condition, form=form, parameters=parameters)
+                name = f"{condition}-{form}-{parameters}.png"
+                files += save_figures({name: display.figure_}, folder)
     return files
-
-
-def _say_files(files: list[str]) -> None:
-    if files:
-        print(f"  {len(files)} files in {Path(files[0]).parent}")

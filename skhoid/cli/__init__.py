@@ -1,0 +1,92 @@
+"""The command line: thin, every capability is a function of the package."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from .output import note
+from .parser import make_parser
+
+__all__ = ["main"]
+
+BAD_INPUT = 2  # as argparse
+UNEXPECTED = 1
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str or None, default=None
+        Words after ``skhoid``; None means those of the process.
+
+    Returns
+    -------
+    exit_code : int
+        0 on success, 2 on bad input, 1 on an error nobody expected, 130 when interrupted, 141
+        when nobody reads the output any more.
+
+    Examples
+    --------
+    >>> from skhoid.cli import main
+    >>> main(["identify", "nothing-here.csv", "--time", "t"])  # says so on stderr
+    2
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    parser = make_parser()
+    if not words:
+        parser.print_help(sys.stderr)
+        return BAD_INPUT
+    options = parser.parse_args(words)
+    options.words = words
+    if options.debug:
+        return int(options.action(options))
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning()
+            code = int(options.action(options))
+            sys.stdout.flush()
+            return code
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # Python would complain once more when it flushes at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except Exception as error:
+        return _explain(error)
+
+
+def _explain(error: Exception) -> int:
+    """Print an error in one line; returns the exit code."""
+    text = " ".join(str(error).split())
+    own = type(error).__module__.startswith("skhoid.")
+    if not own and not isinstance(error, ValueError | OSError | ImportError):
+        print(
+            f"skhoid: unexpected error: {type(error).__name__}: {text} (run again with --debug to "
+            "see where, and please report it)",
+            file=sys.stderr,
+        )
+        return UNEXPECTED
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        text = f"{error.filename}: {error.strerror}"
+    hint = " On the command line: --resample." if "resample_runs" in text else ""
+    print(f"skhoid: error: {text}{hint}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _show_warning() -> Callable[..., None]:
+    """Print each warning once, however many fits give it."""
+    shown = set()
+
+    def show(message: Any, *_: Any, **__: Any) -> None:
+        if str(message) not in shown:
+            shown.add(str(message))
+            note(str(message))
+
+    return show

@@ -1,0 +1,331 @@
+"""The command ``skhoid identify``: delay, orders, and a model validated on held-out data."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .commands import add_command
+from .files import (
+    add_file_options,
+    at_least_one,
+    check_folders,
+    check_no_files,
+    read_files,
+    save_figures,
+    without_screen,
+)
+from .output import add_output_options, check_tables, print_json, save_tables, say_files
+from .telling import add_picture_options
+
+if TYPE_CHECKING:
+    from ..arx.identify import FittedModel, Identification
+
+EXAMPLES = """\
+examples:
+  skhoid identify                          identify a bundled recording of a human tracker
+  skhoid identify run*.csv --input e --output u --time t
+  skhoid identify runs.mat --input data.e --output data.u --dt 0.01 --run-in 8.08
+  skhoid identify all.parquet --input e --output u --time t --run trial --validate 7 --json
+  skhoid identify run*.csv --input e --time t --na 2 --nb 2 --nk 29        nothing is searched
+  skhoid identify run*.csv --input e --time t --method iv --instruments f_t
+  skhoid identify run*.csv --input e --time t --memory-time 2.56           an operator who adapts
+"""
+CRITERIA = {"one_step": "lowest one-step error", "vaf": "highest cross-validated VAF"}
+
+
+def add_identify(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "identify",
+        identify,
+        "find delay and orders, fit, and validate on held-out data",
+        "Discard the run-in, find the delay and the orders, fit an ARX model and "
+        "validate its free run on held-out data: the last run, or the second half of a single "
+        "run. Without files it uses a bundled recording of a person tracking a target.",
+        EXAMPLES,
+    )
+    add = command.add_argument
+    add_file_options(add)
+    add("--input", nargs="+", metavar="NAME", help="input channels (default: e)")
+    add("--run-in", type=float, metavar="S", help="discard this much at the start of each run")
+    add(
+        "--decimate",
+        type=at_least_one,
+        default=1,
+        metavar="D",
+        help="decimation factor (default: 1)",
+    )
+    add(
+        "--longest-delay",
+        type=float,
+        default=0.5,
+        metavar="S",
+        help="longest delay to try (default: 0.5)",
+    )
+    add(
+        "--criterion",
+        choices=["one_step", "vaf"],
+        default="one_step",
+        help="which delay to go on with (default: one_step); both are printed",
+    )
+    several = "; one number, or one per input"
+    add("--nk", type=int, nargs="+", metavar="N", help=f"delay in samples, not searched{several}")
+    add("--na", type=int, metavar="N", help="order, not searched (nb: 2, or as given)")
+    add(
+        "--nb",
+        type=int,
+        nargs="+",
+        metavar="N",
+        help=f"order, not searched (na: 2, or as given){several}",
+    )
+    add(
+        "--method",
+        choices=["ols", "iv"],
+        default="ols",
+        help="least squares, or instrumental variables, which remnant does not bias "
+        "(default: ols); searches use least squares",
+    )
+    add(
+        "--instruments",
+        nargs="+",
+        default=["f_t"],
+        metavar="NAME",
+        help="of iv: channels from outside the loop (default: f_t)",
+    )
+    memory = command.add_mutually_exclusive_group()
+    memory.add_argument(
+        "--memory-time",
+        type=float,
+        metavar="S",
+        help="also fit a model that follows changes, with a memory of this length",
+    )
+    memory.add_argument(
+        "--memory-horizon", type=float, metavar="N", help="the same in samples of the model"
+    )
+    add("--validate", nargs="+", metavar="RUN", help="runs to hold out (default: the last)")
+    add(
+        "--keep-means",
+        action="store_true",
+        help="no intercept, and VAF with the means kept, as the thesis does",
+    )
+    add_picture_options(add, "skhoid-identify")
+    add_output_options(add)
+
+
+def identify(options: argparse.Namespace) -> int:
+    """Identify, and say, draw and write what is found."""
+    from ..arx.identify import identify as identify_runs
+
+    check_folders(options.out)
+    check_tables(options)
+    X, y, source = _read(options)
+    n_inputs = len(options.input) if options.input else X.shape[1]
+    memory = {name: getattr(options, name) for name in ("memory_time", "memory_horizon")}
+    found = identify_runs(
+        X,
+        y,
+        inputs=list(X.columns[:n_inputs]),
+        run_in=options.run_in,
+        factor=options.decimate,
+        longest_delay=options.longest_delay,
+        criterion=options.criterion,
+        na=options.na,
+        nb=_one_or_each(options.nb),
+        nk=_one_or_each(options.nk),
+        method=options.method,
+        instruments=list(X.columns[n_inputs:]) or None,
+        memory={name: value for name, value in memory.items() if value is not None},
+        validation_runs=options.validate,
+        centered=not options.keep_means,
+        callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
+    )
+    files = {
+        "pictures": [] if options.no_pictures else _draw(found, Path(options.out)),
+        "tables": save_tables(found.tables, options),
+    }
+    if options.json:
+        print_json({**_as_dict(found, source), **files})
+    else:
+        _print(found, source, options.criterion)
+        say_files(files)
+    return 0
+
+
+def _one_or_each(numbers: list[int] | None) -> Any:
+    return numbers[0] if numbers is not None and len(numbers) == 1 else numbers
+
+
+def _progress() -> tuple[Any, ...]:
+    from sklearn.callback import ProgressBar
+
+    return (ProgressBar(max_propagation_depth=0),)
+
+
+def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
+    if options.files:
+        options.input = options.input or ["e"]
+        others = options.instruments if options.method == "iv" else []
+        inside = [name for name in others if name in options.input]
+        if inside:
+            raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
+        X, y = read_files(options, [*options.input, *others])
+        return X, y, ", ".join(options.files)
+    from .. import load_human_tracking
+
+    check_no_files(options)
+    X, y = load_human_tracking("difficulty 80")
+    return (
+        X,
+        y,
+        (
+            "bundled recording: a person follows a pseudo-random target with a mouse "
+            "(Matic 2022, MIT licence)"
+        ),
+    )
+
+
+def _draw(found: Identification, folder: Path) -> list[str]:
+    without_screen()
+    from ..plotting import (
+        DelayLossDisplay,
+        ParameterPathDisplay,
+        SimulationDisplay,
+        VAFContourDisplay,
+    )
+
+    displays: dict[str, Any] = {
+        "simulation.png": SimulationDisplay.from_estimator(
+            found.best.pipeline, found.X, found.y, centered=found.centered, **found.held_out_view
+        )
+    }
+    if found.delay_searches:
+        displays["delay.png"] = DelayLossDisplay.from_estimator(
+            found.delay_searches["one_step"], unit=found.units.get(str(found.y.name))
+        )
+        displays["delay-vaf.png"] = DelayLossDisplay.from_estimator(found.delay_searches["vaf"])
+    if found.order_search is not None:
+        displays["orders.png"] = VAFContourDisplay.from_estimator(found.order_search)
+    if found.adapting is not None:
+        displays["parameters.png"] = ParameterPathDisplay.from_estimator(
+            {m.name: m.model for m in (found.adapting, found.best)}
+        )
+    return save_figures({name: d.figure_ for name, d in displays.items()}, folder)
+
+
+def _fitted(found: Identification) -> list[FittedModel]:
+    return [*found.models, *([found.adapting] if found.adapting else [])]
+
+
+def _as_dict(found: Identification, source: str) -> dict[str, Any]:
+    from .. import __version__
+
+    layout = found.layout
+    return {
+        "skhoid": __version__,
+        "source": source,
+        "inputs": found.best.model.inputs_,
+        "output": found.y.name,
+        "units": found.units,
+        "n_runs": len(layout.labels),
+        "n_rows": layout.n_rows,
+        "dt_s": layout.dt,
+        "jitter": layout.jitter,
+        "n_gaps": found.n_gaps,
+        "model_dt_s": found.best.model.dt_,
+        "centered": found.centered,
+        "estimation": found.estimation,
+        "validation": found.validation,
+        "delay": {
+            criterion: {"nk": search.best_nk_, "seconds": search.best_delay_}
+            for criterion, search in found.delay_searches.items()
+        },
+        "models": [model.as_dict() for model in found.models],
+        "adapting": found.adapting.as_dict() if found.adapting else None,
+    }
+
+
+def _clock(found: Identification) -> str:
+    jitter, gaps = found.layout.jitter, found.n_gaps
+    text = "regular clock" if jitter < 1e-4 else f"jitter {100 * jitter:.2g} %"
+    return text + (f", {gaps} gaps at which the free run restarts from zero" if gaps else "")
+
+
+def _print(found: Identification, source: str, criterion: str) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    layout, best = found.layout, found.best.model
+    units = found.units
+
+    def named(channel: str) -> str:
+        return f"{channel} ({units[channel]})" if channel in units else channel
+
+    # Piped output has no width of its own; 100 columns hold the tables.
+    width = None if sys.stdout.isatty() else 100
+    console = Console(highlight=False, markup=False, soft_wrap=True, width=width)
+    runs = "1 run" if len(layout.labels) == 1 else f"{len(layout.labels)} runs"
+    console.print(source)
+    console.print(
+        f"{runs}, {layout.n_rows} rows, dt = {layout.dt:.6g} s ({1 / layout.dt:.6g} Hz), "
+        f"{_clock(found)}; input {', '.join(map(named, best.inputs_))}, "
+        f"output {named(str(found.y.name))}"
+    )
+    console.print(f"fitted on  {found.estimation}\nheld out   {found.validation}\n")
+
+    if best.dt_ > layout.dt:
+        console.print(f"the models run at dt = {best.dt_:.6g} s, which their samples count\n")
+    if found.delay_searches:
+        delays = Table(title="Delay", title_justify="left")
+        for heading in ("criterion", "samples", "seconds", ""):
+            delays.add_column(heading, justify="left" if heading in ("criterion", "") else "right")
+        for name, search in found.delay_searches.items():
+            used = "used below" if name == criterion else ""
+            delays.add_row(CRITERIA[name], str(search.best_nk_), f"{search.best_delay_:.4g}", used)
+        console.print(delays)
+        one_step, vaf = (search.best_nk_ for search in found.delay_searches.values())
+        if abs(one_step - vaf) > 1:
+            console.print(
+                f"The criteria are {abs(one_step - vaf)} samples apart: see how flat the curves "
+                "are."
+            )
+
+    table = Table(
+        title="Free run" + (", about the means" if found.centered else ", means kept"),
+        title_justify="left",
+    )
+    for heading in ("model", "[na, nb, nk]", "VAF fitted, %", "VAF held out, %", "ratio", ""):
+        table.add_column(heading, justify="left" if heading in ("model", "") else "right")
+    for model in _fitted(found):
+        orders = model.model.orders_
+        nb, nk = (v[0] if len(set(v)) == 1 else list(v) for v in (orders.nb, orders.nk))
+        table.add_row(
+            model.name,
+            f"{orders.na}, {nb}, {nk}",
+            f"{model.vaf_estimation:.2f}",
+            f"{model.vaf_validation:.2f}",
+            f"{model.ratio:.3f}" if model.vaf_validation > 0 else "-",
+            model.verdict,
+        )
+    console.print(table)
+
+    parameters = Table(title=f"Parameters, {found.best.name}", title_justify="left")
+    for heading in ("name", "value", "standard error"):
+        parameters.add_column(heading, justify="left" if heading == "name" else "right")
+    for name, value, error in zip(
+        best.parameter_names_, best.coef_, best.standard_errors_, strict=True
+    ):
+        parameters.add_row(name, f"{value:.5g}", f"{error:.2g}")
+    console.print(parameters)
+    bias = (
+        "They do not include the bias that remnant causes in a closed loop."
+        if best.method == "ols"
+        else "Instrumental variables: remnant does not bias them."
+    )
+    console.print(
+        "Standard errors concern the ARX model's own parameters and allow for a coloured error. "
+        + bias
+    )

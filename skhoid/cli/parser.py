@@ -1,0 +1,54 @@
+"""The words that the command line knows."""
+
+from __future__ import annotations
+
+import argparse
+
+from .. import __version__
+from .commands import Help
+from .completion import add_completion
+from .demo import add_demo
+from .diagnose import add_diagnose
+from .identify import add_identify
+from .report import add_report
+from .simulate import add_simulate
+from .study import add_study
+
+EXAMPLES = """\
+examples:
+  skhoid demo                                  hide effects in a simulated person, and find them
+  skhoid identify run*.csv --input e --output u --time t
+  skhoid diagnose run*.csv --input e --x x --target f_t --output u --time t
+  skhoid simulate --condition C4 --runs 5 --remnant 0.15 --out runs.csv
+  skhoid study fig13 --replications 20
+  skhoid report run*.csv --input e --output u --time t --out report.html
+  skhoid completion bash
+
+`skhoid COMMAND --help` has more. Without files, identify, diagnose and report use bundled
+recordings.
+"""
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    parser = argparse.ArgumentParser(
+        prog="skhoid",
+        description="Identify human operators from recorded control loops.",
+        epilog=EXAMPLES,
+        formatter_class=Help,
+    )
+    parser.add_argument("--version", action="version", version=f"skhoid {__version__}")
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", title="commands"
+    )
+    for add in (
+        add_demo,
+        add_identify,
+        add_diagnose,
+        add_simulate,
+        add_study,
+        add_report,
+        add_completion,
+    ):
+        add(commands)
+    return parser

@@ -1,0 +1,120 @@
+"""Recordings and the model of them: what ``diagnose`` and ``report`` have in common."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+from .files import add_file_options, check_no_files, pairs, read_files
+
+BUNDLED = ["phase-size 2b", "phase-size 2c", "phase-size 2d", "phase-size 2e"]
+OF_CORE = {"operator": ["delay"], "arx": ["na", "nb", "nk"]}
+
+
+def add_recording_options(add: Callable[..., Any]) -> None:
+    """Options of files, their channels, and the model."""
+    add_file_options(add)
+    add("--input", metavar="NAME", help="input channel, the error (default: e)")
+    add("--x", metavar="NAME", help="channel with the controlled element's output")
+    add("--target", metavar="NAME", help="channel with the target f_t")
+    add(
+        "--role",
+        action="append",
+        default=[],
+        metavar="NAME=ROLE",
+        help="another channel: its role begins with motion or dist, or is empty; may be repeated",
+    )
+    add("--run-in", type=float, metavar="S", help="discard this much at the start of each run")
+    add(
+        "--remove-means",
+        action="store_true",
+        help="subtract the mean of each channel first, for positions far from zero",
+    )
+    add(
+        "--core",
+        choices=list(OF_CORE),
+        default="operator",
+        help="what the model is: the operator's physics, or ARX (default: operator)",
+    )
+    add("--delay", type=float, metavar="S", help="delay of the operator (default: estimated)")
+    add("--na", type=int, metavar="N", help="order of the ARX core (default: 2)")
+    add("--nb", type=int, metavar="N", help="order of the ARX core (default: 2)")
+    add("--nk", type=int, metavar="N", help="delay of the ARX core in samples (default: found)")
+    add(
+        "--display",
+        choices=["compensatory", "pursuit", "preview"],
+        help="what the operator could see (default: compensatory)",
+    )
+    add(
+        "--controlled-element",
+        nargs=2,
+        type=float,
+        metavar=("K_C", "OMEGA_B"),
+        help="K_c / (s (s + omega_b)) (default: estimated where x is given)",
+    )
+
+
+def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
+    """X, y, the model of them, and where they are from; the user's files, or bundled ones."""
+    for core, names in OF_CORE.items():
+        for name in names:
+            if core != options.core and getattr(options, name) is not None:
+                raise ValueError(f"--{name} needs --core {core}.")
+    X, y, roles, source = _own(options) if options.files else _bundled(options)
+    if options.run_in:
+        from .. import RunInTrimmer
+
+        X = RunInTrimmer(run_in=options.run_in).fit_transform(X)
+    if options.remove_means:
+        X, y = _about_means(X), _about_means(y)
+    return X, y, _estimator(options, X, y, roles), source
+
+
+def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
+    options.input = options.input or "e"
+    roles = pairs(options.role, "--role", "NAME=ROLE, such as roll=motion")
+    # An input named f_t is the target itself, on a pursuit display.
+    role = "f_t" if options.input.rpartition(".")[2] == "f_t" else "e"
+    named = {options.input: role, options.x: "x", options.target: "f_t"}
+    roles = {**roles, **{name: role for name, role in named.items() if name}}
+    X, y = read_files(options, list(roles))
+    # MAT files have dotted names, of which the last part remains.
+    short = {name: name if name in X else name.rpartition(".")[2] for name in roles}
+    return X, y, {short[name]: role for name, role in roles.items()}, ", ".join(options.files)
+
+
+def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
+    from .. import load_human_tracking
+
+    check_no_files(options)
+    X, y = load_human_tracking(BUNDLED)
+    options.display, options.remove_means = "pursuit", True
+    source = (
+        "bundled recordings: a person follows a pseudo-random target with a mouse, four times, "
+        "positions about their mean (Matic 2022, MIT licence)"
+    )
+    options.input = "f_t"  # the answer to the target, which is what a pursuit display shows
+    return X, y, {}, source
+
+
+def _about_means(data: Any) -> Any:
+    """Subtract the mean of all runs, which keeps differences between runs."""
+    about = data - data.mean()
+    about.attrs = dict(data.attrs)
+    return about
+
+
+def _estimator(options: argparse.Namespace, X: Any, y: Any, roles: dict[str, str]) -> Any:
+    from .. import ARXRegressor, DelaySearchCV, OperatorRegressor
+
+    error = options.input if options.input in X else options.input.rpartition(".")[2]
+    shared: dict[str, Any] = {"inputs": [error], "roles": roles or None}
+    if options.core == "operator":
+        return OperatorRegressor(delay=options.delay, **shared)
+    orders = {name: getattr(options, name) for name in OF_CORE["arx"]}
+    shared |= {name: value for name, value in orders.items() if value is not None}
+    arx = ARXRegressor(**shared)
+    if options.nk is not None:
+        return arx
+    return arx.set_params(nk=DelaySearchCV(arx).fit(X, y).best_nk_)

@@ -1,0 +1,168 @@
+"""Search for missing effects, say what is found, and leave pictures, tables and report."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .files import save_figures, without_screen
+from .output import print_json, print_wrapped, save_tables, say_files
+
+if TYPE_CHECKING:
+    from ..diagnosis.comparison import Comparison
+    from ..diagnosis.story import Story
+    from ..reporting import Report
+
+OF_COMPARISON = (
+    "by_run",
+    "by_time",
+    "by_frequency",
+    "by_operating_point",
+    "tests",
+    "correlations",
+    "cusum",
+    "time_frequency",
+    "remnant_spectrum",
+)
+
+
+def add_search_options(add: Callable[..., Any], more: str = "") -> None:
+    """Options of the search."""
+    add("--effects", nargs="+", metavar="ID", help=f"effects to search for (default: all{more})")
+    add("--max-effects", type=int, default=4, metavar="N", help="to add at most (default: 4)")
+
+
+def add_picture_options(add: Callable[..., Any], folder: str) -> None:
+    """Options of the pictures."""
+    add("--out", default=folder, metavar="FOLDER", help=f"for the pictures (default: {folder})")
+    add("--no-pictures", action="store_true", help="draw nothing")
+
+
+def tell(
+    options: argparse.Namespace, estimator: Any, X: Any, y: Any, source: str, *, aloud: bool = True
+) -> Story:
+    """Search, and tell the story meanwhile."""
+    from .. import ControlledElement, EffectSearchCV
+    from ..diagnosis.story import Story
+    from ..effects import Effects
+
+    if options.effects:
+        Effects.of(options.effects)  # a name that is none, before the work begins
+    element = getattr(options, "controlled_element", None)
+    search = EffectSearchCV(
+        estimator,
+        effects=options.effects or "all",
+        display=getattr(options, "display", None) or "compensatory",
+        controlled_element=None if element is None else ControlledElement(*element),
+        max_effects=options.max_effects,
+    )
+    story = Story(search, X, y)
+    aloud = aloud and not options.json
+    if aloud:
+        print_wrapped(source)
+    for line in story.tell():
+        if aloud:
+            print_wrapped(line)
+    return story
+
+
+def leave(
+    options: argparse.Namespace,
+    story: Story,
+    source: str,
+    *,
+    report: Path | None = None,
+    folder: Path | None = None,
+    head: dict[str, Any] | None = None,
+) -> None:
+    """Write the report, the pictures and the tables, and say where; or print all as JSON."""
+    from .. import __version__
+
+    if report is not None:
+        write_report(options, report, story.search_, story.X, story.y, source)
+    pictures = draw(story, folder) if folder else []
+    tables = save_tables(tables_of(story), options)
+    page = None if report is None else str(report)
+    files = {"report": page, "pictures": pictures, "tables": tables}
+    if options.json:
+        first = {"skhoid": __version__, "source": source, **(head or {})}
+        print_json({**first, **story.as_dict(), **files})
+    else:
+        print_wrapped("")
+        say_files(files)
+
+
+def write_report(
+    options: argparse.Namespace,
+    path: Path,
+    model: Any,
+    X: Any,
+    y: Any,
+    source: str,
+    **more: Any,
+) -> Report:
+    """Make the report and write it."""
+    from .. import report
+
+    made_with = {"command": shlex.join(["skhoid", *options.words])}
+    if getattr(options, "seed", None) is not None:
+        made_with["seed"] = str(options.seed)
+    without_screen()
+    title = getattr(options, "title", None)
+    page = report(model, X, y, title=title, source=source, made_with=made_with, **more)
+    page.save(path)
+    return page
+
+
+def tables_of(story: Story) -> dict[str, Any]:
+    """All tables of a story, by name."""
+    search = story.search_
+    return {
+        "ranking": search.ranking_,
+        "error_path": search.error_path_,
+        "baseline": story.baseline_.parameters_,
+        "parameters": search.best_estimator_.parameters_,
+        "predictions": search.predictions_,
+        "unexplained": search.unexplained_,
+        **tables_of_comparison(story.comparison_),
+    }
+
+
+def tables_of_comparison(found: Comparison | None) -> dict[str, Any]:
+    """Tables of a comparison, if there is one."""
+    import pandas as pd
+
+    if found is None:
+        return {}
+    tables = {name: getattr(found, name) for name in OF_COMPARISON}
+    return {**tables, "findings": pd.DataFrame([vars(finding) for finding in found.findings])}
+
+
+def draw(story: Story, folder: Path) -> list[str]:
+    """Draw what the story tells into a folder; returns the paths."""
+    without_screen()
+    from ..plotting import (
+        EffectRankingDisplay,
+        EffectStepsDisplay,
+        ErrorPathDisplay,
+        IdentifiedEffectDisplay,
+    )
+
+    search = story.search_
+    figures: dict[str, Any] = {}
+    if story.comparison_ is not None:
+        figures["comparison.png"] = story.comparison_.plot().figure_
+    for step in search.ranking_["step"].unique():
+        name = f"ranking-{step}.png"
+        figures[name] = EffectRankingDisplay.from_estimator(
+            search, step=step, n_candidates=12
+        ).figure_
+    figures["error-path.png"] = ErrorPathDisplay.from_estimator(search).figure_
+    figures["before-and-after.png"] = EffectStepsDisplay.from_estimator(search).figure_
+    for name in search.best_estimator_.effects_.names:
+        display = IdentifiedEffectDisplay.from_estimator(search, name, story.X, story.y)
+        figures[f"{name}.png"] = display.figure_
+    return save_figures(figures, folder)

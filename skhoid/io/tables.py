@@ -1,0 +1,80 @@
+"""Tables as text or Parquet files, all of them or none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+import pandas as pd
+
+from ._table import require
+
+__all__ = ["TABLE_FORMATS", "check_table_format", "write_tables"]
+
+TABLE_FORMATS = ("tsv", "csv", "parquet")
+_SEPARATORS = {".tsv": "\t", ".csv": ","}
+
+
+def check_table_format(form: str) -> None:
+    """Refuse, before long work begins, a format that cannot be written here."""
+    if form not in TABLE_FORMATS:
+        raise ValueError(f"Tables are written as {', '.join(TABLE_FORMATS)}; got {form!r}.")
+    if form == "parquet":
+        require("pyarrow", "Writing Parquet tables")
+
+
+def write_tables(tables: Mapping[str, pd.DataFrame], folder: str | Path) -> list[Path]:
+    """Write tables, by file name, into a folder.
+
+    Names end in ``.tsv``, ``.csv``, either with ``.gz``, or ``.parquet``. Named row indexes become
+    columns, and lists text. The files are written beside their places and moved when all are
+    complete.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    mark = uuid4().hex
+    parts = {name: folder / f".{mark}-{name}" for name in tables}
+    try:
+        for name, table in tables.items():
+            _write(_plain(table), parts[name])
+        for name, part in parts.items():
+            part.replace(folder / name)
+    finally:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
+    return [folder / name for name in tables]
+
+
+def _write(table: pd.DataFrame, path: Path) -> None:
+    if path.suffix == ".parquet":
+        table.to_parquet(path, engine="pyarrow", index=False)
+    else:
+        suffixes = [suffix for suffix in path.suffixes if suffix != ".gz"]
+        table.to_csv(path, sep=_SEPARATORS[suffixes[-1]], index=False)
+
+
+def _plain(frame: pd.DataFrame) -> pd.DataFrame:
+    """Columns of one type each, under names that are text."""
+    table = frame.reset_index(drop=all(name is None for name in frame.index.names))
+    table.attrs = {}
+    table.columns = [
+        "_".join(str(part) for part in name if part != "") if isinstance(name, tuple) else str(name)
+        for name in table.columns
+    ]
+    for name in table.columns:
+        if table[name].dtype != object:
+            continue
+        cells = table[name].map(_listed)
+        if pd.api.types.infer_dtype(cells, skipna=True).startswith("mixed"):
+            cells = cells.map(str, na_action="ignore")
+        table[name] = cells
+    return table
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, list | tuple | np.ndarray):
+        return ", ".join(map(str, value))
+    return value
