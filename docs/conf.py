@@ -1,6 +1,11 @@
 """Sphinx configuration; build with `sphinx-build -W -b html docs docs/_build/html`."""
 
+import sys
+from pathlib import Path
+
 import skhoid
+
+sys.path.insert(0, str(Path(__file__).parent))  # gallery_pages
 
 project = "skhoid"
 author = "skhoid developers"
@@ -25,7 +30,12 @@ default_role = "py:obj"
 html_theme = "pydata_sphinx_theme"
 html_title = f"skhoid {release}"
 html_show_sourcelink = False
+html_context = {"default_mode": "auto"}  # light or dark as the reader has it
+html_static_path = ["_static"]
+html_css_files = ["width.css"]
 html_theme_options = {
+    "header_links_before_dropdown": 7,  # the sections, all in sight
+    "navbar_persistent": ["search-button"],
     "navigation_with_keys": False,
     "show_toc_level": 2,
     "footer_start": ["copyright"],
@@ -47,7 +57,21 @@ sphinx_gallery_conf = {
     "filename_pattern": r"/plot_",
     "doc_module": ("skhoid",),
     "backreferences_dir": "generated/backreferences",
-    "image_scrapers": ("matplotlib",),
+    "image_scrapers": ("gallery_pages.pictures",),
+    "subsection_order": [
+        f"../examples/{topic}"
+        for topic in (
+            "diagnosis",
+            "identify",
+            "preprocess",
+            "recursion",
+            "simulate",
+            "montecarlo",
+            "frequency",
+        )
+    ],
+    "within_subsection_order": "gallery_pages.PageOrder",
+    "remove_config_comments": True,
     "download_all_examples": False,
     "show_signature": False,
 }

@@ -315,7 +315,7 @@ def test_sklearn_tools():
     best = pickle.loads(pickle.dumps(grid.best_estimator_))
     np.testing.assert_array_equal(best.predict(X), grid.predict(X))
     assert "dead_zone" in best.summary()
-    assert "variance of the equation error" in ARXRegressor(2, 2, NK).fit(X, y).summary()
+    assert "Residual sd" in ARXRegressor(2, 2, NK).fit(X, y).summary()
 
 
 @pytest.mark.parametrize(

@@ -64,14 +64,14 @@ def test_nothing_is_wrong_with_simulated_runs(condition, intensity):
 
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_human_recordings_hold_a_stalled_cursor_and_nothing_else(axis):
-    """The cursor stands still and jumps 0.2 to 0.7 s after the begin of recordings.
+    """The cursor stands still and jumps 0.2 to 0.7 s after the beginning of recordings.
 
     Interpolation smooths the smaller of these jumps away.
     """
     X, y = load_human_tracking("all", channels=["f_t", "e"], axis=axis)
     finding = only(check_channels(X, y))
     assert finding.name == "first samples"
-    assert finding.title.startswith("x is not valid from the begin of run")
+    assert finding.title.startswith("x is not valid from the beginning of run")
     runs = [f"phase-size {run}" for run in ("2e", "3b")] if axis == "x" else ["phase-size 2e"]
     assert all(run in finding.title for run in runs)
 
@@ -139,7 +139,7 @@ def test_raw_human_recordings():
     findings = check_channels(raw)
     assert names(findings) == ["first samples", "first samples", "clock jitter", "gaps"]
     first = findings[0]
-    assert first.title.startswith("cursor_x is not valid from the begin of runs 0, 1, 4, 5")
+    assert first.title.startswith("cursor_x is not valid from the beginning of runs 0, 1, 4, 5")
     assert "jumps by 655 after 9 samples (0.15 s); later steps are 28 at most" in first.evidence
     assert "1 gap" in findings[3].title
     assert "0.04964 s (3.0 steps), after run 2" in findings[3].evidence
@@ -284,14 +284,14 @@ def test_what_is_alike_is_no_copy():
     assert check_channels(table(a=a, b=a + 1e-2 * rng.standard_normal(N))) == []
 
 
-# The begin of runs
+# The beginning of runs
 
 
 def test_cursor_that_is_not_yet_there():
     x = smooth()[0] + 20
     x[:15] = 0.0
     finding = only(check_channels(table(x=x)))
-    assert finding.title == "x is not valid from the begin of run 1"
+    assert finding.title == "x is not valid from the beginning of run 1"
     assert "after 15 samples (0.15 s)" in finding.evidence
     assert "run_in=0.15" in finding.next_step
 
@@ -300,7 +300,7 @@ def test_operator_that_is_not_yet_there():
     x = smooth()[0]
     x[:60] = x[60]
     finding = only(check_channels(table(x=x)))
-    assert finding.title == "x stands still at the begin of run 1"
+    assert finding.title == "x stands still at the beginning of run 1"
     assert "first 61 samples of run 1" in finding.evidence
 
 

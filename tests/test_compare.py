@@ -23,6 +23,7 @@ from skhoid import (
     RunInTrimmer,
     VAFScorer,
     compare,
+    make_tracking_runs,
     vaf_score,
 )
 from skhoid.diagnosis.breaks import N_DRAWS, largest_break, tail_probability
@@ -1077,3 +1078,12 @@ def test_a_finding_says_all_there_is_to_say():
             assert part
             assert part in text
     assert repr(comparison).startswith("<Comparison of LinearTruth(): VAF ")
+
+
+def test_a_mean_that_flatters_is_noted():
+    X, y = make_tracking_runs("C1", n_runs=2, remnant_intensity=0.1, random_state=1)
+    model = ARXRegressor(nk=29, fit_intercept=True).fit(X, y)
+    assert not any("spread" in note for note in compare(model, X, y).notes)
+    far = y + 3 * y.std()
+    notes = compare(ARXRegressor(nk=29, fit_intercept=True).fit(X, far), X, far).notes
+    assert sum("larger than its spread" in note for note in notes) == 1

@@ -348,6 +348,7 @@ def test_time_is_not_red_where_nothing_repeats(found):
     display = ResidualTimeDisplay(by_time=table, tests=found.tests).plot()
     assert display.misfit_ is None
     assert not {"repeats over runs: misfit", "does not repeat"} & labels_in(display)
+    assert "lost" in labels_in(display)
 
 
 @pytest.mark.parametrize(
@@ -360,7 +361,7 @@ def test_time_of_runs_that_do_not_repeat_is_red_where_more_is_lost(found, unknow
     red = np.flatnonzero(heights(display.misfit_))
     assert red.tolist() == [12]
     assert display.misfit_[12].get_height() == table["share"][12]
-    assert "beyond chance (1 %)" in labels_in(display)
+    assert {"lost", "beyond chance (1 %)"} <= labels_in(display)
 
 
 def test_time_shows_what_chance_gives(found):

@@ -10,8 +10,6 @@ The runs are simulated (condition C4 of the thesis, remnant of 15 % of the varia
 we can look up the truth in the end.
 """
 
-# sphinx_gallery_thumbnail_number = 1
-
 # %%
 # Compare
 # -------

@@ -7,8 +7,6 @@ and 84 % of one whose stick stops at 0.8 deg. Who looks at the VAF alone sees ne
 dead zone and a stop away?
 """
 
-# sphinx_gallery_thumbnail_number = 1
-
 # %%
 # Two people, simulated
 # ---------------------

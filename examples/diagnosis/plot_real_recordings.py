@@ -1,6 +1,6 @@
 """
-What do models miss of two real people?
-=======================================
+How much is left to explain of two real people?
+===============================================
 
 A person follows a target on a screen; another balances a bicycle. Both are fitted with a simple
 ARX model. What does a comparison find in recordings whose truth nobody knows, and what does it say
@@ -9,8 +9,6 @@ of how much is left to explain?
 Both recordings come with skhoid (A. Matic, 2022, doi:10.1101/2022.07.20.500761; P.D.L. de Lange
 and J.K. Moore, doi:10.6084/m9.figshare.659465).
 """
-
-# sphinx_gallery_thumbnail_number = 1
 
 # %%
 # Four times the same target

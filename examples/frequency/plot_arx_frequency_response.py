@@ -9,14 +9,13 @@ plot, and is a higher VAF a better model?
 The figures are those of Figs. 5.11, 5.13 and F.2 of the thesis, with the VAFs of Table 5.3.
 """
 
-# sphinx_gallery_thumbnail_number = 2
-
 # %%
 # Without remnant
 # ---------------
 # The loop of Chapter 5, and ARX[2, 2, 28] fitted on the first half of the window. Its simulation of
 # the second half is almost perfect.
 
+# sphinx_gallery_thumbnail_number = 2
 from skhoid import ARXRegressor, CompensatoryTask, make_tracking_runs, vaf_score
 
 DT, HALF = 0.01, 4096

@@ -46,3 +46,10 @@ from skhoid.plotting import OperatorParametersDisplay
 
 OperatorParametersDisplay.from_frame({"windows of 10 s": over_time}, truth=truth)
 plt.show()
+
+# %%
+# The answer
+# ----------
+# The gain K_e falls from 0.09 to 0.07 and that on the error rate, K_edot, rises from 0.03 to 0.08:
+# the lead T_L goes from 0.4 to 1.2 s. The neuromuscular mode stays where it is, near 11 rad/s.
+# Windows of ten seconds tell that much, and that the change was in the middle; not how fast it was.

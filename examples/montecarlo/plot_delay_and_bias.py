@@ -10,8 +10,6 @@ The figures are those of Figs. 9, 10 and 12 of the thesis (and, with other rates
 from 16 runs of each cell instead of 100.
 """
 
-# sphinx_gallery_thumbnail_number = 1
-
 # %%
 # The study
 # ---------

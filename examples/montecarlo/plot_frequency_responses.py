@@ -9,8 +9,6 @@ does it know how much?
 The study is that of Appendix I of the thesis, with 25 runs of each cell instead of 100.
 """
 
-# sphinx_gallery_thumbnail_number = 1
-
 # %%
 # The study
 # ---------

@@ -10,8 +10,6 @@ The figures are those of Fig. 13 and Appendix J of the thesis, from 10 estimatio
 runs of each cell instead of 100 and 10.
 """
 
-# sphinx_gallery_thumbnail_number = 1
-
 # %%
 # The study
 # ---------

@@ -6,8 +6,6 @@ A person answers an error 10 % more strongly after some training. How many runs 
 must one record to see that, with how much remnant? A study of one's own says so in seconds.
 """
 
-# sphinx_gallery_thumbnail_number = 1
-
 # %%
 # Two people
 # ----------

@@ -9,8 +9,6 @@ parameters can be believed?
 The figures are those of Figs. 14 and 15 of the thesis, from 25 runs of C4 instead of 100.
 """
 
-# sphinx_gallery_thumbnail_number = 1
-
 # %%
 # The study
 # ---------

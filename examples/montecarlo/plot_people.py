@@ -8,8 +8,6 @@ Section VI of the thesis, on people drawn by the computer, so that the truth is 
 says how to do the same with recordings of your own.
 """
 
-# sphinx_gallery_thumbnail_number = 1
-
 # %%
 # Three people
 # ------------

@@ -6,8 +6,6 @@ The experiment is still to come: another vehicle, another target, 50 Hz. The rec
 memory horizon, and 2.56 s is the answer to somebody else's question. What is it here?
 """
 
-# sphinx_gallery_thumbnail_number = 2
-
 # %%
 # The experiment as planned
 # -------------------------
@@ -15,6 +13,7 @@ memory horizon, and 2.56 s is the answer to somebody else's question. What is it
 # person, whom one has to guess: say that the crossover frequency goes from 1.3 to 2.4 rad/s, a
 # second after the vehicle has changed.
 
+# sphinx_gallery_thumbnail_number = 2
 from skhoid import (
     CompensatoryTask,
     ControlledElement,
@@ -114,7 +113,7 @@ for name, (guess, P_n) in guesses.items():
 # %%
 # The answer
 # ----------
-# 128 samples, which at 50 Hz is 2.56 s again: 7 to 8 points better than no forgetting. Twice or
+# 128 samples, which at 50 Hz is 2.56 s again: 7 to 9 points better than no forgetting. Twice or
 # half of it costs about a point, and none of the guesses moves it by more than a factor of two.
 # That, more than the number, is what such a study is for: were the advice to jump from guess to
 # guess, the person would have to be known first. Half the change gains little by forgetting at all,

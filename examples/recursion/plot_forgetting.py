@@ -8,14 +8,13 @@ weighs, and λ, which says how fast it forgets. What does each of them do?
 The figures are those of Figs. 5.14, 5.15 and 5.16 of the thesis, with remnant of our own.
 """
 
-# sphinx_gallery_thumbnail_number = 2
-
 # %%
 # The data
 # --------
 # As in Chapter 5 of the thesis: condition C1, nothing changes; first-order remnant of 15 %; an
 # ARX(3, 4) model at 6.25 Hz, behind the delay of 0.28 s.
 
+# sphinx_gallery_thumbnail_number = 2
 import numpy as np
 from sklearn.pipeline import make_pipeline
 

@@ -9,8 +9,6 @@ Ten recordings of one person who follows a moving target come with skhoid (A. Ma
 doi:10.1101/2022.07.20.500761).
 """
 
-# sphinx_gallery_thumbnail_number = 4
-
 # %%
 # What the criterion says
 # -----------------------
@@ -18,6 +16,7 @@ doi:10.1101/2022.07.20.500761).
 # Where it is finite, a model that forgets predicts better than a constant one; the difference of
 # the logarithms of the likelihoods says how much.
 
+# sphinx_gallery_thumbnail_number = 4
 import numpy as np
 import pandas as pd
 

@@ -10,8 +10,6 @@ The figures are those of Figs. 14 to 17 of the thesis in a smaller form: conditi
 instead of 100.
 """
 
-# sphinx_gallery_thumbnail_number = 2
-
 # %%
 # One λ, or Λ
 # -----------
@@ -20,6 +18,7 @@ instead of 100.
 # memory that does not end for a_1 and a_2, which do not change. :func:`skhoid.reference_fits` gives
 # what batch models make of the first and last 30.72 s.
 
+# sphinx_gallery_thumbnail_number = 2
 import numpy as np
 
 from skhoid import RecursiveARX, make_tracking_runs, reference_fits

@@ -119,8 +119,8 @@ draw(("C3", "C4"), (30.72, 51.2))
 draw(("C5", "C6"), (30.72, 51.2))
 
 # %%
-# The answer
-# ----------
+# How large are they?
+# -------------------
 # Spread of the signals in the two halves of the run:
 
 import pandas as pd
@@ -137,6 +137,8 @@ for name, (X, y, _) in runs.items():
 print(pd.DataFrame(rows).T.round(3).to_string())
 
 # %%
+# The answer
+# ----------
 # The error tells nothing: its spread hardly depends on the dynamics, because the operator adapts.
 # The control output does, since it more than doubles with 1/s². But whether the change was slow or
 # sudden shows for a few seconds only, and only against a run of the other kind. To see more in a

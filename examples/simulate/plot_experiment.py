@@ -94,3 +94,10 @@ ax.set_xlabel("number of runs")
 ax.set_ylabel(r"mean $\omega_{nm}$ and 95 % interval, rad/s")
 ax.legend()
 plt.show()
+
+# %%
+# The answer
+# ----------
+# Six, if the estimates are unbiased: by instrumental variables one run scatters by 2.4 %, and the
+# mean lies within 0.6 % of the truth. Least squares scatter as little around a value 23 % too high,
+# and no number of runs helps.

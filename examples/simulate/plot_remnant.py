@@ -9,8 +9,6 @@ the choice of its filter change, and what does remnant do to the signals in the 
 The figures are those of Fig. 8, Figs. 5.5 to 5.8 and Appendix B (B.2 to B.4) of the thesis.
 """
 
-# sphinx_gallery_thumbnail_number = 2
-
 # %%
 # Five filters of the same intensity
 # ----------------------------------
@@ -18,6 +16,7 @@ The figures are those of Fig. 8, Figs. 5.5 to 5.8 and Appendix B (B.2 to B.4) of
 # gain K_n has to be found. :func:`skhoid.tune_remnant` does so on ten realisations of the noise.
 # The gains of Table G.1 are those of ten other realisations, rounded.
 
+# sphinx_gallery_thumbnail_number = 2
 import numpy as np
 
 from skhoid import CompensatoryTask, FrequencyResponse, Remnant, tune_remnant
@@ -131,6 +130,6 @@ print(f"score with remnant: {runs.score().mean():.3f} ± {runs.score().std(ddof=
 # ----------
 # For 15 % of the variance of u, K_n is 0.011 with a filter of first order and 0.020 with one of
 # fourth: the steeper the filter, the less of it is at high frequencies. Remnant worsens the score
-# from 0.177 to 0.19. And what the operator makes of the own noise, once it has been round the
+# from 0.177 to 0.19. And what the operator makes of their own noise, once it has been round the
 # loop, is another 8 % of the variance of u: the error holds remnant too, from which the bias of
 # models in closed loop comes.

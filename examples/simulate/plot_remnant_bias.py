@@ -10,8 +10,6 @@ The figures are those of Figs. 9, 10 and 11 of the thesis in a smaller form: con
 instead of 100, three intensities instead of seven.
 """
 
-# sphinx_gallery_thumbnail_number = 3
-
 # %%
 # Runs, models, and the truth
 # ---------------------------
@@ -21,6 +19,7 @@ instead of 100, three intensities instead of seven.
 # is the zero-order hold equivalent of the operator (Table IV), with n_k = 29. The factorisations
 # are small, so one thread is faster than several.
 
+# sphinx_gallery_thumbnail_number = 3
 import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits

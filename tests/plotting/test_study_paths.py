@@ -7,7 +7,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from picture_checks import covers_nothing
 
-from skhoid.plotting._axes import BLACK, GREEN, VERMILLION
+from skhoid.plotting._axes import BLACK, GREEN, VERMILION
 from skhoid.plotting.study_paths import StudyPathDisplay
 
 TIME = np.arange(0, 81.92, 1.28)
@@ -80,7 +80,7 @@ def test_lines_and_bands_are_mean_and_deviation():
         np.testing.assert_allclose([there.min(), there.max()], [mean[i] - sd[i], mean[i] + sd[i]])
     true = display.truth_["b0", 0.3]
     np.testing.assert_allclose(true.get_ydata(), TRUTH["b0"])
-    assert same_color(true.get_color(), VERMILLION)
+    assert same_color(true.get_color(), VERMILION)
     assert display.axes_[0, 1].get_title() == "$P_n$ = 0.15, 8 runs"
     assert display.axes_[2, 0].get_ylabel() == "$b_{0}$"
     assert display.axes_[3, 0].get_xlabel() == "time, s"

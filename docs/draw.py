@@ -1,0 +1,26 @@
+"""Draws the pictures of a page: ``python docs/draw.py docs/find-what-is-missing.md``.
+
+Runs the page's Python blocks. Where the page shows ``_static/<page>-<name>.png``, the Display that
+it calls ``name`` is saved there.
+"""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+page = Path(sys.argv[1])
+text = page.read_text(encoding="utf-8")
+blocks = re.findall(r"^```python\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
+variables: dict[str, Any] = {}
+for block in blocks:
+    if not block.startswith(">>>"):
+        exec(compile(block, str(page), "exec"), variables)
+for name in re.findall(rf"_static/{page.stem}-(\w+)\.png", text):
+    file = page.parent / "_static" / f"{page.stem}-{name}.png"
+    variables[name].figure_.savefig(file, dpi=100, bbox_inches="tight", metadata={"Software": None})
+    print(file)
