@@ -5,7 +5,8 @@ index. Estimators, searches and transformers follow the scikit-learn API. By tas
 
 - Data: `read_runs`, `write_runs`, `resample_runs`, `run_labels`, `sampling_time`, `select_runs`,
   `check_channels`; recordings `load_human_tracking`, `load_bicycle_rider`.
-- Preprocess, in pipelines: `Decimator`, `DelayShift`, `RunInTrimmer`, `ensemble_average`.
+- Preprocess, in pipelines: `Decimator`, `DelayShift`, `RunInTrimmer`; outside them
+  `ensemble_average`.
 - Identify: `ARXRegressor`; delay and orders by `DelaySearchCV`, `OrderSearchCV`; the physical
   model `OperatorRegressor`.
 - Track a change: `RecursiveARX`, `RecursiveARXCV`, `forgetting_factor`.

@@ -341,11 +341,12 @@ def _layout_from_time(
             )
     regular = step[within & (step <= GAP * typical)]
     found = snap(float(regular.mean()) if regular.size else typical)
-    if dt is None and found >= 2.0:
+    if dt is None and found >= 1.0:
         raise RunIndexError(
             f"The time index advances by {found:g} a row: this looks like milliseconds or sample "
-            "numbers, and skhoid counts seconds. Divide it by 1000 (or multiply it by the "
-            f"sampling time); if the sampling time really is {found:g} s, say so with dt={found:g}."
+            "numbers, and skhoid counts seconds. Divide it by 1000 (read_runs does by units={'t': "
+            "'ms'}), or multiply it by the sampling time (or read with dt= in place of time=); if "
+            f"the sampling time really is {found:g} s, say so with dt={found:g}."
         )
     for given, whose in ((dt, "and dt="), (fallback_dt, "and the model was fitted at ")):
         if given is not None and abs(found - given) > 0.01 * given:
@@ -370,7 +371,7 @@ def _layout_from_time(
         row = int(np.argmax(np.where(gapless, np.abs(step - found), -1.0))) + 1
         raise IrregularSamplingError(
             f"Irregular sampling: {layout.where(row)} comes {step[row - 1]:.6g} s after the row "
-            f"before it, and the sampling time is {found:.6g} s (largest deviation "
+            f"before it, and the sampling time is {snap(typical):.6g} s (largest deviation "
             f"{100 * jitter:.1f} %, rms {100 * np.sqrt(np.mean(deviation**2)):.2f} %; "
             f"{100 * JITTER_TOLERANCE:.0f} % is tolerated). Bring the runs onto a regular grid "
             f"with X, y = skhoid.resample_runs(X, y, dt={snap(typical):.6g})."

@@ -58,7 +58,7 @@ print(f"delay {simulated.best_delay_:.3f} s, VAF {100 - simulated.loss_.min():.1
 _ = DelayLossDisplay.from_estimator(simulated)
 
 # %%
-# Now there is a clear minimum, and it lies later, at 0.167 s. The two criteria ask different
+# Now the minimum lies later, at 0.167 s, in a shallow valley. The two criteria ask different
 # questions, and a model of low order answers them with different delays. (The search compares all
 # candidates on the rows whose 30 samples of past are known, so it does not use the first half
 # second; hence its VAF is not quite that of the fits below.)

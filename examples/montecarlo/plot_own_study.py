@@ -142,9 +142,10 @@ print(f"{100 * seen.mean():.1f} % of {seen.size}")
 # %%
 # The answer
 # ----------
-# An operator who is the same in each run shows a change of 10 % in four of five sessions with three
-# runs before and three after if remnant is 5 %, with four if it is 15, and with six if it is 30 %.
-# People who themselves scatter by 5 % need six, eight, and about ten: then the person counts for
-# more than the remnant. K_edot does as well as K_e, in spite of its bias. All of that is for ARX(2,
-# 2) models at 100 Hz with the true delay; put your own rate, duration and forcing function into the
-# table of conditions, and your own estimator into the function.
+# An operator who is the same in each run shows a change of 10 % in four of five sessions with two
+# runs (K_e) or three (K_edot) before and as many after if remnant is 5 %, with four if it is 15,
+# and with six if it is 30 %. People who themselves scatter by 5 % need six, eight, and about ten:
+# then the person counts for more than the remnant, and K_edot does as well as K_e, in spite of its
+# bias. All of that is for ARX(2, 2) models at 100 Hz with the true delay; put your own rate,
+# duration and forcing function into the table of conditions, and your own estimator into the
+# function.

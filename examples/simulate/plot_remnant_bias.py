@@ -196,8 +196,8 @@ _ = fig.legend(
 
 # %%
 # Every weight is largest at high frequencies, but not by as much: from 20 to 100 rad/s it grows
-# more than 500-fold with the filters of second order and above, and only some 15-fold with that of
-# first order. Misfits above 20 rad/s then hardly count, and are large.
+# more than 500-fold with the filters of second order and above, and only 18-fold with that of first
+# order. Misfits above 20 rad/s then hardly count, and are large.
 
 for order in FILTERS:
     weight = np.interp([20, 100], omega, weight_of_C1[order])

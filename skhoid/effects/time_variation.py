@@ -17,7 +17,7 @@ EDGE_STEPS = (0.2, 0.1, 0.05, 0.02)  # s, of the ends of lapses
 
 
 def sigmoid(record: Record, rate: float, time: float) -> np.ndarray:
-    """The sigmoid of Eq. 28 over the time in the run, from 0 to 1."""
+    """The sigmoid of Eq. 2 over the time in the run, from 0 to 1."""
     return expit(rate * (record.t - time))
 
 
@@ -43,7 +43,7 @@ class TimeVaryingGain(Effect):
 
     References
     ----------
-    Thesis, Eqs. 26-28, and its reference [12], which estimates the same by maximum likelihood.
+    Thesis, Eqs. 2, 3 and 5, and its reference [12], which has the same sigmoids.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class TimeVaryingGain(Effect):
     place = "gain"
     physics = "The operator adapts: gain and lead change in the run."
     formula = "K (1 + change / (1 + exp(-rate (t - time))))"
-    source = "Thesis, Eqs. 26-28"
+    source = "Thesis, Eqs. 2, 3 and 5"
 
     def __init__(
         self,

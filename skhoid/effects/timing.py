@@ -87,7 +87,7 @@ class TimeVaryingDelay(Effect):
 
     References
     ----------
-    Thesis, Eq. 28, for its sigmoid.
+    Thesis, Eq. 2, for its sigmoid.
 
     Examples
     --------
@@ -100,7 +100,7 @@ class TimeVaryingDelay(Effect):
     place = "delay"
     physics = "The operator becomes slower, or faster, to answer in the run."
     formula = "tau_e + change / (1 + exp(-rate (t - time)))"
-    source = "Thesis, Eq. 28"
+    source = "Thesis, Eq. 2"
     parameters = (
         Parameter("change", "s", -0.5, 0.5, (0.05, -0.05), "", "of the delay"),
         Parameter("rate", "1/s", 0.05, 20.0, (0.5,), "", "steepness"),

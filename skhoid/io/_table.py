@@ -127,9 +127,16 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
     numbers = pd.to_numeric(text, errors="coerce")
     bad = np.flatnonzero(numbers.isna().to_numpy() & text.notna().to_numpy())
     if bad.size:
+        advice = "Leave a cell empty, or write NaN, where nothing was measured."
+        if bad.size == text.size:
+            advice = "Name another column, or store it as numbers, time in seconds."
+        elif bad.size == 1 and bad[0] == 0:
+            advice = (
+                "If that is a unit, delete the row, and write units into the header, 'e [deg]', or "
+                "give them by units=."
+            )
         raise ValueError(
             f"{where} is not numeric: row {bad[0] + 1} (the first sample is row 1) is "
-            f"{text.iloc[bad[0]]!r} ({bad.size} of {text.size} rows are no numbers). Leave a cell "
-            "empty, or write NaN, where nothing was measured."
+            f"{text.iloc[bad[0]]!r} ({bad.size} of {text.size} rows are no numbers). {advice}"
         )
     return numbers.to_numpy(dtype=np.float64, na_value=np.nan)

@@ -42,6 +42,8 @@ def read_csv(path: Path) -> Table:
     note = ""
     if all(_is_number(name) for name in names):
         note = "Its first row holds numbers: write a header row with the names of the columns."
+    elif len(names) == 1 and len(names[0].split()) > 1:
+        note = "Separate cells by commas, semicolons or tabs, not by blanks."
 
     def load(position: int) -> pd.Series:
         column = frame[position]
@@ -115,10 +117,22 @@ def _parse(
                 **_EXACT,
             )
         except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
-            raise ValueError(
-                f"{path} cannot be read as a table of {len(names)} columns separated by "
-                f"{separator!r}: {str(error).strip()} Every row needs as many cells as the header."
-            ) from error
+            raise ValueError(_misfit(path, text, separator, names) or f"{path}: {error}") from error
+
+
+def _misfit(path: Path, text: str, separator: str, names: list[str]) -> str:
+    """What is wrong with a table of which a row has more cells than the header."""
+    rows = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
+    for row in rows:
+        if len(row) > len(names):
+            columns = "1 column" if len(names) == 1 else f"{len(names)} columns"
+            return (
+                f"{path} cannot be read as a table of {columns} separated by {separator!r}, as in "
+                f"its first line ({separator.join(names)[:60]!r}): line {rows.line_num} has "
+                f"{len(row)} cells. The first line must be the header: delete what stands above "
+                "the names of the columns. Every row needs as many cells as the header."
+            )
+    return ""
 
 
 def _is_number(cell: str) -> bool:

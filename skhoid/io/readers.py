@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,8 @@ def read_runs(
     inputs : str, list of str, or dict
         Input channels, the columns of `X`. A dict renames: ``{name in the file: channel}``.
         A column headed ``e [deg]`` or ``e (deg)`` is named ``"e"``, or by its whole header. In a
-        MAT file a name is a variable, a dotted one (``"data.e"``) the field of a struct.
+        MAT file a name is a variable, a dotted one (``"data.e"``) the field of a struct, whose
+        channel is called ``"e"`` unless another one is.
     output : str or dict
         The operator's output, as in `inputs`.
     time : str or None, default=None
@@ -119,13 +120,16 @@ def read_runs(
             f"run= names one column; got {run!r}. For subjects or conditions read each by itself "
             'and join them: pd.concat({"S1": X1, "S2": X2}, names=["subject"]).'
         )
+    files = expand_paths(paths)
     channels = [*_wanted(inputs, "inputs"), *_wanted(output, "output")]
+    if all(_READERS.get(path.suffix.lower()) is read_mat for path in files):
+        channels = _by_field(channels)
     _check_names(channels)
     clock = _clock(time, dt)
     given = _check_units(units or {}, channels, time)
     pieces: list[Run] = []
     known: dict[str, tuple[str, Path]] = {}
-    for path in expand_paths(paths):
+    for path in files:
         table = _open(path)
         pieces += runs_of(
             table,
@@ -143,6 +147,7 @@ def read_runs(
 class _Channel:
     asked: str
     name: str
+    renamed: bool = False
 
 
 def _wanted(spec: Any, argument: str) -> list[_Channel]:
@@ -162,7 +167,18 @@ def _wanted(spec: Any, argument: str) -> list[_Channel]:
         raise ValueError(f"{argument} is empty: name at least one channel.")
     if argument == "output" and len(items) > 1:
         raise ValueError(f"output must name one channel; got {spec!r}.")
-    return [_Channel(*item) for item in items]
+    return [_Channel(*item, renamed=isinstance(spec, Mapping)) for item in items]
+
+
+def _by_field(channels: list[_Channel]) -> list[_Channel]:
+    """Fields of structs under their own names, of which roles are taken, where these are unique."""
+    fields = [channel.name.rpartition(".")[2] for channel in channels]
+    return [
+        replace(channel, name=field)
+        if not channel.renamed and fields.count(field) == 1
+        else channel
+        for channel, field in zip(channels, fields, strict=True)
+    ]
 
 
 def _check_names(channels: list[_Channel]) -> None:
@@ -265,7 +281,8 @@ def _assemble(
         row = int(np.flatnonzero(np.isnan(piece.time))[0])
         raise ValueError(
             f"The time of run {piece.label!r} in {piece.path} is missing in its row {row + 1}: "
-            "every sample needs its instant."
+            "every sample needs its instant. Where the whole row is empty, delete it: that is a "
+            "gap, at which lags start anew."
         )
     index = pd.MultiIndex.from_arrays([labels.take(codes), time], names=("run", "time"))
     values = np.concatenate([piece.samples for piece in pieces])

@@ -79,6 +79,24 @@ class TestColumns:
         X, _ = read_runs(path, **(ROLES | {"inputs": "e [rad]"}))
         assert X["e"].to_list() == [2.0]
 
+    @pytest.mark.parametrize("above", ["# subject 1\n", "Experiment 12\n\n", "% 1, run 2\n"])
+    def test_lines_above_the_header(self, tmp_path, above):
+        path = csv(tmp_path, above + "t,e,u\n0,1,2\n")
+        fails("table of . columns?.* line . has 3 cells.*delete what stands above", path)
+
+    @pytest.mark.parametrize(
+        ("text", "advice"),
+        [
+            ("t,e,u\ns,deg,N\n0,1,2\n1,1,2\n", r"row 1 .*'deg'.*delete the row.*'e \[deg\]'"),
+            ("t,e,u\n0,a,1\n1,b,2\n", r"\(2 of 2 rows.*Name another column"),
+            ("t e u\n0 1 2\n1 1 2\n", "no column 'e'.*Separate cells by commas"),
+            ("t,e,u\n0,1,2\n,,\n1,1,2\n", "missing in its row 2.*row is empty, delete it"),
+            ('t,e,u\n0,"1,2\n1,1,2\n', "run.csv.*EOF inside string"),
+        ],
+    )
+    def test_advice(self, tmp_path, text, advice):
+        fails(advice, csv(tmp_path, text))
+
     def test_not_numeric(self, tmp_path):
         path = csv(tmp_path, "t,e,u\n0,1,3\n1,,3\n2,off,4\n3,x,4\n")
         fails(r"'e' of .*run.csv is not numeric: row 3 .*'off' \(2 of 4 rows", path)

@@ -217,7 +217,20 @@ class TestMatlab:
                 tmp_path / f"{name}.mat", inputs={"data.e": "e"}, output="data.log.u", time="t"
             )
             np.testing.assert_array_equal(X["e"], E)
-            assert y.name == "data.log.u"
+            assert y.name == "u"
+
+    def test_names_of_fields(self, tmp_path):
+        """Roles are taken from names, so a field has its own; two of one name keep their paths."""
+        savemat(tmp_path / "a.mat", {"d": {"e": E, "u": U, "x": E}, "k": {"x": U}, "t": T})
+        given = {"output": "d.u", "time": "t", "units": {"d.e": "deg"}}
+        X, y = read_runs(tmp_path / "a.mat", inputs=["d.e", "d.x", "k.x"], **given)
+        assert [*X.columns, y.name] == ["e", "d.x", "k.x", "u"]
+        assert X.attrs["units"] == {"e": "deg"}
+        renamed, _ = read_runs(tmp_path / "a.mat", inputs={"d.e": "d.e"}, **given)
+        assert list(renamed) == ["d.e"]
+        pd.DataFrame({"d.e": E, "t": T, "d.u": U}).to_csv(tmp_path / "a.csv", index=False)
+        X, y = read_runs(tmp_path / "a.csv", inputs="d.e", **given)
+        assert [*X.columns, y.name] == ["d.e", "d.u"]  # names of columns stay as they are
 
     @pytest.mark.parametrize("shared", [True, False])
     def test_matrix_columns_are_runs(self, tmp_path, write_mat73, shared):
