@@ -109,17 +109,19 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         if not missing.any():
             return inputs
         inputs = inputs.copy()
-        held = np.zeros(len(inputs), dtype=bool)
+        held = np.zeros(inputs.shape, dtype=bool)
         for a, b in segments(grid):
             part, gaps = inputs[a:b], missing[a:b]
             last = np.maximum.accumulate(np.where(gaps, -1, np.arange(b - a)[:, None]), axis=0)
             part[:] = np.where(last >= 0, np.take_along_axis(part, np.maximum(last, 0), 0), 0.0)
             # Rows before the first value only lack a past (DelayShift), unless none ever comes.
-            held[a:b] = (gaps & ((last >= 0) | gaps.all(axis=0))).any(axis=1)
+            held[a:b] = gaps & ((last >= 0) | gaps.all(axis=0))
         if held.any():
-            first = grid.full_row(int(np.flatnonzero(held)[0]))
+            rows = np.flatnonzero(held.any(axis=1))
+            first = grid.full_row(int(rows[0]))
+            named = [(names or self.inputs_)[i] for i in np.flatnonzero(held.any(axis=0))]
             warnings.warn(
-                f"{int(held.sum())} rows of the inputs {names or self.inputs_} are NaN, first "
+                f"{rows.size} rows of the inputs {named} are NaN, first "
                 f"{grid.layout.where(first)}; the simulation holds the last value there, or zero "
                 "where there is none.",
                 MissingDataWarning,

@@ -341,7 +341,7 @@ def _layout_from_time(
             )
     regular = step[within & (step <= GAP * typical)]
     found = snap(float(regular.mean()) if regular.size else typical)
-    if dt is None and found >= 1.0:
+    if dt is None and found >= 2.0:
         raise RunIndexError(
             f"The time index advances by {found:g} a row: this looks like milliseconds or sample "
             "numbers, and skhoid counts seconds. Divide it by 1000 (read_runs does by units={'t': "

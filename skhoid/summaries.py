@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any
@@ -49,16 +49,17 @@ class Table:
     rows: Sequence[Sequence[str]]
 
     def lines(self) -> list[str]:
-        """Lines of at most ``WIDTH`` columns, for which long names are cut in the middle."""
+        """Lines of at most ``WIDTH`` columns, for which the widest cells are cut in the middle."""
         widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
         widths = [
             min(width, LONGEST_UNIT) if title == "unit" else width
             for title, width in zip(self.header, widths, strict=True)
         ]
-        widths[0] = min(widths[0], max(WIDTH - sum(widths[1:]) - 2 * (len(widths) - 1), 8))
+        while sum(widths) + 2 * (len(widths) - 1) > WIDTH:
+            widths[widths.index(max(widths))] -= 1
         return [
             "  ".join(
-                f"{_cut(cell, width):<{width}}" if title in LEFT_ALIGNED else f"{cell:>{width}}"
+                f"{_cut(cell, width):{'<' if title in LEFT_ALIGNED else '>'}{width}}"
                 for title, cell, width in zip(self.header, row, widths, strict=True)
             ).rstrip()
             for row in (self.header, *self.rows)
@@ -195,11 +196,6 @@ def quantity(value: float, unit: str | None) -> str:
 
 def wrapped(text: str, indent: str = "") -> list[str]:
     return textwrap.wrap(text, WIDTH, subsequent_indent=indent)
-
-
-def sentences(lines: Iterable[str]) -> str:
-    """Lines of a search, each wrapped."""
-    return "\n".join(part for line in lines for part in wrapped(line))
 
 
 def _in_two_columns(facts: dict[str, str]) -> list[str]:

@@ -315,6 +315,15 @@ def test_steps_pulses_and_pauses_are_no_fault():
 # The clock
 
 
+def test_row_numbers_or_milliseconds():
+    X = table(phi=smooth()[0])
+    run = X.index.get_level_values("run")
+    time = X.groupby("run").cumcount().to_numpy()
+    X.index = pd.MultiIndex.from_arrays([run, time], names=["run", "time"])
+    finding = only(check_channels(X))
+    assert (finding.name, finding.title) == ("clock unit", "The clock advances by 1 a row")
+
+
 def test_small_jitter_and_gaps():
     phi = smooth()[0]
     X = table(1, e=phi)

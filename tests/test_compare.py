@@ -557,6 +557,11 @@ def test_roles_rename_columns(of_truth, simulated):
     assert_same(compare(model, other, y, roles=roles), of_truth)
 
 
+def test_a_role_may_be_taken_away(arx, simulated):
+    X, y, _ = simulated
+    assert "x" not in compare(arx, X, y, roles={"x": ""}).traces
+
+
 def test_target_that_was_not_recorded(of_truth, simulated):
     X, y, truth = simulated
     found = compare(LinearTruth(truth.linear_response, 0.9), X[["e", "x"]], y)

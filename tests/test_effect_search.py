@@ -11,6 +11,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import KFold, LeaveOneGroupOut
 
 from skhoid import EffectSearchCV, OperatorRegressor, RunCutWarning, run_labels, vaf_score
+from skhoid.diagnosis import effect_search
 from skhoid.diagnosis.story import Story
 from skhoid.effects import Bias, DeadZone, Effect, Effects, Parameter, catalogue
 from skhoid.greybox.estimates import parameter_text
@@ -159,14 +160,37 @@ def test_nothing_is_missing(clean):
     ],
     ids=["relay", "periodic gain", "rate limit"],
 )
-def test_what_the_catalogue_lacks_is_unknown(hidden, where, least):
+def test_what_no_effect_tried_explains_is_unknown(hidden, where, least):
     search = searched(recorded(**hidden, remnant=0.05), ["bias", "gain_drift", "extra_lag"])
     assert search.best_effects_ == ["unknown"]
-    assert search.verdict_ == "something is missing, not in the catalogue"
+    assert search.verdict_ == "something is missing, not among the effects tried"
     assert where in zip(search.unexplained_["where"], search.unexplained_["at"], strict=True)
     assert search.explainable_gap_ > least
-    assert "What no effect of the catalogue explains" in search.summary()
+    assert "What none of the 3 effects tried explains" in search.summary()
+    assert 'effects="all"' in search.summary()
     assert list(search.error_path_["effect"]) == ["baseline"]
+
+
+def test_only_where_all_was_tried_the_catalogue_lacks_it(monkeypatch, hidden_data):
+    few = [c for c in effect_search.CLASSES if c.name in ("bias", "drift")]
+    monkeypatch.setattr(effect_search, "CLASSES", few)
+    monkeypatch.setattr(effect_search, "BY_NAME", {c.name: c for c in few})
+    for effects in ("all", ["drift", "bias"]):
+        search = searched(hidden_data, effects)
+        assert search.verdict_ == "something is missing, not in the catalogue"
+        assert "What no effect of the catalogue explains" in search.summary()
+        assert 'effects="all"' not in search.summary()
+    search = searched(hidden_data, "bias")
+    assert search.verdict_ == "something is missing, not among the effects tried"
+    assert "What the only effect tried does not explain" in search.summary()
+
+
+def test_a_search_that_stops_at_max_effects_says_so(hidden_data):
+    search = searched(hidden_data, ["dead_zone"], max_effects=0)
+    assert search.best_effects_ == ["unknown"]
+    assert search.verdict_ == "something is missing, and max_effects is reached"
+    assert "What is not explained within max_effects=0" in search.summary()
+    assert "a larger max_effects" in search.summary()
 
 
 def test_an_effect_that_is_left_out_is_not_replaced_by_a_wrong_one():

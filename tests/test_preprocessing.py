@@ -23,6 +23,8 @@ from skhoid import (
     resample_runs,
     vaf_score,
 )
+from skhoid.preprocessing.run_in import run_in_rows
+from skhoid.runs import read_layout
 
 
 def signals(lengths, seed=0, n_columns=2):
@@ -365,6 +367,14 @@ def test_a_run_in_of_whole_samples_is_that_many(samples):
 def test_a_window_shorter_than_a_sample():
     with pytest.raises(ValueError, match="measurement_time"):
         RunInTrimmer(measurement_time=0.001).fit_transform(signals([50]))
+
+
+@pytest.mark.parametrize("name", ["run_in", "measurement_time"])
+@pytest.mark.parametrize("seconds", [-1, np.nan, np.inf])
+def test_a_time_that_is_none_is_refused(name, seconds):
+    layout = read_layout(signals([50]), dt=DT)
+    with pytest.raises(ValueError, match=f"{name} is a time in seconds, not negative; got"):
+        run_in_rows(layout, **{name: seconds})
 
 
 def test_order_search_trims_before_it_decimates():

@@ -170,11 +170,6 @@ ERRORS = {
         RunIndexError,
         ["advances by 10 a row", "milliseconds", "Divide it by 1000", "dt=10"],
     ),
-    "row numbers for time": (
-        lambda: fit(with_levels(X, time=np.arange(N)), Y.array),
-        RunIndexError,
-        ["advances by 1 a row", "sample numbers", "multiply it by the sampling time", "dt=1"],
-    ),
     "time is NaN": (
         lambda: fit(with_levels(X, time=np.where(np.arange(N) == 7, np.nan, TIME)), Y.array),
         RunIndexError,

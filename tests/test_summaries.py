@@ -309,6 +309,53 @@ def test_order_search_marks_the_chosen(runs, criterion):
     assert f"{search.best_score_:.1f} %" in " ".join(text.split())
 
 
+@pytest.mark.parametrize(
+    ("model", "later"),
+    [
+        (ARXRegressor(2, 2, 15), {"method": "iv", "instruments": ["f_t"], "covariance": "hac"}),
+        (ARXRegressor(2, 2, 15, method="iv"), {"method": "ols"}),
+        (ARXRegressor(2, 2, 15, method="iv", instruments=["f_t"]), {"instruments": ["e"]}),
+        (RecursiveARX(2, 2, 15), {"smooth": True, "combine": "average_estimates"}),
+        (RecursiveARX(2, 2, 15, smooth=True), {"smooth": False}),
+        (RecursiveARX(2, 2, 15, combine="average_estimates"), {"combine": "pooled"}),
+        (DelaySearchCV(nk=[6, 7]), {"criterion": "vaf"}),
+        (DelaySearchCV(nk=[6, 7], criterion="vaf"), {"criterion": "one_step"}),
+        (OrderSearchCV(na=[1, 2], nb=[1], nk=[15]), {"criterion": "bic", "rule": "best"}),
+    ],
+    ids=lambda part: str(part).split(" at 0x")[0],
+)
+def test_parameters_set_later_change_nothing(model, later, runs):
+    text = model.fit(*runs).summary()
+    assert model.set_params(**later).summary() == text
+
+
+def test_a_stream_after_a_smoothed_path_is_not_smoothed(runs):
+    X, y = (part.to_numpy()[:500] for part in runs)
+    model = RecursiveARX(2, 2, 15, inputs=[0], smooth=True, dt=0.02).fit(X[:400], y[:400])
+    assert "path smoothed" in model.summary()
+    model.partial_fit(X[400:], y[400:])
+    assert "smoothed" not in model.summary()
+
+
+def test_searches_over_several_inputs_keep_the_width():
+    rng = np.random.default_rng(0)
+    X = pd.DataFrame(rng.normal(size=(300, 6)), columns=list("klmnop"))
+    y = pd.Series(X.sum(axis=1) + rng.normal(size=300), name="u")
+    nk = [(10,) * 6, (12, 11, 10, 10, 10, 15)]
+    search = OrderSearchCV(na=[1, 2], nb=[1, (1, 2, 1, 2, 1, 2)], nk=nk, rule="best").fit(X, y)
+    check_lines(search.summary())
+    chosen = next(line for line in search.summary().splitlines() if line.endswith("chosen"))
+    best = search.best_params_
+    assert chosen.split()[0] == str(best["na"])
+    assert f"{search.best_score_:.2f}" in chosen
+    # What is one number for all inputs is shown as one.
+    rows = search.summary().split("BIC / n\n")[1].splitlines()[:5]
+    assert any(" 10 " in row and "(10" not in row for row in rows)
+    delays = DelaySearchCV(ARXRegressor(dt=0.1), nk=[(3, 0), (4, 0)]).fit(X[["k", "l"]], y)
+    seconds = {(3, 0): "0.3, 0", (4, 0): "0.4, 0"}[delays.best_nk_]
+    assert f"nk = {delays.best_nk_} ({seconds} s) is the best" in delays.summary()
+
+
 def test_recursive_search_shows_the_horizons(runs):
     search = RecursiveARXCV([64, 256, np.inf], nk=15).fit(*runs)
     text = search.summary()

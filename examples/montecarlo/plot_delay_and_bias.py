@@ -34,8 +34,8 @@ _ = StudyBoxDisplay.from_table(estimated, "nk", group="remnant_order", reference
 
 # %%
 # Without remnant the delay is exact. With it, remnant of low order makes the delay too long, that
-# of high order too short (in C2 only while there is little of it), and remnant that has come through the neuromuscular filter, as noise / A
-# of an ARX model has, leaves it in place on average.
+# of high order too short (in C2 only while there is little of it), and remnant that has come
+# through the neuromuscular filter, as noise / A of an ARX model has, leaves it in place on average.
 
 noisy = found.table.query("remnant_intensity > 0 and delay == 'estimated'")
 off = noisy["nk"] - 29
@@ -96,9 +96,8 @@ for claim in found.claims:
 # ----------
 # Remnant of order 1 adds six samples to the delay and makes an ARX model useless as physics: b is
 # ten times too large. Order 2 adds two to three samples, and omega_nm comes out at 14.6 rad/s
-# instead of 11.25; orders 3 and 4 err the other way, and less. (In C2 remnant of these orders drives
-# the loop when there is more of it: from 20 % of order 3, and at 30 % of order 4, the delay comes
-# out too long.)
+# instead of 11.25; orders 3 and 4 err the other way, and less. (In C2 much remnant of these orders
+# drives the loop: from 20 % of order 3, and at 30 % of order 4, the delay comes out too long.)
 # Only remnant through the neuromuscular filter leaves the delay alone. The wrong delay itself does
 # no harm: with n_k* the validation VAF is 0.0 to 0.3 points *higher* than with the truth, as it
 # makes up for part of the bias. So a delay found by an ARX model is that of the best model, not of

@@ -36,8 +36,9 @@ print(display.best_overall_)
 
 # %%
 # Without remnant a memory of a few samples is best: there is nothing to average. With it the best
-# is at 128 to 512 samples (once 1024) where something changes, and no forgetting at all, or nearly so, where
-# nothing does. From 1/s² back to 1/s (C5, C6) forgetting gains less than on the way there.
+# is at 128 to 512 samples (once 1024) where something changes, and no forgetting at all, or nearly
+# so, where nothing does. From 1/s² back to 1/s (C5, C6) forgetting gains less than on the way
+# there.
 
 best = found.summary["vaf_validation"].unstack("memory_horizon").idxmax(axis=1)
 print(best.unstack("condition").to_string())

@@ -248,6 +248,8 @@ class ARXRegressor(BaseARX, GreyBox):
         self._set_orders(grid)
         begin, end = grid.begin[grid.measured], grid.end[grid.measured]
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        self._instruments: list[str] = []
+        self._hac = self.covariance == "hac"
         if self.method == "iv":
             self._fit_iv(grid, inputs, output, columns, begin, end)
         else:
@@ -359,7 +361,7 @@ class ARXRegressor(BaseARX, GreyBox):
         p = self.orders_.n_params
         check_row_count(rows.size, p, output, grid)
         self._report_missing(grid, inputs, output, rows.size, self.inputs_)
-        keep = np.array(table, order="F") if self.covariance == "hac" else None
+        keep = np.array(table, order="F") if self._hac else None
         triangle = Triangle.of(table)
         self._check_rank(triangle, inputs, output)
         self.coef_ = triangle.solve()
@@ -383,7 +385,7 @@ class ARXRegressor(BaseARX, GreyBox):
         end: np.ndarray,
     ) -> None:
         positions = self._instrument_columns(columns.shape[1])
-        names = self._channel_names(positions)
+        self._instruments = names = self._channel_names(positions)
         found = estimate(
             output,
             inputs,
@@ -393,7 +395,7 @@ class ARXRegressor(BaseARX, GreyBox):
             self.orders_,
             self.dt_,
             names,
-            self.covariance == "hac",
+            self._hac,
         )
         if not found.converged:
             warnings.warn(

@@ -28,7 +28,7 @@ def rank_error(
     cause = (
         _bad_channel(channels, X, orders)
         or _linear_relation(channels, X)
-        or _bad_output(output, y, orders)
+        or (bad_output(output, y) if orders.na else None)
         or _generic(null_space, names, orders)
     )
     return RankDeficiencyError(head + cause)
@@ -36,17 +36,29 @@ def rank_error(
 
 def _bad_channel(channels: list[str], X: np.ndarray, orders: Orders) -> str | None:
     for position, channel in enumerate(channels):
-        values = X[:, position]
-        spread, size = np.ptp(values), np.abs(values).max()
-        if size == 0:
-            return f"Input {channel!r} is zero in all rows: it excites nothing. Leave it out."
-        if spread <= _ZERO * size and (orders.nb[position] > 1 or orders.intercept):
+        found = still(f"Input {channel!r}", X[:, position])
+        if found is not None and not X[:, position].any():
+            return f"{found}: it excites nothing. Leave it out."
+        if found is not None and (orders.nb[position] > 1 or orders.intercept):
             return (
-                f"Input {channel!r} is constant ({values[0]:g}): its lags cannot be told apart. "
-                "Leave it out, or use data in which it moves; for an offset use "
-                "fit_intercept=True."
+                f"{found}: its lags cannot be told apart. Leave it out, or use data in which it "
+                "moves; for an offset use fit_intercept=True."
             )
     return None
+
+
+def still(what: str, values: np.ndarray) -> str | None:
+    """Say that a channel is zero or constant, if it is."""
+    size = np.abs(values).max()
+    if size == 0:
+        return f"{what} is zero in all rows"
+    return f"{what} is constant ({values[0]:g})" if np.ptp(values) <= _ZERO * size else None
+
+
+def bad_output(output: str, y: np.ndarray) -> str | None:
+    """What is wrong with an output that does not move."""
+    found = still(f"The output {output!r}", y)
+    return None if found is None else f"{found}; is it the right column?"
 
 
 def _linear_relation(channels: list[str], X: np.ndarray) -> str | None:
@@ -85,16 +97,6 @@ def _formula(terms: list[tuple[float, str]]) -> str:
         size = "" if abs(abs(weight) - 1) < 1e-9 else f"{abs(weight):.4g} "
         text += f"{sign}{size}{name}"
     return text
-
-
-def _bad_output(output: str, y: np.ndarray, orders: Orders) -> str | None:
-    if orders.na == 0:
-        return None
-    if np.abs(y).max() == 0:
-        return f"The output {output!r} is zero in all rows; is it the right column?"
-    if np.ptp(y) <= _ZERO * np.abs(y).max():
-        return f"The output {output!r} is constant ({y[0]:g}); is it the right column?"
-    return None
 
 
 def _generic(null_space: np.ndarray, names: list[str], orders: Orders) -> str:

@@ -413,6 +413,7 @@ class RecursiveARX(PartialFit):
 
     def _set_paths(self, data: RecursionData, recursions: list[Recursion], each: bool) -> None:
         self._last_share = np.ones(1)
+        self._smoothed = self.smooth
         self.coef_path_ = recursions[0].theta
         if self.store_covariance:
             self.covariance_path_ = recursions[0].covariance

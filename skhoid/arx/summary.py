@@ -37,11 +37,11 @@ def batch_summary(model: ARXRegressor) -> Summary:
     """Summary of an ARX model without effects."""
     n, p = model.n_rows_used_, len(model.coef_)
     facts = {"Model": orders_in_words(model.orders_), **signal_facts(model)}
-    instrumental, hac = model.method == "iv", model.covariance == "hac"
+    # What was fitted, not parameters that were set since.
+    instrumental, hac = bool(model._instruments), model._hac
     if instrumental:
-        columns = model._instrument_columns(model.n_features_in_)
         facts["Method"] = "instrumental variables"
-        facts["Instruments"] = ", ".join(model._channel_names(columns))
+        facts["Instruments"] = ", ".join(model._instruments)
     else:
         facts["Method"] = "ordinary least squares"
     facts["Rows"] = f"{n}" + (
@@ -83,12 +83,13 @@ def batch_summary(model: ARXRegressor) -> Summary:
 def recursive_summary(model: RecursiveARX) -> Summary:
     """Summary of a recursive model: its last parameters, and their path."""
     has_path = "coef_path_" in vars(model)
+    smoothed = has_path and model._smoothed
     facts = {"Model": orders_in_words(model.orders_), **signal_facts(model)}
-    facts["Method"] = "recursive least squares" + (", path smoothed" if model.smooth else "")
+    facts["Method"] = "recursive least squares" + (", path smoothed" if smoothed else "")
     facts["Memory"] = _memory(model)
     facts["Rows"] = f"{model.n_updates_} updates"
     if has_path:
-        how = "averaged" if model.combine == "average_estimates" else "pooled"
+        how = "averaged" if "coef_paths_" in vars(model) else "pooled"
         runs = len(model.run_labels_)
         facts["Runs"] = f"{runs}" + (f", {how}" if runs > 1 else "")
         if model.n_rows_missing_:
@@ -104,7 +105,7 @@ def recursive_summary(model: RecursiveARX) -> Summary:
     ]
     if not has_path:
         notes.append("After partial_fit no path is kept: predictions use the last parameters.")
-    elif model.smooth:
+    elif smoothed:
         notes.append("The last parameters are not smoothed; the path is.")
     return Summary(
         f"{type(model).__name__}: {_response(model)}",
@@ -120,19 +121,19 @@ def _response(model: BaseARX) -> str:
 
 
 def orders_in_words(orders: Orders) -> str:
-    nb, nk = (_one_or_all(values) for values in (orders.nb, orders.nk))
+    nb, nk = (one_or_all(values) for values in (orders.nb, orders.nk))
     constant = ", intercept" if orders.intercept else ""
     return f"ARX, na = {orders.na}, nb = {nb}, nk = {nk}{constant}"
 
 
 def _delay(model: BaseARX) -> dict[str, str]:
     nk = model.orders_.nk
-    seconds = _one_or_all([number(k * model.dt_) for k in nk])
+    seconds = one_or_all([number(k * model.dt_) for k in nk])
     samples = "sample" if set(nk) == {1} else "samples"
-    return {"Delay, nk": f"{_one_or_all(nk)} {samples}, {seconds} s"}
+    return {"Delay, nk": f"{one_or_all(nk)} {samples}, {seconds} s"}
 
 
-def _one_or_all(values: Iterable[Any]) -> str:
+def one_or_all(values: Iterable[Any]) -> str:
     listed = [str(value) for value in values]
     return listed[0] if len(set(listed)) == 1 else f"({', '.join(listed)})"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import warnings
@@ -10,6 +11,7 @@ from typing import Any
 
 from .output import note
 from .parser import make_parser
+from .wording import reworded
 
 __all__ = ["main"]
 
@@ -48,21 +50,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(options.action(options))
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _show_warning()
+            warnings.showwarning = _show_warning(options)
             code = int(options.action(options))
             sys.stdout.flush()
             return code
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
-        # Python would complain once more when it flushes at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 141
+        return _nobody_reads()
+    except SystemExit as stop:
+        if isinstance(stop.__context__, BrokenPipeError):  # rich ends the process with 1
+            return _nobody_reads()
+        raise
     except Exception as error:
-        return _explain(error)
+        return _explain(error, options)
 
 
-def _explain(error: Exception) -> int:
+def _nobody_reads() -> int:
+    """Keep Python from complaining once more when it flushes at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 141
+
+
+def _explain(error: Exception, options: argparse.Namespace) -> int:
     """Print an error in one line; returns the exit code."""
     text = " ".join(str(error).split())
     own = type(error).__module__.startswith("skhoid.")
@@ -75,18 +85,17 @@ def _explain(error: Exception) -> int:
         return UNEXPECTED
     if isinstance(error, OSError) and error.strerror and error.filename:
         text = f"{error.filename}: {error.strerror}"
-    hint = " On the command line: --resample." if "resample_runs" in text else ""
-    print(f"skhoid: error: {text}{hint}", file=sys.stderr)
+    print(f"skhoid: error: {reworded(text, options)}", file=sys.stderr)
     return BAD_INPUT
 
 
-def _show_warning() -> Callable[..., None]:
+def _show_warning(options: argparse.Namespace) -> Callable[..., None]:
     """Print each warning once, however many fits give it."""
     shown = set()
 
     def show(message: Any, *_: Any, **__: Any) -> None:
         if str(message) not in shown:
             shown.add(str(message))
-            note(str(message))
+            note(reworded(str(message), options))
 
     return show

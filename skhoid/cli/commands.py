@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 import argparse
+import shutil
+import textwrap
 from collections.abc import Callable
 from typing import Any
 
 
-class Help(argparse.HelpFormatter):
-    """Wraps descriptions, and leaves examples as they are."""
+class Parser(argparse.ArgumentParser):
+    """Remembers its arguments, which tab completion asks for; leaves examples as they are."""
 
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        return text if text.startswith("examples:") else super()._fill_text(text, width, indent)
+    def __init__(self, *, description: str, **more: Any) -> None:
+        self.arguments: list[argparse.Action] = []
+        width = shutil.get_terminal_size().columns - 2  # as argparse
+        super().__init__(
+            description=textwrap.fill(description, width),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            **more,
+        )
+
+    def add_argument(self, *names: Any, **more: Any) -> argparse.Action:
+        """Add an argument, and remember it."""
+        argument = super().add_argument(*names, **more)
+        self.arguments.append(argument)
+        return argument
 
 
 def add_command(
@@ -21,10 +35,8 @@ def add_command(
     help: str,
     description: str,
     examples: str,
-) -> argparse.ArgumentParser:
+) -> Parser:
     """Add a command to the parser; returns its own."""
-    command: argparse.ArgumentParser = commands.add_parser(
-        name, help=help, description=description, epilog=examples, formatter_class=Help
-    )
+    command: Parser = commands.add_parser(name, help=help, description=description, epilog=examples)
     command.set_defaults(action=action)
     return command

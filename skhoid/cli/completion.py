@@ -40,13 +40,13 @@ def completion(options: argparse.Namespace) -> int:
         raise ImportError(
             'Completion needs the package shtab: pip install "skhoid[completion]"'
         ) from error
-    from .parser import make_parser
+    from .parser import make_parsers
 
-    parser = make_parser()
+    parser, commands = make_parsers()
     places = {"FILE": shtab.FILE, "FILES": shtab.FILE, "FOLDER": shtab.DIRECTORY}
     names = _names()
-    for command in _subparsers(parser):
-        for action in command._actions:
+    for command in commands.values():
+        for action in command.arguments:
             if action.metavar in places:
                 action.complete = places[action.metavar]  # type: ignore[attr-defined]
             elif (command.prog, action.dest) in names:
@@ -57,22 +57,18 @@ def completion(options: argparse.Namespace) -> int:
     return 0
 
 
-def _subparsers(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser]:
-    assert parser._subparsers is not None
-    return list(parser._subparsers._group_actions[0].choices.values())  # type: ignore
-
-
 def _names() -> dict[Any, list[str]]:
     """Names that options take, by option; not choices of the parser, which would import all."""
     from ..diagnosis.story import HIDDEN
     from ..effects.catalogue import BY_NAME
     from ..montecarlo import PAPER_STUDIES
+    from ..montecarlo.paper import CONDITIONS
+    from .study import OTHERS
 
-    conditions = [f"C{number}" for number in range(1, 7)]
     return {
         "effects": list(BY_NAME),
         "effect": [*HIDDEN, "none"],
-        "condition": conditions,
-        "conditions": conditions,
-        ("skhoid study", "name"): ["list", "all", "experiment", "recommend", *PAPER_STUDIES],
+        "condition": list(CONDITIONS),
+        "conditions": list(CONDITIONS),
+        ("skhoid study", "name"): ["list", *OTHERS, *PAPER_STUDIES],
     }

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from .commands import add_command
-from .files import at_least_one, check_folders
+from .files import check_folders
+from .options import at_least_one, refuse
 from .output import add_output_options, check_tables, print_wrapped
 from .telling import add_picture_options, add_search_options, leave, tell
 
@@ -59,12 +60,20 @@ def demo(options: argparse.Namespace) -> int:
     from .. import OperatorRegressor, make_tracking_runs
     from ..diagnosis.story import HIDDEN
     from ..effects import Effects
+    from ..exceptions import did_you_mean
 
-    names = [name for name in options.effect if name != "none"]
-    unknown = [name for name in names if name not in HIDDEN]
-    if unknown:
-        raise ValueError(f"demo hides none, {', '.join(HIDDEN)}; got {unknown[0]!r}.")
-    check_folders(options.out)
+    names = [] if options.effect == ["none"] else options.effect
+    if "none" in names:
+        raise ValueError("--effect none hides nothing, and takes no other names.")
+    for name in names:
+        if name not in HIDDEN:
+            raise ValueError(
+                f"demo hides none, {', '.join(HIDDEN)}; got {name!r}.{did_you_mean(name, HIDDEN)}"
+            )
+    if options.no_pictures and options.no_report:
+        refuse(options, ["out"], "has no use: --no-pictures and --no-report leave nothing there.")
+    folder = Path(options.out or "skhoid-demo")
+    check_folders(folder)
     check_tables(options)
     hidden = Effects.of([HIDDEN[name] for name in names])
     X, y, truth = make_tracking_runs(
@@ -86,8 +95,8 @@ def demo(options: argparse.Namespace) -> int:
         options,
         story,
         source,
-        report=None if options.no_report else Path(options.out) / "report.html",
-        folder=None if options.no_pictures else Path(options.out),
+        report=None if options.no_report else folder / "report.html",
+        folder=None if options.no_pictures else folder,
         head={"hidden": names, "truth_vaf": best},
     )
     if not options.json:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from .commands import add_command
-from .files import check_folders, new_file
+from .files import new_file
+from .options import refuse
 from .output import add_output_options, check_tables
 from .recordings import add_recording_options, read_recordings
-from .telling import add_picture_options, add_search_options, leave, tell
+from .telling import add_picture_options, add_search_options, leave, picture_folder, tell
 
 EXAMPLES = """\
 examples:
@@ -46,11 +46,14 @@ def add_diagnose(commands: Any) -> None:
 
 def diagnose(options: argparse.Namespace) -> int:
     """Find the effects that a model of recordings is missing."""
-    report = new_file(options.report, options.overwrite) if options.report else None
-    check_folders(options.out)
+    report = None
+    if options.report is None:
+        refuse(options, ["overwrite"], "is for the file of --report FILE.")
+    else:
+        report = new_file(options.report, options.overwrite, new_folder=True)
+    folder = picture_folder(options, "skhoid-diagnose")
     check_tables(options)
     X, y, estimator, source = read_recordings(options)
     story = tell(options, estimator, X, y, source)
-    folder = None if options.no_pictures else Path(options.out)
     leave(options, story, source, report=report, folder=folder)
     return 0

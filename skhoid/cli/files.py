@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 import argparse
+import os
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from .options import pairs, positive, refuse
+
 ABOUT_FILES = ["time", "dt", "run", "unit", "resample"]
-ABOUT_FILES += ["input", "output", "x", "target", "role", "display"]  # channels, and what was seen
-
-
-def at_least_one(text: str) -> int:
-    """A whole number from 1 up."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number, at least 1; got {text!r}")
-    return int(text)
+ABOUT_FILES += ["input", "instruments", "output", "x", "target", "role", "display"]
 
 
 def add_file_options(add: Callable[..., Any]) -> None:
     """Options that say which files, and what is in them."""
-    add("files", nargs="*", metavar="FILES", help="CSV, Parquet or MAT files, or patterns")
+    add(
+        "files",
+        nargs="*",
+        default=(),
+        metavar="FILES",
+        help="CSV, Parquet or MAT files, or patterns",
+    )
     add("--output", metavar="NAME", help="output channel (default: u)")
     add("--time", metavar="NAME", help="time channel, in seconds")
     add("--run", metavar="NAME", help="column with run labels (default: one file is one run)")
-    add("--dt", type=float, metavar="S", help="sampling time, for files without a time channel")
+    add(
+        "--dt",
+        type=positive,
+        metavar="S",
+        help="sampling time: of files without a time channel, or to resample to",
+    )
     add(
         "--unit",
         action="append",
@@ -39,23 +47,15 @@ def add_file_options(add: Callable[..., Any]) -> None:
     )
 
 
-def pairs(items: Iterable[str], option: str, example: str) -> dict[str, str]:
-    """NAME=VALUE words of an option that may be repeated."""
-    found = {}
-    for item in items:
-        name, sign, value = item.partition("=")
-        if not sign:
-            raise ValueError(f"{option} takes {example}; got {item!r}.")
-        found[name] = value
-    return found
-
-
 def read_files(options: argparse.Namespace, inputs: list[str]) -> tuple[Any, Any]:
     """X and y of the files that the options name."""
     from .. import read_runs, resample_runs
+    from .output import note
 
     if options.time is None and options.dt is None:
         raise ValueError("Say where time comes from: --time NAME, or --dt SECONDS.")
+    if options.time is None:
+        refuse(options, ["resample"], "needs --time NAME: with --dt the clock is regular.")
     units = pairs(options.unit, "--unit", "NAME=UNIT, such as e=deg")
     X, y = read_runs(
         options.files,
@@ -64,28 +64,47 @@ def read_files(options: argparse.Namespace, inputs: list[str]) -> tuple[Any, Any
         time=options.time,
         run=options.run,
         units=units or None,
-        dt=options.dt,
+        dt=None if options.resample else options.dt,
     )
-    return resample_runs(X, y, dt=options.dt) if options.resample else (X, y)
+    if options.resample:
+        return resample_runs(X, y, dt=options.dt)
+    step = X.index.get_level_values("time")[1:2] - X.index.get_level_values("time")[:1]
+    if options.time is not None and (step == 1.0).all():
+        note(
+            f"{options.time} advances by 1 a row, counted as 1 s; if it holds row numbers, give "
+            "--dt SECONDS in place of --time."
+        )
+    return X, y
+
+
+def column_of(X: Any, asked: str) -> str:
+    """Column of X that was asked for by its header, with its unit, or as a field of a struct."""
+    from ..io._table import split_header
+
+    name = asked if asked in X else split_header(asked)[0]
+    return name if name in X else name.rpartition(".")[2]
 
 
 def check_no_files(options: argparse.Namespace) -> None:
     """Refuse options about files where there are none, before bundled recordings are used."""
-    for name in ABOUT_FILES:
-        if getattr(options, name, None) not in (None, [], False):
-            raise ValueError(
-                f"--{name} is about files, and there are none. Options that take several words "
-                "also take files that follow: name the files first."
-            )
+    refuse(
+        options,
+        ABOUT_FILES,
+        "is about files, and there are none. Options that take several words also take files "
+        "that follow: name the files first.",
+    )
 
 
-def new_file(name: str, overwrite: bool) -> Path:
-    """A file to write, checked before the work begins."""
+def new_file(name: str, overwrite: bool, *, new_folder: bool = False) -> Path:
+    """A file to write, checked before the work begins; its folder may be a new one."""
     path = Path(name)
     if path.is_dir():
         raise ValueError(f"{path} is a folder; name a file in it.")
     if path.exists() and not overwrite:
         raise ValueError(f"{path} exists; choose another name, or --overwrite.")
+    if not new_folder and not path.parent.exists():
+        raise ValueError(f"The folder {path.parent} of {path} does not exist.")
+    _check_parents(path)
     return path
 
 
@@ -94,18 +113,28 @@ def check_picture(name: str, overwrite: bool) -> None:
     from matplotlib.figure import Figure
 
     path = new_file(name, overwrite)
-    if not path.parent.is_dir():
-        raise ValueError(f"The folder {path.parent} of {path} does not exist.")
     formats = Figure().canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in formats:
         raise ValueError(f"{path} is no picture; its name ends in one of {', '.join(formats)}.")
 
 
-def check_folders(*names: str | None) -> None:
-    """Refuse, before the work begins, folders that are files."""
+def check_folders(*names: str | Path | None) -> None:
+    """Refuse, before the work begins, folders that cannot be made or written into."""
     for name in names:
-        if name is not None and Path(name).is_file():
+        if name is None:
+            continue
+        if Path(name).is_file():
             raise ValueError(f"{name} is a file; name a folder.")
+        _check_parents(Path(name) / "file")
+
+
+def _check_parents(path: Path) -> None:
+    """The nearest folder that exists must let others be made in it."""
+    folder = next(parent for parent in path.parents if parent.exists())
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is a file and no folder; choose another place than {path}.")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ValueError(f"The folder {folder} may not be written into; choose another place.")
 
 
 def without_screen() -> None:
@@ -115,12 +144,63 @@ def without_screen() -> None:
     matplotlib.use("Agg")
 
 
-def save_figures(figures: dict[str, Any], folder: Path) -> list[str]:
-    """Save figures by file name, and close them; returns the paths."""
-    import matplotlib.pyplot as plt
+def save_figures(
+    figures: dict[str, Any],
+    folder: Path,
+    command: str,
+    *,
+    others: Iterable[str] = (),
+    named: tuple[Any, Any] | None = None,
+) -> list[str]:
+    """Save figures by file name, and close them; returns the paths.
 
+    Of the ``others`` those go that the same command has drawn into the folder before. ``named``
+    is X and y, whose names appear in the figures.
+    """
+    from ..io.figures import save_figure
+
+    software = f"skhoid {command}"
     folder.mkdir(parents=True, exist_ok=True)
+    for name in set(others) - set(figures):
+        if _is_drawn_by(folder / name, software):
+            (folder / name).unlink()
+    dollars = [] if named is None else _dollars(*named)
     for name, figure in figures.items():
-        figure.savefig(folder / name, dpi=120)
-        plt.close(figure)
+        if dollars:
+            _without_mathematics(figure, dollars)
+        save_figure(figure, folder / name, metadata={"Software": software})
     return [str(folder / name) for name in figures]
+
+
+def _is_drawn_by(path: Path, software: str) -> bool:
+    """Whether a PNG file says so itself, before its pixels."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return f"Software\0{software}".encode("latin-1") in file.read(200)
+
+
+def _dollars(X: Any, y: Any) -> list[str]:
+    """Parts with a dollar of the names in the data; other parts are quoted, or wrapped."""
+    from ..regression import units_of
+
+    names = [*X.columns, y.name, *units_of(X).values(), *units_of(y).values()]
+    for level in getattr(X.index, "levels", []):
+        if level.name != "time":
+            names += list(level)
+    return [part for name in names for part in re.split(r"[\s\\'\"]+", str(name)) if "$" in part]
+
+
+def _without_mathematics(figure: Any, dollars: list[str]) -> None:
+    """Show names as they are: matplotlib takes what stands between two dollars for formulas.
+
+    Its setting ``text.parse_math`` would also spoil the labels of logarithmic axes.
+    """
+    from matplotlib.text import Text
+
+    for panel in figure.axes:
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.get_ticklabels()  # which are made only now
+    for text in figure.findobj(Text):
+        if any(part in text.get_text() for part in dollars):
+            text.set_parse_math(False)

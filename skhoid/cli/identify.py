@@ -10,15 +10,21 @@ from typing import TYPE_CHECKING, Any
 from .commands import add_command
 from .files import (
     add_file_options,
-    at_least_one,
-    check_folders,
     check_no_files,
     read_files,
     save_figures,
     without_screen,
 )
-from .output import add_output_options, check_tables, print_json, save_tables, say_files
-from .telling import add_picture_options
+from .options import at_least_one, not_negative, positive, refuse
+from .output import (
+    add_output_options,
+    check_tables,
+    make_console,
+    print_json,
+    save_tables,
+    say_files,
+)
+from .telling import add_picture_options, picture_folder
 
 if TYPE_CHECKING:
     from ..arx.identify import FittedModel, Identification
@@ -33,6 +39,8 @@ examples:
   skhoid identify run*.csv --input e --time t --method iv --instruments f_t
   skhoid identify run*.csv --input e --time t --memory-time 2.56           an operator who adapts
 """
+PICTURES = ["simulation.png", "delay.png", "delay-vaf.png", "orders.png", "parameters.png"]
+LONGEST_DELAY = 0.5  # s
 CRITERIA = {"one_step": "lowest one-step error", "vaf": "highest cross-validated VAF"}
 
 
@@ -51,7 +59,12 @@ def add_identify(commands: Any) -> None:
     add = command.add_argument
     add_file_options(add)
     add("--input", nargs="+", metavar="NAME", help="input channels (default: e)")
-    add("--run-in", type=float, metavar="S", help="discard this much at the start of each run")
+    add(
+        "--run-in",
+        type=not_negative,
+        metavar="S",
+        help="discard this much at the start of each run",
+    )
     add(
         "--decimate",
         type=at_least_one,
@@ -61,15 +74,13 @@ def add_identify(commands: Any) -> None:
     )
     add(
         "--longest-delay",
-        type=float,
-        default=0.5,
+        type=positive,
         metavar="S",
-        help="longest delay to try (default: 0.5)",
+        help=f"longest delay to try (default: {LONGEST_DELAY})",
     )
     add(
         "--criterion",
         choices=["one_step", "vaf"],
-        default="one_step",
         help="which delay to go on with (default: one_step); both are printed",
     )
     several = "; one number, or one per input"
@@ -92,19 +103,18 @@ def add_identify(commands: Any) -> None:
     add(
         "--instruments",
         nargs="+",
-        default=["f_t"],
         metavar="NAME",
         help="of iv: channels from outside the loop (default: f_t)",
     )
     memory = command.add_mutually_exclusive_group()
     memory.add_argument(
         "--memory-time",
-        type=float,
+        type=positive,
         metavar="S",
         help="also fit a model that follows changes, with a memory of this length",
     )
     memory.add_argument(
-        "--memory-horizon", type=float, metavar="N", help="the same in samples of the model"
+        "--memory-horizon", type=positive, metavar="N", help="the same in samples of the model"
     )
     add("--validate", nargs="+", metavar="RUN", help="runs to hold out (default: the last)")
     add(
@@ -120,8 +130,13 @@ def identify(options: argparse.Namespace) -> int:
     """Identify, and say, draw and write what is found."""
     from ..arx.identify import identify as identify_runs
 
-    check_folders(options.out)
+    folder = picture_folder(options, "skhoid-identify")
     check_tables(options)
+    if options.nk is not None:
+        refuse(options, ["longest_delay", "criterion"], "needs a search, and --nk gives the delay.")
+    if options.method != "iv":
+        refuse(options, ["instruments"], "needs --method iv.")
+    criterion = options.criterion or "one_step"
     X, y, source = _read(options)
     n_inputs = len(options.input) if options.input else X.shape[1]
     memory = {name: getattr(options, name) for name in ("memory_time", "memory_horizon")}
@@ -131,8 +146,8 @@ def identify(options: argparse.Namespace) -> int:
         inputs=list(X.columns[:n_inputs]),
         run_in=options.run_in,
         factor=options.decimate,
-        longest_delay=options.longest_delay,
-        criterion=options.criterion,
+        longest_delay=options.longest_delay or LONGEST_DELAY,
+        criterion=criterion,
         na=options.na,
         nb=_one_or_each(options.nb),
         nk=_one_or_each(options.nk),
@@ -144,13 +159,13 @@ def identify(options: argparse.Namespace) -> int:
         callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
     )
     files = {
-        "pictures": [] if options.no_pictures else _draw(found, Path(options.out)),
+        "pictures": [] if folder is None else _draw(found, folder),
         "tables": save_tables(found.tables, options),
     }
     if options.json:
         print_json({**_as_dict(found, source), **files})
     else:
-        _print(found, source, options.criterion)
+        _print(found, source, criterion)
         say_files(files)
     return 0
 
@@ -168,11 +183,19 @@ def _progress() -> tuple[Any, ...]:
 def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
     if options.files:
         options.input = options.input or ["e"]
-        others = options.instruments if options.method == "iv" else []
+        others = (options.instruments or ["f_t"]) if options.method == "iv" else []
         inside = [name for name in others if name in options.input]
         if inside:
             raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
-        X, y = read_files(options, [*options.input, *others])
+        try:
+            X, y = read_files(options, [*options.input, *others])
+        except ValueError as error:
+            if others and options.instruments is None and "'f_t'" in str(error):
+                raise ValueError(
+                    f"{error} --method iv takes 'f_t' as its instrument, unless --instruments "
+                    "names others."
+                ) from error
+            raise
         return X, y, ", ".join(options.files)
     from .. import load_human_tracking
 
@@ -213,7 +236,8 @@ def _draw(found: Identification, folder: Path) -> list[str]:
         displays["parameters.png"] = ParameterPathDisplay.from_estimator(
             {m.name: m.model for m in (found.adapting, found.best)}
         )
-    return save_figures({name: d.figure_ for name, d in displays.items()}, folder)
+    figures = {name: d.figure_ for name, d in displays.items()}
+    return save_figures(figures, folder, "identify", others=PICTURES, named=(found.X, found.y))
 
 
 def _fitted(found: Identification) -> list[FittedModel]:
@@ -255,7 +279,6 @@ def _clock(found: Identification) -> str:
 
 
 def _print(found: Identification, source: str, criterion: str) -> None:
-    from rich.console import Console
     from rich.table import Table
 
     layout, best = found.layout, found.best.model
@@ -264,9 +287,7 @@ def _print(found: Identification, source: str, criterion: str) -> None:
     def named(channel: str) -> str:
         return f"{channel} ({units[channel]})" if channel in units else channel
 
-    # Piped output has no width of its own; 100 columns hold the tables.
-    width = None if sys.stdout.isatty() else 100
-    console = Console(highlight=False, markup=False, soft_wrap=True, width=width)
+    console = make_console()
     runs = "1 run" if len(layout.labels) == 1 else f"{len(layout.labels)} runs"
     console.print(source)
     console.print(

@@ -9,18 +9,23 @@ import sys
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .files import check_folders
+from .options import refuse
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 WIDTH = 100  # columns
+TABLES = "tsv"
 
 
 def add_output_options(add: Callable[..., Any], tables: bool = True) -> None:
     """Options that every command has, and those of tables."""
     if tables:
         add("--tables", metavar="FOLDER", help="write every table to FOLDER")
-        add_table_format(add, "tsv")
+        add_table_format(add, TABLES)
     add("--json", action="store_true", help="print the results as JSON, and nothing else")
     add("--debug", action="store_true", help="show tracebacks of errors (exit code 1)")
 
@@ -30,7 +35,6 @@ def add_table_format(add: Callable[..., Any], default: str) -> None:
     add(
         "--table-format",
         choices=["tsv", "csv", "parquet"],
-        default=default,
         help=f"tab-separated or comma-separated text, or Parquet (default: {default})",
     )
 
@@ -39,16 +43,18 @@ def check_tables(options: argparse.Namespace) -> None:
     """Say what hinders tables before the work begins."""
     from ..io.tables import check_table_format
 
+    if options.tables is None:
+        refuse(options, ["table_format"], "needs --tables FOLDER: else no tables are written.")
+        return
     check_folders(options.tables)
-    if options.tables is not None:
-        check_table_format(options.table_format)
+    check_table_format(options.table_format or TABLES)
 
 
 def save_tables(tables: dict[str, Any], options: argparse.Namespace) -> list[str]:
     """Write tables if they are asked for; returns the paths."""
     if options.tables is None:
         return []
-    return write_tables(tables, options.tables, options.table_format)
+    return write_tables(tables, options.tables, options.table_format or TABLES)
 
 
 def write_tables(tables: dict[str, Any], folder: str | Path, form: str) -> list[str]:
@@ -83,6 +89,15 @@ def say(text: str, options: argparse.Namespace) -> None:
 def note(text: str) -> None:
     """Print beside the results, on one line."""
     print(f"skhoid: note: {' '.join(text.split())}", file=sys.stderr)
+
+
+def make_console() -> Console:
+    """A console that prints tables, and names as they are."""
+    from rich.console import Console
+
+    # Piped output has no width of its own.
+    width = None if sys.stdout.isatty() else WIDTH
+    return Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=width)
 
 
 def print_wrapped(line: str) -> None:

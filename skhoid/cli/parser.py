@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from .. import __version__
-from .commands import Help
+from .commands import Parser
 from .completion import add_completion
 from .demo import add_demo
 from .diagnose import add_diagnose
@@ -31,11 +31,15 @@ recordings.
 
 def make_parser() -> argparse.ArgumentParser:
     """The parser of all commands."""
-    parser = argparse.ArgumentParser(
+    return make_parsers()[0]
+
+
+def make_parsers() -> tuple[Parser, dict[str, Parser]]:
+    """The parser of all commands, and those of each by name."""
+    parser = Parser(
         prog="skhoid",
         description="Identify human operators from recorded control loops.",
         epilog=EXAMPLES,
-        formatter_class=Help,
     )
     parser.add_argument("--version", action="version", version=f"skhoid {__version__}")
     commands = parser.add_subparsers(
@@ -51,4 +55,4 @@ def make_parser() -> argparse.ArgumentParser:
         add_completion,
     ):
         add(commands)
-    return parser
+    return parser, dict(commands.choices)

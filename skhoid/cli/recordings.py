@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-from .files import add_file_options, check_no_files, pairs, read_files
+from .files import add_file_options, check_no_files, column_of, read_files
+from .options import not_negative, pairs, refuse
 
 BUNDLED = ["phase-size 2b", "phase-size 2c", "phase-size 2d", "phase-size 2e"]
 OF_CORE = {"operator": ["delay"], "arx": ["na", "nb", "nk"]}
@@ -25,7 +26,12 @@ def add_recording_options(add: Callable[..., Any]) -> None:
         metavar="NAME=ROLE",
         help="another channel: its role begins with motion or dist, or is empty; may be repeated",
     )
-    add("--run-in", type=float, metavar="S", help="discard this much at the start of each run")
+    add(
+        "--run-in",
+        type=not_negative,
+        metavar="S",
+        help="discard this much at the start of each run",
+    )
     add(
         "--remove-means",
         action="store_true",
@@ -37,7 +43,9 @@ def add_recording_options(add: Callable[..., Any]) -> None:
         default="operator",
         help="what the model is: the operator's physics, or ARX (default: operator)",
     )
-    add("--delay", type=float, metavar="S", help="delay of the operator (default: estimated)")
+    add(
+        "--delay", type=not_negative, metavar="S", help="delay of the operator (default: estimated)"
+    )
     add("--na", type=int, metavar="N", help="order of the ARX core (default: 2)")
     add("--nb", type=int, metavar="N", help="order of the ARX core (default: 2)")
     add("--nk", type=int, metavar="N", help="delay of the ARX core in samples (default: found)")
@@ -58,9 +66,8 @@ def add_recording_options(add: Callable[..., Any]) -> None:
 def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
     """X, y, the model of them, and where they are from; the user's files, or bundled ones."""
     for core, names in OF_CORE.items():
-        for name in names:
-            if core != options.core and getattr(options, name) is not None:
-                raise ValueError(f"--{name} needs --core {core}.")
+        if core != options.core:
+            refuse(options, names, f"needs --core {core}.")
     X, y, roles, source = _own(options) if options.files else _bundled(options)
     if options.run_in:
         from .. import RunInTrimmer
@@ -73,15 +80,27 @@ def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
 
 def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
     options.input = options.input or "e"
+    # On a pursuit display the input is the target itself.
+    is_target = options.input in (options.target, "f_t") or options.input.endswith(".f_t")
+    named = [
+        ("--input", options.input, "f_t" if is_target else "e"),
+        ("--x", options.x, "x"),
+        ("--target", options.target, "f_t"),
+    ]
     roles = pairs(options.role, "--role", "NAME=ROLE, such as roll=motion")
-    # An input named f_t is the target itself, on a pursuit display.
-    role = "f_t" if options.input.rpartition(".")[2] == "f_t" else "e"
-    named = {options.input: role, options.x: "x", options.target: "f_t"}
-    roles = {**roles, **{name: role for name, role in named.items() if name}}
+    said = dict.fromkeys(roles, "--role")
+    for option, name, role in named:
+        if name is None:
+            continue
+        if roles.setdefault(name, role) != role:
+            raise ValueError(
+                f"The channel {name!r} has two roles, {roles[name]!r} by {said[name]} and {role!r} "
+                f"by {option}: name different channels."
+            )
+        said[name] = option
     X, y = read_files(options, list(roles))
-    # MAT files have dotted names, of which the last part remains.
-    short = {name: name if name in X else name.rpartition(".")[2] for name in roles}
-    return X, y, {short[name]: role for name, role in roles.items()}, ", ".join(options.files)
+    of_columns = {column_of(X, name): role for name, role in roles.items()}
+    return X, y, of_columns, ", ".join(options.files)
 
 
 def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
@@ -108,8 +127,8 @@ def _about_means(data: Any) -> Any:
 def _estimator(options: argparse.Namespace, X: Any, y: Any, roles: dict[str, str]) -> Any:
     from .. import ARXRegressor, DelaySearchCV, OperatorRegressor
 
-    error = options.input if options.input in X else options.input.rpartition(".")[2]
-    shared: dict[str, Any] = {"inputs": [error], "roles": roles or None}
+    inputs = [column_of(X, options.input)]
+    shared: dict[str, Any] = {"inputs": inputs, "roles": roles or None}
     if options.core == "operator":
         return OperatorRegressor(delay=options.delay, **shared)
     orders = {name: getattr(options, name) for name in OF_CORE["arx"]}

@@ -8,6 +8,7 @@ from typing import Any
 
 from .commands import add_command
 from .files import new_file
+from .options import refuse
 from .output import (
     add_output_options,
     check_tables,
@@ -24,6 +25,7 @@ from .telling import (
     tell,
     write_report,
 )
+from .wording import reworded
 
 EXAMPLES = """\
 examples:
@@ -32,6 +34,7 @@ examples:
   skhoid report run*.csv --input e --time t --effects none         the model as it is, no search
   skhoid report run*.csv --input e --time t --title "Subject 3" --overwrite --tables tables
 """
+OF_SEARCH = ["display", "max_effects", "controlled_element"]
 
 
 def add_report(commands: Any) -> None:
@@ -57,14 +60,17 @@ def add_report(commands: Any) -> None:
 
 def report(options: argparse.Namespace) -> int:
     """Report on a model of recordings, with a search for missing effects or without."""
-    path = new_file(options.out, options.overwrite)
+    path = new_file(options.out, options.overwrite, new_folder=True)
     check_tables(options)
+    search = options.effects != ["none"]
+    if not search:
+        refuse(options, OF_SEARCH, "is for the search, and --effects none makes none.")
     X, y, estimator, source = read_recordings(options)
-    if options.effects != ["none"]:
+    if search:
         story = tell(options, estimator, X, y, source, aloud=False)
         if not options.json:
             for line in story.search_.summary().splitlines():
-                print_wrapped(line)
+                print_wrapped(reworded(line, options))
         leave(options, story, source, report=path)
         return 0
     return _without_search(options, path, X, y, estimator, source)
@@ -102,6 +108,6 @@ def _without_search(
     else:
         print_wrapped(f"VAF {vaf:.1f} %: {parameter_line(model)}")
         for text in compared.notes if compared is not None else []:
-            print_wrapped(f"  note: {text}")
+            print_wrapped(reworded(f"  note: {text}", options))
         say_files(files)
     return 0

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import secrets
+import shlex
 import sys
 from typing import Any
 
 from .commands import add_command
-from .files import at_least_one, check_picture, new_file, without_screen
+from .files import check_picture, new_file, without_screen
+from .options import at_least_one, positive, refuse
 from .output import add_output_options, print_json, say
 
 EXAMPLES = """\
@@ -34,9 +36,9 @@ def add_simulate(commands: Any) -> None:
     add("--condition", default="C1", metavar="C", help="C1 to C6 (Table III; default: C1)")
     add("--runs", type=at_least_one, default=5, metavar="N", help="number of runs (default: 5)")
     add("--remnant", type=float, default=0.0, metavar="P", help="P_n, such as 0.15 (default: 0)")
-    add("--remnant-order", default="2", metavar="M", help="1, 2, 3, 4 or nm (default: 2)")
+    add("--remnant-order", metavar="M", help="1, 2, 3, 4 or nm (default: 2)")
     add("--channels", nargs="+", default=["e"], metavar="NAME", help="e, x, f_t, dist (default: e)")
-    add("--rate", type=float, default=100.0, metavar="HZ", help="sampling rate (default: 100)")
+    add("--rate", type=positive, default=100.0, metavar="HZ", help="sampling rate (default: 100)")
     add("--random-phases", action="store_true", help="new phases of the target in each run")
     add("--open-loop", action="store_true", help="remnant does not go round the loop")
     add("--seed", type=int, metavar="N", help="the same number gives the same runs")
@@ -50,7 +52,9 @@ def simulate(options: argparse.Namespace) -> int:
     """Simulate, write, and say what is in the file."""
     from .. import __version__, make_tracking_runs, write_runs
 
-    order = options.remnant_order
+    if options.remnant == 0:
+        refuse(options, ["remnant_order", "open_loop"], "needs --remnant P: there is none.")
+    order = options.remnant_order or "2"
     seed = secrets.randbelow(2**31) if options.seed is None else options.seed
     path = new_file(options.out, options.overwrite)
     if options.picture:
@@ -83,14 +87,17 @@ def simulate(options: argparse.Namespace) -> int:
         )
     if options.picture:
         without_screen()
+        from ..io.figures import save_figure
         from ..plotting import TrackingDisplay
 
         display: Any = TrackingDisplay.from_runs(X, y, truth=truth)
-        display.figure_.savefig(options.picture, dpi=120)
+        save_figure(display.figure_, options.picture)
         say(f"picture: {options.picture}", options)
-    column = "" if path.suffix.lower() == ".mat" else " --run run"
-    channel = "e" if "e" in options.channels else options.channels[0]
-    follow = f"skhoid identify {path} --input {channel} --output u --time time{column} --keep-means"
+    words = ["skhoid", "identify", str(path)]
+    words += ["--input", "e" if "e" in options.channels else options.channels[0]]
+    words += ["--output", "u", "--time", "time"]
+    words += [] if path.suffix.lower() == ".mat" else ["--run", "run"]
+    follow = shlex.join([*words, "--keep-means"])
     say(f"next: {follow}", options)
     if options.json:
         print_json(

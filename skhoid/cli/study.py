@@ -11,12 +11,12 @@ from typing import Any
 from .commands import add_command
 from .files import (
     add_file_options,
-    at_least_one,
     check_folders,
     read_files,
     save_figures,
     without_screen,
 )
+from .options import at_least_one, positive, refuse
 from .output import add_output_options, add_table_format, print_json, say_files, write_tables
 
 EXAMPLES = """\
@@ -36,6 +36,24 @@ OTHERS = {
     "recommend": "the memory horizon for an experiment to come",
     "all": "every study of the paper",
 }
+PARTS = {  # options of a paper's study, as far as its function has them
+    "conditions": "conditions",
+    "intensities": "intensities",
+    "orders": "orders",
+    "validation": "n_validation",
+    "gains": "gains",
+}
+OF_OUT = ["no_pictures", "table_format"]
+KEPT = ["jobs", "out", *OF_OUT]
+OF_FILES = ["input", "output", "time", "run", "dt", "unit", "resample", "measurement_time"]
+APPLY = {
+    "list": [],
+    "all": ["replications", *PARTS, "seed", *KEPT],
+    "recommend": ["replications", "validation", "conditions", "intensities", "rate", "seed", *KEPT],
+    "experiment": ["subjects", "conditions", "runs", "last", "seed", *KEPT],
+    "experiment with files": [*OF_FILES, "last", *KEPT],
+}
+TABLES = "csv"
 WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # these have the cells of all others
 
 
@@ -62,31 +80,26 @@ def add_study(commands: Any) -> None:
     add("--conditions", nargs="+", metavar="C", help="such as C1 C4")
     add("--intensities", nargs="+", type=float, metavar="P", help="P_n, such as 0 0.15")
     add("--orders", nargs="+", metavar="M", help="of the remnant filter: 1 2 3 4 nm")
-    add("--rate", type=float, default=100.0, metavar="HZ", help="of recommend (default: 100)")
+    add("--rate", type=positive, metavar="HZ", help="of recommend (default: 100)")
     add("--gains", choices=["table", "tuned"], help="K_n: Table G.1, or found (default: table)")
-    add("--subjects", type=at_least_one, default=3, metavar="N", help="of experiment (default: 3)")
-    add("--runs", type=at_least_one, default=7, metavar="N", help="of experiment (default: 7)")
-    add("--last", type=at_least_one, default=5, metavar="N", help="runs used (default: 5)")
-    add("--input", default="e", metavar="NAME", help="input channel of files (default: e)")
-    add("--measurement-time", type=float, metavar="S", help="keep the end of each run of files")
-    add("--seed", type=int, default=0, metavar="N", help="default: 0")
+    add("--subjects", type=at_least_one, metavar="N", help="of experiment (default: 3)")
+    add("--runs", type=at_least_one, metavar="N", help="of experiment (default: 7)")
+    add("--last", type=at_least_one, metavar="N", help="runs used (default: 5)")
+    add("--input", metavar="NAME", help="input channel of files (default: e)")
+    add("--measurement-time", type=positive, metavar="S", help="keep the end of runs of files")
+    add("--seed", type=int, metavar="N", help="of the simulation (default: 0)")
     add("--jobs", type=int, metavar="N", help="workers (default: 1; -1: all processors)")
     add("--out", metavar="FOLDER", help="keep blocks, tables and pictures in FOLDER/NAME")
     add("--no-pictures", action="store_true", help="draw nothing")
-    add_table_format(add, "csv")
+    add_table_format(add, TABLES)
     add_output_options(add, tables=False)
 
 
 def study(options: argparse.Namespace) -> int:
     """Run one study, or all of the paper."""
-    from ..io.tables import check_table_format
     from ..montecarlo import PAPER_STUDIES
 
-    if options.files and options.name != "experiment":
-        raise ValueError(f"Only 'experiment' takes files; {options.name!r} simulates its runs.")
-    if options.out is not None:
-        check_folders(options.out)
-        check_table_format(options.table_format)
+    _check(options)
     if options.name == "list":
         studies = {name: one.what for name, one in PAPER_STUDIES.items()} | OTHERS
         if options.json:
@@ -105,31 +118,61 @@ def study(options: argparse.Namespace) -> int:
     return 0
 
 
-def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
-    from ..montecarlo import PAPER_STUDIES, paper_study
+def _check(options: argparse.Namespace) -> None:
+    """Say what hinders a study before the work begins."""
+    from ..exceptions import did_you_mean
+    from ..io.tables import check_table_format
+    from ..montecarlo import PAPER_STUDIES
 
-    given = {
-        "conditions": options.conditions,
-        "intensities": options.intensities,
-        "orders": options.orders,
-        "n_validation": options.validation,
-        "gains": options.gains,
-    }
-    given = {key: value for key, value in given.items() if value is not None}
-    if name in PAPER_STUDIES:
-        has = signature(PAPER_STUDIES[name].function).parameters
-        stray = [key for key in given if key not in has]
-        if stray and options.name != "all":
-            option = "validation" if stray[0] == "n_validation" else stray[0]
-            raise ValueError(f"--{option} does not apply to the study {name!r}.")
-        given = {key: value for key, value in given.items() if key in has}
+    name, known = options.name, ["list", *OTHERS, *PAPER_STUDIES]
+    if name not in known:
+        raise ValueError(
+            f"No study {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}"
+        )
+    if options.files and name != "experiment":
+        raise ValueError(f"Only 'experiment' takes files; {name!r} does not.")
+    what, applying = _applying(options)
+    others = {option for some in APPLY.values() for option in some if option not in applying}
+    refuse(options, sorted(others), f"does not apply to {what}.")
+    if options.out is None:
+        refuse(options, OF_OUT, "needs --out FOLDER: else nothing is written.")
+        return
+    check_folders(options.out, Path(options.out) / name)
+    check_table_format(options.table_format or TABLES)
+
+
+def _applying(options: argparse.Namespace) -> tuple[str, list[str]]:
+    """What is asked for, in words, and the options that it takes."""
+    name = options.name
+    if name == "experiment":
+        if options.files:
+            return "'experiment' with files", APPLY["experiment with files"]
+        return "'experiment' without files: name them first", APPLY["experiment"]
+    if name in APPLY:
+        return repr(name), APPLY[name]
+    missing = {part for part, key in PARTS.items() if key not in _parameters(name)}
+    return f"the study {name!r}", [option for option in APPLY["all"] if option not in missing]
+
+
+def _parameters(name: str) -> set[str]:
+    from ..montecarlo import PAPER_STUDIES
+
+    return set(signature(PAPER_STUDIES[name].function).parameters)
+
+
+def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
+    from ..montecarlo import paper_study
+
+    given = {key: getattr(options, part) for part, key in PARTS.items()}
+    has = _parameters(name)
+    given = {key: value for key, value in given.items() if value is not None and key in has}
     folder = None if options.out is None else Path(options.out) / name
     begin = time.perf_counter()
     result = paper_study(
         name,
         options.replications or 100,
         every_figure=options.name == "all",
-        random_state=options.seed,
+        random_state=options.seed or 0,
         n_jobs=options.jobs,
         out=None if folder is None else folder / "blocks",
         progress=False if options.json else None,
@@ -155,7 +198,9 @@ def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
 
 def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
     without_screen()
-    files = result.save(folder, figures=not options.no_pictures, table_format=options.table_format)
+    files = result.save(
+        folder, figures=not options.no_pictures, table_format=options.table_format or TABLES
+    )
     return [str(path) for path in files]
 
 
@@ -166,23 +211,23 @@ def _recommend(options: argparse.Namespace) -> int:
     conditions = options.conditions or ["C4"]
     if len(conditions) > 1:
         raise ValueError("recommend takes one condition; an average over tasks suits none of them.")
-    task = CompensatoryTask.of_condition(conditions[0], sampling_rate=options.rate)
+    task = CompensatoryTask.of_condition(conditions[0], sampling_rate=options.rate or 100.0)
     advice = recommend_forgetting(
         task,
         options.intensities or [0.15],
         n_replications=options.replications or 20,
         n_validation=options.validation or 10,
-        random_state=options.seed,
+        random_state=options.seed or 0,
         n_jobs=options.jobs,
         progress=False if options.json else None,
     )
     files = []
     if options.out is not None:
         folder = Path(options.out) / "recommend"
-        files = write_tables({"summary": advice.summary}, folder, options.table_format)
+        files = write_tables({"summary": advice.summary}, folder, options.table_format or TABLES)
         if not options.no_pictures:
             without_screen()
-            files += save_figures({"trade-off.png": advice.plot().figure_}, folder)
+            files += save_figures({"trade-off.png": advice.plot().figure_}, folder, "study")
     if options.json:
         found = {name: getattr(advice, name) for name in ("memory_horizon", "memory_time", "gain")}
         found |= {"forgetting": advice.forgetting, "close": advice.close, "files": files}
@@ -196,32 +241,34 @@ def _recommend(options: argparse.Namespace) -> int:
 def _experiment(options: argparse.Namespace) -> int:
     from ..montecarlo import analyse_experiment, simulate_experiment
 
+    last = options.last or 5
     if options.files:
-        X, y = read_files(options, [options.input])
+        channel = options.input or "e"
+        X, y = read_files(options, [channel])
         result = analyse_experiment(
             X,
             y,
-            last=options.last,
-            input=options.input,
+            last=last,
+            input=channel,
             measurement_time=options.measurement_time,
             n_jobs=options.jobs,
         )
     else:
         X, y = simulate_experiment(
-            options.subjects,
+            options.subjects or 3,
             options.conditions or "C1-C6",
-            options.runs,
-            random_state=options.seed,
+            options.runs or 7,
+            random_state=options.seed or 0,
             n_jobs=options.jobs,
         )
-        result = analyse_experiment(X, y, last=options.last, n_jobs=options.jobs)
+        result = analyse_experiment(X, y, last=last, n_jobs=options.jobs)
     files = []
     if options.out is not None:
         folder = Path(options.out) / "experiment"
         tables = {name: getattr(result, name) for name in OF_EXPERIMENT}
-        files = write_tables(tables, folder, options.table_format)
+        files = write_tables(tables, folder, options.table_format or TABLES)
         if not options.no_pictures:
-            files += _draw_experiment(result, folder)
+            files += _draw_experiment(result, folder, X, y)
     if options.json:
         print_json({"summary": result.summary(), "files": files})
     else:
@@ -230,7 +277,7 @@ def _experiment(options: argparse.Namespace) -> int:
     return 0
 
 
-def _draw_experiment(result: Any, folder: Path) -> list[str]:
+def _draw_experiment(result: Any, folder: Path, X: Any, y: Any) -> list[str]:
     without_screen()
     files = []
     for condition in result.conditions:
@@ -238,5 +285,5 @@ def _draw_experiment(result: Any, folder: Path) -> list[str]:
             for parameters in ("arx", "operator"):
                 display = result.plot(condition=condition, form=form, parameters=parameters)
                 name = f"{condition}-{form}-{parameters}.png"
-                files += save_figures({name: display.figure_}, folder)
+                files += save_figures({name: display.figure_}, folder, "study", named=(X, y))
     return files

@@ -8,8 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .files import save_figures, without_screen
+from .files import check_folders, save_figures, without_screen
+from .options import refuse
 from .output import print_json, print_wrapped, save_tables, say_files
+from .wording import reworded
 
 if TYPE_CHECKING:
     from ..diagnosis.comparison import Comparison
@@ -27,18 +29,47 @@ OF_COMPARISON = (
     "time_frequency",
     "remnant_spectrum",
 )
+MAX_EFFECTS = 4
 
 
 def add_search_options(add: Callable[..., Any], more: str = "") -> None:
     """Options of the search."""
     add("--effects", nargs="+", metavar="ID", help=f"effects to search for (default: all{more})")
-    add("--max-effects", type=int, default=4, metavar="N", help="to add at most (default: 4)")
+    add("--max-effects", type=int, metavar="N", help=f"to add at most (default: {MAX_EFFECTS})")
 
 
 def add_picture_options(add: Callable[..., Any], folder: str) -> None:
     """Options of the pictures."""
-    add("--out", default=folder, metavar="FOLDER", help=f"for the pictures (default: {folder})")
+    add("--out", metavar="FOLDER", help=f"for the pictures (default: {folder})")
     add("--no-pictures", action="store_true", help="draw nothing")
+
+
+def picture_folder(options: argparse.Namespace, default: str) -> Path | None:
+    """Where the pictures go, if anywhere, checked before the work begins."""
+    if options.no_pictures:
+        refuse(options, ["out"], "is for the pictures, and --no-pictures draws none.")
+        return None
+    folder = Path(options.out or default)
+    check_folders(folder)
+    return folder
+
+
+def wanted_effects(options: argparse.Namespace) -> Any:
+    """The effects to search for, known by name."""
+    from ..effects import Effects
+
+    names = options.effects or ["all"]
+    if names == ["all"]:
+        return "all"
+    if "all" in names:
+        raise ValueError("--effects all takes no other names: it is all of them.")
+    if "none" in names:
+        raise ValueError(
+            "--effects none stands alone, in skhoid report, which then makes no search; "
+            "else name the effects to search for, or leave --effects out to search for all."
+        )
+    Effects.of(names)
+    return names
 
 
 def tell(
@@ -47,17 +78,14 @@ def tell(
     """Search, and tell the story meanwhile."""
     from .. import ControlledElement, EffectSearchCV
     from ..diagnosis.story import Story
-    from ..effects import Effects
 
-    if options.effects:
-        Effects.of(options.effects)  # a name that is none, before the work begins
     element = getattr(options, "controlled_element", None)
     search = EffectSearchCV(
         estimator,
-        effects=options.effects or "all",
+        effects=wanted_effects(options),
         display=getattr(options, "display", None) or "compensatory",
         controlled_element=None if element is None else ControlledElement(*element),
-        max_effects=options.max_effects,
+        max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
     )
     story = Story(search, X, y)
     aloud = aloud and not options.json
@@ -65,7 +93,7 @@ def tell(
         print_wrapped(source)
     for line in story.tell():
         if aloud:
-            print_wrapped(line)
+            print_wrapped(reworded(line, options))
     return story
 
 
@@ -83,7 +111,7 @@ def leave(
 
     if report is not None:
         write_report(options, report, story.search_, story.X, story.y, source)
-    pictures = draw(story, folder) if folder else []
+    pictures = draw(story, folder, options.command) if folder else []
     tables = save_tables(tables_of(story), options)
     page = None if report is None else str(report)
     files = {"report": page, "pictures": pictures, "tables": tables}
@@ -141,8 +169,10 @@ def tables_of_comparison(found: Comparison | None) -> dict[str, Any]:
     return {**tables, "findings": pd.DataFrame([vars(finding) for finding in found.findings])}
 
 
-def draw(story: Story, folder: Path) -> list[str]:
+def draw(story: Story, folder: Path, command: str) -> list[str]:
     """Draw what the story tells into a folder; returns the paths."""
+    from ..effects.catalogue import BY_NAME
+
     without_screen()
     from ..plotting import (
         EffectRankingDisplay,
@@ -165,4 +195,11 @@ def draw(story: Story, folder: Path) -> list[str]:
     for name in search.best_estimator_.effects_.names:
         display = IdentifiedEffectDisplay.from_estimator(search, name, story.X, story.y)
         figures[f"{name}.png"] = display.figure_
-    return save_figures(figures, folder)
+    others = ["comparison", *BY_NAME, *(f"ranking-{step}" for step in range(1, len(BY_NAME) + 2))]
+    return save_figures(
+        figures,
+        folder,
+        command,
+        others=[f"{name}.png" for name in others],
+        named=(story.X, story.y),
+    )

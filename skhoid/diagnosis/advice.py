@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 
 from .findings import Finding
+from .next_steps import NextSteps
+from .search_words import counted
 from .signals import Signals
 
 if TYPE_CHECKING:
@@ -26,17 +28,18 @@ def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[
     all findings together keep that rate.
     """
     found = [finding for finding in of_channels if finding.name not in REMARKS]
+    then = NextSteps(signals.model)
     tests = c.tests[c.tests["valid"]]
     limit = c.false_alarm / max(int(tests["p"].notna().sum()), 1)
     certain = tests[(tests["p"] < limit) | (tests["exceeds"] & tests["p"].isna())]
     sure = {(t.test, t.signal): t for t in certain.itertuples()}
     found += _runs(c, sure)
-    located = [f for f in _effects(c, sure, signals) if not f.severity < SMALL]
+    located = [f for f in _effects(c, sure, then) if not f.severity < SMALL]
     located.sort(key=lambda f: -np.nan_to_num(f.severity, nan=0.0))
     found += located
-    found += _model(c)
+    found += _model(c, then)
     named = sum(np.nan_to_num(f.severity) for f in located)
-    found += _not_located(c, sure, named, bool(located))
+    found += _not_located(c, sure, named, bool(located), then)
     found += [finding for finding in of_channels if finding.name in REMARKS]
     return found + list(_design(c, signals))
 
@@ -82,8 +85,8 @@ def _runs(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
             )
 
 
-def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[Finding]:
-    yield from _response(c, sure)
+def _effects(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[Finding]:
+    yield from _response(c, sure, then)
     yield from _in_time(c, sure)
     bias = sure.get(("bias", c.output))
     if bias is not None:
@@ -92,7 +95,7 @@ def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[
             f"The measured output is {bias.size:+.3g}{_unit(c)} beside the predicted one",
             f"Mean residual, {_p(bias)}; it costs {_points(bias.cost)}.",
             "An offset of the recording, a trim of the stick, or integral action.",
-            "fit_intercept=True, or subtract the mean of each run from X and y.",
+            then.bias(),
             "OperatingPointDisplay",
             bias.cost,
         )
@@ -102,7 +105,7 @@ def _effects(c: Comparison, sure: dict[Any, Any], signals: Signals) -> Iterator[
     told = max((t.cost for (name, _), t in sure.items() if name in causes), default=0.0)
     for (name, signal), test in sure.items():
         if name == "cross-correlation":
-            yield _follows(c, test, signal, sure)
+            yield _follows(c, test, signal, sure, then)
         if name == "distortion" and test.cost > 2 * told:
             yield _distorted(test, signal)
         if name == "level":
@@ -146,24 +149,19 @@ def _distorted(test: Any, signal: str) -> Finding:
     )
 
 
-def _response(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[Finding]:
     delay, lag = sure.get(("delay", c.output)), sure.get(("lag", c.output))
     gain = sure.get(("gain", c.output))
     if delay is not None and not (lag is not None and delay.size * lag.size < 0):
-        samples = delay.size / c.dt
+        samples = counted(round(abs(delay.size) / c.dt), "sample")
         later = "later" if delay.size > 0 else "earlier"
-        step = (
-            "Search the delay again, DelaySearchCV, or shift by as much with DelayShift"
-            if delay.size > 0
-            else "Take so many samples off nk, or search it again with DelaySearchCV"
-        )
         yield Finding(
             "delay",
             f"The delay is {abs(delay.size):.2g} s {later} than that of the model",
             f"Best delay {delay.where:.2g} s, with gain, lead and two lags free; off by "
-            f"{abs(samples):.0f} samples, {_p(delay)}; it costs {_points(delay.cost)} at least.",
+            f"{samples}, {_p(delay)}; it costs {_points(delay.cost)} at least.",
             "The delay of the model is wrong, whatever its lags make up for.",
-            f"{step}.",
+            then.delay(delay.size),
             "ResidualFrequencyDisplay",
             delay.cost if lag is None else max(delay.cost, lag.cost),
         )
@@ -175,8 +173,7 @@ def _response(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
             f"{_p(lag)}; it costs about {_points(lag.cost)}.",
             "The delay of the model is wrong, or its lag or lead: a fit biased by remnant in the "
             "loop does that too.",
-            "Search the delay (DelaySearchCV) and the orders again; compare with Fourier "
-            "coefficients.",
+            then.lag(lag.size),
             "ResidualFrequencyDisplay",
             lag.cost,
         )
@@ -289,7 +286,9 @@ def _curvature(table: pd.DataFrame, channel: str) -> float:
     return float(cubic * own["sign"].iloc[0])
 
 
-def _follows(c: Comparison, test: Any, signal: str, sure: dict[Any, Any]) -> Finding:
+def _follows(
+    c: Comparison, test: Any, signal: str, sure: dict[Any, Any], then: NextSteps
+) -> Finding:
     lag = test.where
     when = f"{abs(lag):.2g} s " + ("after" if lag >= 0 else "before")
     linear = [name for name in ("gain", "lag", "delay", "bias") if (name, c.output) in sure]
@@ -300,26 +299,24 @@ def _follows(c: Comparison, test: Any, signal: str, sure: dict[Any, Any]) -> Fin
             "the person does not see the target, it can only be precognition, a linear misfit of "
             "the response to e, or something equivalent to it." + also
         )
-        step = "On a pursuit display add the target as an input, inputs=['e', 'f_t']; else a lead."
     else:
         meaning = (
             "The person, or the stick, answers the disturbance by a way that does not go through "
             "e: motion, force, or vibration." + also
         )
-        step = f"Add {signal!r} as an input."
     return Finding(
         "cross-correlation",
         f"The residual follows {signal}: most {when} it",
         f"Prewhitened correlation {test.size:+.2f} at that lag, {_p(test)} over all lags. "
         f"{signal} comes from outside the loop, so that no remnant can make it.",
         meaning,
-        step,
+        then.follow(signal),
         "ResidualCorrelationDisplay",
         max(test.cost - sum(sure[name, c.output].cost for name in linear), 0.0),
     )
 
 
-def _model(c: Comparison) -> Iterator[Finding]:
+def _model(c: Comparison, then: NextSteps) -> Iterator[Finding]:
     if c.overfit:
         yield Finding(
             "overfit",
@@ -328,7 +325,7 @@ def _model(c: Comparison) -> Iterator[Finding]:
             f"VAF {c.estimation_vaf:.1f} on estimation, {c.vaf:.1f} on validation runs; the limit "
             "is 1.1.",
             "The model has learnt the remnant of the runs it was fitted on, or these runs differ.",
-            "Fewer parameters, or a longer memory horizon.",
+            then.overfit(),
             "RunComparisonDisplay",
         )
     if c.one_step_vaf > GOOD_ONE_STEP and c.vaf < POOR:
@@ -344,7 +341,7 @@ def _model(c: Comparison) -> Iterator[Finding]:
 
 
 def _not_located(
-    c: Comparison, sure: dict[Any, Any], named: float, any_located: bool
+    c: Comparison, sure: dict[Any, Any], named: float, any_located: bool, then: NextSteps
 ) -> Iterator[Finding]:
     gap = sure.get(("explainable gap", "residual"))
     several = bool(c.by_frequency["exceeds"].any() or c.by_time["exceeds"].any())
@@ -358,7 +355,7 @@ def _not_located(
             f"({low:.1f} to {high:.1f}), VAF {c.vaf:.1f}.",
             "Several small misfits (order, lag, second mode), or an effect that these views do "
             "not separate.",
-            "Look at the response over frequency; search the orders (OrderSearchCV).",
+            then.unknown(),
             "ResidualFrequencyDisplay",
             gap.cost,
         )

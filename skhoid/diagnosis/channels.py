@@ -12,9 +12,11 @@ from ..runs import GAP, JITTER_TOLERANCE, snap
 from .findings import Finding
 from .rates import check_rates
 from .recording import Recording, of_list, read_recording
+from .search_words import counted
 
 NOTED_JITTER = 0.01  # of a sampling time
 SAME_STEP = 0.01  # relative difference of sampling times
+SLOWEST = 1.0  # s, between samples of a person
 IDENTITY = 1e-3  # rms of e - (f_t - x), of that of e
 LONGEST_SHIFT = 3  # samples, between a channel and its copy
 COPY = 1e-3  # rms misfit of a copy, of the rms of the steps from row to row
@@ -42,8 +44,8 @@ def check_channels(
     Looks for a rate that is not the derivative of its angle (pairs are found by name: stem and
     stem + rate, dot or velocity, in any style of writing) or holds another rate besides; e that
     is not f_t - x; a channel that is a copy of another, or of the output; invalid first samples;
-    a clock that jitters, has gaps, or differs between runs; channels that are held or
-    interpolated from a slower recording, constant, or partly missing.
+    a clock that counts rows or milliseconds, jitters, has gaps, or differs between runs; channels
+    that are held or interpolated from a slower recording, constant, or partly missing.
 
     Parameters
     ----------
@@ -186,7 +188,7 @@ def _copy_gain(recording: Recording, source: Any, copy: Any, shift: int) -> floa
 
 
 def _copy(recording: Recording, source: Any, copy: Any, shift: int, gain: float) -> Finding:
-    late = "" if not shift else f", {shift} sample{'s' if shift > 1 else ''} late"
+    late = f", {counted(shift, 'sample')} late" if shift else ""
     of_output = recording.output in (source, copy)
     if abs(gain - 1) < COPY:
         what = f"{copy} is a copy of {source}{late}"
@@ -234,8 +236,9 @@ def _first_samples(recording: Recording) -> Iterator[Finding]:
             yield Finding(
                 "first samples",
                 f"{name} is not valid from the beginning of {_runs(jumps)}",
-                f"In run {label} it stands still and jumps by {jump:.4g} after {number} samples "
-                f"({number * recording.dt:.3g} s); later steps are {later:.4g} at most.",
+                f"In run {label} it stands still and jumps by {jump:.4g} after "
+                f"{counted(number, 'sample')} ({number * recording.dt:.3g} s); later "
+                f"steps are {later:.4g} at most.",
                 "The channel held an old value until then: a cursor at (0, 0), or a display that "
                 "stalled.",
                 _leave_out(max(number for number, _, _ in jumps.values()), recording.dt),
@@ -307,6 +310,15 @@ def _clock(recording: Recording) -> Iterator[Finding]:
             "Lags in samples mean another time in each run.",
             f"Bring the runs onto one grid: X, y = resample_runs(X, y, dt={snap(max(typical)):g}).",
         )
+    if min(typical) >= SLOWEST:
+        yield Finding(
+            "clock unit",
+            f"The clock advances by {recording.dt:g} a row",
+            f"All {counted(recording.time.size, 'row')} of time are counted as seconds.",
+            "Nobody steers that slowly: these are row numbers, or milliseconds.",
+            "Read milliseconds with units={'t': 'ms'}; for row numbers give the sampling time in "
+            "s, dt=, in place of the time column.",
+        )
     off = np.concatenate(deviation)
     if off.max() > NOTED_JITTER:
         run = int(np.argmax([part.max() for part in deviation]))
@@ -326,7 +338,7 @@ def _clock(recording: Recording) -> Iterator[Finding]:
         longest, row = max(gaps)
         yield Finding(
             "gaps",
-            f"The clock has {len(gaps)} gap{'s' if len(gaps) > 1 else ''}",
+            f"The clock has {counted(len(gaps), 'gap')}",
             f"The longest lasts {longest:.4g} s ({longest / recording.dt:.1f} steps), after "
             f"{recording.where(row)}.",
             "Samples were lost. Models start anew after a gap; spectra need a stretch without.",
@@ -411,9 +423,10 @@ def _missing(recording: Recording) -> Iterator[Finding]:
         number, all_of_it = int(missing.sum()), bool(missing.all())
         yield Finding(
             "missing samples",
-            f"{name} holds no value" if all_of_it else f"{name} misses {number} samples",
-            f"{number} of {values.size} rows are NaN or infinite, the longest stretch "
-            f"{lengths[longest]} rows ({lengths[longest] * recording.dt:.3g} s) from "
+            f"{name} holds no value" if all_of_it else f"{name} misses {counted(number, 'sample')}",
+            f"{number} of {values.size} rows {'is' if number == 1 else 'are'} NaN or infinite, "
+            f"the longest stretch {counted(lengths[longest], 'row')} "
+            f"({lengths[longest] * recording.dt:.3g} s) from "
             f"{recording.where(edges[2 * longest])} on.",
             "Models leave rows out whose lags need a missing value, and hold the last one in a "
             "free run.",

@@ -14,15 +14,23 @@ from threadpoolctl import threadpool_limits
 from .._sklearn import FittedDisplay, HasMethods, Interval, StrOptions, fit_context
 from ..arx.searches.folds import folds_of
 from ..effects.base import Effect
-from ..effects.catalogue import CLASSES
+from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
 from ..greybox.base import Prepared, likelihood_fit
 from ..greybox.fitting import Criterion
 from ..human.controlled_element import ControlledElement
+from .fingerprint import fingerprint
 from .leftover import Leftover, leftovers
 from .search_engine import Fold, Path, Search, Step, forward, further_changes
 from .search_results import error_path, gap_of, ranking_table, walked
-from .search_words import changes_in_words, experiment, summary_of
+from .search_words import (
+    CUT_SHORT,
+    NOT_IN_CATALOGUE,
+    NOT_TRIED,
+    changes_in_words,
+    experiment,
+    summary_of,
+)
 from .signatures import tremor
 
 GUARD = 5.0  # s beside held-out blocks of a single run
@@ -73,12 +81,15 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         better", "does not apply"), reason.
     best_effects_ : list of str
         Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
-        structure that nothing in the catalogue explains; alone, that the effects which explain
+        structure that none of the effects tried explains; alone, that the effects which explain
         part of it, ``stand_ins_``, explain too little to be named.
     stand_ins_ : list of str
         Ids of effects of ``best_estimator_`` that are no names for what is missing; else empty.
     verdict_ : str
-        "nothing is missing", "effects found", or "something is missing, not in the catalogue".
+        "nothing is missing", "effects found", or what the end ``"unknown"`` of ``best_effects_``
+        means: "something is missing, not in the catalogue" if all of it was tried; "..., not
+        among the effects tried" if ``effects`` is but a part of it; "..., and max_effects is
+        reached" if the search ended while effects still helped.
     error_path_ : DataFrame
         One row per step from the baseline on: effect, vaf and rmse (held out), vaf_train,
         ceiling, explainable_gap (points that are left).
@@ -175,6 +186,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             baseline = model._first_model(prepared)
             path = forward(search, baseline, int(self.max_effects))
             self._set_results(model, prepared, search, path, X, y)
+        self._fingerprint = fingerprint(X)
         self.n_features_in_ = model.n_features_in_
         if hasattr(model, "feature_names_in_"):
             self.feature_names_in_ = model.feature_names_in_
@@ -184,6 +196,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         if isinstance(self.effects, str) and self.effects == "all":
             return [c() for c in CLASSES]
         return [e for _, e in Effects.of(self.effects)]
+
+    def _tries_all(self) -> bool:
+        return BY_NAME.keys() <= {effect.name for effect in self._candidates()}
 
     def _folds(self, X: Any, y: Any, prepared: Prepared) -> list[Fold]:
         """Rows to hold out and to fit on, in lanes."""
@@ -243,13 +258,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         if unknown and share > large:
             self.stand_ins_, ids = ids, []
         self.best_effects_ = [*ids, "unknown"] if unknown else ids
-        self.verdict_ = (
-            "something is missing, not in the catalogue"
-            if unknown
-            else "effects found"
-            if ids
-            else "nothing is missing"
-        )
+        self.verdict_ = "effects found" if ids else "nothing is missing"
+        if unknown:
+            whole = NOT_IN_CATALOGUE if self._tries_all() else NOT_TRIED
+            self.verdict_ = whole if path.steps[-1].best is None else CUT_SHORT
         self.explainable_gap_ = float(max(gained + worst, 0.0))
         self.error_path_ = error_path(record, steps, names, ceiling, worst)
         self.predictions_ = self._held_out_frame(prepared, steps, names, X, y)
@@ -289,6 +301,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             self.best_effects_,
             self.stand_ins_,
             self.verdict_,
+            self.max_effects,
             self.unexplained_,
             self.experiments_,
             self.notes_,

@@ -43,6 +43,14 @@ EXPERIMENTS = {
     frozenset({"bias", "integral"}): "record a constant disturbance of 30 s",
     frozenset({"wrong_delay", "extra_lag"}): "use a forcing function with lines up to 30 rad/s",
 }
+# Why what is left has no name: all was tried, or only some, or the search ended too early.
+NOT_IN_CATALOGUE = "something is missing, not in the catalogue"
+NOT_TRIED = "something is missing, not among the effects tried"
+CUT_SHORT = "something is missing, and max_effects is reached"
+HOW_TO_GO_ON = {
+    NOT_TRIED: 'Try the others of the catalogue too: effects="all", which is the default.',
+    CUT_SHORT: "Let the search add more effects: a larger max_effects.",
+}
 ANY_EXPERIMENT = (
     "record more runs, some at half and some at twice the amplitude and with other phases of the "
     "forcing function"
@@ -79,6 +87,22 @@ def experiment(one: str, other: str) -> str:
     return f"{one} and {other} cannot be told apart here; this experiment would: {told}."
 
 
+def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str:
+    """Who does not explain what is left, as the end of "what ..."."""
+    if verdict == CUT_SHORT:
+        return f"is not explained within max_effects={max_effects}"
+    if verdict != NOT_TRIED:
+        return "no effect of the catalogue explains"
+    n_tried = int(((ranking["step"] == 1) & (ranking["status"] != "does not apply")).sum())
+    if n_tried == 1:
+        return "the only effect tried does not explain"
+    return f"none of the {n_tried} effects tried explains"
+
+
+def counted(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
 def stand_ins_in_words(ids: Sequence[str]) -> str:
     """What effects are that explain part of what is missing, and not enough to name it."""
     return f"No name for it, though part of it follows: {', '.join(ids)}"
@@ -90,6 +114,7 @@ def summary_of(
     ids: Sequence[str],
     stand_ins: Sequence[str],
     verdict: str,
+    max_effects: int,
     unexplained: pd.DataFrame,
     experiments: Sequence[str],
     notes: Sequence[str],
@@ -121,15 +146,17 @@ def summary_of(
         if len(near):
             best = near.iloc[0]
             lines.append(
-                f"  The best of {len(near)} effects tried, {best['effect']}, would gain "
+                f"  The best of {counted(len(near), 'effect')} tried, {best['effect']}, would gain "
                 f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): not enough."
             )
     if stand_ins:
         lines.append(f"  {stand_ins_in_words(stand_ins)}.")
     if ids and ids[-1] == "unknown" and len(unexplained):
-        lines.append("  What no effect of the catalogue explains:")
+        lines.append(f"  What {unexplained_by(verdict, ranking, max_effects)}:")
         for _, row in unexplained.iterrows():
             lines.append(f"  - {row['description']} ({row['where']}): {row['points']:.1f} points")
+    if verdict in HOW_TO_GO_ON:
+        lines.append(f"  {HOW_TO_GO_ON[verdict]}")
     gap = last["explainable_gap"]
     if np.isfinite(gap) and np.isfinite(ceiling):
         lines.append(f"Left to explain at the end: {max(gap, 0.0):.1f} points.")

@@ -15,6 +15,7 @@ from scipy.signal.windows import tukey
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from .._sklearn import safe_indexing
+from ..effects.record import OTHER
 from ..exceptions import MissingDataWarning, RunIndexError, ShortRunError
 from ..greybox.lanes import PREFIXES, ROLES
 from ..metrics import scored_rows, scored_signals
@@ -22,6 +23,7 @@ from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, run_name
+from .search_words import counted
 
 SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
 LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest
@@ -69,6 +71,7 @@ class Signals:
     of X that have a role.
     """
 
+    model: Any
     layout: RunLayout
     index: pd.Index
     y: np.ndarray
@@ -167,7 +170,8 @@ def read_signals(
             predicted = np.where(used & settling, measured, predicted)
     n_missing = int(missing.sum())
     if n_missing:
-        notes.append(f"{n_missing} rows in which the output is missing are left out")
+        are = "is" if n_missing == 1 else "are"
+        notes.append(f"{counted(n_missing, 'row')} in which the output is missing {are} left out")
     stretches = _longest_stretches(layout, used, channels)
     if not stretches:
         raise ShortRunError(
@@ -177,10 +181,12 @@ def read_signals(
             "leave out the channel that is missing."
         )
     covered = sum(stop - start for start, stop in stretches.values())
-    if covered < used.sum():
+    beside = int(used.sum()) - covered
+    if beside:
         notes.append(
-            f"{int(used.sum()) - covered} rows beside the longest gapless stretch of their run "
-            "count in the VAF, and not in spectra and tests"
+            f"{counted(beside, 'row')} beside the longest gapless stretch of "
+            f"{'its' if beside == 1 else 'their'} run count{'s' * (beside == 1)} in the VAF, and "
+            "not in spectra and tests"
         )
     mean, sd = (float(f(measured[scored])) for f in (np.mean, np.std))
     if abs(mean) > sd:
@@ -189,6 +195,7 @@ def read_signals(
             "counts it as explained: subtract the means of X and y for a VAF about them"
         )
     return Signals(
+        model=model,
         layout=layout,
         index=X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(layout.n_rows),
         y=measured,
@@ -282,10 +289,10 @@ def _channels(
                 )
             if not np.isnan(values).all():
                 found[role] = values
-        elif name in (roles or {}):
+        elif name in (roles or {}) and role != OTHER:
             raise ValueError(
                 f"roles gives {name!r} the role {role!r}; there are 'e', 'x', 'f_t', and names "
-                "that begin with 'dist' or 'motion'."
+                "that begin with 'dist' or 'motion', and '' for none."
             )
     if "f_t" not in found and {"e", "x"} <= found.keys():
         found["f_t"] = found["e"] + found["x"]

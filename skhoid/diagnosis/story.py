@@ -19,7 +19,7 @@ from ..regression import units_of
 from ..runs import read_layout
 from .comparison import Comparison, compare
 from .effect_search import EffectSearchCV
-from .search_words import stand_ins_in_words
+from .search_words import HOW_TO_GO_ON, counted, stand_ins_in_words, unexplained_by
 
 # Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
 HIDDEN: dict[str, Effect] = {
@@ -114,9 +114,8 @@ class Story:
         model = self.baseline_
         layout = read_layout(self.X, dt=model.dt, run=model.run)
         n_runs = len(layout.labels)
-        runs = "1 run" if n_runs == 1 else f"{n_runs} runs"
         yield (
-            f"Measured: {runs}, {layout.n_rows} rows at {1 / layout.dt:.6g} Hz, "
+            f"Measured: {counted(n_runs, 'run')}, {layout.n_rows} rows at {1 / layout.dt:.6g} Hz, "
             f"{layout.n_rows * layout.dt:.0f} s in all"
         )
         inputs = [str(name) for name in model.inputs_]
@@ -150,10 +149,13 @@ class Story:
         yield f"  the free run explains a VAF of {found.vaf:.1f} %"
         if np.isfinite(found.noise_ceiling):
             low, high = found.noise_ceiling_interval
+            gap = max(found.explainable_gap, 0.0)
+            left = f"{gap:.1f} points are left" if gap else "nothing is left, within its error"
             yield (
                 f"  a model of these channels can reach {found.noise_ceiling:.1f} % ({low:.1f} to "
-                f"{high:.1f}), the rest is remnant: {found.explainable_gap:.1f} points are left"
+                f"{high:.1f}), judged by this model: {left}"
             )
+            yield f"  the ceiling is {found.ceiling_note}"
         else:
             why = found.ceiling_note.removeprefix("none: ")
             yield f"  how much of the rest is remnant is not known: {why}"
@@ -161,7 +163,9 @@ class Story:
             yield f"  note: {note}"
         for finding in found.findings[:SHOWN]:
             cost = f" ({finding.severity:.1f} points)" if np.isfinite(finding.severity) else ""
-            yield f"  - {finding.title}{cost}"
+            # That nothing is missing is for the search to say.
+            title = "No test exceeds chance" if finding.name == "none" else finding.title
+            yield f"  - {title}{cost}"
 
     def _searched(self) -> Iterator[str]:
         search, path = self.search_, self.search_.error_path_
@@ -170,11 +174,12 @@ class Story:
         for number, candidates in search.ranking_.groupby("step"):
             tried = candidates[candidates["status"] != "does not apply"]
             refused = len(candidates) - len(tried)
-            aside = f" ({refused} do not apply)" if refused else ""
+            verb = "does" if refused == 1 else "do"
+            aside = f" ({refused} {verb} not apply)" if refused else ""
             yield ""
             yield (
-                f"Search, step {number}: {len(tried)} effects tried{aside}, judged on rows held "
-                "out of the fit"
+                f"Search, step {number}: {counted(len(tried), 'effect')} tried{aside}, judged on "
+                "rows held out of the fit"
             )
             if number == 1:  # of a likelihood fit, above, it can be lower
                 yield f"  without any, the best free run has a VAF of {path['vaf'].iloc[0]:.1f} %"
@@ -203,15 +208,18 @@ class Story:
         if search.stand_ins_:
             yield f"  {stand_ins_in_words(search.stand_ins_)}"
         if search.best_effects_[-1:] == ["unknown"]:
-            yield "  what no effect of the catalogue explains:"
+            ends = unexplained_by(search.verdict_, search.ranking_, search.max_effects)
+            yield f"  what {ends}:"
             for _, row in search.unexplained_.iterrows():
                 yield f"  - {row['description']} ({row['where']}): {row['points']:.1f} points"
+        if search.verdict_ in HOW_TO_GO_ON:
+            yield f"  {HOW_TO_GO_ON[search.verdict_]}"
         last = search.error_path_.iloc[-1]
         if np.isfinite(last["ceiling"]):
             gap = max(last["explainable_gap"], 0.0)
             yield f"  left to explain: {gap:.1f} points of VAF; the rest is remnant"
         else:
-            yield "  how much is left to explain is not known: there is no noise ceiling"
+            yield "  how much is left to explain is not known for held-out rows"
         for sentence in search.experiments_:
             yield f"  note: {sentence}"
 

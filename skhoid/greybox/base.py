@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
+from ..arx.excitation import bad_output, still
 from ..effects.composition import Effects
 from ..effects.record import Record
-from ..exceptions import ShortRunError
+from ..exceptions import RankDeficiencyError, ShortRunError
 from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor
@@ -20,7 +21,7 @@ from .controlled_element import estimate_element
 from .cores import Core
 from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
-from .fitting import Criterion, Noise, covariance_of
+from .fitting import AR_ORDER, Criterion, Noise, covariance_of
 from .lanes import Lanes, build_record, roles_of
 from .model import Model
 from .simulator import Simulator
@@ -125,7 +126,8 @@ class GreyBox(RunRegressor):
         )
         core = self._core()
         record = core.on(record)
-        check_rows(record, len(core.parameters), grid)
+        check_rows(record, len(core.parameters), grid, self.settling)
+        check_moving(record, values[:, self._columns[0]], self.inputs_[0], self._output_name)
         if given is None:
             element = estimate_element(record)
             record = replace(record, controlled_element=element)
@@ -155,6 +157,7 @@ class GreyBox(RunRegressor):
         """Take over a fitted model."""
         model, noise = fitted
         record = model.simulator.record
+        self._settling = self.settling
         criterion = Criterion(record, noise)
         self._theta, self._chosen = model.theta, model.effects
         self._duration = record.duration
@@ -239,17 +242,38 @@ def _power(signal: np.ndarray) -> float:
     return float((signal**2).sum())
 
 
-def check_rows(record: Record, n_parameters: int, grid: ModelGrid) -> None:
-    """Refuse data that cannot hold the parameters."""
-    n = int(record.known.sum())
-    if n == 0 and record.y is not None and not record.y.any():
+def check_rows(record: Record, n_parameters: int, grid: ModelGrid, settling: float) -> None:
+    """Refuse data that cannot hold the parameters and the noise model."""
+    if not record.known.any() and record.y is not None and not record.y.any():
         raise ValueError("Input y contains NaN in all rows: nothing was measured.")
-    if n <= n_parameters:
-        raise ShortRunError(
-            f"{n} rows are left for {n_parameters} parameters (n_samples = {grid.layout.n_rows} "
-            "rows of X, of which settling, missing values and a run-in take the rest). Use more "
-            "data, or a smaller settling."
-        )
+    criterion = Criterion(record, Noise(np.zeros(AR_ORDER), np.ones(record.n_runs)))
+    if criterion.n > 0 and criterion.known.sum() > n_parameters:
+        return
+    counting = (max(AR_ORDER, n_parameters) + 1) * criterion.thin
+    # Settling takes a quarter of a run at most.
+    needed = min(counting + round(settling / grid.dt), -(-4 * counting // 3))
+    seconds = needed * grid.dt
+    raise ShortRunError(
+        f"{record.known.sum()} rows are left for {n_parameters} parameters and the model of the "
+        f"remnant (n_samples = {grid.layout.n_rows} rows of X, of which settling, missing values "
+        f"and a run-in take the rest). They need a run of {round(seconds / grid.layout.dt)} rows "
+        f"({seconds:.3g} s) without a gap. Use more data, or a smaller settling."
+    )
+
+
+def check_moving(record: Record, values: np.ndarray, name: str, output: str) -> None:
+    """Refuse an input or an output that stands still."""
+    assert record.y is not None
+    found = bad_output(output, record.y[record.known])
+    if found is None:
+        measured = values[~np.isnan(values)]
+        if not measured.size:
+            raise ValueError(f"Input {name!r} contains NaN in all rows: nothing was measured.")
+        found = still(f"Input {name!r}", measured)
+        if found is not None:
+            found += ": it excites nothing. Use data in which it moves; is it the right column?"
+    if found is not None:
+        raise RankDeficiencyError(f"The parameters cannot be estimated. {found}")
 
 
 def vaf_of_output(record: Record, output: np.ndarray) -> float:

@@ -57,7 +57,7 @@ def roles_of(names: Sequence[str], roles: Mapping[Any, str] | None) -> dict[str,
         if name in given and not known and role != OTHER:
             raise ValueError(
                 f"roles gives {name!r} the role {role!r}; a role is e, x, f_t, or begins with "
-                "motion or dist."
+                "motion or dist; '' is none."
             )
         found[name] = role if known else OTHER
     return found

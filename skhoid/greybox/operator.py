@@ -38,7 +38,7 @@ class OperatorRegressor(GreyBox):
         What the linear operator lacks; see :mod:`skhoid.effects`.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where names do not tell them: e, x, f_t, or a name
-        that begins with motion or dist. Effects may use all columns.
+        that begins with motion or dist; "" for none. Effects may use all columns.
     controlled_element : ControlledElement or None, default=None
         What the operator controls, for effects that use its inverse; None estimates it from
         output and x where needed.
@@ -83,6 +83,10 @@ class OperatorRegressor(GreyBox):
 
     Raises
     ------
+    RankDeficiencyError
+        If the error or the output stands still.
+    ShortRunError
+        If the runs are too short for the parameters and the noise model.
     ValueError
         If an effect does not apply to the data, with the reason.
 
@@ -101,7 +105,7 @@ class OperatorRegressor(GreyBox):
 
     References
     ----------
-    Van Grootheest, thesis, Eqs. 3-5 and its reference [12]: Zaal et al., Modeling human
+    Van Grootheest, thesis, Eqs. 3-5 and its reference [8]: Zaal et al., Modeling human
     multimodal perception and control using genetic maximum likelihood estimation (2009).
 
     Examples

@@ -22,7 +22,7 @@ def simulated_summary(model: GreyBox) -> Summary:
         "Runs": f"{model._n_runs}",
         **grid_facts(model),
         "Residuals": f"{model._n_residuals} in the likelihood",
-        "Settling": f"{model.settling:g} s left out",
+        "Settling": f"{model._settling:g} s left out",
         "VAF, fit": f"{model.vaf_:.1f} % (free run)",
         "RMSE, fit": quantity(model._rmse, model._units.get(output)) + " (free run)",
         "Log-likelihood": f"{model.loglik_:.1f}",

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
 import pandas as pd
 
 from ._table import require
+from .whole import written_whole
 
 __all__ = ["TABLE_FORMATS", "check_table_format", "write_tables"]
 
@@ -30,22 +31,17 @@ def write_tables(tables: Mapping[str, pd.DataFrame], folder: str | Path) -> list
     """Write tables, by file name, into a folder.
 
     Names end in ``.tsv``, ``.csv``, either with ``.gz``, or ``.parquet``. Named row indexes become
-    columns, and lists text. The files are written beside their places and moved when all are
-    complete.
+    columns, and lists text; the second of two columns of one name gets ``_2`` after it. The files
+    are written beside their places and moved when all are complete.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    mark = uuid4().hex
-    parts = {name: folder / f".{mark}-{name}" for name in tables}
-    try:
-        for name, table in tables.items():
-            _write(_plain(table), parts[name])
-        for name, part in parts.items():
-            part.replace(folder / name)
-    finally:
-        for part in parts.values():
-            part.unlink(missing_ok=True)
-    return [folder / name for name in tables]
+    paths = [folder / name for name in tables]
+    with ExitStack() as moves:
+        parts = [moves.enter_context(written_whole(path)) for path in paths]
+        for table, part in zip(tables.values(), parts, strict=True):
+            _write(_plain(table), part)
+    return paths
 
 
 def _write(table: pd.DataFrame, path: Path) -> None:
@@ -57,13 +53,18 @@ def _write(table: pd.DataFrame, path: Path) -> None:
 
 
 def _plain(frame: pd.DataFrame) -> pd.DataFrame:
-    """Columns of one type each, under names that are text."""
-    table = frame.reset_index(drop=all(name is None for name in frame.index.names))
+    """Columns of one type each, under names that are text and differ."""
+    unnamed = all(name is None for name in frame.index.names)
+    table = frame.reset_index(drop=unnamed, allow_duplicates=True)
     table.attrs = {}
-    table.columns = [
-        "_".join(str(part) for part in name if part != "") if isinstance(name, tuple) else str(name)
-        for name in table.columns
-    ]
+    names: list[str] = []
+    for name in table.columns:
+        parts = name if isinstance(name, tuple) else (name,)
+        text = "_".join(str(part) for part in parts if part != "")
+        while text in names:
+            text += "_2"
+        names.append(text)
+    table.columns = names
     for name in table.columns:
         if table[name].dtype != object:
             continue

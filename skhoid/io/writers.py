@@ -6,13 +6,13 @@ from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
 import pandas as pd
 
 from ..runs import check_alignment, read_layout
 from ._table import require
+from .whole import written_whole
 
 __all__ = ["write_runs"]
 
@@ -84,13 +84,8 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
     layout = read_layout(X)
     table = X.assign(**{str(y.name): y})
     table.attrs = {}
-    temporary = path.with_name(f".{path.stem}-{uuid4().hex}{path.suffix}")
-    try:
-        write(table, layout, temporary)
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    with written_whole(path) as aside:
+        write(table, layout, aside)
     return path
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..io.figures import save_figure
 from ..io.tables import check_table_format, write_tables
 from ..simulation.loop import CompensatoryTask
 from ..simulation.physics import response_of
@@ -139,13 +140,8 @@ class StudyResult:
         }
         files = write_tables(tables, folder)
         if figures:
-            import matplotlib.pyplot as plt
-
             for name, draw in self.figures.items():
-                files.append(folder / f"{name}.png")
-                figure = draw().figure_
-                figure.savefig(files[-1], dpi=120)
-                plt.close(figure)
+                files.append(save_figure(draw().figure_, folder / f"{name}.png"))
         return files
 
 

@@ -15,6 +15,7 @@ import pandas as pd
 
 from ..exceptions import StudyFolderError, StudyWarning
 from ..io._table import require
+from ..io.whole import is_left_over, written_whole
 from .identity import differences, digest
 
 MANIFEST = "study.json"
@@ -54,7 +55,7 @@ class Store:
                 )
         else:
             strangers = sorted(self.folder.iterdir()) if self.folder.exists() else []
-            strangers = [path for path in strangers if not _is_left_over(path)]
+            strangers = [path for path in strangers if not is_left_over(path)]
             if strangers:
                 raise StudyFolderError(
                     f"The folder {self.folder} is not a study's: it has no {MANIFEST}, and holds "
@@ -62,7 +63,8 @@ class Store:
                 )
             self.folder.mkdir(parents=True, exist_ok=True)
             text = json.dumps(self.description, indent=1)
-            _write_whole(manifest, lambda path: path.write_text(text, encoding="utf-8"))
+            with written_whole(manifest, sync=True) as path:
+                path.write_text(text, encoding="utf-8")
         (self.folder / BLOCKS).mkdir(exist_ok=True)
 
     def finished(self) -> dict[int, pd.DataFrame]:
@@ -71,7 +73,7 @@ class Store:
         for path in sorted((self.folder / BLOCKS).iterdir()):
             match = NAME.fullmatch(path.name)
             if match is None:
-                if _is_left_over(path):  # of a process that was killed while it wrote
+                if is_left_over(path):  # of a process that was killed while it wrote
                     path.unlink(missing_ok=True)
                 continue
             number = int(match[1])
@@ -104,10 +106,8 @@ class Store:
         """Write one block; it is there whole or not at all."""
         arrow = self.pyarrow.Table.from_pandas(table, preserve_index=False)
         arrow = arrow.replace_schema_metadata({KEY: self._stamp(number, table)})
-        _write_whole(
-            self.folder / BLOCKS / f"block-{number:06d}.parquet",
-            lambda path: self.parquet.write_table(arrow, path, write_page_checksum=True),
-        )
+        with written_whole(self.folder / BLOCKS / f"block-{number:06d}.parquet", sync=True) as path:
+            self.parquet.write_table(arrow, path, write_page_checksum=True)
 
 
 def read_manifest(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
@@ -169,19 +169,3 @@ def checksum(table: pd.DataFrame) -> str:
         text = column.dtype == object
         found.update(json.dumps(list(column)).encode() if text else column.to_numpy().tobytes())
     return found.hexdigest()[:16]
-
-
-def _write_whole(path: Path, write: Any) -> None:
-    """Write beside the place, make sure that it is on the disk, and move it there."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        write(aside)
-        with open(aside, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(aside, path)
-    finally:
-        aside.unlink(missing_ok=True)
-
-
-def _is_left_over(path: Path) -> bool:
-    return path.name.startswith(".") and path.name.endswith(".tmp")

@@ -173,7 +173,14 @@ class TrackingDisplay:
                 panel.plot(
                     self.time, self.response, color=BLUE, lw=0.9, label="without remnant", zorder=3
                 )
-                panel.legend(loc="upper right", frameon=False, fontsize="small")
+                # Above the panel, where no line runs.
+                panel.legend(
+                    loc="lower right",
+                    bbox_to_anchor=(1, 1),
+                    frameon=False,
+                    fontsize="small",
+                    borderaxespad=0.1,
+                )
             if self.transition is not None and self.time[0] < self.transition < self.time[-1]:
                 panel.axvline(self.transition, color=VERMILION, ls="--", lw=0.8)
             panel.set_ylabel(with_unit(NAMES.get(name, name), (self.units or {}).get(name)))

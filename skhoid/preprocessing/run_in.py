@@ -118,6 +118,9 @@ def run_in_rows(
     layout: RunLayout, *, run_in: float | None = None, measurement_time: float | None = None
 ) -> np.ndarray:
     """Rows of the run-in, in whole samples counted from an end of each run."""
+    for name, value in (("run_in", run_in), ("measurement_time", measurement_time)):
+        if value is not None and not 0 <= value < np.inf:
+            raise ValueError(f"{name} is a time in seconds, not negative; got {value!r}.")
     trimmed = np.zeros(layout.n_rows, dtype=bool)
     for run, (a, b) in enumerate(zip(layout.run_starts[:-1], layout.run_starts[1:], strict=True)):
         number = np.rint((layout.time[a:b] - layout.time[a]) / layout.dt)

@@ -12,13 +12,21 @@ import pandas as pd
 from ..diagnosis.channels import check_channels
 from ..diagnosis.comparison import Comparison
 from ..diagnosis.effect_search import EffectSearchCV
+from ..diagnosis.fingerprint import as_frame
 from ..diagnosis.report import figures
 from ..diagnosis.search_engine import LEAST_EVIDENCE, LEAST_GAIN
-from ..diagnosis.search_words import stand_ins_in_words
+from ..diagnosis.search_words import (
+    HOW_TO_GO_ON,
+    NOT_IN_CATALOGUE,
+    counted,
+    stand_ins_in_words,
+    unexplained_by,
+)
+from ..effects.catalogue import BY_NAME
 from ..greybox.lanes import roles_of
 from ..pipelines import raw_layout, taken_apart
 from ..regression import units_of
-from ..runs import run_name
+from ..runs import RunLayout, run_name
 from ..summaries import number
 from .pictures import Gallery, Picture
 from .provenance import provenance
@@ -61,10 +69,12 @@ def content_of(
 ) -> dict[str, Any]:
     """Everything the template shows."""
     rows = "the rows it was fitted to" if fitted_here else "the rows given"
-    frame = X if isinstance(X, pd.DataFrame) else pd.DataFrame(X).rename(columns="x{}".format)
+    frame = as_frame(X)
     output = pd.Series(np.asarray(y, dtype=float).ravel(), name=str(getattr(y, "name", 0) or "u"))
     units = {**units_of(X), **units_of(y)}
-    gallery = Gallery([*map(str, frame.columns), str(output.name), *units.values(), repr(baseline)])
+    layout = raw_layout(baseline, X)
+    names = [*frame.columns, output.name, *units.values(), repr(baseline), *layout.labels]
+    gallery = Gallery(map(str, names))
     compared = [
         {
             "title": title,
@@ -87,7 +97,7 @@ def content_of(
         "verdict": _verdict(search, comparison),
         "facts": list(_facts(search, comparison, rows)),
         "source": source,
-        "data": _data(X, y, frame, output, units, baseline, comparison, after, gallery),
+        "data": _data(X, y, frame, output, units, baseline, layout, comparison, after, gallery),
         "model": _model(baseline),
         "compared": compared,
         "no_comparison": no_comparison,
@@ -135,9 +145,12 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
         headline, kind = "Nothing is missing that these data could show.", "nothing"
     elif search.best_effects_[-1:] == [UNKNOWN]:
         kind = "unknown"
-        headline = "Something is missing that is not in the catalogue."
+        rest = "that is not in the catalogue"
+        if search.verdict_ != NOT_IN_CATALOGUE:
+            rest = f"that {_unexplained_by(search)}"
+        headline = f"Something is missing {rest}."
         if named:
-            headline = f"Missing: {', '.join(named)}, and something not in the catalogue."
+            headline = f"Missing: {', '.join(named)}, and something {rest}."
     else:
         headline, kind = f"Missing: {', '.join(named)}.", "found"
     first, last = path.iloc[0], path.iloc[-1]
@@ -146,7 +159,8 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
         unit = search.predictions_.attrs.get("units", {}).get("measured", "")
         sentence += (
             f" without new effects, {last['vaf']:.1f} % with {', '.join(path['effect'].iloc[1:])}; "
-            f"root mean square error {first['rmse']:#.3g} and {last['rmse']:#.3g} {unit}".rstrip()
+            f"root mean square error {number(first['rmse'])} and {number(last['rmse'])} "
+            f"{unit}".rstrip()
         )
     sentence += "."
     if search.stand_ins_:
@@ -154,6 +168,10 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
     if kind == "unknown" and len(search.unexplained_):
         sentence += f" Left: {_unexplained(search)}."
     return {"kind": kind, "headline": headline, "sentence": sentence}
+
+
+def _unexplained_by(search: EffectSearchCV) -> str:
+    return unexplained_by(search.verdict_, search.ranking_, search.max_effects)
 
 
 def _unexplained(search: EffectSearchCV) -> str:
@@ -174,15 +192,26 @@ def _facts(
         if len(path) > 1:
             yield f"{last['vaf']:.1f} %", "VAF with the effects", "held-out rows"
         if np.isfinite(last["ceiling"]):
-            yield f"{last['ceiling']:.1f} %", "noise ceiling", "what any model could reach"
+            top = "what any model could reach on held-out rows, judged after the last step"
+            yield f"{last['ceiling']:.1f} %", "noise ceiling", top
             left = max(float(last["explainable_gap"]), 0.0)
             yield f"{left:.1f}", "points left to explain", "the rest is remnant"
         else:
-            yield "not known", "noise ceiling", "no run repeats its target"
+            yield "not known", "noise ceiling", _no_ceiling(comparison)
     elif comparison is not None:
         yield f"{comparison.vaf:.1f} %", "VAF", f"free run, on {rows}"
         if np.isfinite(comparison.noise_ceiling):
-            yield f"{comparison.noise_ceiling:.1f} %", "noise ceiling", "what any model could reach"
+            top = "what any model could reach, judged by what this one leaves"
+            yield f"{comparison.noise_ceiling:.1f} %", "noise ceiling", top
+
+
+def _no_ceiling(comparison: Comparison | None) -> str:
+    """Why held-out rows have none."""
+    if comparison is None:
+        return "the runs are too short"
+    if np.isfinite(comparison.noise_ceiling):
+        return "of held-out rows"
+    return comparison.ceiling_note.removeprefix("none: ")
 
 
 def _data(
@@ -192,11 +221,11 @@ def _data(
     output: pd.Series,
     units: dict[str, str],
     baseline: Any,
+    layout: RunLayout,
     comparison: Comparison | None,
     after: Comparison | None,
     gallery: Gallery,
 ) -> dict[str, Any]:
-    layout = raw_layout(baseline, X)
     names = [str(name) for name in frame.columns]
     model = taken_apart(baseline)[1]
     roles = roles_of(names, {str(k): v for k, v in (getattr(model, "roles", None) or {}).items()})
@@ -231,11 +260,11 @@ def _data(
     ]
     n_runs = len(layout.labels)
     return {
-        "sentence": f"{n_runs} {'run' if n_runs == 1 else 'runs'}, {layout.n_rows} rows at "
+        "sentence": f"{counted(n_runs, 'run')}, {layout.n_rows} rows at "
         f"{1 / layout.dt:.6g} Hz, {layout.n_rows * layout.dt:.4g} s in all",
         "channels": channels,
         "runs": runs,
-        "more_runs": max(n_runs - MANY, 0),
+        "more_runs": counted(n_runs - MANY, "more run") if n_runs > MANY else "",
         "with_after": after is not None,
         "findings": check_channels(
             X, y, dt=getattr(model, "dt", None), run=getattr(model, "run", None)
@@ -250,11 +279,11 @@ def _mean(values: np.ndarray) -> float:
     return mean if abs(mean) > 1e-12 * np.abs(values).max() else 0.0
 
 
-def _vaf_of_run(found: Comparison | None, number: int) -> str:
+def _vaf_of_run(found: Comparison | None, position: int) -> str:
     if found is None:
         return DASH
     table = found.by_run[found.by_run["data"] == "validation"]
-    return _fixed(table["vaf"].iloc[number], ".1f") if number < len(table) else DASH
+    return _fixed(table["vaf"].iloc[position], ".1f") if position < len(table) else DASH
 
 
 def _traces(X: Any, y: Any, gallery: Gallery, n_first: int) -> list[Picture]:
@@ -299,11 +328,11 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
             {
                 "name": name if step == 0 else f"+ {name}",
                 "vaf": f"{row['vaf']:.1f}",
-                "rmse": f"{row['rmse']:#.3g}",
+                "rmse": number(row["rmse"]),
                 "height": f"{100 * row['rmse'] / worst:.1f}" if worst > 0 else "0",
                 "floor": f"{100 * floor / worst:.1f}" if np.isfinite(floor) and worst > 0 else "",
                 "from_vaf": f"{before['vaf']:.1f}",
-                "from_rmse": f"{before['rmse']:#.3g}",
+                "from_rmse": number(before["rmse"]),
                 "words": "" if entry is None else _sentence(entry["words"]),
                 "parameters": "" if entry is None else entry["parameters"],
                 "confused": "" if entry is None else ", ".join(entry["confused_with"]),
@@ -356,11 +385,13 @@ def _why(row: pd.Series, winner: str) -> str:
     likely, gains = row["delta_bic"] > LEAST_EVIDENCE, row["vaf_gain"] >= LEAST_GAIN
     if likely and gains:
         return f"It pays too, but {winner} has more evidence." if winner else "It pays."
+    evidence = f"evidence {_fixed(row['delta_bic'], '+.0f')} (more than {LEAST_EVIDENCE:g} asked)"
+    gain = f"{_fixed(row['vaf_gain'], '+.2f')} points on held-out rows ({LEAST_GAIN:g} asked)"
     if gains:
-        return "More VAF, but not more than chance gives: the likelihood does not say so."
+        return f"One key does not turn: {evidence}."
     if likely:
-        return f"Likely, but it gains less than {LEAST_GAIN:g} points on held-out rows."
-    return "It explains nothing more on held-out rows."
+        return f"One key does not turn: {gain}."
+    return f"Neither key turns: {evidence}, {gain}."
 
 
 def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
@@ -419,25 +450,32 @@ def _next_steps(
     else:
         added = [str(name) for name in search.error_path_["effect"].iloc[1:]]
         if added and not search.stand_ins_:
-            calls = "".join(f'\n    .with_effect("{name.split("-")[0]}")' for name in added)
+            ids = [name.split("-")[0] for name in added]
+            known = BY_NAME.keys() >= set(ids)  # no effects of the user's own
+            calls = "".join(f'\n    .with_effect("{name}")' for name in ids)
+            code = f"model = (\n    {type(baseline).__name__}(...){calls}\n    .fit(X, y)\n)"
             yield {
                 "what": f"Go on with the model that has {', '.join(added)}",
-                "why": "It is search.best_estimator_, or by hand:",
-                "code": f"model = (\n    {type(baseline).__name__}(...){calls}\n    .fit(X, y)\n)",
+                "why": f"It is search.best_estimator_{', or by hand:' if known else '.'}",
+                "code": code if known else "",
             }
         for sentence in search.experiments_:
             yield {"what": "Record what tells effects apart", "why": sentence, "code": ""}
         if search.best_effects_[-1:] == [UNKNOWN]:
+            own = (
+                "Record the channel that carries it, or write an effect of your own and add it to "
+                "effects=[...]."
+            )
             yield {
-                "what": "Look at what no effect of the catalogue explains",
-                "why": f"{_sentence(_unexplained(search))} Record the channel that carries it, or "
-                "write an effect of your own and add it to effects=[...].",
+                "what": f"Look at what {_unexplained_by(search)}",
+                "why": f"{_sentence(_unexplained(search))} "
+                f"{HOW_TO_GO_ON.get(search.verdict_, own)}",
                 "code": "",
             }
         for sentence in search.notes_:
             yield {"what": "Note", "why": sentence, "code": ""}
     found = after if after is not None else comparison
-    everything = search is not None and isinstance(search.effects, str)  # "all"
+    everything = search is not None and search._tries_all()
     for finding in found.findings if found is not None else []:
         if everything and finding.name in ANSWERED:
             continue

@@ -8,20 +8,22 @@ import webbrowser
 from functools import cached_property
 from html import escape
 from importlib.resources import files
-from os import PathLike, replace
+from os import PathLike
 from pathlib import Path
-from tempfile import NamedTemporaryFile, mkdtemp
+from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
 
 from ..diagnosis.comparison import Comparison, compare
 from ..diagnosis.effect_search import EffectSearchCV
-from ..pipelines import taken_apart
+from ..diagnosis.fingerprint import fingerprint
+from ..diagnosis.signals import _repeat_labels
+from ..io.whole import written_whole
+from ..pipelines import raw_layout, taken_apart
 from .content import content_of
 
 HEIGHT = 900  # px, in a notebook
@@ -80,6 +82,8 @@ class Report:
 
     @cached_property
     def html(self) -> str:
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+
         loader = PackageLoader(__name__.rpartition(".")[0], ".")
         environment = Environment(
             loader=loader,
@@ -117,17 +121,8 @@ class Report:
             raise IsADirectoryError(f"{path} is a folder; name a file in it: {path}/report.html.")
         html = self.html
         path.parent.mkdir(parents=True, exist_ok=True)
-        with NamedTemporaryFile(
-            "w", encoding="utf-8", dir=path.parent, suffix=".part", delete=False
-        ) as file:
-            try:
-                file.write(html)
-                file.close()
-                Path(file.name).chmod(0o644)
-                replace(file.name, path)
-            except BaseException:
-                Path(file.name).unlink(missing_ok=True)
-                raise
+        with written_whole(path) as aside:
+            aside.write_text(html, encoding="utf-8")
         return path
 
     def open_in_browser(self) -> Path:
@@ -202,7 +197,8 @@ def report(
     Raises
     ------
     ValueError
-        If a fitted search was fitted to other data than ``X`` and ``y``.
+        If a fitted search was fitted to other data than ``X`` and ``y``, or ``effects`` or
+        ``repeats`` name what does not exist.
 
     See Also
     --------
@@ -229,6 +225,9 @@ def report(
     ['bias']
     >>> page.save("report.html")  # doctest: +SKIP
     """
+    if repeats is not None:
+        inner = model.estimator if isinstance(model, EffectSearchCV) else model
+        _repeat_labels(raw_layout(inner, X), repeats)  # for its checks, before the work begins
     search, no_search = _search(model, X, y, effects, n_jobs)
     if search is not None:
         baseline = search.baseline_
@@ -273,6 +272,11 @@ def _search(
                 f"({len(given)} rows) is not that output. Pass the X and y that it was fitted to, "
                 "or fit it to these."
             )
+        if fingerprint(X) != model._fingerprint:
+            raise ValueError(
+                "This search was fitted to another X: values, names, runs or times differ. Pass "
+                "the X and y that it was fitted to, or fit it to these."
+            )
         return model, ""
     if not hasattr(model, "with_effect"):
         kind = type(model).__name__
@@ -283,6 +287,7 @@ def _search(
     if effects is None:
         return None, 'Not asked for (effects=None). effects="all" tries the whole catalogue.'
     search = EffectSearchCV(clone(model), effects=effects, n_jobs=n_jobs)
+    search._candidates()  # a name that is none is no matter of this model
     try:
         return search.fit(X, y), ""
     except ValueError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,6 +25,8 @@ BAR = (4.2, 1.9)
 WIDE = (10.5, 4.2)
 TALL = (4.2, 5.0)
 LINE = 52  # letters across a tile
+NAMED = re.compile(r'\bid="|url\(#|xlink:href="#')
+SYMBOL = re.compile(r"\$(\w)_\{?(\w+)\}?\$")
 STYLE: dict[str, Any] = {
     "font.size": 9.5,
     "svg.fonttype": "none",  # text stays text: it can be searched, and read aloud
@@ -69,7 +72,7 @@ class Gallery:
         # Its style is for *, which inside HTML would be the whole page.
         svg = re.sub(r"<style.*?</style>", "", svg, flags=re.S)
         prefix = f"p{next(self._numbers)}-"
-        svg = re.sub(r'(\bid="|url\(#|xlink:href="#)', rf"\g<1>{prefix}", svg)
+        svg = re.sub(r"<[^<>]+>", lambda tag: NAMED.sub(rf"\g<0>{prefix}", tag[0]), svg)
         head, rest = svg.split(">", 1)
         head = re.sub(r'\s(width|height|version|xmlns(:xlink)?)="[^"]*"', "", head)
         return f'{head} role="img" aria-label="{escape(label)}">{rest}'
@@ -91,7 +94,7 @@ class Gallery:
             small.axes[0].set_title("")
             _legend_below(small)
             traces, time, frequency, amplitude, bar = panels
-            channel = amplitude.axes[0].get_xlabel() or "the signals"
+            channel = _plain(amplitude.axes[0].get_xlabel()) or "the signals"
             runs = new(TILE)
             RunComparisonDisplay.from_comparison(found, ax=runs.axes[0])
             runs.axes[0].set_title("")
@@ -193,13 +196,23 @@ class Gallery:
         with self._drawing() as new:
             drawn = []
             for width in (WIDE[0], TILE[0]):
-                figure = new((width, 0.8 + 1.1 * n), n, sharex=True)
+                figure = new((width, 0.8 + 1.3 * n), n, sharex=True)
                 draw(figure.axes)
                 for panel in figure.axes[:-1]:
                     panel.set_xlabel("")
+                for panel in figure.axes:
+                    self._name_above(panel, int(LINE * width / TILE[0]))
                 _legend_below(figure)
                 drawn.append(figure)
             return [self._picture(drawn[0], caption, drawn[1])]
+
+    def _name_above(self, panel: Axes, letters: int) -> None:
+        """What it shows as a title: beside a low panel there is no room for long names."""
+        name = panel.get_ylabel()
+        if not self._style["text.parse_math"]:
+            name = _plain(name)
+        panel.set_ylabel("")
+        panel.set_title(textwrap.fill(name, letters), loc="left", fontsize="medium", pad=3)
 
     @contextmanager
     def _drawing(self) -> Iterator[Any]:
@@ -220,6 +233,11 @@ class Gallery:
     def _picture(self, figure: Figure, caption: str, narrow: Figure | None = None) -> Picture:
         small = "" if narrow is None else self.svg(narrow, caption)
         return Picture(self.svg(figure, caption), caption, small)
+
+
+def _plain(label: str) -> str:
+    """The same without mathematics."""
+    return SYMBOL.sub(r"\1_\2", label)
 
 
 def _legend_below(figure: Figure) -> None:

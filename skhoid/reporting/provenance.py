@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
 from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
-import numpy as np
-import pandas as pd
 from sklearn.base import BaseEstimator
 
-LIBRARIES = ("skhoid", "numpy", "scipy", "scikit-learn", "pandas", "numba", "matplotlib")
+from .. import __version__
+from ..diagnosis.fingerprint import fingerprint
+
+LIBRARIES = ("numpy", "scipy", "scikit-learn", "pandas", "numba", "matplotlib")
 
 
 def provenance(model: Any, X: Any, y: Any, made_with: dict[str, str] | None) -> dict[str, str]:
     """What, by which name, to make the same report again."""
     told = {name[:1].upper() + name[1:]: str(text) for name, text in (made_with or {}).items()}
-    told["Date"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    told["Python"] = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    told["Libraries"] = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
-    told["Data (SHA-256 of X, y)"] = fingerprint(X, y)
-    return told | {f"Settings of {name}": text for name, text in settings(model).items()}
+    others = [f"{name} {version(name)}" for name in LIBRARIES]
+    made = {
+        "Date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "Python": f"{platform.python_version()} on {platform.system()} {platform.machine()}",
+        "Libraries": ", ".join([f"skhoid {__version__}", *others]),
+        "Data (SHA-256 of X, y)": fingerprint(X, y),
+        **{f"Settings of {name}": text for name, text in settings(model).items()},
+    }
+    return told | {name: text for name, text in made.items() if name not in told}
 
 
 def settings(model: Any, name: str = "") -> dict[str, str]:
@@ -38,18 +42,3 @@ def settings(model: Any, name: str = "") -> dict[str, str]:
     for key, value in inside.items():
         told |= settings(value, key)
     return told
-
-
-def fingerprint(X: Any, y: Any) -> str:
-    """Hash of index, names and values, in the order of rows; numbers as 64-bit floats."""
-    digest = hashlib.sha256()
-    for data in (X, y):
-        table = pd.DataFrame(data)
-        for name, column in table.reset_index().items():
-            values = column.to_numpy()
-            if np.issubdtype(values.dtype, np.number):
-                content = np.ascontiguousarray(values, dtype=float).tobytes()
-            else:  # run labels that are words
-                content = repr(values.tolist()).encode()
-            digest.update(repr(name).encode() + content)
-    return digest.hexdigest()

@@ -40,7 +40,12 @@
       event.preventDefault();
       select(Math.min(Math.max(to[event.key], 0), tabs.length - 1), list.contains(at));
     });
-    select(0, false);
+    const asked = () => panels.findIndex((panel) => `#${panel.id}` === location.hash);
+    select(Math.max(asked(), 0), false);
+    window.addEventListener("hashchange", () => {
+      if (asked() >= 0) select(asked(), false);
+      if (asked() >= 0) panels[asked()].scrollIntoView();
+    });
   }
   // Paper has nothing to click: all steps and details are printed.
   let opened = [];

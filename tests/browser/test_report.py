@@ -151,6 +151,15 @@ def test_steps_by_keyboard(browser, path):
     assert browser.js("return document.activeElement.id") == "step-2"
 
 
+def test_a_link_to_a_step_shows_that_step(browser, path):
+    for address, shown in (("#step-2", 2), ("#data", 0), ("#nothing", 0)):
+        browser.driver.get("about:blank")
+        browser.driver.get(path.as_uri() + address)
+        assert browser.js(SHOWN) == [i == shown for i in range(3)]
+    browser.js("location.hash = '#step-1'")
+    assert browser.js(SHOWN) == [False, True, False]
+
+
 def test_arrows_walk_the_steps_from_anywhere_on_the_page(browser, path):
     from selenium.webdriver import Keys
 
@@ -177,6 +186,17 @@ def test_it_fits_the_window_and_can_be_read(browser, path, width):
         if width >= 400:
             assert [(size, text) for size, text in letters if size < 9] == []
     assert browser.js("return parseFloat(getComputedStyle(document.body).fontSize)") >= 14
+
+
+@pytest.mark.parametrize("width", [400, 1400])
+def test_long_names_leave_room_in_a_table(browser, path, width):
+    browser.open(path, width=width)
+    of_column = browser.js(
+        "const cell = document.querySelector('#data tbody th');"
+        "cell.textContent = 'long_name_'.repeat(10);"
+        "return cell.getBoundingClientRect().width"
+    )
+    assert 100 < of_column < 300
 
 
 @pytest.mark.parametrize("colours", ["light", "dark"])

@@ -1,8 +1,13 @@
 """The commands ``skhoid demo`` and ``skhoid diagnose``."""
 
+from argparse import Namespace
+
 import pytest
+from matplotlib.figure import Figure
 
 from skhoid.cli import main
+from skhoid.cli.files import save_figures
+from skhoid.cli.telling import wanted_effects
 
 FEW = ["--effects", "bias", "drift", "saturation"]
 
@@ -26,6 +31,7 @@ def test_demo_finds_what_it_hides(run_json):
 
 
 def test_demo_prints_the_story_and_the_truth_and_draws(capsys, tmp_path):
+    save_figures({"drift.png": Figure(), "ranking-5.png": Figure()}, tmp_path, "demo")
     words = ["--runs", "2", "--effect", "bias", "--effects", "bias", "--out", str(tmp_path)]
     words.append("--no-report")
     assert main(["demo", *words]) == 0
@@ -35,12 +41,18 @@ def test_demo_prints_the_story_and_the_truth_and_draws(capsys, tmp_path):
     assert max(map(len, printed.splitlines())) <= 100 + len(str(tmp_path))
     names = {path.name for path in tmp_path.iterdir()}
     assert {"comparison.png", "ranking-1.png", "error-path.png", "bias.png"} <= names
+    assert not {"drift.png", "ranking-5.png"} & names  # of an earlier demo
 
 
 def test_demo_with_nothing_hidden_says_so(run_json):
     words = ["--runs", "2", "--effect", "none", "--effects", "bias", "saturation"]
     found = demo(run_json, *words)
     assert (found["verdict"], found["best_effects"]) == ("nothing is missing", [])
+
+
+def test_effects_all_are_the_default():
+    assert wanted_effects(Namespace(effects=["all"])) == "all"
+    assert wanted_effects(Namespace(effects=None)) == "all"
 
 
 def test_diagnose_own_files(run_json, biased_file):
@@ -80,6 +92,12 @@ def test_diagnose_the_bundled_recordings(run_json):
     ("words", "message"),
     [
         (["demo", "--effect", "dedd_zone"], "demo hides none, dead_zone"),
+        (["demo", "--effect", "dedd_zone"], "Did you mean 'dead_zone'?"),
+        (["demo", "--effect", "none", "bias"], "--effect none hides nothing"),
+        (["demo", "--effects", "none"], "leave --effects out to search for all"),
+        (["diagnose", "--effects", "none"], "leave --effects out to search for all"),
+        (["report", "--effects", "none", "bias"], "--effects none stands alone"),
+        (["report", "--effects", "all", "bias"], "--effects all takes no other names"),
         (["diagnose", "nothing-here.csv", "--time", "t"], "nothing-here.csv"),
         (["diagnose", "run.csv"], "--time NAME, or --dt SECONDS"),
         (["diagnose", "run.csv", "--time", "t", "--role", "roll"], "--role takes NAME=ROLE"),

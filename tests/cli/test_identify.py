@@ -151,6 +151,15 @@ def test_instrumental_variables_need_and_use_the_target(capsys, run_json, tmp_pa
     assert "'f_t' is an input and cannot be its own instrument" in capsys.readouterr().err
 
 
+def test_instruments_that_nobody_named(capsys, run_files):
+    words = [*run_files, "--input", "target", "--output", "cursor", "--time", "t"]
+    assert main(["identify", *words, "--method", "iv"]) == 2
+    assert "has no column 'f_t'" in (said := capsys.readouterr().err)
+    assert "unless --instruments names others" in said
+    assert main(["identify", *words, "--method", "iv", "--instruments", "f"]) == 2
+    assert "--instruments" not in capsys.readouterr().err
+
+
 def test_a_model_can_follow_changes(capsys, run_json):
     words = ["identify", "--na", "2", "--nk", "7", "--out", "out", "--tables", "tables"]
     assert main([*words, "--memory-time", "10"]) == 0
@@ -162,6 +171,9 @@ def test_a_model_can_follow_changes(capsys, run_json):
     X, y = load_human_tracking("difficulty 80")
     half = (len(X) + 1) // 2
     expected = RecursiveARX(nk=7, fit_intercept=True, memory_time=10).fit(X[:half], y[:half])
+    assert main(words[:-2]) == 0
+    assert "following changes" not in capsys.readouterr().out
+    assert {path.name for path in Path("out").iterdir()} == {"simulation.png"}
     path = pd.read_csv("tables/parameter_path.tsv", sep="\t")
     np.testing.assert_allclose(path.drop(columns="time"), expected.coef_path_)
     np.testing.assert_allclose(path["time"], expected.time_path_)

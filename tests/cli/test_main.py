@@ -12,7 +12,7 @@ import pytest
 
 from skhoid import exceptions, make_tracking_runs, write_runs
 from skhoid.cli import main
-from skhoid.cli.parser import make_parser
+from skhoid.cli.parser import make_parser, make_parsers
 from skhoid.diagnosis.story import HIDDEN
 
 COMMANDS = ["demo", "identify", "diagnose", "simulate", "study", "report", "completion"]
@@ -52,8 +52,8 @@ def test_help_has_examples(capsys, command):
 
 def test_examples_are_right():
     """Every example of every help can be parsed."""
-    parser = make_parser()
-    pages = [parser, *parser._subparsers._group_actions[0].choices.values()]
+    parser, commands = make_parsers()
+    pages = [parser, *commands.values()]
     examples = [
         line.split("   ")[0].split(">")[0].split()[1:]
         for page in pages
@@ -175,6 +175,17 @@ def test_a_file_is_no_folder(capsys, words):
     Path("notes.txt").write_text("precious")
     assert main([*words, "notes.txt"]) == 2
     assert capsys.readouterr().err == "skhoid: error: notes.txt is a file; name a folder.\n"
+    assert main([*words, "notes.txt/new/one"]) == 2
+    assert "error: notes.txt is a file and no folder; " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words", [["simulate", "--out"], ["report", "--out"], ["diagnose", "--report"]]
+)
+def test_no_file_is_put_into_a_file(capsys, words):
+    Path("notes.txt").write_text("precious")
+    assert main([*words, "notes.txt/runs.csv"]) == 2
+    assert "error: notes.txt is a file and no folder; " in capsys.readouterr().err
 
 
 def test_an_unknown_effect_names_those_near(capsys):
@@ -220,11 +231,6 @@ def test_errors_of_the_package_are_bad_input(capsys, simulate_raises, error):
             "please report it)\n",
         ),
         (PermissionError(13, "Permission denied", "/out"), 2, "error: /out: Permission denied\n"),
-        (
-            exceptions.IrregularSamplingError("Irregular; resample_runs brings it onto a grid."),
-            2,
-            "onto a grid. On the command line: --resample.\n",
-        ),
         (KeyboardInterrupt(), 130, ""),
     ],
 )
@@ -249,11 +255,13 @@ def test_warnings_are_notes_on_one_line(capsys, monkeypatch):
     assert (printed.out, printed.err) == ("", "skhoid: note: two lines\n")
 
 
-def test_a_reader_that_leaves_is_no_error():
+# What rich prints, too.
+@pytest.mark.parametrize("words", [["study", "list"], ["identify", "--nk", "7", "--no-pictures"]])
+def test_a_reader_that_leaves_is_no_error(words):
     """As ``skhoid study list | head -1``, with ``python -m skhoid``."""
     reading, writing = os.pipe()
     os.close(reading)
-    words = [sys.executable, "-m", "skhoid", "study", "list"]
+    words = [sys.executable, "-m", "skhoid", *words]
     done = subprocess.run(words, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writing)
     assert (done.returncode, done.stderr) == (141, "")

@@ -102,7 +102,8 @@ def test_demo_leaves_a_report_with_its_seed(capsys, calls):
     assert "Next: skhoid diagnose" in printed
     assert calls[0]["made_with"]["seed"] == "0"
     assert main([*words, "--out", "here"]) == 0  # its own folder: replaced
-    assert main([*words, "--out", "there", "--no-report"]) == 0
+    assert main([*words, "--out", "there", "--no-report"]) == 2
+    assert "--no-pictures and --no-report leave nothing there" in capsys.readouterr().err
     assert not Path("there").exists()
 
 

@@ -1,6 +1,7 @@
 """The command ``skhoid simulate``."""
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,13 @@ from skhoid.cli import main
 
 @pytest.mark.parametrize("extension", ["csv", "tsv", "parquet", "mat"])
 def test_simulated_runs_can_be_identified(capsys, tmp_path, extension):
-    path = str(tmp_path / f"runs.{extension}")
+    path = str(tmp_path / f"some runs.{extension}")
     words = ["--condition", "c1", "--runs", "2", "--remnant", "0.05", "--remnant-order", "nm"]
     assert main(["simulate", *words, "--seed", "3", "--out", path]) == 0
     printed = capsys.readouterr().out
     assert "2 runs of C1, 16384 rows at 100 Hz" in printed
     assert "wanted 0.05" in printed
-    next_words = printed.split("next: skhoid ")[1].split()
+    next_words = shlex.split(printed.split("next: skhoid ")[1])
     assert main([*next_words, "--json", "--no-pictures"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["n_rows"] == 16384
@@ -70,6 +71,8 @@ def test_a_picture_is_checked_before_anything_is_written(capsys, picture, messag
         (["--rate", "10"], "too slow for the neuromuscular mode"),
         (["--remnant", "0.1", "--remnant-order", "5"], "order is 1, 2, 3, 4 or 'nm'"),
         (["--channels", "q"], "channels is a list of some of"),
+        (["--remnant-order", "9"], "--remnant-order needs --remnant P"),
+        (["--remnant", "0", "--open-loop"], "--open-loop needs --remnant P"),
     ],
 )
 def test_simulate_says_what_is_wrong(capsys, tmp_path, words, message):
@@ -77,6 +80,12 @@ def test_simulate_says_what_is_wrong(capsys, tmp_path, words, message):
     assert main(["simulate", *words, "--out", str(out)]) == 2
     assert message in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_missing_folder_is_found_before_the_work(capsys, monkeypatch):
+    monkeypatch.setattr("skhoid.make_tracking_runs", None)
+    assert main(["simulate", "--out", "nowhere/runs.csv"]) == 2
+    assert "The folder nowhere of nowhere/runs.csv does not exist" in capsys.readouterr().err
 
 
 def test_simulate_keeps_files(capsys, tmp_path):
@@ -88,11 +97,11 @@ def test_simulate_keeps_files(capsys, tmp_path):
 
 
 def test_json_says_what_is_in_the_file(run_json):
-    words = ["--runs", "2", "--remnant", "0.1", "--rate", "50", "--seed", "4", "--out", "runs.tsv"]
+    words = ["--runs", "2", "--remnant", "0.1", "--rate", "50", "--seed", "4", "--out", "a b.tsv"]
     found = run_json("simulate", *words)
-    assert (found["file"], found["n_runs"], found["seed"]) == ("runs.tsv", 2, 4)
+    assert (found["file"], found["n_runs"], found["seed"]) == ("a b.tsv", 2, 4)
     assert found["channels"] == ["e", "u"]
     assert all(0.05 < share < 0.2 for share in found["remnant"].values())
-    X, _ = read_runs("runs.tsv", inputs="e", output="u", time="time", run="run")
+    X, _ = read_runs("a b.tsv", inputs="e", output="u", time="time", run="run")
     assert found["n_rows"] == len(X)
-    run_json(*found["next"].split()[1:], "--no-pictures")
+    run_json(*shlex.split(found["next"])[1:], "--no-pictures")

@@ -81,6 +81,10 @@ def test_experiment_of_ones_own_files(capsys, tmp_path):
     ("words", "message"),
     [
         (["fig99"], "No study 'fig99'"),
+        (["nonsense"], "there are list, experiment, recommend, all, fig9"),
+        (["list", "run.csv"], "Only 'experiment' takes files; 'list' does not."),
+        (["fig12", "--no-pictures"], "--no-pictures needs --out FOLDER"),
+        (["recommend", "--table-format", "tsv"], "--table-format needs --out FOLDER"),
         (["appI", "--orders", "2"], "--orders does not apply to the study 'appI'"),
         (["fig13", "run.csv"], "Only 'experiment' takes files"),
         (["recommend", "--conditions", "C1", "C2"], "takes one condition"),

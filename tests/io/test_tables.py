@@ -39,6 +39,22 @@ def test_columns_of_numbers_and_pairs_get_names(tmp_path):
     assert list(pd.read_csv(path)) == ["vaf_mean", "n"]
 
 
+@pytest.mark.parametrize("name", ["time.csv", "time.parquet"])
+def test_columns_called_like_an_index_level_are_kept(tmp_path, table, name):
+    twice = table[["gain"]].assign(time=[7.0, 8.0])
+    (path,) = write_tables({name: twice}, tmp_path)
+    found = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    assert list(found) == ["run", "time", "gain", "time_2"]
+    assert found["time"].tolist() == [0.1, 0.2]
+    assert found["time_2"].tolist() == [7.0, 8.0]
+
+
+def test_names_that_are_one_as_text_stay_apart(tmp_path):
+    frame = pd.DataFrame([[1, 2]], columns=[0.5, "0.5"])
+    (path,) = write_tables({"wide.csv": frame}, tmp_path)
+    assert list(pd.read_csv(path)) == ["0.5", "0.5_2"]
+
+
 def test_nothing_is_half_written(tmp_path, table):
     (tmp_path / "first.tsv").write_text("precious")
     with pytest.raises(KeyError):

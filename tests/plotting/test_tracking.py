@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from picture_checks import covers_nothing
 
 from skhoid import make_tracking_runs
 from skhoid.plotting import TrackingDisplay
@@ -38,6 +39,11 @@ def test_panels_hold_the_first_run(runs):
     np.testing.assert_array_equal(drawn[0].get_ydata(), truth.u_without_remnant.loc[0])
     marks = [line.get_xdata()[0] for line in panel.lines if line.get_linestyle() == "--"]
     np.testing.assert_allclose(marks, [40.96], atol=0.02)
+
+
+def test_the_legend_covers_no_line(runs):
+    X, y, truth = runs
+    covers_nothing(TrackingDisplay.from_runs(X, y, truth=truth))
 
 
 def test_other_runs_are_drawn_behind(runs):

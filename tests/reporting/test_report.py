@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 import re
 from collections import Counter
-from html import unescape
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from reporting.page import Node, parse
+from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
 from skhoid import (
@@ -20,12 +23,14 @@ from skhoid import (
     OperatorRegressor,
     RecursiveARX,
     Report,
+    __version__,
     make_tracking_runs,
     report,
     select_runs,
 )
 from skhoid.effects import Bias, DeadZone
-from skhoid.reporting.provenance import fingerprint, settings
+from skhoid.reporting.document import _search
+from skhoid.reporting.provenance import fingerprint, provenance, settings
 
 EVIL = "<script>window.hacked=1</script>"
 CANDIDATES = ["bias", "dead_zone", "saturation", "motion_feedback"]
@@ -46,7 +51,7 @@ def runs() -> tuple[pd.DataFrame, pd.Series]:
 @pytest.fixture(scope="module")
 def made(runs: tuple[pd.DataFrame, pd.Series]) -> Report:
     search = EffectSearchCV(OperatorRegressor(), effects=CANDIDATES).fit(*runs)
-    return report(search, *runs, source="Simulated.", made_with={"seed": "11"})
+    return report(search, *runs, source="lambda < 1 & more", made_with={"seed": "11"})
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +72,7 @@ def test_steps_show_the_error_path(made: Report, page: Node) -> None:
     for tab, panel, (number, row) in zip(tabs, panels, path.iterrows(), strict=True):
         assert tab.attributes["href"] == f"#{panel.attributes['id']}"
         name = row["effect"] if number == 0 else f"+ {row['effect']}"
-        assert tab.text == f"{name} VAF {row['vaf']:.1f} % RMSE {row['rmse']:#.3g} deg"
+        assert tab.text == f"{name} VAF {row['vaf']:.1f} % RMSE {row['rmse']:.4g} deg"
         assert panel.one("h3").text == name
         bar = tab.one("span", class_="bar").attributes["style"]
         assert bar == f"--size: {100 * row['rmse'] / path['rmse'].max():.1f}%"
@@ -98,6 +103,7 @@ def test_ranking_holds_each_candidate_with_a_reason(made: Report, page: Node) ->
     assert len(items) == len(refused)
     assert all(item.startswith("motion_feedback: ") for item in items)
     assert refused["reason"].iloc[0] in items[0]
+    assert "1 that does not apply in step 1" in [s.text for s in ranked.all("summary")]
 
 
 def test_parameters_with_units_and_intervals(made: Report, page: Node) -> None:
@@ -136,6 +142,8 @@ def test_comparison_before_and_after(made: Report, page: Node) -> None:
             assert finding.title in text
             assert finding.next_step in text
     labels = [svg.attributes["aria-label"] for svg in compared.all("svg")]
+    assert not [label for label in labels if "$" in label]
+    assert any("residual over" in label and "f_t" in label for label in labels)
     for where in ("in time:", "in frequency", "in amplitude", "in time and frequency", "Run by"):
         assert sum(where in label for label in labels) == 2, where
 
@@ -145,6 +153,11 @@ def test_data_verdict_and_how_it_was_made(
 ) -> None:
     X, y = runs
     assert page.one("p", class_="headline").text == "Missing: bias, dead_zone."
+    (ceiling,) = [
+        fact for fact in page.one("dl", class_="facts").all("div") if "noise ceiling" in fact.text
+    ]
+    assert ceiling.text.endswith("on held-out rows, judged after the last step")
+    assert "the one at the top is of held-out rows" in section(page, "comparison").text
     channels, by_run = section(page, "data").all("table")
     assert [row[:4] for row in channels.rows] == [
         ["e", "input", "e", "deg"],
@@ -261,10 +274,22 @@ def test_arrays_without_names(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     assert [row[0] for row in channels.rows] == ["x0", "u"]
 
 
+def test_polars_keeps_its_names(runs: tuple[pd.DataFrame, pd.Series]) -> None:
+    polars = pytest.importorskip("polars")
+    X, y = (data.loc[0] for data in runs)
+    table = polars.DataFrame({name: X[name].to_numpy() for name in X})
+    page = parse(report(ARXRegressor(nk=15, dt=0.02), table, y.to_numpy(), effects=None).html)
+    channels, _ = section(page, "data").all("table")
+    assert [row[0] for row in channels.rows] == ["e", "x", "f_t", "u"]
+
+
 def test_a_run_too_short_to_compare(runs: tuple[pd.DataFrame, pd.Series]) -> None:
-    X, y = (data.loc[[0]].iloc[:150] for data in runs)
+    X, y = (data.loc[[0]].iloc[:60] for data in runs)
     made = report(ARXRegressor(nk=15), X, y, effects=None)
-    assert parse(made.html).one("h1").text == "ARXRegressor against measured u"
+    page = parse(made.html)
+    assert page.one("h1").text == "ARXRegressor against measured u"
+    assert made.comparison is None
+    assert "Not possible: No run has 64 successive rows" in section(page, "comparison").text
 
 
 def test_nothing_missing_is_said(runs: tuple[pd.DataFrame, pd.Series]) -> None:
@@ -276,13 +301,18 @@ def test_nothing_missing_is_said(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     assert made.final_comparison is None
 
 
-def test_what_is_not_in_the_catalogue_is_said() -> None:
+def test_what_no_effect_tried_explains_is_said() -> None:
     X, y = make_tracking_runs(n_runs=3, remnant_intensity=0.05, sampling_rate=50, random_state=13)
     y = y.clip(-0.06, 0.06)
     made = report(OperatorRegressor(), X, y, effects=["drift"])  # not what is missing
     page = parse(made.html)
     assert made.search.best_effects_[-1] == "unknown"
-    assert "not in the catalogue" in page.one("p", class_="headline").text
+    headline = "Something is missing that the only effect tried does not explain."
+    assert page.one("p", class_="headline").text == headline
+    assert "not in the catalogue" not in made.html
+    advice = section(page, "next").text
+    assert 'effects="all"' in advice
+    assert "an effect of your own" not in advice
     left = made.search.unexplained_["description"].iloc[0]
     assert left[1:] in section(page, "next").text
     assert left in page.one("div", class_="verdict unknown").text
@@ -296,6 +326,28 @@ def test_a_search_of_other_data_is_refused(
         report(made.search, *select_runs(X, y, first=1))
     with pytest.raises(ValueError, match="is not that output"):
         report(made.search, X, y + 1)
+    again = pickle.loads(pickle.dumps(made.search))
+    assert _search(again, X.copy(), y, "all", None) == (again, "")
+    for other in (3 * X + 5, X.rename(columns={"x": "z"}), X[["x", "e", "f_t"]]):
+        with pytest.raises(ValueError, match="was fitted to another X"):
+            report(again, other, y)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"effects": ["bias", "dead_zoen"]}, "No effect is called 'dead_zoen'"),
+        ({"repeats": {"nosuch": 1}}, "repeats names run 'nosuch'"),
+        ({"repeats": [1, 1]}, "repeats has 2 entries for 3 runs"),
+    ],
+)
+def test_a_name_that_is_none_is_an_error(
+    runs: tuple[pd.DataFrame, pd.Series], options: dict[str, object], message: str
+) -> None:
+    fitted = ARXRegressor(nk=15).fit(*runs)
+    for model in (fitted, clone(fitted)):
+        with pytest.raises(ValueError, match=message):
+            report(model, *runs, **options)
 
 
 def test_bad_data_are_an_error_as_in_fit(runs: tuple[pd.DataFrame, pd.Series]) -> None:
@@ -305,7 +357,7 @@ def test_bad_data_are_an_error_as_in_fit(runs: tuple[pd.DataFrame, pd.Series]) -
 
 
 def test_save_replaces_at_once(
-    made: Report, tmp_path: object, monkeypatch: pytest.MonkeyPatch
+    made: Report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = made.save(tmp_path / "new" / "report.html")
     assert path.read_text(encoding="utf-8") == made.html
@@ -317,7 +369,7 @@ def test_save_replaces_at_once(
     def full(*_: object) -> None:
         raise OSError("No space left on device")
 
-    monkeypatch.setattr("skhoid.reporting.document.replace", full)
+    monkeypatch.setattr("pathlib.Path.replace", full)
     with pytest.raises(OSError, match="No space"):
         made.save(path)
     assert path.read_text() == "old"
@@ -326,11 +378,22 @@ def test_save_replaces_at_once(
         made.save(tmp_path)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no umask")
+def test_a_saved_file_obeys_the_umask(made: Report, tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        path = made.save(tmp_path / "report.html")
+    finally:
+        os.umask(before)
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
 def test_the_frame_in_a_notebook_holds_the_page(made: Report) -> None:
     frame = parse(made._repr_html_()).one("iframe")
     assert frame.attributes["srcdoc"] == made.html
     assert frame.attributes["sandbox"] == "allow-scripts"
-    assert unescape("&lt;") in made.html  # the page itself is not escaped twice
+    assert not re.search(r"&amp;(amp|lt|gt|quot|#\d+);", made.html)  # the page, not escaped twice
+    assert "lambda &lt; 1 &amp; more" in made.html
 
 
 def test_settings_name_all_that_is_inside() -> None:
@@ -353,3 +416,20 @@ def test_fingerprint_knows_values_names_and_clock(runs: tuple[pd.DataFrame, pd.S
     for other in (X + 1e-12, X.rename(columns={"x": "z"}), slower, X[::-1]):
         assert fingerprint(other, y) != same
     assert fingerprint(X.to_numpy(), y.to_numpy()) != same  # no runs, no clock
+    # A column may be called as a level of the index is.
+    with_time = X.assign(time=X.index.get_level_values("time"))
+    assert fingerprint(with_time, y) not in (same, fingerprint(with_time + 1, y))
+
+
+def test_what_the_user_says_of_the_making_stays(
+    runs: tuple[pd.DataFrame, pd.Series], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def installed(name: str) -> str:
+        assert name != "skhoid"  # it may be importable without being installed
+        return "1.0"
+
+    monkeypatch.setattr("skhoid.reporting.provenance.version", installed)
+    told = provenance(ARXRegressor(), *runs, {"date": "yesterday", "seed": "11"})
+    assert list(told)[:2] == ["Date", "Seed"]
+    assert told["Date"] == "yesterday"
+    assert told["Libraries"].startswith(f"skhoid {__version__}, numpy 1.0")

@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._sklearn import FittedDisplay
 from ...pipelines import final_step, reach_model, taken_apart
-from ...summaries import Table, sentences
+from ...summaries import Table, wrapped
 
 
 class BestModel(
@@ -98,9 +98,9 @@ class BestModel(
         check_is_fitted(self, "best_estimator_")
         found, candidates = self._found()
         steps, model = taken_apart(self.best_estimator_)
-        lines = [sentences([found]), "", candidates.caption, *candidates.lines(), ""]
+        lines = [*wrapped(found), "", candidates.caption, *candidates.lines(), ""]
         if steps:
-            lines += [sentences([f"The best model comes after {', '.join(map(repr, steps))}."]), ""]
+            lines += [*wrapped(f"The best model comes after {', '.join(map(repr, steps))}."), ""]
         if X is not None:
             model, X = reach_model(self.best_estimator_, X)
         return "\n".join([*lines, model.summary(X, y)])

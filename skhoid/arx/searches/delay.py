@@ -201,12 +201,13 @@ class DelaySearchCV(BestModel):
     def _found(self) -> tuple[str, Table]:
         results, nk = self.cv_results_, self.cv_results_["nk"]
         seconds = [_in_words(delay, number) for delay in results["delay"]]
+        best = seconds[self.best_index_].strip("()")
         found = (
-            f"DelaySearchCV: nk = {_in_words(self.best_nk_)} ({seconds[self.best_index_]} s) is "
-            f"the best of {len(nk)} candidates, {_in_words(nk[0])} to {_in_words(nk[-1])}, by "
+            f"DelaySearchCV: nk = {_in_words(self.best_nk_)} ({best} s) is the best of "
+            f"{len(nk)} candidates, {_in_words(nk[0])} to {_in_words(nk[-1])}, by "
         )
         header = ["nk", "delay (s)"]
-        if self.criterion == "one_step":
+        if "mean_test_score" not in results:
             found += "the mean squared error one step ahead."
             shown, caption = lowest(self.loss_), "Lowest losses"
             header += ["loss", "over the best"]

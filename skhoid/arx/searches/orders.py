@@ -22,6 +22,7 @@ from ...preprocessing import Decimator, RunInTrimmer
 from ...summaries import Table
 from ..batch import ARXRegressor
 from ..orders import whole_number
+from ..summary import one_or_all
 from .best_model import BestModel
 from .candidates import (
     CandidateTable,
@@ -219,11 +220,12 @@ class OrderSearchCV(BestModel):
         results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
         chosen = ", ".join(f"{name} = {value}" for name, value in self.best_params_.items())
         shown, caption = highest(vaf, self.standard_error_)
-        if self.criterion != "vaf":
-            by = f"by the lowest {self.criterion.upper()}"
-            shown = lowest(results[self.criterion])
-            caption = f"Lowest {self.criterion.upper()}"
-        elif self.rule == "best":
+        criterion, rule = self._chosen_by
+        if criterion != "vaf":
+            by = f"by the lowest {criterion.upper()}"
+            shown = lowest(results[criterion])
+            caption = f"Lowest {criterion.upper()}"
+        elif rule == "best":
             by = "by the highest VAF"
         else:
             by = "as the smallest within one standard error of the highest VAF"
@@ -235,7 +237,7 @@ class OrderSearchCV(BestModel):
         )
         rows = [
             [
-                *(str(value) for value in results["params"][i].values()),
+                *(one_or_all(np.atleast_1d(v)) for v in results["params"][i].values()),
                 f"{results['n_params'][i]:.0f}",
                 f"{results['delay'][i]:.4g}",
                 f"{vaf[i]:.2f}",
@@ -374,6 +376,7 @@ class OrderSearchCV(BestModel):
                 "No candidate could be fitted: the regressors of each are linearly dependent. "
                 "Fit one with ARXRegressor to see the cause."
             )
+        self._chosen_by = self.criterion, self.rule
         best = int(np.nanargmax(vaf))
         splits = [v[best] for k, v in results.items() if k.startswith("split")]
         self.standard_error_ = (

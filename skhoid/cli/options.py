@@ -1,0 +1,67 @@
+"""What options take, and when they do not apply."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterable
+from typing import Any
+
+
+def at_least_one(text: str) -> int:
+    """A whole number from 1 up."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number, at least 1; got {text!r}")
+    return int(text)
+
+
+def positive(text: str) -> float:
+    """A number above 0."""
+    number = _finite(text)
+    if not number > 0:
+        raise argparse.ArgumentTypeError(f"must be a number above 0; got {text!r}")
+    return number
+
+
+def not_negative(text: str) -> float:
+    """A number from 0 up."""
+    number = _finite(text)
+    if not number >= 0:
+        raise argparse.ArgumentTypeError(f"must be a number, at least 0; got {text!r}")
+    return number
+
+
+def _finite(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        return math.nan
+    return number if math.isfinite(number) else math.nan
+
+
+def pairs(items: Iterable[str], option: str, example: str) -> dict[str, str]:
+    """NAME=VALUE words of an option that may be repeated."""
+    found: dict[str, str] = {}
+    for item in items:
+        name, sign, value = item.partition("=")
+        if not sign:
+            raise ValueError(f"{option} takes {example}; got {item!r}.")
+        if name in found:
+            raise ValueError(
+                f"{option} says twice what {name!r} is, {found[name]!r} and {value!r}: say it once."
+            )
+        found[name] = value
+    return found
+
+
+def is_given(options: argparse.Namespace, name: str) -> bool:
+    """Whether an option was given; 0 is a value."""
+    value: Any = getattr(options, name, None)
+    return not (value is None or value is False or value == [])
+
+
+def refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
+    """Refuse options that would have no effect; ``why`` goes on after their name."""
+    for name in names:
+        if is_given(options, name):
+            raise ValueError(f"--{name.replace('_', '-')} {why}")

@@ -1,0 +1,37 @@
+"""Messages of the package, for those who do not write Python."""
+
+from __future__ import annotations
+
+import argparse
+import re
+
+# What a message names, and the option that does the same, of commands that have it.
+OPTION = {
+    r"\bresample_runs\b": "resample",
+    r"\bdt=": "dt",
+    r"\btime=": "time",
+    r"\brun=": "run",
+    r"\bunits=": "unit",
+    r"\binputs?=": "input",
+    r"\broles=": "role",
+    r"\brun_in=": "run_in",
+    r"\bmeasurement_time=": "measurement_time",
+    r"\bselect_runs\b": "files",
+}
+# Advice that no option follows.
+NOT_HERE = (" (run_in=0 keeps them)", ", or say with repeats= which runs share a target")
+
+
+def reworded(text: str, options: argparse.Namespace) -> str:
+    """A message, with the options of this command that do what it says in Python."""
+    for words in NOT_HERE:
+        text = text.replace(words, "")
+    found = [
+        "leave it out of FILES" if name == "files" else f"--{name.replace('_', '-')}"
+        for words, name in OPTION.items()
+        if re.search(words, text) and hasattr(options, name)
+    ]
+    if not found:
+        return text
+    end = "" if text.endswith((".", "?", "!")) else "."
+    return f"{text}{end} On the command line: {', '.join(found)}."

@@ -1,0 +1,28 @@
+"""Figures as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .whole import written_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["save_figure"]
+
+DPI = 120
+
+
+def save_figure(
+    figure: Figure, path: str | Path, *, metadata: dict[str, str] | None = None
+) -> Path:
+    """Save a figure in the format that the path's ending tells, and close it."""
+    import matplotlib.pyplot as plt
+
+    path = Path(path)
+    with written_whole(path) as aside:
+        figure.savefig(aside, dpi=DPI, metadata=metadata)
+    plt.close(figure)
+    return path

@@ -1,0 +1,59 @@
+"""Messages that say what to do in Python, on the command line."""
+
+import pandas as pd
+import pytest
+
+from skhoid import make_tracking_runs, write_runs
+from skhoid.cli import main
+from skhoid.cli.parser import make_parser
+from skhoid.cli.wording import NOT_HERE, reworded
+
+
+@pytest.mark.parametrize(
+    ("words", "text", "said"),
+    [
+        ("identify", "Give it as dt= (in seconds).", "--dt."),
+        ("identify", "Irregular; resample_runs brings it onto a grid.", "--resample."),
+        ("identify", "with X, y = skhoid.resample_runs(X, y, dt=0.01).", "--resample, --dt."),
+        ("identify", "say which with units={'time': ...}.", "--unit."),
+        ("identify", "Leave the run out (skhoid.select_runs), or less", "leave it out of FILES."),
+        ("diagnose", "the role 'x'; name one of them by roles=.", "--role."),
+        ("diagnose", "Leave one out (inputs=[...]).", "--input."),
+        ("study list", "run_in= or measurement_time= does", "--measurement-time."),
+        ("simulate --out x.csv", "Give it as dt= (in seconds).", None),
+        ("identify", "nk must be at least 0; got -1.", None),
+        ("identify", "less than rerun=3, and dt = 0.01", None),
+    ],
+)
+def test_options_for_arguments(words, text, said):
+    found = reworded(text, make_parser().parse_args(words.split()))
+    end = "" if text.endswith(".") else "."
+    assert found == (text if said is None else f"{text}{end} On the command line: {said}")
+
+
+def test_what_no_option_does_is_left_out(capsys, monkeypatch, biased_file):
+    words = ["diagnose", biased_file[0], "--input", "error", "--output", "stick", "--run", "run"]
+    words += ["--time", "time", "--effects", "bias", "--no-pictures"]
+    said = []
+    monkeypatch.setattr("skhoid.cli.telling.reworded", lambda line, _: said.append(line) or line)
+    assert main(words) == 0
+    for advice in NOT_HERE:
+        assert any(advice in line for line in said), "the package says it otherwise now"
+    options = make_parser().parse_args(words)
+    assert not any("=" in reworded(line, options) for line in said if line.startswith("  note"))
+
+
+def test_of_errors_and_of_warnings(capsys):
+    X, y = make_tracking_runs("C1", 2, duration=20.0, run_in=0.0, sampling_rate=50, random_state=0)
+    write_runs(X, y, "runs.csv")
+    table = pd.read_csv("runs.csv")
+    table["time"] *= 1000
+    table.to_csv("ms.csv", index=False)
+    assert main(["identify", "ms.csv", "--time", "time", "--run", "run"]) == 2
+    assert capsys.readouterr().err.endswith(" On the command line: --dt, --time, --unit.\n")
+    table = pd.read_csv("runs.csv")
+    table["time"] += 1e-3 * (table.index % 2)
+    table.to_csv("jitter.csv", index=False)
+    words = ["jitter.csv", "--time", "time", "--run", "run", "--nk", "15", "--na", "2"]
+    code = main(["identify", *words, "--no-pictures"])
+    assert capsys.readouterr().err.endswith("On the command line: --resample.\n"), code

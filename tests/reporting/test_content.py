@@ -1,0 +1,144 @@
+"""Sentences, figures and pictures of a report, one by one."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from reporting.page import parse
+
+from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs, report
+from skhoid.reporting.content import _facts, _next_steps, _verdict, _why
+from skhoid.reporting.pictures import Gallery
+
+
+@pytest.mark.parametrize(
+    ("evidence", "gain", "expected"),
+    [
+        (3.2, 0.33, "One key does not turn: evidence +3 (more than 25 asked)."),
+        (40.0, 0.15, "One key does not turn: +0.15 points on held-out rows (0.2 asked)."),
+        (
+            -np.inf,
+            -0.02,
+            "Neither key turns: evidence - (more than 25 asked), -0.02 points on held-out rows "
+            "(0.2 asked).",
+        ),
+        (40.0, 0.33, "It pays too, but bias has more evidence."),
+    ],
+)
+def test_the_reason_says_which_key_did_not_turn(
+    evidence: float, gain: float, expected: str
+) -> None:
+    row = pd.Series({"status": "not better", "delta_bic": evidence, "vaf_gain": gain})
+    assert _why(row, "bias") == expected
+
+
+def a_search(*added: str, **attributes: object) -> SimpleNamespace:
+    """What a fitted search says of itself."""
+    n = len(added) + 1
+    path = {"effect": ["baseline", *added], "vaf": [50.0] * n, "rmse": [0.1] * n}
+    given = {
+        "error_path_": pd.DataFrame({**path, "ceiling": np.nan, "explainable_gap": np.nan}),
+        "predictions_": pd.DataFrame(),
+        "ranking_": pd.DataFrame(
+            {"step": 1, "status": ["not better", "not better", "does not apply"]}
+        ),
+        "unexplained_": pd.DataFrame(columns=["description", "where", "points"]),
+        "best_effects_": list(added),
+        "stand_ins_": [],
+        "experiments_": [],
+        "notes_": [],
+        "verdict_": "effects found",
+        "max_effects": 4,
+        "_tries_all": lambda: False,
+    }
+    return SimpleNamespace(**(given | attributes))
+
+
+@pytest.mark.parametrize(("name", "known"), [("dead_zone-2", True), ("myoffset", False)])
+def test_code_is_printed_only_where_it_runs(name: str, known: bool) -> None:
+    (step,) = _next_steps(OperatorRegressor(), a_search("bias", name), "", None, None)
+    assert step["why"].startswith("It is search.best_estimator_")
+    assert ('.with_effect("dead_zone")' in step["code"]) == bool(step["code"]) == known
+
+
+@pytest.mark.parametrize(
+    ("verdict", "rest", "advice"),
+    [
+        (", not in the catalogue", "that is not in the catalogue", "an effect of your own"),
+        (
+            ", not among the effects tried",
+            "that none of the 2 effects tried explains",
+            'effects="all"',
+        ),
+        (
+            ", and max_effects is reached",
+            "that is not explained within max_effects=4",
+            "a larger max_effects",
+        ),
+    ],
+)
+def test_the_headline_claims_no_more_than_was_tried(verdict: str, rest: str, advice: str) -> None:
+    of_verdict = {"verdict_": f"something is missing{verdict}"}
+    search = a_search("bias", best_effects_=["bias", "unknown"], **of_verdict)
+    assert _verdict(search, None)["headline"] == f"Missing: bias, and something {rest}."
+    search.best_effects_ = ["unknown"]
+    assert _verdict(search, None)["headline"] == f"Something is missing {rest}."
+    *_, step = _next_steps(OperatorRegressor(), search, "", None, None)
+    for other in ("an effect of your own", 'effects="all"', "a larger max_effects"):
+        assert (other in step["why"]) == (other == advice)
+
+
+@pytest.mark.parametrize(
+    ("comparison", "remark"),
+    [
+        (None, "the runs are too short"),
+        (SimpleNamespace(noise_ceiling=90.0), "of held-out rows"),
+        (
+            SimpleNamespace(noise_ceiling=np.nan, ceiling_note="none: the target is not known"),
+            "the target is not known",
+        ),
+    ],
+)
+def test_why_there_is_no_ceiling(comparison: object, remark: str) -> None:
+    told = {name: (value, text) for value, name, text in _facts(a_search(), comparison, "rows")}
+    assert told["noise ceiling"] == ("not known", remark)
+
+
+def test_labels_of_runs_are_no_mathematics() -> None:
+    X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    X.index = y.index = X.index.set_levels(["a$_$0", "a$x_1$b"], level="run")
+    page = parse(report(ARXRegressor(nk=15), X, y, effects=None).html)
+    shown = " ".join(svg.text for svg in page.all("svg"))
+    assert "a$_$0" in shown
+    assert "a$x_1$b" in shown
+
+
+def test_text_of_a_picture_is_not_taken_for_ids() -> None:
+    figure = Figure()
+    figure.text(0.1, 0.5, 'roll id="a" url(#b) xlink:href="#c"')
+    with Gallery()._drawing():
+        svg = Gallery().svg(figure, "one")
+    assert 'roll id="a" url(#b) xlink:href="#c"' in parse(svg).text
+    assert '<g id="p1-figure_1"' in svg
+
+
+def test_long_names_stand_above_their_panels() -> None:
+    X, y = make_tracking_runs(n_runs=1, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    name = "error_of_the_roll_angle_seen_by_the_rider_in_degrees"
+    (picture,) = Gallery().channels(X[["e"]].rename(columns={"e": name}), y)
+    for svg in (picture.svg, picture.narrow):
+        texts = [text for text in parse(svg).all("text") if text.text]
+        assert any(name in text.text for text in texts)
+        upright = [t.text for t in texts if "rotate(-90" in t.attributes.get("transform", "")]
+        assert upright == []
+
+
+def test_templates_are_loaded_when_a_page_is_made() -> None:
+    check = "import sys, skhoid; sys.exit('jinja2' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", check], check=False, cwd="/").returncode == 0
