@@ -16,6 +16,8 @@ OPTION = {
     r"\broles=": "role",
     r"\brun_in=": "run_in",
     r"\bmeasurement_time=": "measurement_time",
+    r"\beffects=": "effects",
+    r"\bmax_effects\b": "max_effects",
     r"\bselect_runs\b": "files",
 }
 # Advice that no option follows.
