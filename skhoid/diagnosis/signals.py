@@ -326,7 +326,7 @@ def _groups(
     channels: dict[str, np.ndarray],
     repeats: Any,
 ) -> list[Group]:
-    labels = _repeat_labels(layout, repeats)
+    labels = repeat_labels(layout, repeats)
     number = layout.sample_numbers()
     target = channels.get("f_t")
     groups: list[tuple[list[int], np.ndarray]] = []
@@ -355,7 +355,7 @@ def _groups(
     return found
 
 
-def _repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
+def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
     """What ``repeats`` says of each run; None leaves it to the target."""
     n_runs = len(layout.labels)
     if repeats is None:

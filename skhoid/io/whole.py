@@ -21,6 +21,8 @@ def written_whole(path: str | Path, *, sync: bool = False) -> Iterator[Path]:
     path = Path(path)
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder; name a file in it.")
+    if path.exists() and not path.is_file():
+        raise OSError(f"{path} is no ordinary file, and is not replaced.")  # a device, a pipe
     # Writers look at the last ending, or at two (.csv.gz).
     aside = path.with_name(f".{token_hex(8)}.tmp{''.join(path.suffixes[-2:])}")
     try:

@@ -21,7 +21,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..diagnosis.comparison import Comparison, compare
 from ..diagnosis.effect_search import EffectSearchCV
 from ..diagnosis.fingerprint import fingerprint
-from ..diagnosis.signals import _repeat_labels
+from ..diagnosis.signals import repeat_labels
 from ..io.whole import written_whole
 from ..pipelines import raw_layout, taken_apart
 from .content import content_of
@@ -227,7 +227,7 @@ def report(
     """
     if repeats is not None:
         inner = model.estimator if isinstance(model, EffectSearchCV) else model
-        _repeat_labels(raw_layout(inner, X), repeats)  # for its checks, before the work begins
+        repeat_labels(raw_layout(inner, X), repeats)  # for its checks, before the work begins
     search, no_search = _search(model, X, y, effects, n_jobs)
     if search is not None:
         baseline = search.baseline_

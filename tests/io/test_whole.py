@@ -59,3 +59,12 @@ def test_folders_are_refused_before_anything_is_written(tmp_path):
         write_tables({"a.tsv": table, "b.tsv": table}, tmp_path)
     assert (tmp_path / "a.tsv").read_text() == "precious"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.tsv", "b.tsv"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such pipes")
+def test_what_is_no_ordinary_file_is_not_replaced(tmp_path):
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    with pytest.raises(OSError, match="no ordinary file"), written_whole(pipe):
+        pass
+    assert pipe.is_fifo()
