@@ -60,9 +60,13 @@ from skhoid import make_tracking_runs
 from skhoid.plotting import TrackingDisplay
 
 X, y, truth = make_tracking_runs(
-    task, n_runs=1, remnant_intensity=0.2, channels=["e", "x", "f_t"], return_truth=True,
+    task,
+    n_runs=1,
+    remnant_intensity=0.2,
+    channels=["e", "x", "f_t"],
+    return_truth=True,
     random_state=0,
-)  # fmt: skip
+)
 _ = TrackingDisplay.from_runs(X, y, truth=truth)
 
 # %%

@@ -169,9 +169,12 @@ def forgetting_study(
     --------
     >>> from skhoid.montecarlo import forgetting_study
     >>> found = forgetting_study(
-    ...     4, conditions=["C4"], intensities=[0.1], memory_horizons=[64, 256, float("inf")],
+    ...     4,
+    ...     conditions=["C4"],
+    ...     intensities=[0.1],
+    ...     memory_horizons=[64, 256, float("inf")],
     ...     n_validation=2,
-    ... )  # fmt: skip
+    ... )
     >>> found.summary["gain"].round(1).tolist()  # Lambda, lambda
     [15.4, 15.4, 0.0, 14.4, 15.2, 0.0]
     """
