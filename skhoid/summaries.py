@@ -194,6 +194,10 @@ def quantity(value: float, unit: str | None) -> str:
     return number(value) + (f" {unit}" if unit else "")
 
 
+def counted(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
 def wrapped(text: str, indent: str = "") -> list[str]:
     return textwrap.wrap(text, WIDTH, subsequent_indent=indent)
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from .options import pairs, positive, refuse
+from .options import not_negative, pairs, positive, refuse
 
 ABOUT_FILES = ["time", "dt", "run", "unit", "resample"]
 ABOUT_FILES += ["input", "instruments", "output", "x", "target", "role", "display"]
@@ -44,6 +43,16 @@ def add_file_options(add: Callable[..., Any]) -> None:
         "--resample",
         action="store_true",
         help="bring an irregular clock onto a regular grid by interpolation first",
+    )
+
+
+def add_run_in(add: Callable[..., Any]) -> None:
+    """The option of the time in which a run has not begun yet."""
+    add(
+        "--run-in",
+        type=not_negative,
+        metavar="S",
+        help="discard this much at the start of each run",
     )
 
 
@@ -158,16 +167,16 @@ def save_figures(
     is X and y, whose names appear in the figures.
     """
     from ..io.figures import save_figure
+    from ..plotting._axes import names_as_they_are
 
     software = f"skhoid {command}"
     folder.mkdir(parents=True, exist_ok=True)
     for name in set(others) - set(figures):
         if _is_drawn_by(folder / name, software):
             (folder / name).unlink()
-    dollars = [] if named is None else _dollars(*named)
+    shown = [] if named is None else _names(*named)
     for name, figure in figures.items():
-        if dollars:
-            _without_mathematics(figure, dollars)
+        names_as_they_are(figure, shown)
         save_figure(figure, folder / name, metadata={"Software": software})
     return [str(folder / name) for name in figures]
 
@@ -180,27 +189,12 @@ def _is_drawn_by(path: Path, software: str) -> bool:
         return f"Software\0{software}".encode("latin-1") in file.read(200)
 
 
-def _dollars(X: Any, y: Any) -> list[str]:
-    """Parts with a dollar of the names in the data; other parts are quoted, or wrapped."""
+def _names(X: Any, y: Any) -> list[str]:
+    """Names in the data that figures may show."""
     from ..regression import units_of
 
     names = [*X.columns, y.name, *units_of(X).values(), *units_of(y).values()]
     for level in getattr(X.index, "levels", []):
         if level.name != "time":
             names += list(level)
-    return [part for name in names for part in re.split(r"[\s\\'\"]+", str(name)) if "$" in part]
-
-
-def _without_mathematics(figure: Any, dollars: list[str]) -> None:
-    """Show names as they are: matplotlib takes what stands between two dollars for formulas.
-
-    Its setting ``text.parse_math`` would also spoil the labels of logarithmic axes.
-    """
-    from matplotlib.text import Text
-
-    for panel in figure.axes:
-        for axis in (panel.xaxis, panel.yaxis):
-            axis.get_ticklabels()  # which are made only now
-    for text in figure.findobj(Text):
-        if any(part in text.get_text() for part in dollars):
-            text.set_parse_math(False)
+    return list(map(str, names))

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 from .commands import add_command
 from .files import (
     add_file_options,
+    add_run_in,
     check_no_files,
     read_files,
     save_figures,
     without_screen,
 )
-from .options import at_least_one, not_negative, positive, refuse
+from .options import at_least_one, positive, refuse
 from .output import (
     add_output_options,
     check_tables,
@@ -59,12 +60,7 @@ def add_identify(commands: Any) -> None:
     add = command.add_argument
     add_file_options(add)
     add("--input", nargs="+", metavar="NAME", help="input channels (default: e)")
-    add(
-        "--run-in",
-        type=not_negative,
-        metavar="S",
-        help="discard this much at the start of each run",
-    )
+    add_run_in(add)
     add(
         "--decimate",
         type=at_least_one,
@@ -281,6 +277,8 @@ def _clock(found: Identification) -> str:
 def _print(found: Identification, source: str, criterion: str) -> None:
     from rich.table import Table
 
+    from ..summaries import counted
+
     layout, best = found.layout, found.best.model
     units = found.units
 
@@ -288,7 +286,7 @@ def _print(found: Identification, source: str, criterion: str) -> None:
         return f"{channel} ({units[channel]})" if channel in units else channel
 
     console = make_console()
-    runs = "1 run" if len(layout.labels) == 1 else f"{len(layout.labels)} runs"
+    runs = counted(len(layout.labels), "run")
     console.print(source)
     console.print(
         f"{runs}, {layout.n_rows} rows, dt = {layout.dt:.6g} s ({1 / layout.dt:.6g} Hz), "

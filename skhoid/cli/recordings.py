@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-from .files import add_file_options, check_no_files, column_of, read_files
+from .files import add_file_options, add_run_in, check_no_files, column_of, read_files
 from .options import not_negative, pairs, refuse
 
 BUNDLED = ["phase-size 2b", "phase-size 2c", "phase-size 2d", "phase-size 2e"]
@@ -26,12 +26,7 @@ def add_recording_options(add: Callable[..., Any]) -> None:
         metavar="NAME=ROLE",
         help="another channel: its role begins with motion or dist, or is empty; may be repeated",
     )
-    add(
-        "--run-in",
-        type=not_negative,
-        metavar="S",
-        help="discard this much at the start of each run",
-    )
+    add_run_in(add)
     add(
         "--remove-means",
         action="store_true",

@@ -51,6 +51,7 @@ def add_simulate(commands: Any) -> None:
 def simulate(options: argparse.Namespace) -> int:
     """Simulate, write, and say what is in the file."""
     from .. import __version__, make_tracking_runs, write_runs
+    from ..summaries import counted
 
     if options.remnant == 0:
         refuse(options, ["remnant_order", "open_loop"], "needs --remnant P: there is none.")
@@ -73,7 +74,7 @@ def simulate(options: argparse.Namespace) -> int:
         progress=sys.stdout.isatty() and not options.json,
     )
     write_runs(X, y, path, overwrite=options.overwrite)
-    runs = "1 run" if options.runs == 1 else f"{options.runs} runs"
+    runs = counted(options.runs, "run")
     condition = options.condition.upper()
     say(
         f"{path}: {runs} of {condition}, {len(X)} rows at {options.rate:g} Hz, seed {seed}", options

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from ..summaries import counted
 from .findings import Finding
 from .next_steps import NextSteps
-from .search_words import counted
 from .signals import Signals
 
 if TYPE_CHECKING:

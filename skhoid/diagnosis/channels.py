@@ -9,10 +9,10 @@ import numpy as np
 
 from ..exceptions import RunIndexError
 from ..runs import GAP, JITTER_TOLERANCE, snap
+from ..summaries import counted
 from .findings import Finding
 from .rates import check_rates
 from .recording import Recording, of_list, read_recording
-from .search_words import counted
 
 NOTED_JITTER = 0.01  # of a sampling time
 SAME_STEP = 0.01  # relative difference of sampling times

@@ -9,7 +9,7 @@ from ..effects.composition import Effects
 from ..greybox.operator import OperatorRegressor
 from ..pipelines import taken_apart
 from ..preprocessing import DelayShift
-from .search_words import counted
+from ..summaries import counted
 
 
 class NextSteps:

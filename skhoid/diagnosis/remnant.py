@@ -13,6 +13,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal.windows import tukey
 from scipy.stats import chi2, norm
 
+from ..summaries import counted
 from .ceiling import Ceiling, noise_ceiling
 from .signals import Group, Signals, read_signals
 
@@ -126,7 +127,7 @@ class RemnantEstimate:
         -------
         text : str
         """
-        runs = f"{self.n_runs} run{'s' if self.n_runs > 1 else ''}"
+        runs = counted(self.n_runs, "run")
         unit = "" if self.unit is None else f" {self.unit}"
         lines = [
             f"Remnant in {self.output}, from {ROUTES[self.route]} ({runs});",

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..effects.base import Effect
+from ..summaries import counted
 
 # What an effect on a compensatory display can only be equivalent to, and why.
 SHOWS_TARGET = {"feedforward", "preview", "output_feedback"}
@@ -97,10 +98,6 @@ def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str
     if n_tried == 1:
         return "the only effect tried does not explain"
     return f"none of the {n_tried} effects tried explains"
-
-
-def counted(n: int, what: str) -> str:
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def stand_ins_in_words(ids: Sequence[str]) -> str:

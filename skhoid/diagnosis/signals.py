@@ -23,7 +23,7 @@ from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, run_name
-from .search_words import counted
+from ..summaries import counted
 
 SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
 LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest

@@ -17,9 +17,10 @@ from ..effects.paths import Feedforward, OutputFeedback
 from ..effects.time_variation import GainDrift, TimeVaryingGain
 from ..regression import units_of
 from ..runs import read_layout
+from ..summaries import counted
 from .comparison import Comparison, compare
 from .effect_search import EffectSearchCV
-from .search_words import HOW_TO_GO_ON, counted, stand_ins_in_words, unexplained_by
+from .search_words import HOW_TO_GO_ON, stand_ins_in_words, unexplained_by
 
 # Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
 HIDDEN: dict[str, Effect] = {

@@ -11,6 +11,7 @@ from typing import Any
 
 import pandas as pd
 
+from ..summaries import counted
 from ._table import Table, require
 
 __all__ = ["read_csv", "read_parquet"]
@@ -125,7 +126,7 @@ def _misfit(path: Path, text: str, separator: str, names: list[str]) -> str:
     rows = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     for row in rows:
         if len(row) > len(names):
-            columns = "1 column" if len(names) == 1 else f"{len(names)} columns"
+            columns = counted(len(names), "column")
             return (
                 f"{path} cannot be read as a table of {columns} separated by {separator!r}, as in "
                 f"its first line ({separator.join(names)[:60]!r}): line {rows.line_num} has "

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 from sklearn.utils.validation import check_is_fitted
 
 # Okabe and Ito's colours, which people with any colour vision tell apart.
@@ -118,3 +120,20 @@ def check_search(search: Any, expected: type, display: str) -> None:
             f"{type(search).__name__}."
         )
     check_is_fitted(search, "best_estimator_")
+
+
+def names_as_they_are(figure: Figure, names: Iterable[str]) -> None:
+    """Show names from the data as such: matplotlib takes what is between dollars for formulas.
+
+    Its setting ``text.parse_math`` would also spoil the labels of logarithmic axes.
+    """
+    # Texts may quote or wrap a name, so its parts are looked for.
+    parts = [part for name in names for part in re.split(r"[\s\\'\"]+", name) if "$" in part]
+    if not parts:
+        return
+    for panel in figure.axes:
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.get_ticklabels()  # which are made only now
+    for text in figure.findobj(Text):
+        if any(part in text.get_text() for part in parts):
+            text.set_parse_math(False)

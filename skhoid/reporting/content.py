@@ -18,7 +18,6 @@ from ..diagnosis.search_engine import LEAST_EVIDENCE, LEAST_GAIN
 from ..diagnosis.search_words import (
     HOW_TO_GO_ON,
     NOT_IN_CATALOGUE,
-    counted,
     stand_ins_in_words,
     unexplained_by,
 )
@@ -27,7 +26,7 @@ from ..greybox.lanes import roles_of
 from ..pipelines import raw_layout, taken_apart
 from ..regression import units_of
 from ..runs import RunLayout, run_name
-from ..summaries import number
+from ..summaries import counted, number
 from .pictures import Gallery, Picture
 from .provenance import provenance
 

@@ -59,11 +59,13 @@ class Gallery:
 
     def __init__(self, names: Iterable[str] = ()) -> None:
         self._numbers = count(1)
-        # matplotlib takes what stands between two dollars for mathematics.
-        self._style = {**STYLE, "text.parse_math": not any("$" in name for name in names)}
+        self._names = list(names)
 
     def svg(self, figure: Figure, label: str) -> str:
         """The figure as an SVG element that scales with the page."""
+        from ..plotting._axes import names_as_they_are
+
+        names_as_they_are(figure, self._names)
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
         svg = text.getvalue()
@@ -201,18 +203,10 @@ class Gallery:
                 for panel in figure.axes[:-1]:
                     panel.set_xlabel("")
                 for panel in figure.axes:
-                    self._name_above(panel, int(LINE * width / TILE[0]))
+                    _name_above(panel, int(LINE * width / TILE[0]))
                 _legend_below(figure)
                 drawn.append(figure)
             return [self._picture(drawn[0], caption, drawn[1])]
-
-    def _name_above(self, panel: Axes, letters: int) -> None:
-        """What it shows as a title: beside a low panel there is no room for long names."""
-        name = panel.get_ylabel()
-        if not self._style["text.parse_math"]:
-            name = _plain(name)
-        panel.set_ylabel("")
-        panel.set_title(textwrap.fill(name, letters), loc="left", fontsize="medium", pad=3)
 
     @contextmanager
     def _drawing(self) -> Iterator[Any]:
@@ -226,7 +220,7 @@ class Gallery:
             figure.subplots(rows, gridspec_kw={"height_ratios": ratios}, **options)
             return figure
 
-        style: Any = self._style
+        style: Any = STYLE
         with mpl.rc_context(style):
             yield new
 
@@ -238,6 +232,13 @@ class Gallery:
 def _plain(label: str) -> str:
     """The same without mathematics."""
     return SYMBOL.sub(r"\1_\2", label)
+
+
+def _name_above(panel: Axes, letters: int) -> None:
+    """What it shows as a title: beside a low panel there is no room for long names."""
+    name = panel.get_ylabel()
+    panel.set_ylabel("")
+    panel.set_title(textwrap.fill(name, letters), loc="left", fontsize="medium", pad=3)
 
 
 def _legend_below(figure: Figure) -> None:

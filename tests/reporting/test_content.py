@@ -117,6 +117,7 @@ def test_labels_of_runs_are_no_mathematics() -> None:
     shown = " ".join(svg.text for svg in page.all("svg"))
     assert "a$_$0" in shown
     assert "a$x_1$b" in shown
+    assert "mathdefault" not in shown  # the labels of logarithmic axes are
 
 
 def test_text_of_a_picture_is_not_taken_for_ids() -> None:
