@@ -112,12 +112,16 @@ class Identification:
         return self.models[-1]
 
     @property
+    def fitted(self) -> list[FittedModel]:
+        """All models, the one that follows changes last."""
+        return [*self.models, *([self.adapting] if self.adapting else [])]
+
+    @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """Everything found, as tables by name."""
-        fitted = [*self.models, *([self.adapting] if self.adapting else [])]
-        flat = [model.as_dict() for model in fitted]
+        flat = [model.as_dict() for model in self.fitted]
         parameters = [{"model": m["name"], **p} for m in flat for p in m.pop("parameters")]
-        free_runs = {m.name.replace(" ", "_"): m.pipeline.predict(self.X) for m in fitted}
+        free_runs = {m.name.replace(" ", "_"): m.pipeline.predict(self.X) for m in self.fitted}
         tables = {
             "models": pd.DataFrame(flat),
             "parameters": pd.DataFrame(parameters),

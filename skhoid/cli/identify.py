@@ -28,7 +28,7 @@ from .output import (
 from .telling import add_picture_options, picture_folder
 
 if TYPE_CHECKING:
-    from ..arx.identify import FittedModel, Identification
+    from ..arx.identify import Identification
 
 EXAMPLES = """\
 examples:
@@ -236,10 +236,6 @@ def _draw(found: Identification, folder: Path) -> list[str]:
     return save_figures(figures, folder, "identify", others=PICTURES, named=(found.X, found.y))
 
 
-def _fitted(found: Identification) -> list[FittedModel]:
-    return [*found.models, *([found.adapting] if found.adapting else [])]
-
-
 def _as_dict(found: Identification, source: str) -> dict[str, Any]:
     from .. import __version__
 
@@ -318,7 +314,7 @@ def _print(found: Identification, source: str, criterion: str) -> None:
     )
     for heading in ("model", "[na, nb, nk]", "VAF fitted, %", "VAF held out, %", "ratio", ""):
         table.add_column(heading, justify="left" if heading in ("model", "") else "right")
-    for model in _fitted(found):
+    for model in found.fitted:
         orders = model.model.orders_
         nb, nk = (v[0] if len(set(v)) == 1 else list(v) for v in (orders.nb, orders.nk))
         table.add_row(
