@@ -1,0 +1,112 @@
+"""Every effect of the catalogue: its description, starts, simulation, and estimation."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from cases import case, errors_as_items, model_items
+from scipy.signal import lfilter
+from worlds import NK, bent, loop
+
+import skhoid
+from skhoid import ARXRegressor, OperatorRegressor
+from skhoid.effects import AsymmetricGain, Bias, DeadZone, GainDrift, Saturation, catalogue, effect
+from skhoid.testing import synthetic_record
+
+
+@cache
+def channels() -> Any:
+    """Short runs of the loop with further channels that some effects need."""
+    X, y = loop("C1", 2, 4, duration=24.0, run_in=10.0)
+    rng = np.random.default_rng(9)
+    for name in ("motion_acc", "dist", "speed"):
+        noise = lfilter([0.05], [1.0, -0.95], rng.standard_normal(len(X)))
+        X = X.assign(**{name: noise})
+        y = y + 0.1 * noise
+    return X, y
+
+
+def described(name: str) -> dict[str, Any]:
+    known, record = effect(name), synthetic_record()
+    variants = known.variants(record)
+    own = known.parameters
+    found = {
+        "description": [known.name, known.place, known.physics, known.formula, known.source],
+        "kind": [known.smooth, known.shades],
+        "parameters": [[p.name, p.low, p.high, p.starts, p.meaning] for p in own],
+        "units": [[p.unit, p.scale] for p in own],
+        "variants": variants,
+        "starts": [v.starts(record) for v in variants],
+        "limits": [v.limits(record) for v in variants],
+        "neutral": [v.neutral for v in variants],
+    }
+    values = variants[0].starts(record)[-1]
+    names = {p.name for p in own}
+    given = variants[0].with_choices(**{k: v for k, v in values.items() if k in names})
+    options = {"sampling_rate": 50.0, "duration": 20.0, "run_in": 5.0, "random_state": 0}
+    found["simulated"] = errors_as_items(
+        lambda: skhoid.make_tracking_runs(
+            "C1", 1, effects=given, remnant_intensity=0.05, channels=("e", "x", "f_t"), **options
+        )
+    )
+    X, y = channels()
+    models = {
+        "operator": OperatorRegressor(effects=name, inputs=["e"]),
+        "arx": ARXRegressor(nk=NK, effects=name, inputs=["e"]),
+    }
+    for core, model in models.items():
+        fitted = errors_as_items(lambda model=model: model.fit(X, y))
+        if isinstance(fitted, str):
+            found[core] = fitted
+        else:
+            found[f"{core}/parameters_"] = fitted.parameters_
+            found[f"{core}/predict"] = fitted.predict(X)
+            found[f"{core}/effects_"] = getattr(fitted, "effects_", None)
+    return found
+
+
+for _name in catalogue().index:
+    case(f"effects/{_name}", name=_name)(described)
+
+
+@case("effects/catalogue")
+def table() -> dict[str, Any]:
+    return {"table": catalogue().drop(columns="class"), "classes": list(catalogue()["class"])}
+
+
+def fitted(model: Any, shape: str | None = None, condition: str = "C1") -> dict[str, Any]:
+    X, y = loop(condition) if shape is None else bent(shape, condition)
+    return model_items(model.fit(X, y), *loop(condition, 1, 7))
+
+
+for _name, _model, _options in [
+    ("plain", OperatorRegressor(inputs=["e"]), {}),
+    ("plain C2", OperatorRegressor(), {"condition": "C2"}),
+    ("given delay", OperatorRegressor(delay=0.28, settling=0.0), {}),
+    ("element", OperatorRegressor(controlled_element=skhoid.ControlledElement()), {}),
+    ("saturation", OperatorRegressor(effects="saturation"), {"shape": "stop"}),
+    ("two", OperatorRegressor(effects=DeadZone() + Bias()), {"shape": "offset"}),
+    ("three", OperatorRegressor(effects=["bias", "asym_gain", "gain_drift"]), {"shape": "offset"}),
+    (
+        "fixed",
+        OperatorRegressor(effects=Saturation(limit=0.1) + AsymmetricGain(asymmetry=0.0)),
+        {"shape": "stop"},
+    ),
+    ("change", OperatorRegressor(effects="tv_gain"), {"condition": "C4"}),
+    ("with_effect", OperatorRegressor().with_effect("bias").with_effect(GainDrift()), {}),
+]:
+    case(f"greybox/operator/{_name}", model=_model, **_options)(fitted)
+
+
+@case("greybox/operator/human recording")
+def recording() -> dict[str, Any]:
+    X, y = skhoid.load_human_tracking(["difficulty 80"], channels=["f_t", "e"])
+    X, y = X - X.mean(), y - y.mean()
+    return model_items(OperatorRegressor(inputs=["f_t"]).fit(X, y), X, y)
+
+
+@case("greybox/operator/bicycle")
+def bicycle() -> dict[str, Any]:
+    X, y = skhoid.load_bicycle_rider(inputs=["RollAngle", "RollRate"])
+    X, y = X.iloc[:4000], y.iloc[:4000]
+    return model_items(OperatorRegressor(inputs=["RollAngle"]).fit(X, y), X, y)
