@@ -37,23 +37,26 @@ def main() -> int:
     options = parser.parse_args()
     group, prefix = store.split(options.only)
     found: dict[str, list[str]] = {}
+    broken: list[str] = []
     with threadpool_limits(1):
         for name in CASES:
             if not (name.startswith(prefix) or prefix.startswith(f"{name}/")):
                 continue
             begun = time.perf_counter()
-            found |= {
-                item: values
-                for item, values in items_of(name)
-                if item.startswith(group) and store.split(item)[1].startswith(prefix)
-            }
+            try:
+                found |= store.chosen(dict(items_of(name)), group, prefix)
+            except Exception as error:
+                if options.write:
+                    raise
+                broken.append(name)
+                print(f"{name}: stopped by {type(error).__name__}: {error}")
             if options.times:
                 print(f"{time.perf_counter() - begun:6.2f} s  {name}")
-    if not found:
+    if not (found or broken):
         parser.error(f"no item begins with {options.only!r}; the cases are {', '.join(CASES)}")
     if options.write:
         return store.write(STORED, found, group, prefix)
-    return store.compare(STORED, found, group, prefix)
+    return store.compare(STORED, found, group, prefix, broken)
 
 
 if __name__ == "__main__":

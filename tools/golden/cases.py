@@ -16,6 +16,7 @@ HOMES = (
     "skhoid.montecarlo",
     "skhoid.interpret",
     "skhoid.frequency",
+    "skhoid.plotting",
 )
 
 

@@ -80,15 +80,18 @@ def of_thesis(name: str, n_replications: int, **options: Any) -> dict[str, Any]:
 
 
 HORIZONS = [64, 256, np.inf]
-for _name, _options in {
+SMALL: dict[str, dict[str, Any]] = {
     "delay_study": CELL | {"orders": [2, "nm"], "n_validation": 1},
     "forgetting_study": {
-        "conditions": ["C1", "C4"], "intensities": [0.15], "memory_horizons": HORIZONS,
+        "conditions": ["C1", "C4"],
+        "intensities": [0.15],
+        "memory_horizons": HORIZONS,
         "n_validation": 1,
     },
     "path_study": {"intensities": [0.15], "step": 1.28},
     "response_study": CELL,
-}.items():  # fmt: skip
+}
+for _name, _options in SMALL.items():
     case(f"study/{_name}", name=_name, n_replications=2, **_options)(of_thesis)
 
 
