@@ -30,15 +30,8 @@ from numba import njit
 from scipy.signal import lfilter
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 
-from skhoid import (
-    RecursiveARX,
-    RecursiveARXCV,
-    VAFScorer,
-    _kernels,
-    make_tracking_runs,
-    run_labels,
-)
-from skhoid.arx.recursion import State
+from skhoid import RecursiveARX, RecursiveARXCV, VAFScorer, _kernels, make_tracking_runs, run_labels
+from skhoid.arx.rls import RecursionState
 
 N_ROWS, LANE_ROWS, PEER_ROWS = 65536, 8192, 1500
 REPEATS, PEER_REPEATS, SEARCH_REPEATS, GRID_REPEATS = 40, 10, 20, 2
@@ -297,9 +290,9 @@ class Lanes:
     def __init__(self, X: np.ndarray, y: np.ndarray, forgetting: np.ndarray) -> None:
         """X and y of shape (n_rows, 1 or n_lanes), forgetting of shape (n_lanes,)."""
         n, lanes = len(y), len(forgetting)
-        advance = _kernels.recursion.recursion(4, lanes)
-        follow = _kernels.recursion.free_runs(2, 4, lanes)
-        state = State(np.zeros(4), P0 * np.eye(4), lanes).buffer
+        advance = _kernels.rls.recursion(4, lanes)
+        follow = _kernels.rls.free_runs(2, 4, lanes)
+        state = RecursionState(np.zeros(4), P0 * np.eye(4), lanes).buffer
         rest = state.copy()
         signals = np.stack([-y, X])[:, :, None]
         recording = np.stack([y[:, 0], X[:, 0]])

@@ -27,7 +27,7 @@ from rich.progress import Progress
 from scipy.integrate import solve_ivp
 
 from skhoid import CompensatoryTask, Remnant, _kernels, make_tracking_runs, tune_remnant
-from skhoid.simulation.physics import physics_rows, response_of
+from skhoid.simulation.physics import operator_response, physics_rows
 
 REPEATS, BATCHES = 15, 3
 PEER_STEPS, PEER_REPEATS = 1500, 3
@@ -61,7 +61,7 @@ def kernel_calls(task: CompensatoryTask) -> dict[str, tuple[Callable[[], object]
     white = 10 * np.random.default_rng(0).standard_normal((n, _kernels.loop.MANY))
     assert task.remnant is not None
     rest = (
-        *physics_rows(task), task.remnant.filter_coefficients(), *response_of(task).arguments,
+        *physics_rows(task), task.remnant.filter_coefficients(), *operator_response(task).arguments,
         1 / task.sampling_rate, 1.0, task.n_run_in, 1e9,
     )  # fmt: skip
     blocks = {width: np.ascontiguousarray(white[:, :width]) for width in (1, 6, 8)}

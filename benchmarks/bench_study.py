@@ -18,10 +18,11 @@ import numpy as np
 from bench_simulate import cpu
 
 from skhoid import _kernels
-from skhoid.arx.recursion import State, recurse
 from skhoid.arx.recursive_cv import HORIZONS
-from skhoid.montecarlo import MonteCarloStudy, forgetting_study
-from skhoid.montecarlo.batch import (
+from skhoid.arx.rls import RecursionState, recurse
+from skhoid.montecarlo import MonteCarloStudy
+from skhoid.montecarlo.horizons import KEPT, candidate_delays, shifted
+from skhoid.montecarlo.vectorised import (
     BOUND,
     FORMS,
     NO_FORGETTING,
@@ -31,7 +32,8 @@ from skhoid.montecarlo.batch import (
     delay_losses,
     least_squares,
 )
-from skhoid.montecarlo.paper import CONDITIONS, INTENSITIES, KEPT, candidate_delays, shifted
+from skhoid.thesis import forgetting_study
+from skhoid.thesis.study_result import CONDITIONS, INTENSITIES
 
 CELLS, ESTIMATION, VALIDATION = len(CONDITIONS) * len(INTENSITIES), 100, 10
 SECONDS, GIBIBYTES = 60.0, 2.0
@@ -66,7 +68,7 @@ def stages() -> dict[str, float]:
     begin = perf_counter()
     losses, _ = delay_losses(e, u, before, nks)
     begin = timed("delay search", begin)
-    lanes = _kernels.recursion.MANY
+    lanes = _kernels.rls.MANY
     follow = _kernels.trade_off.free_runs_of_many(ORDERS.na, ORDERS.nb[0], lanes)
     factors = 1 - 1 / np.array(HORIZONS)
     for run in range(ESTIMATION):
@@ -82,7 +84,7 @@ def stages() -> dict[str, float]:
             inflation = _inflation(factors, form, lanes)
             begin = perf_counter()
             path = recurse(
-                State(theta0, np.eye(4), lanes), signals, target, ORDERS, NO_FORGETTING,
+                RecursionState(theta0, np.eye(4), lanes), signals, target, ORDERS, NO_FORGETTING,
                 inflation=inflation, keep=("theta",),
             ).theta  # fmt: skip
             begin = timed(f"recursion, {form}", begin)

@@ -29,24 +29,13 @@ index. Estimators, searches and transformers follow the scikit-learn API. By tas
 VAF 88.2 %
 """
 
-__version__ = "0.1.0"
-
+from ._version import __version__ as __version__
 from .arx.batch import ARXRegressor
 from .arx.forgetting import forgetting_factor
 from .arx.recursive import RecursiveARX
 from .arx.recursive_cv import RecursiveARXCV
 from .arx.searches import DelaySearchCV, OrderSearchCV
-from .diagnosis import (
-    Comparison,
-    EffectSearchCV,
-    Finding,
-    RemnantEstimate,
-    check_channels,
-    compare,
-    performance_scores,
-    remnant_estimate,
-)
-from .ensemble import ensemble_average
+from .diagnosis import Comparison, RemnantEstimate, compare, performance_scores, remnant_estimate
 from .exceptions import (
     IrregularSamplingError,
     MissingDataWarning,
@@ -63,12 +52,8 @@ from .exceptions import (
     UnstableLoopError,
     WorkersLostError,
 )
-from .frequency import (
-    FrequencyResponse,
-    auto_psd,
-    crossover_path,
-    fourier_coefficients,
-)
+from .experiment.people import analyse_experiment, simulate_experiment
+from .experiment.recommend import recommend_forgetting
 from .greybox import OperatorRegressor
 from .human import (
     ControlledElement,
@@ -77,23 +62,22 @@ from .human import (
     Ramp,
     Sigmoid,
     Step,
-    arx_to_operator,
     crossover,
-    operator_parameters,
-    reference_fits,
     zoh_parameters,
 )
+from .interpret import FrequencyResponse, auto_psd, crossover_path, fourier_coefficients
+from .interpret.conversion import arx_to_operator, operator_parameters
+from .interpret.references import reference_fits
 from .io import load_bicycle_rider, load_human_tracking, read_runs, write_runs
 from .metrics import VAFScorer, vaf_score
-from .montecarlo import (
-    MonteCarloStudy,
-    analyse_experiment,
-    recommend_forgetting,
-    simulate_experiment,
-)
+from .montecarlo import MonteCarloStudy
 from .preprocessing import Decimator, DelayShift, RunInTrimmer, resample_runs
+from .preprocessing.ensemble import ensemble_average
+from .recordings.channels import check_channels
+from .recordings.findings import Finding
 from .reporting import Report, report
-from .selection import run_labels, sampling_time, select_runs
+from .runs.selection import run_labels, sampling_time, select_runs
+from .search.effect_search import EffectSearchCV
 from .simulation import (
     CompensatoryTask,
     Multisine,

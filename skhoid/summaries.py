@@ -41,7 +41,7 @@ STYLE = """<style>
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """Rows of text under a header; the first column names the rows."""
 
     caption: str
@@ -92,9 +92,9 @@ class Summary:
 
     title: str
     facts: dict[str, str]
-    estimates: Table
+    estimates: TextTable
     notes: Sequence[str] = ()
-    more: Sequence[Table] = field(default=())
+    more: Sequence[TextTable] = field(default=())
 
     def text(self) -> str:
         lines = [
@@ -146,7 +146,7 @@ def grid_facts(model: Any) -> dict[str, str]:
     }
 
 
-def estimates_table(parameters: pd.DataFrame, caption: str = "Parameters") -> Table:
+def estimates_table(parameters: pd.DataFrame, caption: str = "Parameters") -> TextTable:
     """Table of a frame with the columns value, sd, low, high and unit.
 
     What was given, or lies at a bound, has no standard error (0 or NaN) and shows a dash.
@@ -175,7 +175,7 @@ def estimates_table(parameters: pd.DataFrame, caption: str = "Parameters") -> Ta
         )
     if not any(row[-1] for row in rows):
         header, rows = header[:-1], [row[:-1] for row in rows]
-    return Table(caption, header, rows)
+    return TextTable(caption, header, rows)
 
 
 def number(value: float, sd: float = np.nan) -> str:

@@ -16,8 +16,8 @@ from sklearn.base import clone
 from .effects.base import PLACES, Effect, Parameter
 from .effects.composition import Effects
 from .effects.offsets import Bias
+from .effects.operator_signals import Command, Gains, Spring
 from .effects.record import OTHER, Record, differentiated
-from .effects.signals import Command, Gains, Spring
 from .greybox.cores import ARXCore, OperatorCore, neutral_gains
 from .greybox.simulator import Simulator
 from .human.controlled_element import ControlledElement
@@ -545,7 +545,7 @@ def _check_simulation(effect: Effect, record: Record, core: str) -> None:
 def _check_recovery(effect: Effect, record: Record, core: str, truth: dict[str, float]) -> None:
     """Simulate, estimate, compare."""
     from .arx.batch import ARXRegressor
-    from .greybox.operator import OperatorRegressor
+    from .greybox.operator_regressor import OperatorRegressor
 
     who = _name(effect)
     names = {p.name for p in effect.free}

@@ -1,6 +1,5 @@
 """VAF as a function and as a scorer."""
 
-import naive
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,7 +8,8 @@ from hypothesis import strategies as st
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
-from synthetic import DT, arx_runs, run_time, with_levels
+from support import naive
+from support.synthetic import DT, arx_runs, run_time, with_levels
 
 from skhoid import (
     ARXRegressor,

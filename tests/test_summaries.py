@@ -31,7 +31,7 @@ from skhoid import (
     make_tracking_runs,
     vaf_score,
 )
-from skhoid.arx.searches.words import highest, lowest
+from skhoid.arx.searches.text import highest, lowest
 from skhoid.summaries import WIDTH, estimates_table, number
 
 COLUMNS = ["coef", "std err", "z", "P>|z|", "[0.025", "0.975]"]

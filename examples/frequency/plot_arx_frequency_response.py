@@ -115,7 +115,7 @@ _ = fig.legend(handles, labels, loc="outside upper center", ncols=4, frameon=Fal
 # their own grid, and at d = 16 the magnitude in C1 is up to 17 % too low, just below the peak.
 
 from skhoid import tracking_condition, zoh_parameters
-from skhoid.frequency import arx_response
+from skhoid.interpret import arx_response
 
 fig, axes = plt.subplots(2, 2, figsize=(7.6, 6.4), sharex=True, sharey="row")
 for name, column in zip(("C1", "C2"), axes.T, strict=True):

@@ -14,14 +14,7 @@ memory horizon, and 2.56 s is the answer to somebody else's question. What is it
 # second after the vehicle has changed.
 
 # sphinx_gallery_thumbnail_number = 2
-from skhoid import (
-    CompensatoryTask,
-    ControlledElement,
-    HumanOperator,
-    Multisine,
-    Sigmoid,
-    crossover,
-)
+from skhoid import CompensatoryTask, ControlledElement, HumanOperator, Multisine, Sigmoid, crossover
 
 
 def changes(before, after, time):

@@ -148,7 +148,7 @@ print(
 # :math:`|A|^2` with which least squares judges its misfit.
 
 from skhoid import FrequencyResponse
-from skhoid.frequency import arx_response
+from skhoid.interpret import arx_response
 from skhoid.plotting import BodeDisplay
 
 omega = np.geomspace(0.2, np.pi / DT, 400)  # rad/s

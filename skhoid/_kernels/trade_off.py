@@ -117,7 +117,7 @@ def free_runs_of_many(na, nb, lanes):
         delay left, begins nb - 1 rows earlier.
 
         Returns the sum of the squared errors from row ``begin`` to ``end``, of shape (n_runs,
-        lanes), without rows in which u is NaN. It has the bits of ``recursion.free_runs``, which
+        lanes), without rows in which u is NaN. It has the bits of ``rls.free_runs``, which
         takes one recording at a time: here theta is fetched once for all of them, and their chains
         of operations do not wait for one another.
         """

@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
-from ..exceptions import (
-    MissingDataWarning,
-    ShortRunError,
-)
+from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import vaf_of_rows
 from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor, segments
@@ -115,7 +112,7 @@ class BaseARX(RunRegressor):
     ) -> np.ndarray:
         """Free run on the grid."""
         stretches = (grid.begin, grid.end, grid.past)
-        return free_run(inputs, stretches, self.orders_, *self._parameters(grid), y0)
+        return free_run_output(inputs, stretches, self.orders_, *self._parameters(grid), y0)
 
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
         """Sets of parameters, and which of them each row of the grid has."""
@@ -241,7 +238,7 @@ class BaseARX(RunRegressor):
         return vaf_of_rows(thinned, full, keep, grid.layout, average, centered)
 
 
-def free_run(
+def free_run_output(
     inputs: np.ndarray,
     stretches: tuple[np.ndarray, np.ndarray, np.ndarray],
     orders: Orders,

@@ -13,11 +13,11 @@ from .._sklearn import Interval, StrOptions, fit_context
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
-from ..greybox.arx import fitted_arx, forecast
+from ..greybox.arx_core import fitted_arx, forecast
 from ..greybox.base import GreyBox, Prepared
 from ..greybox.cores import ARXCore
 from ..greybox.estimates import arx_parameter_table
-from ..greybox.fitting import Criterion, Noise
+from ..greybox.fitting import Criterion, RemnantModel
 from ..greybox.model import Model
 from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
@@ -28,8 +28,8 @@ from .base import BaseARX, check_row_count
 from .excitation import rank_error
 from .instruments import estimate
 from .least_squares import Triangle, newey_west
+from .model_summary import batch_summary, orders_in_words
 from .orders import Orders, regressors
-from .summary import batch_summary, orders_in_words
 
 
 class ARXRegressor(BaseARX, GreyBox):
@@ -287,7 +287,7 @@ class ARXRegressor(BaseARX, GreyBox):
     def _fitted_core(self, core: Any, record: Record, criterion: Criterion) -> Model:
         return fitted_arx(core, record, criterion)
 
-    def _set_model(self, fitted: tuple[Model, Noise]) -> None:
+    def _set_model(self, fitted: tuple[Model, RemnantModel]) -> None:
         super()._set_model(fitted)
         model, _ = fitted
         self.orders_ = Orders.of(self.na, self.nb, self.nk, 1, bool(self.fit_intercept))

@@ -43,16 +43,16 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class _Part:
+class _Stretch:
     """Regressors, output and instruments of one stretch without gaps."""
 
     Phi: np.ndarray
     y: np.ndarray
     Z: np.ndarray
 
-    def filtered(self, numerator: np.ndarray, denominator: np.ndarray) -> _Part:
+    def filtered(self, numerator: np.ndarray, denominator: np.ndarray) -> _Stretch:
         # From rest this is exact: each filtered row is a sum of rows of the same equation.
-        return _Part(
+        return _Stretch(
             *(lfilter(numerator, denominator, v, axis=0) for v in (self.Phi, self.y, self.Z))
         )
 
@@ -135,7 +135,7 @@ def _parts(
     end: np.ndarray,
     orders: Orders,
     lags: np.ndarray,
-) -> tuple[list[_Part], int]:
+) -> tuple[list[_Stretch], int]:
     """Stack rows with known lags; filters start anew after rows that are left out."""
     first = max(orders.first_row, int(lags[-1]))
     possible = int(np.maximum(end - begin - first, 0).sum())
@@ -151,11 +151,11 @@ def _parts(
         table, rows, Z = table[complete], rows[complete], Z[complete]
         for piece in np.split(np.arange(rows.size), np.flatnonzero(np.diff(rows) > 1) + 1):
             if piece.size:
-                parts.append(_Part(table[piece, :-1], table[piece, -1], Z[piece]))
+                parts.append(_Stretch(table[piece, :-1], table[piece, -1], Z[piece]))
     return parts, possible - sum(part.y.size for part in parts)
 
 
-def _stack(parts: list[_Part]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _stack(parts: list[_Stretch]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return (
         np.concatenate([p.Phi for p in parts]),
         np.concatenate([p.y for p in parts]),
@@ -197,7 +197,9 @@ def _stabilised(a: np.ndarray) -> np.ndarray:
     return np.real(np.poly(np.where(size >= STABLE_RADIUS, inward, poles)))
 
 
-def _remnant_model(parts: list[_Part], theta: np.ndarray, a: np.ndarray, settle: int) -> np.ndarray:
+def _remnant_model(
+    parts: list[_Stretch], theta: np.ndarray, a: np.ndarray, settle: int
+) -> np.ndarray:
     """D: the autoregressive polynomial, by least squares, of the remnant n = (A u - B e) / A."""
     past, now = [], []
     for part in parts:

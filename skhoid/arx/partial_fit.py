@@ -15,7 +15,7 @@ from ..exceptions import ShortRunError
 from .base import BaseARX
 from .forgetting import Forgetting
 from .orders import Orders
-from .recursion import State, window_rows
+from .rls import RecursionState, window_rows
 from .start import needs_data, start_of
 from .streaming import Clock, Piece, Stream, first_rows
 
@@ -199,7 +199,7 @@ class PartialFit(BaseARX):
                 return None
         theta0, P0 = self._start_from(table, sum(piece.y.size for piece in pieces))
         forgetting = self._read_forgetting(np.zeros(1))
-        state = State(theta0, P0)
+        state = RecursionState(theta0, P0)
         state.set_factor(forgetting)
         self.initial_coef_, self.initial_covariance_ = theta0, P0
         return self._new_stream(state, forgetting, P0)
@@ -218,7 +218,7 @@ class PartialFit(BaseARX):
             )
         return start_of(self.init, self.p0, self.parameter_names_, table)
 
-    def _new_stream(self, state: State, forgetting: Forgetting, P0: np.ndarray) -> Stream:
+    def _new_stream(self, state: RecursionState, forgetting: Forgetting, P0: np.ndarray) -> Stream:
         return Stream(
             state, self.orders_, self._columns, forgetting, P0, self._reset_times(), self.dt_
         )

@@ -17,18 +17,11 @@ from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
 from .base import check_row_count
 from .forgetting import Forgetting, read_forgetting
+from .model_summary import recursive_summary
 from .partial_fit import OF_RUNS, PartialFit
-from .recursion import (
-    Instants,
-    Plan,
-    Recursion,
-    RecursionData,
-    grid_numbers,
-    likelihoods,
-)
+from .rls import Instants, Recursion, RecursionData, RecursionPlan, grid_numbers, likelihoods
 from .start import needs_data
 from .streaming import Clock
-from .summary import recursive_summary
 
 
 class RecursiveARX(PartialFit):
@@ -309,10 +302,10 @@ class RecursiveARX(PartialFit):
     def _check_size(self, inputs: np.ndarray, output: np.ndarray) -> None:
         for values in (inputs, output):
             largest = np.nanmax(np.abs(values), initial=0.0)
-            if largest > _kernels.recursion.TOO_LARGE:
+            if largest > _kernels.rls.TOO_LARGE:
                 raise ValueError(
                     f"The data hold {largest:g}, a value too large for recursive least squares "
-                    f"(at most {_kernels.recursion.TOO_LARGE:g}). Mark missing values by NaN, or "
+                    f"(at most {_kernels.rls.TOO_LARGE:g}). Mark missing values by NaN, or "
                     "use other units."
                 )
 
@@ -345,7 +338,7 @@ class RecursiveARX(PartialFit):
                 "smooth=True needs one λ for all parameters, and forgetting_form='joint'; with one "
                 "λ per parameter ΛPΛ is no random walk."
             )
-        plan = Plan(self.orders_, forgetting, resets, self.smooth, self.store_covariance)
+        plan = RecursionPlan(self.orders_, forgetting, resets, self.smooth, self.store_covariance)
         recursions = plan.each(data, starts) if each else [plan.pooled(data, starts[0])]
         errors = np.concatenate([r.errors for r in recursions], axis=1)
         self.one_step_errors_ = errors[data.instants.of_row, data.instants.run]

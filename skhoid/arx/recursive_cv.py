@@ -14,13 +14,13 @@ from .. import _kernels
 from .._sklearn import fit_context
 from ..exceptions import RunCutWarning
 from ..metrics import VAFScorer, scored_rows, vaf_of_rows, vaf_of_sums
-from ..summaries import Summary, Table, number
+from ..summaries import Summary, TextTable, number
 from .base import BOUND
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
-from .recursion import RecursionData, State, kernel_regressors, recurse
 from .recursive import RecursiveARX
+from .rls import RecursionData, RecursionState, kernel_regressors, recurse
 from .searches.folds import folds_of
-from .searches.words import highest, standard_error
+from .searches.text import highest, standard_error
 
 HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 
@@ -194,7 +194,7 @@ class RecursiveARXCV(RecursiveARX):
         data = self._read_recursion(X, y)
         settings = self._settings(data)
         folds = self._folds(X, y, data)
-        validation = _Validation(self, data, self._read_y(X, y))
+        validation = _HorizonScores(self, data, self._read_y(X, y))
         scored = Parallel(n_jobs=self.n_jobs, prefer="threads")(
             delayed(validation.scores)(runs, settings) for runs in folds
         )
@@ -300,7 +300,7 @@ class RecursiveARXCV(RecursiveARX):
         found = super()._summary()
         searched = f"{len(vaf)} memory horizons, by cross-validated VAF {self.best_score_:.1f} %"
         facts = {**found.facts, "Searched": searched}
-        return replace(found, facts=facts, more=[Table(caption, header, rows), *found.more])
+        return replace(found, facts=facts, more=[TextTable(caption, header, rows), *found.more])
 
     def _check_streaming(self, fitted: bool) -> None:
         super()._check_streaming(fitted)
@@ -310,7 +310,7 @@ class RecursiveARXCV(RecursiveARX):
             )
 
 
-class _Validation:
+class _HorizonScores:
     """Scores all settings on training and validation runs."""
 
     def __init__(self, search: RecursiveARXCV, data: RecursionData, y: np.ndarray) -> None:
@@ -348,7 +348,7 @@ class _Validation:
         if last:
             at = np.zeros_like(at)
         scores = np.empty((2, len(settings)))
-        lanes = _kernels.recursion.MANY
+        lanes = _kernels.rls.MANY
         for first in range(0, len(settings), lanes):
             block = settings[first : first + lanes]
             wide = max(setting.factors.shape[1] for setting in block)
@@ -356,7 +356,7 @@ class _Validation:
             for lane, setting in enumerate(block):
                 factors[:, :, lane] = setting.factors
             paths = recurse(
-                State(*start, lanes), signals, target, data.orders, block[0],
+                RecursionState(*start, lanes), signals, target, data.orders, block[0],
                 inflation=kernel_arrays(factors), keep=("theta",),
             )  # fmt: skip
             path = paths.theta[-1:] if last else paths.theta
@@ -403,7 +403,7 @@ class _Validation:
         begin, end = grid.begin[chosen], grid.end[chosen]
         lanes = paths.shape[2]
         out = np.empty((0 if self.sums_suffice else end[-1] - begin[0], lanes))
-        follow = _kernels.recursion.free_runs(orders.na, orders.n_params, lanes)
+        follow = _kernels.rls.free_runs(orders.na, orders.n_params, lanes)
         regressors = kernel_regressors(orders)
         past = grid.past[chosen]
         return out, follow(self.signals, *regressors, begin, end, past, paths, at, BOUND, out)

@@ -14,7 +14,7 @@ from ..exceptions import IrregularSamplingError, RunIndexError
 from ..runs import GAP, JITTER_TOLERANCE, RunLayout
 from .forgetting import Forgetting
 from .orders import Orders, regressors
-from .recursion import RecursionData, State, kernel_regressors
+from .rls import RecursionData, RecursionState, kernel_regressors
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Stream:
 
     def __init__(
         self,
-        state: State,
+        state: RecursionState,
         orders: Orders,
         columns: list[int],
         forgetting: Forgetting,
@@ -83,7 +83,7 @@ class Stream:
         self.state, self.forgetting = state, forgetting
         self.P0, self.reset_times, self.dt = P0, reset_times, dt
         self.depth = orders.first_row
-        rows = self.depth + _kernels.recursion.CHUNK
+        rows = self.depth + _kernels.rls.CHUNK
         self._signals = np.full((1 + len(columns) + orders.intercept, rows, 1, 1), np.nan)
         if orders.intercept:
             self._signals[-1] = 1.0
@@ -107,7 +107,7 @@ class Stream:
 
     def take(self, X: np.ndarray, y: np.ndarray) -> bool:
         """Take rows that go on; False, and nothing done, if any is infinite."""
-        return _kernels.recursion.stream(self.state.n_params)(
+        return _kernels.rls.stream(self.state.n_params)(
             X,
             y,
             self._columns,

@@ -59,10 +59,10 @@ def completion(options: argparse.Namespace) -> int:
 
 def _names() -> dict[Any, list[str]]:
     """Names that options take, by option; not choices of the parser, which would import all."""
-    from ..diagnosis.story import HIDDEN
     from ..effects.catalogue import BY_NAME
-    from ..montecarlo import PAPER_STUDIES
-    from ..montecarlo.paper import CONDITIONS
+    from ..search.story import HIDDEN
+    from ..thesis.studies import PAPER_STUDIES
+    from ..thesis.study_result import CONDITIONS
     from .study import OTHERS
 
     return {

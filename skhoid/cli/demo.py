@@ -26,7 +26,7 @@ Next: skhoid diagnose                      the same on recordings of a real pers
 
 def add_demo(commands: Any) -> None:
     """Add the command to the parser."""
-    from ..diagnosis.story import HIDDEN
+    from ..search.story import HIDDEN
 
     command = add_command(
         commands,
@@ -58,9 +58,9 @@ def add_demo(commands: Any) -> None:
 def demo(options: argparse.Namespace) -> int:
     """Hide effects and find them."""
     from .. import OperatorRegressor, make_tracking_runs
-    from ..diagnosis.story import HIDDEN
     from ..effects import Effects
     from ..exceptions import did_you_mean
+    from ..search.story import HIDDEN
 
     names = [] if options.effect == ["none"] else options.effect
     if "none" in names:

@@ -28,7 +28,7 @@ from .output import (
 from .telling import add_picture_options, picture_folder
 
 if TYPE_CHECKING:
-    from ..arx.identify import Identification
+    from ..arx.identification import Identification
 
 EXAMPLES = """\
 examples:
@@ -124,7 +124,7 @@ def add_identify(commands: Any) -> None:
 
 def identify(options: argparse.Namespace) -> int:
     """Identify, and say, draw and write what is found."""
-    from ..arx.identify import identify as identify_runs
+    from ..arx.identification import identify as identify_runs
 
     folder = picture_folder(options, "skhoid-identify")
     check_tables(options)
@@ -237,7 +237,7 @@ def _draw(found: Identification, folder: Path) -> list[str]:
 
 
 def _as_dict(found: Identification, source: str) -> dict[str, Any]:
-    from .. import __version__
+    from .._version import __version__
 
     layout = found.layout
     return {

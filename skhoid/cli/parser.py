@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from .. import __version__
+from .._version import __version__
 from .commands import Parser
 from .completion import add_completion
 from .demo import add_demo

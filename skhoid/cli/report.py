@@ -18,13 +18,7 @@ from .output import (
     say_files,
 )
 from .recordings import add_recording_options, read_recordings
-from .telling import (
-    add_search_options,
-    leave,
-    tables_of_comparison,
-    tell,
-    write_report,
-)
+from .telling import add_search_options, leave, tables_of_comparison, tell, write_report
 from .wording import reworded
 
 EXAMPLES = """\
@@ -81,8 +75,8 @@ def _without_search(
 ) -> int:
     import pandas as pd
 
-    from .. import __version__
-    from ..diagnosis.story import comparison_dict, parameter_line
+    from .._version import __version__
+    from ..search.story import comparison_dict, parameter_line
 
     model = estimator.fit(X, y)
     page = write_report(options, path, model, X, y, source, effects=None)

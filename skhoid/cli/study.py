@@ -9,13 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .commands import add_command
-from .files import (
-    add_file_options,
-    check_folders,
-    read_files,
-    save_figures,
-    without_screen,
-)
+from .files import add_file_options, check_folders, read_files, save_figures, without_screen
 from .options import at_least_one, positive, refuse
 from .output import add_output_options, add_table_format, print_json, say_files, write_tables
 
@@ -97,7 +91,7 @@ def add_study(commands: Any) -> None:
 
 def study(options: argparse.Namespace) -> int:
     """Run one study, or all of the paper."""
-    from ..montecarlo import PAPER_STUDIES
+    from ..thesis.studies import PAPER_STUDIES
 
     _check(options)
     if options.name == "list":
@@ -122,7 +116,7 @@ def _check(options: argparse.Namespace) -> None:
     """Say what hinders a study before the work begins."""
     from ..exceptions import did_you_mean
     from ..io.tables import check_table_format
-    from ..montecarlo import PAPER_STUDIES
+    from ..thesis.studies import PAPER_STUDIES
 
     name, known = options.name, ["list", *OTHERS, *PAPER_STUDIES]
     if name not in known:
@@ -155,13 +149,13 @@ def _applying(options: argparse.Namespace) -> tuple[str, list[str]]:
 
 
 def _parameters(name: str) -> set[str]:
-    from ..montecarlo import PAPER_STUDIES
+    from ..thesis.studies import PAPER_STUDIES
 
     return set(signature(PAPER_STUDIES[name].function).parameters)
 
 
 def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
-    from ..montecarlo import paper_study
+    from ..thesis.studies import paper_study
 
     given = {key: getattr(options, part) for part, key in PARTS.items()}
     has = _parameters(name)
@@ -205,7 +199,7 @@ def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
 
 
 def _recommend(options: argparse.Namespace) -> int:
-    from ..montecarlo import recommend_forgetting
+    from ..experiment.recommend import recommend_forgetting
     from ..simulation import CompensatoryTask
 
     conditions = options.conditions or ["C4"]
@@ -239,7 +233,7 @@ def _recommend(options: argparse.Namespace) -> int:
 
 
 def _experiment(options: argparse.Namespace) -> int:
-    from ..montecarlo import analyse_experiment, simulate_experiment
+    from ..experiment.people import analyse_experiment, simulate_experiment
 
     last = options.last or 5
     if options.files:

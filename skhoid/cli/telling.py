@@ -15,8 +15,8 @@ from .wording import reworded
 
 if TYPE_CHECKING:
     from ..diagnosis.comparison import Comparison
-    from ..diagnosis.story import Story
     from ..reporting import Report
+    from ..search.story import Story
 
 OF_COMPARISON = (
     "by_run",
@@ -77,7 +77,7 @@ def tell(
 ) -> Story:
     """Search, and tell the story meanwhile."""
     from .. import ControlledElement, EffectSearchCV
-    from ..diagnosis.story import Story
+    from ..search.story import Story
 
     element = getattr(options, "controlled_element", None)
     search = EffectSearchCV(
@@ -107,7 +107,7 @@ def leave(
     head: dict[str, Any] | None = None,
 ) -> None:
     """Write the report, the pictures and the tables, and say where; or print all as JSON."""
-    from .. import __version__
+    from .._version import __version__
 
     if report is not None:
         write_report(options, report, story.search_, story.X, story.y, source)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from ..recordings.findings import Finding
 from ..summaries import counted
-from .findings import Finding
 from .next_steps import NextSteps
-from .signals import Signals
+from .run_signals import Signals
 
 if TYPE_CHECKING:
     from .comparison import Comparison

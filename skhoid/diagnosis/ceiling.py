@@ -10,8 +10,8 @@ from scipy import fft
 from scipy.signal import resample
 from scipy.stats import norm
 
-from .noise import Noise, noise_of
-from .signals import Group, Signals
+from .noise_density import NoiseDensity, noise_density
+from .run_signals import Group, Signals
 
 CONFIDENCE = 0.90
 STRONG = 3e-4  # of the strongest direction; what the instruments excite less is left alone
@@ -33,7 +33,7 @@ class Ceiling:
     gap: float
     sd: float
     vaf: float
-    noise: Noise
+    noise: NoiseDensity
     remnant: list[np.ndarray]
     covered: np.ndarray
 
@@ -102,7 +102,7 @@ def _route(group: Group) -> str:
 
 def _noise(
     signals: Signals, routes: list[str], best: str, residuals: list[np.ndarray]
-) -> tuple[Noise, list[np.ndarray]]:
+) -> tuple[NoiseDensity, list[np.ndarray]]:
     """Noise model of the groups that have the best route, and noise (or residual) by group."""
     records, times, scored, without, parts, independent = [], [], [], [], [], 0
     for group, route, r in zip(signals.groups, routes, residuals, strict=True):
@@ -121,11 +121,11 @@ def _noise(
             without += [group.lines if route == "lines" else None] * group.n_runs
             independent += group.n_runs - (route == "repeats")
     floor = SILENT * float(np.mean(signals.y[signals.scored] ** 2))
-    return noise_of(records, times, signals.dt, without, scored, independent, floor), parts
+    return noise_density(records, times, signals.dt, without, scored, independent, floor), parts
 
 
 def _noise_power(
-    group: Group, route: str, remnant: np.ndarray, noise: Noise
+    group: Group, route: str, remnant: np.ndarray, noise: NoiseDensity
 ) -> tuple[float, float]:
     """Sum of squares of the noise of a group, and the variance of the error of the gap."""
     n = group.n_samples
@@ -146,7 +146,7 @@ def _noise_power(
 
 
 def _without_linear_misfit(
-    signals: Signals, group: Group, noise: Noise
+    signals: Signals, group: Group, noise: NoiseDensity
 ) -> tuple[np.ndarray, float]:
     """Residuals of a group less what a linear response to the driving signal would explain.
 
@@ -174,7 +174,7 @@ def _without_linear_misfit(
 def _answered(
     signals: Signals,
     group: Group,
-    noise: Noise,
+    noise: NoiseDensity,
     r: np.ndarray,
     e: np.ndarray,
     instrument: np.ndarray,
@@ -214,7 +214,9 @@ def _varying(lagged: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     return np.concatenate([lagged * shape[:, None] for shape in shapes], axis=1)
 
 
-def _part_by_way_of_error(r: np.ndarray, response: np.ndarray, group: Group, noise: Noise) -> float:
+def _part_by_way_of_error(
+    r: np.ndarray, response: np.ndarray, group: Group, noise: NoiseDensity
+) -> float:
     """How much of a misfit answers e, from 0 to 1; the rest answers the target by another way.
 
     Both are the same for what repeats. What does not repeat, n + Δe_n, tells them apart: without

@@ -12,21 +12,21 @@ from scipy.stats import norm
 
 from ..metrics import vaf_of_rows
 from ..pipelines import taken_apart
+from ..recordings.channels import check_channels
+from ..recordings.findings import Finding
 from .advice import advise
 from .ceiling import Ceiling, noise_ceiling
 from .changes import BlockSums, cusum, tests_of_changes
-from .channels import check_channels
+from .comparison_text import html, summary
 from .correlation import correlations
-from .delay import delay_test
-from .findings import Finding
 from .levels import level_tests
 from .misfit import linear_misfit
 from .operating_point import by_operating_point
 from .over_frequency import by_frequency, distortion_tests
 from .over_runs import by_run, tests_over_runs
 from .over_time import by_time, time_frequency
-from .report import html, summary
-from .signals import Signals, read_signals
+from .response_delay import delay_test
+from .run_signals import Signals, read_signals
 from .tests_table import Test, tests_table
 
 OVERFIT = 1.1  # mean squared error of validation over that of estimation (thesis)

@@ -15,7 +15,7 @@ from scipy.linalg import toeplitz
 
 from .breaks import tail_probability
 from .ceiling import Ceiling, tap_spacing
-from .signals import Signals
+from .run_signals import Signals
 from .tests_table import Test
 
 N_LAGS = 40  # on either side

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.stats import poisson
 
-from .signals import Signals
+from .run_signals import Signals
 from .tests_table import Test
 
 N_LEVELS = 400  # over the range of the signal

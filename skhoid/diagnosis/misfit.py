@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import t as t_distribution
 
 from .ceiling import Ceiling, coherent_part
-from .signals import Group, Signals
+from .run_signals import Group, Signals
 from .tests_table import Test
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..arx.channel import is_arx
 from ..effects.composition import Effects
-from ..greybox.operator import OperatorRegressor
+from ..greybox.operator_regressor import OperatorRegressor
+from ..interpret.channel import is_arx
 from ..pipelines import taken_apart
 from ..preprocessing import DelayShift
 from ..summaries import counted

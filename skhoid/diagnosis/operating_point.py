@@ -8,7 +8,7 @@ from scipy.signal import correlate
 from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling
-from .signals import Signals
+from .run_signals import Signals
 from .tests_table import Test
 
 N_BINS = 12

@@ -11,7 +11,7 @@ from scipy.signal.windows import hann
 from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling
-from .signals import Group, Signals
+from .run_signals import Group, Signals
 from .tests_table import Test, of_several
 
 N_BANDS = 16  # at most
@@ -33,7 +33,7 @@ def by_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.D
     Runs of different length are cut to the shortest, so that they share their bins.
     """
     n = min(group.n_samples for group in signals.groups)
-    parts = [_Part.of(signals, group, n) for group in signals.groups]
+    parts = [_GroupSpectra.of(signals, group, n) for group in signals.groups]
     total = sum(float(np.sum(signals.y[rows] ** 2)) for g in signals.groups for rows in g.rows)
     omega = 2 * np.pi * fft.rfftfreq(n, signals.dt)
     S, known = ceiling.noise.at(omega), ceiling.noise.known(omega)
@@ -63,7 +63,7 @@ def by_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.D
     return table[list(COLUMNS)]
 
 
-class _Part:
+class _GroupSpectra:
     """Transforms of a group: target, driving signal, output, prediction and residual by run.
 
     A target without excited lines leaks over the ends of its window; responses to it are taken
@@ -81,7 +81,7 @@ class _Part:
         self.output, self.residual = self.U, self.R
 
     @classmethod
-    def of(cls, signals: Signals, group: Group, n: int) -> _Part:
+    def of(cls, signals: Signals, group: Group, n: int) -> _GroupSpectra:
         rows = group.rows[:, :n]
         values = {"u": signals.y, "model": signals.predicted}
         if "f_t" in signals.channels:
@@ -106,7 +106,9 @@ class _Part:
         return part
 
 
-def _sets_of_bins(parts: list[_Part], n: int, omega: np.ndarray) -> list[tuple[str, np.ndarray]]:
+def _sets_of_bins(
+    parts: list[_GroupSpectra], n: int, omega: np.ndarray
+) -> list[tuple[str, np.ndarray]]:
     """Bins that a row of the table is about, with their kind."""
     all_bins = np.arange(1, omega.size)
     lines = _common_lines(parts)
@@ -131,7 +133,7 @@ def _sets_of_bins(parts: list[_Part], n: int, omega: np.ndarray) -> list[tuple[s
     return sets
 
 
-def _common_lines(parts: list[_Part]) -> np.ndarray | None:
+def _common_lines(parts: list[_GroupSpectra]) -> np.ndarray | None:
     """Excited lines of all groups; None if they do not share nearly all of them."""
     common = parts[0].lines
     for part in parts:
@@ -156,7 +158,7 @@ def distortion_tests(signals: Signals, ceiling: Ceiling) -> list[Test]:
     (cubic) distorts the odd harmonics of odd lines, one of even order the even harmonics.
     """
     n = min(group.n_samples for group in signals.groups)
-    parts = [_Part.of(signals, group, n) for group in signals.groups]
+    parts = [_GroupSpectra.of(signals, group, n) for group in signals.groups]
     lines = _common_lines(parts)
     if lines is None or ceiling.route == "none":
         return []
@@ -239,7 +241,7 @@ def _bands(bins: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
 def _row(
     kind: str,
     bins: np.ndarray,
-    parts: list[_Part],
+    parts: list[_GroupSpectra],
     omega: np.ndarray,
     S: np.ndarray,
     known: np.ndarray,
@@ -272,7 +274,7 @@ def _row(
 
 
 def _response(
-    bins: np.ndarray, parts: list[_Part], S: np.ndarray, known: bool, free: float
+    bins: np.ndarray, parts: list[_GroupSpectra], S: np.ndarray, known: bool, free: float
 ) -> dict[str, float]:
     """Response in a band by way of the target, and a test of the residual's."""
     FF = FE = FU = FM = FR = U2 = spread = 0.0 + 0.0j
@@ -303,7 +305,7 @@ def _response(
     return row
 
 
-def _repeatable(bins: np.ndarray, parts: list[_Part], S: np.ndarray, free: float) -> float:
+def _repeatable(bins: np.ndarray, parts: list[_GroupSpectra], S: np.ndarray, free: float) -> float:
     """P-value of what repeats over runs, at bins that hold no line."""
     statistic, n = 0.0, 0
     for part in parts:

@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from ..metrics import VAF_FLOOR
 from .ceiling import Ceiling
-from .signals import Signals
+from .run_signals import Signals
 from .tests_table import Test, of_several
 
 LOST = 3.0  # times the rms error of the other runs, over a window

@@ -13,7 +13,7 @@ from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling
 from .changes import gain_over_time
-from .signals import Signals
+from .run_signals import Signals
 from .tests_table import of_one, of_several
 
 N_WINDOWS = 16

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import RunIndexError, ShortRunError
+from ..recordings.named_signals import NamedSignals
 from ..runs import RUN, TIME, WHOLE, RunLayout, read_layout
-from .named_signals import NamedSignals
 
 REGION = 30.72  # s, initial and final region (Section VI-B)
 TRANSITION = 20.48  # s

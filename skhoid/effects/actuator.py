@@ -10,8 +10,8 @@ from scipy.special import ndtr
 
 from .. import _kernels
 from .base import Effect, Parameter
+from .operator_signals import Spring
 from .record import Record
-from .signals import Spring
 from .traces import stop_of
 
 SCANNED_STEPS = np.geomspace(0.25, 3.5, 45)  # in standard deviations of the output

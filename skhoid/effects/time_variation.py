@@ -10,8 +10,8 @@ from scipy.special import expit
 
 from .base import Effect, Parameter
 from .offsets import with_middle
+from .operator_signals import Gains
 from .record import OTHER, Record, differentiated
-from .signals import Gains
 
 EDGE_STEPS = (0.2, 0.1, 0.05, 0.02)  # s, of the ends of lapses
 

@@ -1,5 +1,5 @@
 """Models simulated from inputs, with physical parameters and effects, by maximum likelihood."""
 
-from .operator import OperatorRegressor
+from .operator_regressor import OperatorRegressor
 
 __all__ = ["OperatorRegressor"]

@@ -17,15 +17,15 @@ from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor
 from ..runs import run_column
 from ..summaries import Summary
-from .controlled_element import estimate_element
 from .cores import Core
+from .element import estimate_element
 from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
-from .fitting import AR_ORDER, Criterion, Noise, covariance_of
-from .lanes import Lanes, build_record, roles_of
+from .fitting import AR_ORDER, Criterion, RemnantModel, covariance_of
 from .model import Model
+from .operator_summary import simulated_summary
+from .side_by_side import SegmentColumns, build_record, roles_of
 from .simulator import Simulator
-from .summary import simulated_summary
 
 N_LIKELIHOOD = {"operator": 12, "arx": 2}  # rounds of noise model and refinement, at most
 WORSE = 1.01  # squares of the simulation error by those of the round before, at most
@@ -34,17 +34,17 @@ SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go 
 
 @dataclass(frozen=True)
 class Prepared:
-    """Data as a record, where its lanes come from, and the core."""
+    """Data as a record, where its columns come from, and the core."""
 
     record: Record
     core: Core
-    lanes: Lanes
+    columns: SegmentColumns
     grid: ModelGrid
 
     @property
-    def run_of_lanes(self) -> np.ndarray:
-        """Number of the run that each lane is a part of."""
-        first = self.lanes.begin
+    def run_of_columns(self) -> np.ndarray:
+        """Number of the run that each column is a part of."""
+        first = self.columns.begin
         rows = first if self.grid.rows is None else self.grid.rows[first]
         return self.grid.layout.run_of(rows)
 
@@ -114,7 +114,7 @@ class GreyBox(RunRegressor):
         held = self._hold(grid, values[:, self._channels], names)
         given = self.controlled_element
         element = None if given is None else constants_of(given)
-        record, lanes = build_record(
+        record, columns = build_record(
             grid,
             names,
             held,
@@ -132,7 +132,7 @@ class GreyBox(RunRegressor):
             element = estimate_element(record)
             record = replace(record, controlled_element=element)
         self.controlled_element_ = None if element is None else ControlledElement(*element)
-        return Prepared(record, core, lanes, grid)
+        return Prepared(record, core, columns, grid)
 
     def _first_model(self, prepared: Prepared) -> Model:
         """The model with the effects it has, at the minimum of the simulation error."""
@@ -153,7 +153,7 @@ class GreyBox(RunRegressor):
         model = self._first_model(prepared)
         self._set_model(likelihood_fit(model, Criterion(prepared.record)))
 
-    def _set_model(self, fitted: tuple[Model, Noise]) -> None:
+    def _set_model(self, fitted: tuple[Model, RemnantModel]) -> None:
         """Take over a fitted model."""
         model, noise = fitted
         record = model.simulator.record
@@ -182,12 +182,12 @@ class GreyBox(RunRegressor):
         self.covariance_ = covariance_frame(model.simulator, covariance)
         self.effects_ = effects_with_values(model)
 
-    def _record_of(self, grid: ModelGrid, values: np.ndarray) -> tuple[Record, Lanes]:
+    def _record_of(self, grid: ModelGrid, values: np.ndarray) -> tuple[Record, SegmentColumns]:
         """Data to predict as a record."""
         names = self._channel_names(self._channels)
         held = self._hold(grid, grid.thin_inputs(values)[:, self._channels], names)
         element = self.controlled_element_
-        record, lanes = build_record(
+        record, columns = build_record(
             grid,
             names,
             held,
@@ -195,12 +195,12 @@ class GreyBox(RunRegressor):
             self.inputs_,
             controlled_element=None if element is None else constants_of(element),
         )
-        return self._core().on(record), lanes
+        return self._core().on(record), columns
 
     def _simulated(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         """Free run on the grid with effects."""
-        record, lanes = self._record_of(grid, values)
-        return lanes.rows(Simulator(self._core(), self._chosen, record).run(self._theta))
+        record, columns = self._record_of(grid, values)
+        return columns.rows(Simulator(self._core(), self._chosen, record).run(self._theta))
 
     def _summary(self) -> Summary:
         return simulated_summary(self)
@@ -217,7 +217,7 @@ def constants_of(element: ControlledElement) -> tuple[float, float]:
     return float(K_c), float(omega_b)
 
 
-def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, Noise]:
+def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     """Refine under an AR model of the residual, and again under that of the new residual.
 
     Until neither moves: in a closed loop the first fit is biased, and so is its noise model, which
@@ -227,7 +227,7 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, Noise]:
     for i in range(N_LIKELIHOOD[model.simulator.record.core]):
         before, noise = model, criterion.noise
         residual = criterion.residual(model.output)
-        criterion.set_noise(criterion.noise_of(model.output))
+        criterion.set_noise(criterion.remnant_model(model.output))
         model = model.refined(criterion)
         moved = model.theta - before.theta
         if i > 1 and _power(criterion.residual(model.output)) > WORSE * _power(residual):
@@ -246,7 +246,7 @@ def check_rows(record: Record, n_parameters: int, grid: ModelGrid, settling: flo
     """Refuse data that cannot hold the parameters and the noise model."""
     if not record.known.any() and record.y is not None and not record.y.any():
         raise ValueError("Input y contains NaN in all rows: nothing was measured.")
-    criterion = Criterion(record, Noise(np.zeros(AR_ORDER), np.ones(record.n_runs)))
+    criterion = Criterion(record, RemnantModel(np.zeros(AR_ORDER), np.ones(record.n_runs)))
     if criterion.n > 0 and criterion.known.sum() > n_parameters:
         return
     counting = (max(AR_ORDER, n_parameters) + 1) * criterion.thin

@@ -10,8 +10,8 @@ import numpy as np
 
 from .. import _kernels
 from ..effects.base import Parameter
+from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.record import Record
-from ..effects.signals import Command, Gains, Spring
 
 BOUND = 1e9  # of simulated outputs
 OPERATORS_MOVE = 3.0  # rad/s, half of the output's power below it: what times are written for

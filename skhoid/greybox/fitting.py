@@ -24,21 +24,23 @@ MEMORY = 2.0  # s, over which scores may correlate
 
 
 @dataclass(frozen=True)
-class Noise:
+class RemnantModel:
     """AR model of the remnant on the criterion's rows, and the scale of each run."""
 
     ar: np.ndarray
     scale: np.ndarray
 
     @classmethod
-    def white(cls, n_runs: int) -> Noise:
+    def white(cls, n_runs: int) -> RemnantModel:
         return cls(np.zeros(0), np.ones(n_runs))
 
 
 class Criterion:
     """Squares of whitened residuals on every so-manieth row, and their derivatives."""
 
-    def __init__(self, record: Record, noise: Noise | None = None, *, rate: float | None = None):
+    def __init__(
+        self, record: Record, noise: RemnantModel | None = None, *, rate: float | None = None
+    ):
         assert record.y is not None
         rate = record.criterion_rate if rate is None else rate
         self.record, self.rate = record, rate
@@ -46,7 +48,7 @@ class Criterion:
         self.y = np.ascontiguousarray(record.y[:: self.thin])
         self.known = np.ascontiguousarray(record.known[:: self.thin])
         self.power = float((self.y[self.known] ** 2).sum())
-        self.set_noise(noise or Noise.white(record.n_runs))
+        self.set_noise(noise or RemnantModel.white(record.n_runs))
 
     def coarse(self) -> Criterion:
         """A cheaper criterion to explore with: some of the runs, at a lower rate."""
@@ -57,7 +59,7 @@ class Criterion:
         thin = max(1, int(EXPLORED_STEP / self.record.dt + 1e-6)) if np.isfinite(rate) else 1
         return Criterion(self.record.part(runs, thin), rate=rate / 2)
 
-    def set_noise(self, noise: Noise) -> None:
+    def set_noise(self, noise: RemnantModel) -> None:
         self.noise = noise
         order = noise.ar.size
         weight = self.known.copy()
@@ -87,12 +89,12 @@ class Criterion:
         value = float(r @ r)
         return value if np.isfinite(value) else np.inf
 
-    def noise_of(self, output: np.ndarray) -> Noise:
+    def remnant_model(self, output: np.ndarray) -> RemnantModel:
         """AR model of the residual of an output, one for all runs, by Yule and Walker."""
-        return noise_of(self.residual(output), self.known)
+        return remnant_model(self.residual(output), self.known)
 
 
-def noise_of(residual: np.ndarray, known: np.ndarray) -> Noise:
+def remnant_model(residual: np.ndarray, known: np.ndarray) -> RemnantModel:
     """AR model of residuals (n, runs), and the rms of whitened residuals of each run."""
     order = AR_ORDER
     lags = np.zeros(order + 1)
@@ -101,10 +103,9 @@ def noise_of(residual: np.ndarray, known: np.ndarray) -> Noise:
         pairs = max(int((known[lag:] & known[:n]).sum()), 1)
         lags[lag] = (residual[lag:] * residual[:n]).sum() / pairs
     if lags[0] <= 0.0:
-        return Noise(np.zeros(order), np.ones(residual.shape[1]))
+        return RemnantModel(np.zeros(order), np.ones(residual.shape[1]))
     lags[0] *= 1 + WHITE_FLOOR
     ar = -solve_toeplitz(lags[:order], lags[1:])
-    white = Noise(ar, np.ones(residual.shape[1]))
     errors = _kernels.greybox.whitened(
         _kernels.gate(residual[None]), _kernels.gate(ar), _kernels.gate(known.astype(float))
     )[0]
@@ -112,7 +113,9 @@ def noise_of(residual: np.ndarray, known: np.ndarray) -> Noise:
     power = (errors.reshape(residual.shape) ** 2).sum(axis=0) / counts
     # Runs whose remnant is stronger count less; within a factor of three, lest one run decide.
     scale = np.sqrt(np.clip(power, power.mean() / 9, None))
-    return Noise(white.ar, scale / np.sqrt(power.mean()) if power.mean() > 0 else white.scale)
+    if power.mean() <= 0:
+        return RemnantModel(ar, np.ones(residual.shape[1]))
+    return RemnantModel(ar, scale / np.sqrt(power.mean()))
 
 
 @dataclass

@@ -73,7 +73,7 @@ def fit_core(core: Core, record: Record, criterion: Criterion, starts: np.ndarra
     return best_of(Simulator(core, Effects([]), record), criterion, starts)
 
 
-def fit_operator(core: OperatorCore, record: Record, criterion: Criterion) -> Model:
+def fit_plain_operator(core: OperatorCore, record: Record, criterion: Criterion) -> Model:
     """An operator without effects; see ``Model.other_core`` for where it ends at a bound."""
     starts = operator_starts(core, record, criterion)
     model = fit_core(core, record, criterion, starts)

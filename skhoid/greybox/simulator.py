@@ -10,12 +10,12 @@ import numpy as np
 
 from ..effects.base import PLACES, Effect, Parameter
 from ..effects.composition import Effects
+from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.record import Record
-from ..effects.signals import Command, Gains, Spring
 from .cores import BOUND, Core, neutral_gains
 
 
-class State(NamedTuple):
+class StageSignals(NamedTuple):
     """Signals as far as they are known after a stage."""
 
     error: np.ndarray
@@ -30,7 +30,7 @@ class State(NamedTuple):
 class Stage:
     """One step of the simulation, and the positions of the parameters that it takes."""
 
-    run: Callable[[State, Any], State]
+    run: Callable[[StageSignals, Any], StageSignals]
     positions: tuple[int, ...]
 
 
@@ -77,7 +77,7 @@ class Simulator:
             for j in range(len(self.parameters))
         ]
         self._theta: np.ndarray | None = None
-        self._states: list[State] = []
+        self._states: list[StageSignals] = []
 
     def __reduce__(self) -> tuple:
         return Simulator, (self.core, self.effects, self.record)
@@ -95,22 +95,22 @@ class Simulator:
         def values(theta: dict[int, float], positions: tuple[int, ...]) -> dict[str, float]:
             return {core_names[i]: theta[i] for i in positions}
 
-        def start_delay(s: State, theta: Any) -> State:
+        def start_delay(s: StageSignals, theta: Any) -> StageSignals:
             return s._replace(delay=core.delay(values(theta, delay)))
 
-        def delayed(s: State, theta: Any) -> State:
+        def delayed(s: StageSignals, theta: Any) -> StageSignals:
             late = s.delay
             if np.ndim(late) or late != 0.0:
                 late = np.maximum(late, core.least_delay(record.dt))
                 return s._replace(error=record.delayed(s.error, late), delay=late)
             return s
 
-        def command(s: State, theta: Any) -> State:
+        def command(s: StageSignals, theta: Any) -> StageSignals:
             gains = gains_of_delayed(s.gains, s.delay, record)
             position, rate = core.command(s.error, gains, values(theta, gain))
             return s._replace(command=Command(position, rate, s.error, s.delay))
 
-        def respond(s: State, theta: Any) -> State:
+        def respond(s: StageSignals, theta: Any) -> StageSignals:
             given = values(theta, dynamic)
             output = core.response(s.command, s.gains, s.spring, given, record.dt)
             return s._replace(output=output)
@@ -137,8 +137,8 @@ class Simulator:
             made.append(_effect_stage(effect, self.record, free, signal))
         return made
 
-    def _start(self) -> State:
-        return State(self.record.input, 0.0, neutral_gains(), None, Spring(), None)
+    def _start(self) -> StageSignals:
+        return StageSignals(self.record.input, 0.0, neutral_gains(), None, Spring(), None)
 
     def run(self, theta: np.ndarray) -> np.ndarray:
         """Output for parameters, of shape (n_samples, n_runs); its stages are kept."""
@@ -166,7 +166,7 @@ class Simulator:
         return state.output
 
     @property
-    def last_state(self) -> State:
+    def last_state(self) -> StageSignals:
         """Signals of the last run."""
         return self._states[-1]
 
@@ -194,7 +194,7 @@ def gains_of_delayed(gains: Gains, delay: Any, record: Record) -> Gains:
 def _effect_stage(effect: Effect, record: Record, free: dict[str, int], signal: str) -> Stage:
     fixed = effect.fixed
 
-    def run(state: State, theta: Any) -> State:
+    def run(state: StageSignals, theta: Any) -> StageSignals:
         values = {**fixed, **{name: float(theta[i]) for name, i in free.items()}}
         return state._replace(**{signal: effect.apply(getattr(state, signal), record, **values)})
 

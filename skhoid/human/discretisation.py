@@ -42,7 +42,7 @@ def zoh_parameters(operator: HumanOperator, dt: float, t: Any = 0.0) -> np.ndarr
 
     See Also
     --------
-    skhoid.human.conversion.arx_to_operator : The way back.
+    skhoid.interpret.conversion.arx_to_operator : The way back.
 
     References
     ----------

@@ -11,7 +11,7 @@ from scipy import io as scipy_io
 from scipy import sparse
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
-from ._table import Table, require
+from ._table import FileTable, require
 
 __all__ = ["read_mat"]
 
@@ -32,7 +32,7 @@ _FUNCTION = "is a function handle, not data."
 _NOT_NUMBERS = {"cell": _CELL, "char": "is text, not numbers.", "function_handle": _FUNCTION}
 
 
-def read_mat(path: Path) -> Table:
+def read_mat(path: Path) -> FileTable:
     """List the variables and struct fields of a MAT file under dotted names."""
     with path.open("rb") as file:
         head = file.read(1024)
@@ -44,7 +44,7 @@ def read_mat(path: Path) -> Table:
     return _read_v5(path)
 
 
-def _read_v5(path: Path) -> Table:
+def _read_v5(path: Path) -> FileTable:
     with warnings.catch_warnings():
         # Objects all carry the name "None" for SciPy < 1.18; they are reported below.
         warnings.simplefilter("ignore", scipy_io.matlab.MatReadWarning)
@@ -66,7 +66,7 @@ def _read_v5(path: Path) -> Table:
         elif not name.startswith("__"):
             _flatten(name, value, arrays, unreadable)
     names = list(arrays)
-    return Table(
+    return FileTable(
         path,
         names,
         lambda position: arrays[names[position]],
@@ -102,7 +102,7 @@ def _flatten(
         arrays[name] = value
 
 
-def _read_hdf5(path: Path) -> Table:
+def _read_hdf5(path: Path) -> FileTable:
     h5py = require("h5py", f"Reading the MATLAB 7.3 file {path}")
     places: dict[str, str] = {}
     unreadable: dict[str, str] = {}
@@ -125,7 +125,7 @@ def _read_hdf5(path: Path) -> Table:
         # MATLAB stores by columns and HDF5 by rows, so the axes come reversed.
         return np.asarray(values).T
 
-    return Table(path, names, load, unreadable=unreadable, kind="variable")
+    return FileTable(path, names, load, unreadable=unreadable, kind="variable")
 
 
 def _list_group(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ._table import Table, as_numbers
+from ._table import FileTable, as_numbers
 
 __all__ = ["Run", "runs_of"]
 
@@ -36,7 +36,12 @@ class Run:
 
 
 def runs_of(
-    table: Table, asked: list[str], *, clock: str | float, time_unit: str | None, run: str | None
+    table: FileTable,
+    asked: list[str],
+    *,
+    clock: str | float,
+    time_unit: str | None,
+    run: str | None,
 ) -> list[Run]:
     """Take the asked columns out of a table and cut them into runs.
 
@@ -78,7 +83,7 @@ def runs_of(
     return _split_runs(table, run, time[:, 0], samples[:, 0], restart=not isinstance(clock, str))
 
 
-def _column(table: Table, asked: str) -> np.ndarray:
+def _column(table: FileTable, asked: str) -> np.ndarray:
     """Return the samples of a column as (n_rows, n_runs)."""
     position = table.find(asked)
     raw = table.load(position)
@@ -94,7 +99,7 @@ def _column(table: Table, asked: str) -> np.ndarray:
     return values.reshape(shape)
 
 
-def _per_second(table: Table, time: str, stated: str | None) -> float:
+def _per_second(table: FileTable, time: str, stated: str | None) -> float:
     unit = stated or table.unit_of(table.find(time)) or "s"
     if unit not in _PER_SECOND:
         raise ValueError(
@@ -104,7 +109,7 @@ def _per_second(table: Table, time: str, stated: str | None) -> float:
     return _PER_SECOND[unit]
 
 
-def _check_lengths(table: Table, lengths: dict[str, int]) -> None:
+def _check_lengths(table: FileTable, lengths: dict[str, int]) -> None:
     if len(set(lengths.values())) > 1:
         raise ValueError(
             f"In {table.path} the {table.kind}s differ in length, {lengths}: all need one value "
@@ -113,7 +118,7 @@ def _check_lengths(table: Table, lengths: dict[str, int]) -> None:
 
 
 def _split_runs(
-    table: Table, run: str, time: np.ndarray, samples: np.ndarray, restart: bool
+    table: FileTable, run: str, time: np.ndarray, samples: np.ndarray, restart: bool
 ) -> list[Run]:
     position = table.find(run)
     where = table.where(table.names[position])

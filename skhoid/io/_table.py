@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-__all__ = ["Table", "as_numbers", "require", "split_header"]
+__all__ = ["FileTable", "as_numbers", "require", "split_header"]
 
 # A bracket is a unit; a parenthesis only if it holds a letter or a unit sign, not in "e (2)".
 _HEADER = re.compile(
@@ -40,7 +40,7 @@ def require(module: str, what: str) -> Any:
 
 
 @dataclass
-class Table:
+class FileTable:
     """The columns (or MATLAB variables) of one file, read when asked for.
 
     ``names`` may repeat; ``load`` takes a position in it. ``unreadable`` says of a name what it

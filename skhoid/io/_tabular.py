@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from ..summaries import counted
-from ._table import Table, require
+from ._table import FileTable, require
 
 __all__ = ["read_csv", "read_parquet"]
 
@@ -27,7 +27,7 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*")
 _DECIMAL_POINT = re.compile(_DECIMAL_COMMA.pattern.replace(",", r"\."))
 
 
-def read_csv(path: Path) -> Table:
+def read_csv(path: Path) -> FileTable:
     """Read a text file with one header row; separator comma, semicolon or tab."""
     text = _decode(path.read_bytes()).replace("\r\n", "\n").replace("\r", "\n").lstrip("\n")
     if not text.strip():
@@ -68,10 +68,10 @@ def read_csv(path: Path) -> Table:
         numbers.loc[commas.index] = commas.map(lambda cell: float(cell.replace(",", ".")))
         return numbers
 
-    return Table(path, names, load, note=note)
+    return FileTable(path, names, load, note=note)
 
 
-def read_parquet(path: Path) -> Table:
+def read_parquet(path: Path) -> FileTable:
     """Read a Parquet file; the named levels of a stored row index count as columns."""
     require("pyarrow", f"Reading the Parquet file {path}")
     try:
@@ -85,7 +85,7 @@ def read_parquet(path: Path) -> Table:
     columns += [frame.iloc[:, position] for position in range(frame.shape[1])]
     names = [str(name) for name in [*levels, *frame.columns]]
     units = {str(key): str(unit) for key, unit in stored.items()} if stored else {}
-    return Table(path, names, columns.__getitem__, units=units)
+    return FileTable(path, names, columns.__getitem__, units=units)
 
 
 def _decode(raw: bytes) -> str:

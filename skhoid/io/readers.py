@@ -13,12 +13,12 @@ import pandas as pd
 from ._mat import read_mat
 from ._paths import Paths, expand_paths
 from ._runs import Run, runs_of
-from ._table import Table, split_header
+from ._table import FileTable, split_header
 from ._tabular import read_csv, read_parquet
 
 __all__ = ["read_runs"]
 
-_READERS: dict[str, Callable[[Path], Table]] = {
+_READERS: dict[str, Callable[[Path], FileTable]] = {
     ".csv": read_csv,
     ".tsv": read_csv,
     ".txt": read_csv,
@@ -224,7 +224,7 @@ def _check_units(
     return {keys[key]: unit for key, unit in units.items()}
 
 
-def _open(path: Path) -> Table:
+def _open(path: Path) -> FileTable:
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise ValueError(
@@ -234,7 +234,7 @@ def _open(path: Path) -> Table:
 
 
 def _gather_units(
-    table: Table,
+    table: FileTable,
     channels: list[_Channel],
     given: dict[str, str],
     known: dict[str, tuple[str, Path]],

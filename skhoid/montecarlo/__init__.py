@@ -1,35 +1,7 @@
-"""Monte-Carlo studies."""
+"""Monte-Carlo studies: seeded, resumed, on any number of workers."""
 
 from .blocks import Block, DataSet
-from .catalogue import PAPER_STUDIES, PaperStudy, paper_study
-from .delays import delay_study
-from .experiment import analyse_experiment, simulate_experiment
-from .experiment_result import ExperimentResult
-from .forgetting import forgetting_study
-from .paper import Claim, StudyResult
-from .paths import path_study
-from .recommend import ForgettingAdvice, recommend_forgetting
-from .responses import response_study
+from .statistics import summarize
 from .study import MonteCarloStudy
-from .summary import summarize
 
-__all__ = [
-    "PAPER_STUDIES",
-    "Block",
-    "Claim",
-    "DataSet",
-    "ExperimentResult",
-    "ForgettingAdvice",
-    "MonteCarloStudy",
-    "PaperStudy",
-    "StudyResult",
-    "analyse_experiment",
-    "delay_study",
-    "forgetting_study",
-    "paper_study",
-    "path_study",
-    "recommend_forgetting",
-    "response_study",
-    "simulate_experiment",
-    "summarize",
-]
+__all__ = ["Block", "DataSet", "MonteCarloStudy", "summarize"]

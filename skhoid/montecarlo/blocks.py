@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..simulation.datasets import frames_of, truth_of
 from ..simulation.engine import simulate
-from ..simulation.loop import CompensatoryTask
-from ..simulation.record import TrackingRecord
+from ..simulation.task import CompensatoryTask
+from ..simulation.tracking_record import TrackingRecord
+from ..simulation.tracking_runs import frames_of, truth_of
 from .store import uniform
 
 OWN = 5  # spawn key of a function's own random numbers; the simulator's are 0 to 3

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import did_you_mean
-from ..simulation.datasets import make_tracking_runs, task_of
+from ..simulation.tracking_runs import make_tracking_runs, task_of
 from .identity import described, digest
 
 LISTS = (list, tuple, range, np.ndarray, pd.Series, pd.Index)

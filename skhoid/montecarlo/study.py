@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .. import __version__
+from .._version import __version__
 from ..exceptions import RemnantIntensityError, StudyWarning
-from ..simulation.datasets import check_channels
 from ..simulation.engine import entropy_of
-from ..simulation.loop import CompensatoryTask
+from ..simulation.task import CompensatoryTask
+from ..simulation.tracking_runs import check_channel_names
 from ..simulation.tuning import tune_remnant
 from .blocks import ERROR, REPLICATION, DataSet, Job, compute, joined
 from .cells import labels_of, read_cell, rows_of
-from .engine import progress_bar, results_of
 from .identity import described, digest, key_words
 from .store import Store, read_manifest, uniform
+from .workers import progress_bar, results_of
 
 BLOCK = 32  # replications
 
@@ -127,7 +127,7 @@ class MonteCarloStudy:
         self.entropy = entropy_of(random_state)
         shared = dict(simulation or {})
         channels = shared.pop("channels", ("e",))
-        check_channels(channels)
+        check_channel_names(channels)
         self.channels = tuple(channels)
         rows = rows_of(conditions)
         self._cells = [read_cell(row, shared, function) for row in rows]

@@ -13,16 +13,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from ..diagnosis.comparison import Comparison, compare
-from ._axes import (
-    BLACK,
-    BLUE,
-    GREY,
-    PURPLE,
-    VERMILION,
-    legend_columns,
-    legend_entries,
-    with_unit,
-)
+from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_columns, legend_entries, with_unit
 
 # One meaning a colour on every picture of a comparison.
 MEASURED = BLACK

@@ -14,8 +14,8 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
+from ..effects.operator_signals import Command
 from ..effects.record import Record
-from ..effects.signals import Command
 from ..greybox.cores import neutral_gains
 from ..greybox.simulator import Simulator
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..effects.composition import Effects
 from ..effects.offsets import Tremor
+from ..effects.operator_signals import Command, Spring
 from ..effects.record import Record
-from ..effects.signals import Command, Spring
 from ..greybox.cores import neutral_gains
 from ..greybox.simulator import Simulator
 from ._axes import with_unit
@@ -46,7 +46,7 @@ BAND = (0.1, 30.0)  # rad/s
 
 def effect_curves(bench: Bench, n_draws: int, seed: Any) -> EffectCurves:
     """The curves of an effect, with bands that hold 95 % of what draws of its parameters give."""
-    found = response_of(bench)
+    found = response_plot(bench)
     best = found.lines(bench.values, bench.theta)
     drawn = [found.lines(*draw) for draw in bench.draws(n_draws, seed)]
     curves = {}
@@ -60,7 +60,7 @@ def effect_curves(bench: Bench, n_draws: int, seed: Any) -> EffectCurves:
     )
 
 
-def response_of(bench: Bench) -> Response:
+def response_plot(bench: Bench) -> Response:
     """The picture that shows most of an effect, by its place and what it answers."""
     place = bench.effect.place
     if isinstance(bench.effect, Tremor):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..human.conversion import FROM_POLES, UNITS
+from ..interpret.conversion import FROM_POLES, UNITS
 from ._axes import parameter_symbol, with_unit
 from .operator_parameters import SYMBOLS
 

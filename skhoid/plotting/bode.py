@@ -12,20 +12,9 @@ import pandas as pd
 from matplotlib.ticker import MaxNLocator
 from scipy.stats import t as student
 
-from ..frequency import FrequencyResponse
+from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
-from ._axes import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    given_axes,
-    with_unit,
-)
+from ._axes import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, given_axes, with_unit
 
 COLOURS = (BLACK, VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY)
 SYMBOLS = "osD^vPX"
@@ -166,7 +155,7 @@ class BodeDisplay:
         Parameters
         ----------
         model : fitted estimator
-            As :meth:`FrequencyResponse.of <skhoid.frequency.FrequencyResponse.of>` takes it.
+            As :meth:`FrequencyResponse.of <skhoid.interpret.FrequencyResponse.of>` takes it.
         omega : array-like of shape (n_lines,) or None, default=None
             Frequencies in rad/s. None means 300 from 0.1 rad/s to Nyquist (60 rad/s without one).
         controlled_element : ControlledElement or None, default=None

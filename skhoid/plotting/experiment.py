@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ..human.conversion import UNITS
+from ..interpret.conversion import UNITS
 from ._axes import (
     BLACK,
     COLOURS,
@@ -24,7 +24,7 @@ from ._estimates import FEW, MARGIN, MUCH, SHOWN
 from .operator_parameters import SYMBOLS
 
 if TYPE_CHECKING:
-    from ..montecarlo.experiment_result import ExperimentResult
+    from ..experiment.result import ExperimentResult
 
 PARAMETERS = {
     "arx": ("a1", "a2", "b0", "b1"),
@@ -87,7 +87,7 @@ class ExperimentDisplay:
 
     Examples
     --------
-    >>> from skhoid.montecarlo.experiment import analyse_experiment, simulate_experiment
+    >>> from skhoid.experiment.people import analyse_experiment, simulate_experiment
     >>> from skhoid.plotting.experiment import ExperimentDisplay
     >>> result = analyse_experiment(*simulate_experiment(2, "C4", random_state=0))
     >>> display = ExperimentDisplay.from_result(result, form="Lambda")
@@ -121,7 +121,7 @@ class ExperimentDisplay:
         subjects: Any = None,
         ax: Any = None,
     ) -> ExperimentDisplay:
-        """Draw what :func:`skhoid.montecarlo.experiment.analyse_experiment` found.
+        """Draw what :func:`skhoid.experiment.people.analyse_experiment` found.
 
         Parameters
         ----------

@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..effects.record import Record
 from ..greybox.estimates import parameter_text
-from ..greybox.lanes import build_record
+from ..greybox.side_by_side import build_record
 from ._axes import BLACK, COLOURS, GREY, given_axes
 from ._comparison import explain, plain_logarithmic, wrapped
 from ._effect_bench import Bench, EffectCurves

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..human import HumanOperator
-from ..human.conversion import NAMES, UNITS, operator_parameters
+from ..interpret.conversion import NAMES, UNITS, operator_parameters
 from ._axes import BLUE, GREY, with_unit
 from ._estimates import (
     DEVIATION,
@@ -79,7 +79,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
 
     See Also
     --------
-    skhoid.human.conversion.operator_parameters : The figures in the panels.
+    skhoid.interpret.conversion.operator_parameters : The figures in the panels.
 
     Examples
     --------

@@ -9,16 +9,10 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from ..arx.channel import is_arx
+from ..interpret.channel import is_arx
 from ..pipelines import taken_apart
 from ._axes import parameter_symbol
-from ._estimates import (
-    DEVIATION,
-    EstimatesDisplay,
-    check_references,
-    in_one_row,
-    times_of,
-)
+from ._estimates import DEVIATION, EstimatesDisplay, check_references, in_one_row, times_of
 
 MOST_LINES = 10  # single runs that are drawn one by one
 MEAN = 1.8  # width of the line of a mean over single runs

@@ -12,14 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from ._axes import BLACK, COLOURS, given_axes, legend_columns
-from ._study import (
-    REPLICATION,
-    check_table,
-    chosen,
-    in_words,
-    ordered,
-    refuse_mixtures,
-)
+from ._study import REPLICATION, check_table, chosen, in_words, ordered, refuse_mixtures
 
 NAME = "StudyResponseDisplay"
 KEYS = ["remnant_intensity", "method", "omega"]

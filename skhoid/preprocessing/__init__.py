@@ -1,7 +1,7 @@
 """Row-preserving transformers for stock scikit-learn pipelines."""
 
 from .decimation import Decimator
-from .delay import DelayShift
+from .delay_shift import DelayShift
 from .resampling import resample_runs
 from .run_in import RunInTrimmer
 

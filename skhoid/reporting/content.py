@@ -9,25 +9,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..diagnosis.channels import check_channels
 from ..diagnosis.comparison import Comparison
-from ..diagnosis.effect_search import EffectSearchCV
-from ..diagnosis.fingerprint import as_frame
-from ..diagnosis.report import figures
-from ..diagnosis.search_engine import LEAST_EVIDENCE, LEAST_GAIN
-from ..diagnosis.search_words import (
-    HOW_TO_GO_ON,
-    NOT_IN_CATALOGUE,
-    stand_ins_in_words,
-    unexplained_by,
-)
+from ..diagnosis.comparison_text import figures
 from ..effects.catalogue import BY_NAME
-from ..greybox.lanes import roles_of
+from ..greybox.side_by_side import roles_of
 from ..pipelines import raw_layout, taken_apart
+from ..recordings.channels import check_channels
 from ..regression import units_of
 from ..runs import RunLayout, run_name
+from ..runs.fingerprint import as_frame
+from ..search.effect_search import EffectSearchCV
+from ..search.explanations import HOW_TO_GO_ON, NOT_IN_CATALOGUE, stand_ins_in_words, unexplained_by
+from ..search.forward import LEAST_EVIDENCE, LEAST_GAIN
 from ..summaries import counted, number
-from .pictures import Gallery, Picture
+from .plots import Gallery, Picture
 from .provenance import provenance
 
 UNKNOWN = "unknown"

@@ -19,11 +19,11 @@ from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
 
 from ..diagnosis.comparison import Comparison, compare
-from ..diagnosis.effect_search import EffectSearchCV
-from ..diagnosis.fingerprint import fingerprint
-from ..diagnosis.signals import repeat_labels
+from ..diagnosis.run_signals import repeat_labels
 from ..io.whole import written_whole
 from ..pipelines import raw_layout, taken_apart
+from ..runs.fingerprint import fingerprint
+from ..search.effect_search import EffectSearchCV
 from .content import content_of
 
 HEIGHT = 900  # px, in a notebook

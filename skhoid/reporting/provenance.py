@@ -9,8 +9,8 @@ from typing import Any
 
 from sklearn.base import BaseEstimator
 
-from .. import __version__
-from ..diagnosis.fingerprint import fingerprint
+from .._version import __version__
+from ..runs.fingerprint import fingerprint
 
 LIBRARIES = ("numpy", "scipy", "scikit-learn", "pandas", "numba", "matplotlib")
 

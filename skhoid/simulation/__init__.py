@@ -1,11 +1,11 @@
 """The closed loop on the computer: forcing functions, remnant, conditions, runs."""
 
 from .conditions import Condition, mixed_condition, tracking_condition
-from .datasets import make_tracking_runs
 from .forcing import Multisine
-from .loop import CompensatoryTask
-from .record import TrackingRecord
 from .remnant import Remnant
+from .task import CompensatoryTask
+from .tracking_record import TrackingRecord
+from .tracking_runs import make_tracking_runs
 from .tuning import tune_remnant
 
 __all__ = [

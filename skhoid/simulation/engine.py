@@ -13,12 +13,12 @@ from ..effects.composition import Effects
 from ..exceptions import UnstableLoopError
 from ..human.variation import evaluate
 from .forcing import Multisine
-from .physics import ARXResponse, Delay, physics_rows, response_of
-from .record import TrackingRecord
+from .physics import ARXResponse, Delay, operator_response, physics_rows
+from .tracking_record import TrackingRecord
 from .with_effects import track_with_effects
 
 if TYPE_CHECKING:
-    from .loop import CompensatoryTask
+    from .task import CompensatoryTask
 
 LOST = 1e2  # times the forcing functions: such an error is no tracking
 UNFORCED = 1e9  # the same where remnant alone moves the loop
@@ -63,7 +63,7 @@ def simulate(
     first = task.n_run_in - kept
     given_noise = None if noise is None else _given_noise(noise, int(n_runs), n_total)
     entropy = entropy_of(random_state)
-    response, physics = response_of(task), physics_rows(task)
+    response, physics = operator_response(task), physics_rows(task)
     has_effects = len(Effects.of(task.effects)) > 0
     if task.is_constant and not has_effects:
         _check_stability(task, physics, response)

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import _kernels
-from ..arx.channel import ARXChannel
 from ..human import HumanOperator
 from ..human.operator import PURSUIT
 from ..human.variation import Transition, evaluate, span
+from ..interpret.channel import ARXChannel
 from ..pipelines import taken_apart
 
 if TYPE_CHECKING:
-    from .loop import CompensatoryTask
+    from .task import CompensatoryTask
 
 DISPLAYS = {"compensatory": 0.0, "pursuit": 1.0}
 # Largest step times fastest rate: the neuromuscular mode then has 12 samples a period.
@@ -117,7 +117,7 @@ class ARXResponse:
         return 0, np.zeros((3, 3)), self.coefficients, self.na, self.nk
 
 
-def response_of(task: CompensatoryTask) -> Delay | ARXResponse:
+def operator_response(task: CompensatoryTask) -> Delay | ARXResponse:
     """How the operator's output arises."""
     return Delay.of(task) if isinstance(task.operator, HumanOperator) else ARXResponse.of(task)
 

@@ -12,7 +12,7 @@ from ..exceptions import RemnantIntensityError
 from ..human import HumanOperator
 from ..human.variation import mix, transition_of
 from .engine import entropy_of, simulate
-from .loop import CompensatoryTask
+from .task import CompensatoryTask
 
 # Relative standard error of the gain above which realisations no longer determine it.
 LARGEST_ERROR = 0.5
@@ -117,12 +117,12 @@ def _constant_gain(task: CompensatoryTask, n_realisations: int, options: dict[st
     assert task.remnant is not None
     wanted = task.remnant.intensity
     assert wanted is not None
-    curve = _Curve.of(task, n_realisations, options)
+    curve = _IntensityCurve.of(task, n_realisations, options)
     root = curve.solve(wanted)
     error = np.inf if root is None else curve.relative_error(root, n_realisations)
     if error > DOUBTFUL and options["noise"] is None:
         # A few realisations can miss how close the limit is.
-        curve = _Curve.of(task, max(MANY, n_realisations), options)
+        curve = _IntensityCurve.of(task, max(MANY, n_realisations), options)
         judged = curve.solve(wanted)
         error = np.inf if judged is None else curve.relative_error(judged, n_realisations)
     advice = (
@@ -140,7 +140,7 @@ def _constant_gain(task: CompensatoryTask, n_realisations: int, options: dict[st
 
 
 @dataclass(frozen=True)
-class _Curve:
+class _IntensityCurve:
     """P_n of each realisation as a function of the gain."""
 
     of_forcing: float
@@ -149,7 +149,9 @@ class _Curve:
     of_remnant: np.ndarray
 
     @classmethod
-    def of(cls, task: CompensatoryTask, n_realisations: int, options: dict[str, Any]) -> _Curve:
+    def of(
+        cls, task: CompensatoryTask, n_realisations: int, options: dict[str, Any]
+    ) -> _IntensityCurve:
         task = replace(task, run_in=task.n_run_in / task.sampling_rate, effects=None)  # is linear
         assert task.remnant is not None
         forced = simulate(replace(task, remnant=None), 1)

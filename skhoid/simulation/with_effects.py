@@ -15,8 +15,8 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
+from ..effects.operator_signals import Gains
 from ..effects.record import Record
-from ..effects.signals import Gains
 from ..exceptions import UnstableLoopError
 from ..greybox.cores import OperatorCore
 from ..greybox.simulator import Simulator
@@ -24,7 +24,7 @@ from ..human import HumanOperator
 from ..human.variation import evaluate
 
 if TYPE_CHECKING:
-    from .loop import CompensatoryTask
+    from .task import CompensatoryTask
 
 RUN_IN = 20.0  # s; seven windows are for loops that hardly damp
 STRETCH = 2.0  # delays

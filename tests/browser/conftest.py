@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from chromium import Browser, missing
+from support.chromium import Browser, missing
 
 
 @pytest.fixture(scope="session")

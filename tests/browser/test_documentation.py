@@ -1,11 +1,10 @@
 """The start page of the built documentation."""
 
-from pathlib import Path
-
 import pytest
-from chromium import missing
+from support.chromium import missing
+from support.places import ROOT
 
-START = Path(__file__).parents[2] / "docs" / "_build" / "html" / "index.html"
+START = ROOT / "docs" / "_build" / "html" / "index.html"
 
 
 @pytest.mark.parametrize("width", [400, 1400])

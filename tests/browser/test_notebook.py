@@ -1,7 +1,7 @@
 """What notebooks show: ``_repr_html_`` in a page of its own."""
 
 import pytest
-from chromium import NOTEBOOK
+from support.chromium import NOTEBOOK
 
 from skhoid import ARXRegressor, OperatorRegressor, compare, make_tracking_runs
 from skhoid.reporting import report

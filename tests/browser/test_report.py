@@ -1,7 +1,7 @@
 """The report in a real browser: steps by mouse and keyboard, narrow, dark, printed, attacked."""
 
 import pytest
-from chromium import NOTEBOOK
+from support.chromium import NOTEBOOK
 
 from skhoid import OperatorRegressor, RecursiveARX, make_tracking_runs
 from skhoid.effects import Bias, DeadZone

@@ -1,15 +1,15 @@
 """The recordings of the package against their sources and the facts known of them."""
 
 from importlib import resources
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from support.places import RECORDINGS, ROOT
 
 from skhoid.io import load_bicycle_rider, load_human_tracking
 
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
+SHARED = RECORDINGS
 needs_source = pytest.mark.skipif(
     not SHARED.is_dir(), reason="the source recordings are not part of the repository"
 )
@@ -210,7 +210,7 @@ def test_size_and_licences():
 
 @needs_source
 def test_conversion_is_reproducible(tmp_path, monkeypatch):
-    script = Path(__file__).resolve().parents[2] / "tools" / "convert_recordings.py"
+    script = ROOT / "tools" / "convert_recordings.py"
     monkeypatch.setattr("sys.argv", [str(script), str(SHARED), str(tmp_path)])
     names = {"__name__": "__main__", "__file__": str(script)}
     exec(compile(script.read_text(), str(script), "exec"), names)

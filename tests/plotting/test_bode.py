@@ -6,7 +6,7 @@ from scipy.stats import t as student
 from sklearn.pipeline import make_pipeline
 
 from skhoid import ARXRegressor, ControlledElement, DelayShift, HumanOperator
-from skhoid.frequency import FrequencyResponse
+from skhoid.interpret import FrequencyResponse
 from skhoid.plotting.bode import BodeDisplay
 
 DENSE = np.geomspace(0.1, 40.0, 200)

@@ -5,9 +5,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
-from picture_checks import covers_nothing
+from support.plot_checks import covers_nothing
 
-from skhoid.montecarlo.experiment import analyse_experiment, simulate_experiment
+from skhoid.experiment import analyse_experiment, simulate_experiment
 from skhoid.plotting._axes import BLACK, GREEN, GREY
 from skhoid.plotting.experiment import ExperimentDisplay
 

@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
-from synthetic import DT, NK, arx_runs
+from support.synthetic import DT, NK, arx_runs
 
 from skhoid import DelayShift, RecursiveARX
 from skhoid.plotting import ForgettingProfileDisplay

@@ -4,7 +4,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from skhoid import ARXRegressor, HumanOperator, Sigmoid, load_human_tracking
-from skhoid.human.conversion import NAMES, operator_parameters
+from skhoid.interpret.conversion import NAMES, operator_parameters
 from skhoid.plotting.operator_parameters import OperatorParametersDisplay
 
 TRANSITION = HumanOperator(

@@ -6,7 +6,7 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
-from synthetic import DT, NK, A, B, arx_runs
+from support.synthetic import DT, NK, A, B, arx_runs
 
 from skhoid import (
     ARXRegressor,

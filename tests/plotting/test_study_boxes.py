@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from picture_checks import covers_nothing
+from support.plot_checks import covers_nothing
 
 from skhoid.plotting._axes import COLOURS
 from skhoid.plotting.study_boxes import StudyBoxDisplay

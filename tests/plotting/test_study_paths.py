@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
-from picture_checks import covers_nothing
+from support.plot_checks import covers_nothing
 
 from skhoid.plotting._axes import BLACK, GREEN, VERMILION
 from skhoid.plotting.study_paths import StudyPathDisplay

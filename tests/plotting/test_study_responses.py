@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
-from picture_checks import covers_nothing
+from support.plot_checks import covers_nothing
 
 from skhoid import FrequencyResponse, HumanOperator
 from skhoid.plotting.study_responses import StudyResponseDisplay

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from picture_checks import covers_nothing
+from support.plot_checks import covers_nothing
 
 from skhoid import make_tracking_runs
 from skhoid.plotting import TrackingDisplay

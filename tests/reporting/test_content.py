@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
-from reporting.page import parse
+from support.page import parse
 
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs, report
 from skhoid.reporting.content import _facts, _next_steps, _verdict, _why
-from skhoid.reporting.pictures import Gallery
+from skhoid.reporting.plots import Gallery
 
 
 @pytest.mark.parametrize(

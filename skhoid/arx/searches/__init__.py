@@ -1,6 +1,6 @@
 """Searches for the delay and the orders of an ARX model."""
 
-from .delay import DelaySearchCV
-from .orders import OrderSearchCV
+from .delay_search import DelaySearchCV
+from .order_search import OrderSearchCV
 
 __all__ = ["DelaySearchCV", "OrderSearchCV"]

@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._sklearn import FittedDisplay
 from ...pipelines import final_step, reach_model, taken_apart
-from ...summaries import Table, wrapped
+from ...summaries import TextTable, wrapped
 
 
 class BestModel(
@@ -105,7 +105,7 @@ class BestModel(
             model, X = reach_model(self.best_estimator_, X)
         return "\n".join([*lines, model.summary(X, y)])
 
-    def _found(self) -> tuple[str, Table]:
+    def _found(self) -> tuple[str, TextTable]:
         """What was searched and found in a sentence, and the best candidates."""
         raise NotImplementedError
 

@@ -16,7 +16,7 @@ from ...exceptions import RankDeficiencyError, ShortRunError
 from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, vaf_of_rows
 from ...pipelines import final_step, raw_layout, trimmed_rows
 from ...preprocessing.base import RowPreservingTransformer
-from ..base import BaseARX, check_lengths, check_row_count, free_run, longest_stretches
+from ..base import BaseARX, check_lengths, check_row_count, free_run_output, longest_stretches
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from ..orders import Orders, regressors, whole_number
@@ -142,7 +142,7 @@ class CandidateTable:
         some = np.add.reduceat(touched, grid.begin) > 0
         stretches = (grid.begin[some], grid.end[some], grid.past[some])
         constant = np.zeros(len(self.inputs), dtype=np.int64)
-        free = free_run(self.inputs, stretches, orders, theta[None], constant)
+        free = free_run_output(self.inputs, stretches, orders, theta[None], constant)
         return grid.to_full_rate(free, rows)
 
 

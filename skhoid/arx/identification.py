@@ -1,0 +1,265 @@
+"""The thesis's identification procedure, step by step, on recorded runs (its Section III-D)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+from sklearn.pipeline import Pipeline, make_pipeline
+
+from ..metrics import VAF_FLOOR, VAFScorer, vaf_of_rows
+from ..pipelines import trimmed_rows
+from ..preprocessing import Decimator, RunInTrimmer
+from ..runs import RunLayout, read_layout, run_name, whole_samples
+from ..runs.selection import run_labels
+from .batch import ARXRegressor
+from .recursive import RecursiveARX
+from .searches import DelaySearchCV, OrderSearchCV
+
+OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """A model and its free-run VAF on the rows it was fitted on and on held-out ones."""
+
+    name: str
+    pipeline: Pipeline
+    vaf_estimation: float
+    vaf_validation: float
+
+    @property
+    def model(self) -> Any:
+        return self.pipeline[-1]
+
+    @property
+    def ratio(self) -> float:
+        return self.vaf_estimation / self.vaf_validation
+
+    @property
+    def verdict(self) -> str:
+        if self.vaf_validation <= VAF_FLOOR:
+            return "unstable"
+        if self.vaf_validation <= 0:
+            return "fails on validation data"
+        return "overfit" if self.ratio > OVERFIT_RATIO else "no overfit"
+
+    def as_dict(self) -> dict[str, Any]:
+        model = self.model
+        return {
+            "name": self.name,
+            "na": model.orders_.na,
+            "nb": list(model.orders_.nb),
+            "nk": list(model.orders_.nk),
+            "delay_s": [k * model.dt_ for k in model.orders_.nk],
+            "vaf_estimation": self.vaf_estimation,
+            "vaf_validation": self.vaf_validation,
+            "ratio": self.ratio,
+            "verdict": self.verdict,
+            "parameters": [
+                {"name": name, "value": value, "standard_error": error}
+                for name, value, error in zip(
+                    model.parameter_names_,
+                    model.coef_.tolist(),
+                    model.standard_errors_.tolist(),
+                    strict=True,
+                )
+            ],
+        }
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What :func:`identify` found."""
+
+    X: pd.DataFrame
+    y: pd.Series
+    layout: RunLayout
+    held_out: np.ndarray
+    estimation: str
+    validation: str
+    centered: bool
+    delay_searches: dict[str, DelaySearchCV]
+    order_search: OrderSearchCV | None
+    models: list[FittedModel]
+    adapting: FittedModel | None
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the channels that have one."""
+        return {**self.X.attrs.get("units", {}), **self.y.attrs.get("units", {})}
+
+    @property
+    def n_gaps(self) -> int:
+        """Gaps in time, at which the free run starts anew from zero."""
+        return self.layout.starts.size - self.layout.run_starts.size
+
+    @property
+    def held_out_view(self) -> dict[str, Any]:
+        """Which runs, or which part of a single run, a picture of the validation shows."""
+        first = np.flatnonzero(self.held_out)[0]
+        if len(self.layout.labels) == 1:
+            end = float(self.layout.time[-1]) + self.layout.dt
+            return {"window": (float(self.layout.time[first]), end)}
+        return {"runs": list(dict.fromkeys(run_labels(self.X)[self.held_out].tolist()))}
+
+    @property
+    def best(self) -> FittedModel:
+        """The model with the searched, or given, delay and orders."""
+        return self.models[-1]
+
+    @property
+    def fitted(self) -> list[FittedModel]:
+        """All models, the one that follows changes last."""
+        return [*self.models, *([self.adapting] if self.adapting else [])]
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Everything found, as tables by name."""
+        flat = [model.as_dict() for model in self.fitted]
+        parameters = [{"model": m["name"], **p} for m in flat for p in m.pop("parameters")]
+        free_runs = {m.name.replace(" ", "_"): m.pipeline.predict(self.X) for m in self.fitted}
+        tables = {
+            "models": pd.DataFrame(flat),
+            "parameters": pd.DataFrame(parameters),
+            "predictions": pd.DataFrame(
+                {"measured": self.y, **free_runs, "held_out": self.held_out}, index=self.X.index
+            ),
+        }
+        if self.delay_searches:
+            columns = [
+                pd.DataFrame(s.cv_results_)
+                .set_index(["nk", "delay"])
+                .rename(columns={"loss": f"{criterion}_loss"})
+                for criterion, s in self.delay_searches.items()
+            ]
+            tables["delays"] = pd.concat(columns, axis=1)
+        if self.order_search is not None:
+            tables["orders"] = pd.DataFrame(self.order_search.cv_results_).drop(columns="params")
+        if self.adapting is not None:
+            model = self.adapting.pipeline[-1]
+            tables["parameter_path"] = pd.DataFrame(
+                model.coef_path_,
+                index=pd.Index(model.time_path_, name="time"),
+                columns=model.parameter_names_,
+            )
+        return tables
+
+
+def identify(
+    X: pd.DataFrame,
+    y: pd.Series,
+    *,
+    inputs: list[str] | None = None,
+    run_in: float | None = None,
+    factor: int = 1,
+    longest_delay: float = 0.5,
+    criterion: str = "one_step",
+    na: int | None = None,
+    nb: Any = None,
+    nk: Any = None,
+    method: str = "ols",
+    instruments: list[str] | None = None,
+    memory: dict[str, Any] | None = None,
+    validation_runs: list[Any] | None = None,
+    centered: bool = True,
+    callbacks: tuple[Any, ...] = (),
+) -> Identification:
+    """Discard the run-in, find delay and orders, fit, and validate on held-out data.
+
+    The last run is held out, or ``validation_runs``, or the second half of a single run; nothing
+    is chosen or fitted on it. With ``centered`` the models have an intercept and VAF is taken
+    about the mean of each run. A given ``nk`` is not searched, nor are orders if ``na`` or ``nb``
+    is given (the other is then 2). Searches compare least squares; with ``method="iv"`` what they
+    choose is fitted by instrumental variables. ``memory``, the ``memory_time`` or
+    ``memory_horizon`` of a :class:`RecursiveARX`, adds a model that follows the data.
+    """
+    layout = read_layout(X)
+    held_out, names = _held_out_rows(layout, validation_runs)
+    fixed_orders = na is not None or nb is not None
+    orders: dict[str, Any] = {
+        "na": 2 if na is None else na,
+        "nb": 2 if nb is None else nb,
+        "nk": 0 if nk is None else nk,
+    }
+    model = ARXRegressor(**orders, inputs=inputs, fit_intercept=centered, covariance="hac")
+    steps = [RunInTrimmer(run_in), Decimator(factor)]
+    pipeline = make_pipeline(*steps, model)
+    scorer = VAFScorer(run_in=run_in, centered=centered)
+    X_e, y_e = X[~held_out], y[~held_out]
+
+    candidates = {}
+    searches = {}
+    if nk is None:
+        candidates["without delay"] = orders
+        longest = int(np.floor(whole_samples(longest_delay, layout.dt * factor)))
+        for how in ("one_step", "vaf"):
+            search = DelaySearchCV(
+                pipeline, nk=range(longest + 1), criterion=how, scoring=scorer
+            ).set_callbacks(*callbacks)
+            searches[how] = search.fit(X_e, y_e)
+        orders = {**orders, "nk": searches[criterion].best_nk_}
+        candidates["with delay"] = orders
+    else:
+        candidates["as given" if fixed_orders else "with the delay given"] = orders
+    order_search = None
+    if not fixed_orders:
+        pipeline.set_params(arxregressor__nk=orders["nk"])
+        order_search = OrderSearchCV(pipeline, nk=[orders["nk"]], scoring=scorer)
+        order_search.set_callbacks(*callbacks).fit(X_e, y_e)
+        orders = {name: order_search.best_params_[name] for name in ("na", "nb", "nk")}
+        candidates["with delay and orders"] = orders
+
+    def fitted(name: str, model: Any) -> FittedModel:
+        pipeline = make_pipeline(*map(clone, steps), model).fit(X_e, y_e)
+        prediction = pipeline.predict(X)
+        keep = ~trimmed_rows(pipeline, X)
+        vafs = [
+            vaf_of_rows(
+                y.to_numpy(dtype=float), prediction, keep & rows, layout, "pooled", centered
+            )
+            for rows in (~held_out, held_out)
+        ]
+        return FittedModel(name, pipeline, *vafs)
+
+    model.set_params(method=method, instruments=instruments)
+    models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]
+    adapting = None
+    if memory:
+        follows = RecursiveARX(**orders, inputs=inputs, fit_intercept=centered, **memory)
+        adapting = fitted("following changes", follows)
+    return Identification(
+        X, y, layout, held_out, *names, centered, searches, order_search, models, adapting
+    )
+
+
+def _held_out_rows(
+    layout: RunLayout, validation_runs: list[Any] | None
+) -> tuple[np.ndarray, tuple[str, str]]:
+    """Mark the validation rows, and say in words what they are."""
+    run = layout.run_of(np.arange(layout.n_rows))
+    labels = layout.labels
+    if validation_runs is None and len(labels) == 1:
+        middle = (layout.n_rows + 1) // 2
+        half = layout.time[middle] - layout.time[0]
+        return np.arange(layout.n_rows) >= middle, (
+            f"run {labels[0]!r}, first {half:.4g} s",
+            f"run {labels[0]!r}, after {half:.4g} s",
+        )
+    names = [run_name(label) for label in labels]
+    wanted = [str(w) for w in validation_runs] if validation_runs else [names[-1]]
+    unknown = [w for w in wanted if w not in names]
+    if unknown:
+        raise ValueError(f"There is no run {unknown[0]!r} to validate on; the runs are {names}.")
+    chosen = np.isin(names, wanted)
+    if chosen.all():
+        raise ValueError("Every run is held out for validation; leave at least one to fit on.")
+
+    def listed(mask: np.ndarray) -> str:
+        some = [repr(name) for name, m in zip(names, mask, strict=True) if m]
+        return ("run " if len(some) == 1 else f"{len(some)} runs: ") + ", ".join(some)
+
+    return chosen[run], (listed(~chosen), listed(chosen))

@@ -1,0 +1,501 @@
+"""Recursive least squares on the instants of aligned runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from .. import _kernels
+from ..preprocessing.grid import ModelGrid
+from ..runs import whole_samples
+from .forgetting import Forgetting, kernel_arrays
+from .orders import Orders, regressors
+
+NOTHING = np.empty((0, 0, 0))
+SPARSE = 10  # times the rows, beyond which instants are sorted instead of counted
+
+
+@dataclass(frozen=True)
+class Instants:
+    """The sampling instants of several runs, aligned by time in the run.
+
+    ``number`` counts samples from time zero for each instant, and is not broken where any run
+    goes on; ``of_row`` and ``run`` say where the rows of the grid belong.
+    """
+
+    number: np.ndarray
+    of_row: np.ndarray
+    run: np.ndarray
+    dt: float
+    n_runs: int
+
+    @classmethod
+    def of(cls, grid: ModelGrid) -> Instants:
+        number = grid_numbers(grid)
+        n_runs = len(grid.layout.labels)
+        rows = np.arange(number.size) if grid.rows is None else grid.rows
+        run = grid.layout.run_of(rows) if n_runs > 1 else np.zeros(number.size, dtype=np.int64)
+        if n_runs == 1:
+            return cls(number, np.arange(number.size), run, grid.dt, 1)
+        first, last = int(number.min()), int(number.max())
+        if last - first > SPARSE * number.size:
+            unique, of_row = np.unique(number, return_inverse=True)
+            return cls(unique, of_row, run, grid.dt, n_runs)
+        taken = np.zeros(last - first + 1, dtype=bool)
+        taken[number - first] = True
+        of_row = np.cumsum(taken)[number - first] - 1
+        return cls(first + np.flatnonzero(taken), of_row, run, grid.dt, n_runs)
+
+    @cached_property
+    def time(self) -> np.ndarray:
+        """Time in the run in seconds."""
+        return self.number * self.dt
+
+    def __len__(self) -> int:
+        return self.number.size
+
+
+@dataclass(frozen=True)
+class RecursionData:
+    """Recorded runs as the recursion takes them.
+
+    ``signals`` are -y, the inputs and ones where there is an intercept, of shape (n_signals,
+    n_instants, n_runs, 1), and ``target`` is the output where it gives an update; both are NaN
+    where a run has no row.
+    """
+
+    grid: ModelGrid
+    inputs: np.ndarray
+    output: np.ndarray
+    orders: Orders
+    instants: Instants
+    signals: np.ndarray
+    target: np.ndarray
+
+    @property
+    def n_rows_without_lags(self) -> int:
+        """Rows in the run-in or so early in a stretch that their lags are not known."""
+        grid = self.grid
+        lengths = grid.end - grid.begin
+        return int(
+            np.where(grid.measured, np.minimum(lengths, self.orders.first_row), lengths).sum()
+        )
+
+    @classmethod
+    def of(
+        cls, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, orders: Orders
+    ) -> RecursionData:
+        instants = Instants.of(grid)
+        shape = (len(instants), instants.n_runs, 1)
+        signals = np.full((1 + inputs.shape[1] + orders.intercept, *shape), np.nan)
+        target = np.full(shape, np.nan)
+        alone = instants.n_runs == 1
+        at: Any = (slice(None), 0, 0) if alone else (instants.of_row, instants.run, 0)
+        signals[(0, *at)] = -output
+        for position, column in enumerate(inputs.T):
+            signals[(1 + position, *at)] = column
+        if orders.intercept:
+            signals[-1] = 1.0
+        target[at] = _usable(grid, output, orders)
+        return cls(grid, inputs, output, orders, instants, signals, target)
+
+    def first_window(self, seconds: float, runs: Any = None) -> np.ndarray:
+        """Regressors and output of the first seconds of all runs, or of some.
+
+        They count from the first row of a run that is measured and not NaN.
+        """
+        grid, instants = self.grid, self.instants
+        begin, end = grid.begin[grid.measured], grid.end[grid.measured]
+        of_run = instants.run[begin]
+        number = instants.number[instants.of_row]
+        known = np.repeat(grid.measured, grid.end - grid.begin)
+        known &= ~np.isnan(self.output) & ~np.isnan(self.inputs).any(axis=1)
+        starts = np.full(instants.n_runs, number[-1])
+        np.minimum.at(starts, instants.run[known], number[known])
+        n_window = window_rows(seconds, instants.dt)
+        left = np.clip(starts[of_run] + n_window - number[begin], 0, end - begin)
+        chosen = np.ones(begin.size, dtype=bool) if runs is None else np.isin(of_run, runs)
+        return regressors(
+            self.output, self.inputs, begin[chosen], (begin + left)[chosen], self.orders
+        )[0]
+
+    def inside(self) -> np.ndarray:
+        """Whether each run goes on at each instant, of shape (n_runs, n_instants)."""
+        instants = self.instants
+        first = np.full(instants.n_runs, len(instants))
+        last = np.full(instants.n_runs, -1)
+        np.minimum.at(first, instants.run, instants.of_row)
+        np.maximum.at(last, instants.run, instants.of_row)
+        at = np.arange(len(instants))
+        return (at >= first[:, None]) & (at <= last[:, None])
+
+
+def window_rows(seconds: float, dt: float) -> int:
+    """Rows of the first window."""
+    return max(round(whole_samples(seconds, dt)), 1)
+
+
+def grid_numbers(grid: ModelGrid) -> np.ndarray:
+    """Sample number of each row of a grid, counted from time zero."""
+    numbers = grid.layout.sample_numbers()
+    if grid.rows is None or grid.layout.mark is None:
+        return numbers
+    return numbers[grid.rows] // grid.layout.mark.factor
+
+
+def kernel_regressors(orders: Orders) -> tuple[np.ndarray, np.ndarray]:
+    """Signal and lag of each regressor; signals are -y, the inputs, and ones."""
+    signals, lags = [0] * orders.na, list(range(1, orders.na + 1))
+    for position, (nb, nk) in enumerate(zip(orders.nb, orders.nk, strict=True)):
+        signals += [1 + position] * nb
+        lags += range(nk, nk + nb)
+    if orders.intercept:
+        signals.append(1 + len(orders.nb))
+        lags.append(0)
+    return np.array(signals), np.array(lags)
+
+
+def _usable(grid: ModelGrid, output: np.ndarray, orders: Orders) -> np.ndarray:
+    """Output where all lags lie inside the stretch, elsewhere NaN."""
+    target = np.full(output.size, np.nan)
+    for begin, end, measured in zip(grid.begin, grid.end, grid.measured, strict=True):
+        first = begin + orders.first_row
+        if measured and first < end:
+            target[first:end] = output[first:end]
+    return target
+
+
+def factored(P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """U by columns, above the diagonal, and D of a positive definite P = U D U'."""
+    root = np.linalg.cholesky(P[::-1, ::-1])[::-1, ::-1]
+    scale = np.diag(root)
+    return (root / scale)[_above(len(P))], scale**2
+
+
+def multiplied_out(factors: np.ndarray, n_params: int) -> np.ndarray:
+    """P = U D U' of factors, U by columns and D, on the last axis."""
+    above = _above(n_params)
+    n_above = above[0].size
+    U = np.broadcast_to(np.eye(n_params), (*factors.shape[:-1], n_params, n_params)).copy()
+    U[..., above[0], above[1]] = factors[..., :n_above]
+    P = (U * factors[..., None, n_above:]) @ U.swapaxes(-1, -2)
+    return (P + P.swapaxes(-1, -2)) / 2
+
+
+def _above(n_params: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the entries above the diagonal, by columns."""
+    columns, rows = np.tril_indices(n_params, -1)
+    return rows, columns
+
+
+class RecursionState:
+    """Where recursions stand, one a lane: theta, the factors of P, sums and counts."""
+
+    def __init__(self, theta0: np.ndarray, P0: np.ndarray, lanes: int = 1) -> None:
+        """Begin with one theta0 and P0, or with one for each lane on the first axis."""
+        self.n_params, self.lanes = theta0.shape[-1], lanes
+        offsets = list(_kernels.rls.layout(self.n_params).items())
+        self._where = {name: slice(begin, end) for (name, begin), (_, end) in pairwise(offsets)}
+        self.buffer = np.zeros(offsets[-1][1] * lanes)
+        self.rows("theta")[:] = theta0.T if theta0.ndim > 1 else theta0[:, None]
+        self.reset(P0)
+        self.rows("cap")[:] = _kernels.rls.HELD * self.rows("D")  # until it is excited
+
+    def rows(self, name: str) -> np.ndarray:
+        """A quantity of the kernel's layout, of shape (its length, lanes)."""
+        return self.buffer.reshape(-1, self.lanes)[self._where[name]]
+
+    def reset(self, P0: np.ndarray) -> None:
+        """Set P back to one matrix, or to one for each lane, and begin to forget anew."""
+        parts = [factored(P) for P in (P0 if P0.ndim > 2 else [P0])]
+        self.rows("U")[:] = np.array([U for U, _ in parts]).T
+        self.rows("D")[:] = np.array([D for _, D in parts]).T
+        self.rows("instants")[:] = 0.0
+
+    def lane(self, lane: int) -> RecursionState:
+        """One of the recursions alone."""
+        alone = copy(self)
+        alone.lanes, alone.buffer = 1, self.buffer.reshape(-1, self.lanes)[:, lane].copy()
+        return alone
+
+    def set_factor(self, forgetting: Forgetting) -> None:
+        """Set the forgetting factor of the next instant, where it is variable."""
+        if forgetting.nominal:
+            self.rows("inflation")[:] = 1.0 / forgetting.factors[0, 0]
+
+    @property
+    def factors(self) -> np.ndarray:
+        """U by columns and D, of shape (n_factors, lanes)."""
+        return self.buffer.reshape(-1, self.lanes)[: self._where["D"].stop]
+
+    @property
+    def theta(self) -> np.ndarray:
+        """Parameters in the first lane."""
+        where = self._where["theta"]
+        return self.buffer[where.start * self.lanes : where.stop * self.lanes : self.lanes].copy()
+
+    @property
+    def P(self) -> np.ndarray:
+        return multiplied_out(self.factors[:, 0], self.n_params)
+
+    @property
+    def factor(self) -> float:
+        """Variable forgetting factor of the next instant in the first lane."""
+        return float(1.0 / self.rows("inflation")[0, 0])
+
+    def count(self, name: str) -> np.ndarray:
+        """One of the sums and counts of the kernel, by lane."""
+        return self.rows(name)[0]
+
+    def covariance(self, forgetting: Forgetting) -> np.ndarray:
+        """Covariance of theta in the first lane."""
+        factors = forgetting.factors[-1]
+        if forgetting.nominal:
+            factors = np.array([self.factor])
+        weight = spread_weights(factors, self.count("instants")[0])
+        return self.noise_variance * self.P * np.outer(weight, weight)
+
+    @property
+    def noise_variance(self) -> float:
+        """Mean of the squared one-step errors over 1 + phi' P phi; NaN before any update."""
+        updates = self.count("updates").sum()
+        return float(self.count("total").sum() / updates) if updates else np.nan
+
+
+@dataclass
+class Paths:
+    """What recursions leave at each instant; see ``advance`` of the kernel."""
+
+    theta: np.ndarray
+    errors: np.ndarray
+    factors: np.ndarray
+    priors: np.ndarray
+    alphas: np.ndarray
+    used: np.ndarray
+
+    @classmethod
+    def empty(
+        cls, n_instants: int, n_runs: int, state: RecursionState, keep: Iterable[str]
+    ) -> Paths:
+        n_params, lanes = state.n_params, state.lanes
+        shapes: dict[str, tuple[int, ...]] = {
+            "theta": (n_instants, n_params, lanes),
+            "errors": (n_instants, n_runs, lanes),
+            "factors": (n_instants, n_params * (n_params + 1) // 2, lanes),
+            "priors": (n_instants, n_params * (n_params + 1) // 2, lanes),
+            "alphas": (n_instants, n_runs, lanes),
+            "used": (n_instants, lanes),
+        }
+        return cls(
+            **{
+                name: np.empty(shape if name in keep else (0,) * len(shape))
+                for name, shape in shapes.items()
+            }
+        )
+
+
+def recurse(
+    state: RecursionState,
+    signals: np.ndarray,
+    target: np.ndarray,
+    orders: Orders,
+    forgetting: Forgetting,
+    *,
+    inflation: tuple[np.ndarray, np.ndarray] | None = None,
+    resets: np.ndarray | None = None,
+    P0: np.ndarray | None = None,
+    keep: Iterable[str] = ("theta", "errors"),
+) -> Paths:
+    """Run recursions over all instants, from ``state``, which they change.
+
+    ``inflation`` are the kernel's arrays where lanes forget differently; at the instants ``resets``
+    P is set back to ``P0``.
+    """
+    n_instants = signals.shape[1]
+    paths = Paths.empty(n_instants, signals.shape[2], state, keep)
+    advance = _kernels.rls.recursion(state.n_params, state.lanes)
+    columns, lags = kernel_regressors(orders)
+    inflate, tilt = forgetting.arrays(state.lanes) if inflation is None else inflation
+    first = min(orders.first_row, n_instants)
+    before = {
+        "theta": state.rows("theta"),
+        "errors": np.nan,
+        "factors": state.factors,
+        "priors": state.factors,
+        "alphas": np.nan,
+        "used": 1.0 / state.count("inflation") if forgetting.nominal else 1.0,
+    }
+    for name in keep:
+        getattr(paths, name)[:first] = before[name]
+    resets = np.empty(0, dtype=np.int64) if resets is None else resets
+    for begin, end in pairwise([first, *resets[resets > first].tolist(), n_instants]):
+        if begin > first and P0 is not None:
+            state.reset(P0)
+        advance(
+            signals, target, columns, lags, begin, end, inflate, tilt, 0, forgetting.diagonal,
+            forgetting.nominal, state.buffer, paths.theta, paths.factors, paths.priors,
+            paths.errors, paths.alphas, paths.used,
+        )  # fmt: skip
+    return paths
+
+
+@dataclass
+class Recursion:
+    """One recursion over recorded runs: where it ends, and its path, smoothed if wanted.
+
+    ``covariance``, of theta at each instant, and ``used``, the variable forgetting factor, are
+    empty unless wanted.
+    """
+
+    state: RecursionState
+    theta: np.ndarray
+    errors: np.ndarray
+    covariance: np.ndarray
+    used: np.ndarray
+
+
+@dataclass(frozen=True)
+class RecursionPlan:
+    """How to run recursions: with which forgetting and resets, and what to keep."""
+
+    orders: Orders
+    forgetting: Forgetting
+    resets: np.ndarray
+    smooth: bool
+    with_covariance: bool
+
+    def pooled(self, data: RecursionData, start: tuple[np.ndarray, np.ndarray]) -> Recursion:
+        """One recursion over all runs."""
+        return self._run(data.signals, data.target, [start])[0]
+
+    def each(
+        self, data: RecursionData, starts: list[tuple[np.ndarray, np.ndarray]]
+    ) -> list[Recursion]:
+        """One recursion for each run, side by side."""
+        lanes = 1 if self.smooth else _kernels.rls.MANY
+        found: list[Recursion] = []
+        for first in range(0, len(starts), lanes):
+            block = starts[first : first + lanes]
+            runs = slice(first, first + len(block))
+            signals = np.full((*data.signals.shape[:2], 1, lanes), np.nan)
+            target = np.full((len(data.instants), 1, lanes), np.nan)
+            signals[:, :, 0, : len(block)] = data.signals[:, :, runs, 0]
+            target[:, 0, : len(block)] = data.target[:, runs, 0]
+            idle = [block[0]] * (lanes - len(block))
+            found += self._run(signals, target, block + idle, len(block))
+        return found
+
+    def _run(
+        self,
+        signals: np.ndarray,
+        target: np.ndarray,
+        starts: list[tuple[np.ndarray, np.ndarray]],
+        n_wanted: int = 1,
+    ) -> list[Recursion]:
+        """Recursions of the first ``n_wanted`` lanes; there is a start for every lane."""
+        theta0, P0 = (np.array(part) for part in zip(*starts, strict=True))
+        state = RecursionState(theta0, P0, len(starts))
+        keep = ["theta", "errors"]
+        state.set_factor(self.forgetting)
+        if self.forgetting.nominal:
+            keep.append("used")
+        if self.smooth or self.with_covariance:
+            keep.append("factors")
+        if self.smooth:
+            keep.append("priors")
+        paths = recurse(
+            state, signals, target, self.orders, self.forgetting,
+            resets=self.resets, P0=P0, keep=keep,
+        )  # fmt: skip
+        return [self._of_lane(paths, state, lane) for lane in range(n_wanted)]
+
+    def _of_lane(self, paths: Paths, states: RecursionState, lane: int) -> Recursion:
+        state = states.lane(lane)
+        theta, errors = paths.theta[:, :, lane], paths.errors[:, :, lane]
+        used = paths.used[:, lane] if self.forgetting.nominal else NOTHING
+        covariance = NOTHING
+        if self.smooth:
+            theta, covariance = _smoothed(paths, self.resets, self.with_covariance)
+        elif self.with_covariance:
+            covariance = multiplied_out(paths.factors[:, :, lane], state.n_params)
+            factors = used[:, None] if self.forgetting.nominal else self.forgetting.factors
+            weight = spread_weights(factors, _instants_so_far(errors, self.resets)[:, None])
+            covariance *= weight[:, :, None] * weight[:, None, :]
+        covariance *= state.noise_variance
+        return Recursion(state, theta, errors, covariance, used)
+
+
+def spread_weights(factors: np.ndarray, n_instants: Any) -> np.ndarray:
+    """Square roots of (1 + λ^n) / (1 + λ), which turn P into the covariance of theta over σ².
+
+    It is the sum of the squared weights over the sum of the weights after n instants: 1 for
+    λ = 1, and 1 / (1 + λ) in steady state (Ljung and Söderström 1983).
+    """
+    return np.sqrt((1.0 + factors**n_instants) / (1.0 + factors))
+
+
+def _instants_so_far(errors: np.ndarray, resets: np.ndarray) -> np.ndarray:
+    """Instants with an update since the beginning or the last reset."""
+    count = np.cumsum(~np.isnan(errors).all(axis=1))
+    before = np.concatenate(([0], count))[resets]
+    since = np.searchsorted(resets, np.arange(count.size), side="right")
+    return count - np.concatenate(([0], before))[since]
+
+
+def _smoothed(
+    paths: Paths, resets: np.ndarray, with_covariance: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fixed-interval smoothing of one recursion (Rauch, Tung and Striebel 1965)."""
+    theta = paths.theta[:, :, 0].copy()
+    P = NOTHING
+    if with_covariance:
+        P = multiplied_out(paths.factors[:, :, 0], theta.shape[1])
+    cut = np.zeros(len(theta), dtype=np.bool_)
+    cut[resets] = True
+    factors, priors = (np.ascontiguousarray(f[:, :, 0]) for f in (paths.factors, paths.priors))
+    _kernels.rls.smooth(theta, P, factors, priors, cut)
+    return theta, P
+
+
+def likelihoods(
+    data: RecursionData,
+    starts: list[tuple[np.ndarray, np.ndarray]],
+    forgetting: Forgetting,
+    resets: np.ndarray,
+    each: bool,
+) -> dict[float, float]:
+    """Log-likelihood of the one-step predictions by memory horizon, summed over recursions.
+
+    Each recursion has normal errors of variance σ² (1 + φ'P̄φ) and its own σ² (West and Harrison
+    1997, Section 10.8).
+    """
+    horizons = [2.0**i for i in range(1, 14) if 2**i <= max(len(data.instants), 2)] + [np.inf]
+    lanes = _kernels.rls.MANY
+    factors = np.ones((1, 1, lanes))
+    factors[0, 0, : len(horizons)] = 1.0 - 1.0 / np.array(horizons)
+    total = np.zeros(lanes)
+    for run, start in enumerate(starts):
+        runs = slice(run, run + 1) if each else slice(None)
+        paths = recurse(
+            RecursionState(*start, lanes),
+            np.ascontiguousarray(data.signals[:, :, runs]),
+            np.ascontiguousarray(data.target[:, runs]),
+            data.orders,
+            forgetting,
+            inflation=kernel_arrays(factors),
+            resets=resets,
+            P0=start[1],
+            keep=("errors", "alphas"),
+        )
+        known = ~np.isnan(paths.errors[:, :, 0])
+        errors, alphas = paths.errors[known], paths.alphas[known]
+        with np.errstate(divide="ignore"):
+            total -= 0.5 * known.sum() * np.log(2 * np.pi * np.mean(errors**2 / alphas, axis=0))
+        total -= 0.5 * (known.sum() + np.log(alphas).sum(axis=0))
+    return dict(zip(horizons, total.tolist(), strict=False))

@@ -1,0 +1,415 @@
+"""The search for the orders, the delay and the decimation factor of an ARX model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import product
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from scipy.stats import rankdata
+from sklearn.base import clone
+from sklearn.callback import with_callbacks
+from sklearn.pipeline import Pipeline, make_pipeline
+
+from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
+from ...exceptions import RankDeficiencyError
+from ...metrics import VAFScorer
+from ...pipelines import final_step, raw_layout, reach_model
+from ...preprocessing import Decimator, RunInTrimmer
+from ...summaries import TextTable
+from ..batch import ARXRegressor
+from ..model_summary import one_or_all
+from ..orders import whole_number
+from .best_model import BestModel
+from .candidates import CandidateTable, Validation, as_candidate, has_fast_path, with_orders
+from .folds import Fold, folds_of
+from .text import highest, lowest
+
+DEFAULT_ORDERS = (1, 2, 3, 4)
+
+
+class OrderSearchCV(BestModel):
+    """Choose the orders of an ARX model by cross-validated VAF or by an information criterion.
+
+    All combinations of ``na``, ``nb``, ``nk`` and decimation factor are fitted and simulated; the
+    smallest model that is not clearly worse than the best one is refitted.
+
+    Parameters
+    ----------
+    estimator : ARXRegressor or Pipeline that ends in one, or None, default=None
+        Model whose orders are searched. None means ``ARXRegressor()``.
+    na, nb : sequence of int or None, default=None
+        Candidates; None means 1 to 4. Entries of ``nb`` may be tuples, one number per input.
+    nk : sequence of int, dict or None, default=None
+        Candidate delays in samples of the model's grid, or one such sequence per decimation
+        factor, ``{1: range(1, 51), 2: range(1, 26)}``. None keeps the estimator's own, which
+        must be 0 where there are several factors.
+    factor : sequence of int or None, default=None
+        Candidate decimation factors; the pipeline's :class:`Decimator` is set, or one is put in
+        front. None keeps the estimator's own.
+    criterion : {"vaf", "bic", "mbic"}, default="vaf"
+        Cross-validated VAF of the free run at full rate; the Bayesian information criterion
+        ln V + p ln(N) / N of the one-step errors; or the same with ``penalty`` times the second
+        term. The last two compare models of one decimation factor only.
+    rule : {"one_standard_error", "best"}, default="one_standard_error"
+        With ``"vaf"``, take the model with the fewest parameters (then the highest VAF) among
+        those within one standard error of the best, or the best itself.
+    penalty : float, default=3.0
+        Weight c of the complexity in the modified BIC; tune it by simulation of the task.
+    cv : int, splitter, iterable or None, default=None
+        Folds; an int counts folds of whole runs. None leaves out one run at a time; a single run
+        is fitted on its first half and scored on its second.
+    scoring : VAFScorer or None, default=None
+        How to take the VAF: run-in, window, centring, average.
+    n_jobs : int or None, default=None
+        Threads over candidates.
+
+    Attributes
+    ----------
+    best_params_ : dict
+        Chosen ``na``, ``nb``, ``nk`` and ``factor``.
+    best_na_, best_nb_, best_nk_, best_factor_ : int
+        The same, one by one.
+    best_delay_ : float
+        ``best_nk_`` in seconds.
+    best_score_ : float
+        Mean cross-validated VAF of the chosen model in percent.
+    best_index_ : int
+        Its position in ``cv_results_``.
+    cv_results_ : dict
+        One entry per candidate: ``params``, ``param_na``, ``param_nb``, ``param_nk``,
+        ``param_factor``, ``n_params``, ``delay`` (s), ``split<i>_test_score``, ``mean_test_score``,
+        ``std_test_score``, ``rank_test_score``, ``bic``, ``mbic``. Candidates whose regressors are
+        linearly dependent hold NaN.
+    standard_error_ : float
+        Standard error of the best VAF: over folds, or, with a single fold, over eight blocks of
+        its rows.
+    best_estimator_ : estimator
+        The chosen model refitted on all data.
+    n_features_in_ : int
+        Number of columns seen in ``fit``.
+    feature_names_in_ : ndarray of str
+        Column names seen in ``fit``, if all are strings.
+
+    Notes
+    -----
+    Candidates of one decimation factor are compared on the same rows. For :class:`ARXRegressor`
+    with ``method="ols"`` one QR factorisation per fold serves all of them.
+
+    References
+    ----------
+    Van Grootheest, thesis, Section 5.2.2, Figs. 5.12 and C.1-C.12, Tables 5.2 and 5.3. Drop et al.,
+    Objective model selection for identifying the human feedforward response in manual control,
+    IEEE Transactions on Cybernetics 48 (2018): modified BIC.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, OrderSearchCV, load_human_tracking
+    >>> X, y = load_human_tracking(1)
+    >>> search = OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[6, 7, 8]).fit(X, y)
+    >>> sorted(search.best_params_)
+    ['factor', 'na', 'nb', 'nk']
+    """
+
+    _parameter_constraints: dict = {
+        "estimator": [HasMethods(["fit", "predict"]), None],
+        "na": ["array-like", None],
+        "nb": ["array-like", None],
+        "nk": ["array-like", dict, None],
+        "factor": ["array-like", None],
+        "criterion": [StrOptions({"vaf", "bic", "mbic"})],
+        "rule": [StrOptions({"one_standard_error", "best"})],
+        "penalty": [Interval(Real, 0, None, closed="neither")],
+        "cv": ["cv_object"],
+        "scoring": [VAFScorer, None],
+        "n_jobs": [Integral, None],
+    }
+
+    def __init__(
+        self,
+        estimator: Any = None,
+        *,
+        na: Any = None,
+        nb: Any = None,
+        nk: Any = None,
+        factor: Any = None,
+        criterion: str = "vaf",
+        rule: str = "one_standard_error",
+        penalty: float = 3.0,
+        cv: Any = None,
+        scoring: VAFScorer | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.estimator = estimator
+        self.na = na
+        self.nb = nb
+        self.nk = nk
+        self.factor = factor
+        self.criterion = criterion
+        self.rule = rule
+        self.penalty = penalty
+        self.cv = cv
+        self.scoring = scoring
+        self.n_jobs = n_jobs
+
+    @with_callbacks
+    @fit_context(prefer_skip_nested_validation=False)
+    def fit(self, X: Any, y: Any) -> OrderSearchCV:
+        """Search the orders and refit the chosen model.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Output.
+
+        Returns
+        -------
+        self : OrderSearchCV
+        """
+        estimator = self.estimator if self.estimator is not None else ARXRegressor()
+        variants = self._variants(estimator)
+        if self.criterion != "vaf" and len(variants) > 1:
+            raise ValueError(
+                f"criterion={self.criterion!r} measures one-step errors, whose size depends on the "
+                "sampling rate: it cannot compare decimation factors. Use criterion='vaf'."
+            )
+        context = self._init_callback_context(max_subtasks=len(variants) + 1)
+        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
+        folds: list[Fold] | None = None
+        columns: dict[str, list[Any]] = {}
+        scores: list[np.ndarray] = []
+        within: list[float] = []
+        for factor, variant in variants:
+            task = context.subcontext(task_name=f"factor {factor}", max_subtasks=1)
+            task.call_on_fit_task_begin(estimator=self, X=X, y=y)
+            table = CandidateTable(variant, X, y)
+            candidates = self._candidates(variant, factor)
+            if folds is None:
+                folds = folds_of(X, y, raw_layout(variant, X), self.cv)
+            validation = Validation(variant, X, y, folds, self.scoring or VAFScorer())
+            if has_fast_path(variant):
+                part = self._evaluate_together(table, candidates, validation, columns)
+            else:
+                part = self._evaluate_one_by_one(variant, X, y, candidates, validation, columns)
+            scores.append(part[0])
+            within += part[1]
+            columns.setdefault("params", []).extend({**c, "factor": factor} for c in candidates)
+            columns.setdefault("delay", []).extend(np.max(c["nk"]) * table.dt for c in candidates)
+            task.call_on_fit_task_end(estimator=self, X=X, y=y)
+        self.cv_results_ = _tabulate(columns, np.vstack(scores))
+        self._choose(np.array(within))
+        chosen = dict(self.best_params_)
+        variant = dict(variants)[chosen.pop("factor")]
+        self.best_estimator_ = with_orders(variant, **chosen).fit(X, y)
+        self._keep_names()
+        context.call_on_fit_task_end(estimator=self, X=X, y=y)
+        return self
+
+    def _found(self) -> tuple[str, TextTable]:
+        results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
+        chosen = ", ".join(f"{name} = {value}" for name, value in self.best_params_.items())
+        shown, caption = highest(vaf, self.standard_error_)
+        criterion, rule = self._chosen_by
+        if criterion != "vaf":
+            by = f"by the lowest {criterion.upper()}"
+            shown = lowest(results[criterion])
+            caption = f"Lowest {criterion.upper()}"
+        elif rule == "best":
+            by = "by the highest VAF"
+        else:
+            by = "as the smallest within one standard error of the highest VAF"
+        if self.best_index_ not in shown:
+            shown = np.append(shown, self.best_index_)
+        found = (
+            f"OrderSearchCV: {chosen}, chosen from {vaf.size} candidates {by}. Its "
+            f"cross-validated VAF is {self.best_score_:.1f} %."
+        )
+        rows = [
+            [
+                *(one_or_all(np.atleast_1d(v)) for v in results["params"][i].values()),
+                f"{results['n_params'][i]:.0f}",
+                f"{results['delay'][i]:.4g}",
+                f"{vaf[i]:.2f}",
+                f"{results['bic'][i]:.4f}",
+                "chosen" if i == self.best_index_ else "",
+            ]
+            for i in shown
+        ]
+        header = [*self.best_params_, "parameters", "delay (s)", "VAF (%)", "BIC / n", ""]
+        return found, TextTable(caption, header, rows)
+
+    def _variants(self, estimator: Any) -> list[tuple[int, Any]]:
+        """Clones of the estimator, one per decimation factor."""
+        steps = estimator.steps if isinstance(estimator, Pipeline) else []
+        names = [name for name, step in steps if isinstance(step, Decimator)]
+        if self.factor is None:
+            return [(estimator.named_steps[names[0]].factor if names else 1, clone(estimator))]
+        if len(self.factor) == 0:
+            raise ValueError("factor is empty; name at least one decimation factor.")
+        if not names:
+            known: dict[str, Any] = {
+                n: getattr(steps[0][1] if steps else estimator, n, None) for n in ("dt", "run")
+            }
+            # After the run-in is trimmed, so that the filter works on the measurement window.
+            place = max(
+                (i + 1 for i, (_, step) in enumerate(steps) if isinstance(step, RunInTrimmer)),
+                default=0,
+            )
+            if not steps:
+                steps = make_pipeline(estimator).steps
+            estimator = Pipeline(
+                [*steps[:place], ("decimator", Decimator(**known)), *steps[place:]]
+            )
+            names = ["decimator"]
+        return [
+            (d, clone(estimator).set_params(**{f"{names[0]}__factor": d}))
+            for d in (whole_number("factor", d, 1) for d in self.factor)
+        ]
+
+    def _candidates(self, variant: Any, factor: int) -> list[dict[str, Any]]:
+        if isinstance(self.nk, Mapping) and factor not in self.nk:
+            raise ValueError(
+                f"nk has no candidates for factor {factor}; it names the factors {list(self.nk)}."
+            )
+        nk = self.nk[factor] if isinstance(self.nk, Mapping) else self.nk
+        if nk is None:
+            nk = [final_step(variant)[1].nk]
+            if self.factor is not None and len(self.factor) > 1 and np.max(nk) > 0:
+                raise ValueError(
+                    f"The estimator's nk={nk[0]} counts samples of the model's grid, so it is "
+                    "another delay at every decimation factor. Give nk={factor: candidates, ...}, "
+                    "or put a DelayShift into the pipeline and leave nk at 0."
+                )
+        grids = {
+            "na": DEFAULT_ORDERS if self.na is None else self.na,
+            "nb": DEFAULT_ORDERS if self.nb is None else self.nb,
+            "nk": nk,
+        }
+        for name, values in grids.items():
+            if len(values) == 0:
+                raise ValueError(f"{name} is empty; name at least one candidate.")
+        return [
+            dict(zip(grids, map(as_candidate, grids, values), strict=True))
+            for values in product(*grids.values())
+        ]
+
+    def _evaluate_together(
+        self,
+        table: CandidateTable,
+        candidates: list[dict[str, Any]],
+        validation: Validation,
+        columns: dict[str, list[Any]],
+    ) -> tuple[np.ndarray, list[float]]:
+        table.set_candidates(candidates)
+        parts = [table.triangle(fold.train) for fold in validation.folds]
+        whole = table.whole()
+
+        def evaluate(index: int) -> tuple[list[float], float, float]:
+            scored = [
+                validation.score_candidate(table, triangle, index, fold)
+                for triangle, fold in zip(parts, validation.folds, strict=True)
+            ]
+            loss = table.one_step_loss(whole, table.orders[index])
+            return [value for value, _ in scored], validation.error_of_single_fold(scored), loss
+
+        found = Parallel(n_jobs=self.n_jobs, prefer="threads")(
+            delayed(evaluate)(index) for index in range(len(candidates))
+        )
+        self._describe(table.orders, [f[2] for f in found], whole.n_rows, columns)
+        return np.array([f[0] for f in found]), [f[1] for f in found]
+
+    def _evaluate_one_by_one(
+        self,
+        variant: Any,
+        X: Any,
+        y: Any,
+        candidates: list[dict[str, Any]],
+        validation: Validation,
+        columns: dict[str, list[Any]],
+    ) -> tuple[np.ndarray, list[float]]:
+        def evaluate(candidate: dict[str, Any]) -> tuple[list[float], float, Any, np.ndarray]:
+            model = with_orders(variant, **candidate)
+            scored = [validation.score_refitted(model, X, y, fold) for fold in validation.folds]
+            values = [value for value, _ in scored]
+            error = validation.error_of_single_fold(scored)
+            try:
+                last, passed_on = reach_model(model.fit(X, y), X)
+            except RankDeficiencyError:
+                return values, np.nan, None, np.empty(0)
+            return values, error, last.orders_, last._one_step_errors(passed_on, y)
+
+        found = Parallel(n_jobs=self.n_jobs, prefer="threads")(
+            delayed(evaluate)(c) for c in candidates
+        )
+        known = np.logical_and.reduce([~np.isnan(f[3]) for f in found if f[3].size])
+        losses = [np.mean(f[3][known] ** 2) if f[3].size else np.nan for f in found]
+        self._describe([f[2] for f in found], losses, int(np.sum(known)), columns)
+        return np.array([f[0] for f in found]), [f[1] for f in found]
+
+    def _describe(
+        self, orders: list[Any], losses: list[float], n_rows: int, columns: dict[str, list[Any]]
+    ) -> None:
+        n_params = np.array([np.nan if o is None else o.n_params for o in orders])
+        complexity = n_params * np.log(n_rows) / n_rows
+        with np.errstate(divide="ignore"):
+            fit = np.log(losses)
+        columns.setdefault("n_params", []).extend(n_params)
+        columns.setdefault("bic", []).extend(fit + complexity)
+        columns.setdefault("mbic", []).extend(fit + self.penalty * complexity)
+
+    def _choose(self, within: np.ndarray) -> None:
+        results = self.cv_results_
+        vaf = results["mean_test_score"]
+        if np.all(np.isnan(vaf)):
+            raise ValueError(
+                "No candidate could be fitted: the regressors of each are linearly dependent. "
+                "Fit one with ARXRegressor to see the cause."
+            )
+        self._chosen_by = self.criterion, self.rule
+        best = int(np.nanargmax(vaf))
+        splits = [v[best] for k, v in results.items() if k.startswith("split")]
+        self.standard_error_ = (
+            float(np.std(splits, ddof=1) / np.sqrt(len(splits)))
+            if len(splits) > 1
+            else float(within[best])
+        )
+        if self.criterion != "vaf":
+            values = np.where(np.isnan(vaf), np.inf, results[self.criterion])
+            self.best_index_ = int(np.argmin(values))
+        elif self.rule == "best":
+            self.best_index_ = best
+        else:
+            good = np.flatnonzero(vaf >= vaf[best] - self.standard_error_)
+            self.best_index_ = int(min(good, key=lambda i: (results["n_params"][i], -vaf[i])))
+        self.best_params_ = results["params"][self.best_index_]
+        self.best_na_ = self.best_params_["na"]
+        self.best_nb_ = self.best_params_["nb"]
+        self.best_nk_ = self.best_params_["nk"]
+        self.best_factor_ = self.best_params_["factor"]
+        self.best_delay_ = float(results["delay"][self.best_index_])
+        self.best_score_ = float(vaf[self.best_index_])
+
+
+def _tabulate(columns: dict[str, list[Any]], scores: np.ndarray) -> dict[str, Any]:
+    params = columns["params"]
+    table: dict[str, Any] = {"params": params}
+    for name in ("na", "nb", "nk", "factor"):
+        entries = np.empty(len(params), dtype=object)
+        entries[:] = [p[name] for p in params]
+        table[f"param_{name}"] = entries
+    for name in ("n_params", "delay", "bic", "mbic"):
+        table[name] = np.array(columns[name])
+    for i, column in enumerate(scores.T):
+        table[f"split{i}_test_score"] = column
+    mean = scores.mean(axis=1)
+    table["mean_test_score"] = mean
+    table["std_test_score"] = scores.std(axis=1)
+    table["rank_test_score"] = rankdata(
+        np.where(np.isnan(mean), np.inf, -mean), method="min"
+    ).astype(int)
+    return table

@@ -1,0 +1,402 @@
+"""Measured and predicted signals of runs, and which of the runs are repeats of each other."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import fft
+from scipy.signal.windows import tukey
+from sklearn.utils.validation import check_consistent_length, column_or_1d
+
+from .._sklearn import safe_indexing
+from ..effects.record import OTHER
+from ..exceptions import MissingDataWarning, RunIndexError, ShortRunError
+from ..greybox.side_by_side import PREFIXES, ROLES
+from ..metrics import scored_rows, scored_signals
+from ..pipelines import raw_layout, reach_model, trimmed_rows
+from ..preprocessing.base import check_numbers
+from ..regression import units_of
+from ..runs import RunLayout, check_alignment, run_name
+from ..summaries import counted
+
+SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
+LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest
+BESIDE = 0.05  # of the lines, at most, are neighbours
+BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
+SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
+LONGEST_SETTLING = 10.0  # s
+MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole periods with them
+RAMPS = 0.04  # of a run, both ends together
+OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
+LEAST_ROWS = 64  # of a run, for spectra and tests
+
+
+@dataclass(frozen=True)
+class Group:
+    """Runs that share the target, on the rows that all of them have.
+
+    ``rows`` are row positions, one row of them a run; ``lines`` the excited bins of the Fourier
+    transform over these rows, None where the target is unknown or not periodic in them.
+    """
+
+    runs: np.ndarray
+    rows: np.ndarray
+    lines: np.ndarray | None
+
+    @property
+    def n_runs(self) -> int:
+        return self.rows.shape[0]
+
+    @property
+    def n_samples(self) -> int:
+        return self.rows.shape[1]
+
+    def omega(self, dt: float) -> np.ndarray:
+        """Frequencies of the bins, in rad/s."""
+        return 2 * np.pi * fft.rfftfreq(self.n_samples, dt)
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What a model predicts and what was measured, row by row.
+
+    ``predicted`` is the free run where it has settled, and the measurement before. ``scored`` are
+    rows that were measured, outside a run-in and settled; ``channels`` the channels
+    of X that have a role.
+    """
+
+    model: Any
+    layout: RunLayout
+    index: pd.Index
+    y: np.ndarray
+    free_run: np.ndarray
+    predicted: np.ndarray
+    one_step: np.ndarray
+    scored: np.ndarray
+    channels: dict[str, np.ndarray]
+    groups: list[Group]
+    output: str
+    units: dict[str, str]
+    notes: list[str]
+
+    @property
+    def residual(self) -> np.ndarray:
+        return self.y - self.predicted
+
+    def tapered(self, rows: np.ndarray, *signals: np.ndarray) -> np.ndarray:
+        """Signals as columns that begin and end at zero, and are zero where not scored.
+
+        What a Fourier transform joins at the ends of a run then is no step.
+        """
+        known = np.flatnonzero(self.scored[rows])
+        weight = np.zeros(rows.size)
+        if known.size:
+            first, last = known[0], known[-1] + 1
+            weight[first:last] = tukey(last - first, RAMPS) * self.scored[rows[first:last]]
+        return np.column_stack(signals) * weight[:, None]
+
+    @property
+    def dt(self) -> float:
+        return self.layout.dt
+
+    @property
+    def external(self) -> list[str]:
+        """Signals that come from outside the loop."""
+        return [name for name in self.channels if name == "f_t" or name.startswith("dist")]
+
+    @property
+    def driving(self) -> str | None:
+        """The signal that the operator answers: the error, or the target where there is none."""
+        return next((name for name in ("e", "f_t") if name in self.channels), None)
+
+    def run_label(self, number: int) -> str:
+        return run_name(self.layout.labels[number])
+
+
+def read_signals(
+    model: Any,
+    X: Any,
+    y: Any,
+    *,
+    repeats: Any = None,
+    roles: Mapping[Any, str] | None = None,
+    run_in: float | None = None,
+    dt: float | None = None,
+    run: Any = None,
+) -> Signals:
+    """Predict, and sort rows, channels and repeats out."""
+    check_consistent_length(X, y)
+    check_alignment(X, y)
+    if run_in is not None and not run_in >= 0:
+        raise ValueError(f"run_in is a time in seconds, at least 0; got {run_in!r}.")
+    layout = raw_layout(model, X, dt=dt, run=run)
+    measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
+    predicted = free_run = np.asarray(model.predict(X), dtype=float).ravel()
+    if predicted.size != measured.size:
+        raise ValueError(
+            f"model.predict(X) returns {predicted.size} values for the {measured.size} rows of X; "
+            "compare needs one for each row."
+        )
+    trimmed = trimmed_rows(model, X)
+    used = scored_rows(layout, run_in, None) & ~trimmed
+    scored_signals(measured, predicted, used, layout, False)  # for its checks
+    missing = np.isnan(measured)
+    channels = _channels(model, X, roles, run)
+    notes = []
+    scored = used & ~missing
+    if missing[used].mean() <= MOST_MASKED:
+        # A few missing values do not cut a run: there is no residual in them.
+        measured = np.where(missing, predicted, measured)
+    else:
+        used = scored
+    if run_in is None:
+        settling = _settling_rows(model, X, layout, trimmed, predicted)
+        if settling.any() and (scored & ~settling).any():
+            scored = scored & ~settling
+            if settling.mean() > MOST_MASKED:
+                used = scored
+            longest = max(np.diff(np.flatnonzero(np.diff(np.r_[0, settling, 0])))[::2])
+            notes.append(
+                f"the first {longest * layout.dt:.3g} s of each run, in which the free run "
+                "settles from its start at rest, are left out (run_in=0 keeps them)"
+            )
+            # Spectra and tests go over whole periods of the target; nothing is missing there.
+            predicted = np.where(used & settling, measured, predicted)
+    n_missing = int(missing.sum())
+    if n_missing:
+        are = "is" if n_missing == 1 else "are"
+        notes.append(f"{counted(n_missing, 'row')} in which the output is missing {are} left out")
+    stretches = _longest_stretches(layout, used, channels)
+    if not stretches:
+        raise ShortRunError(
+            f"No run has {LEAST_ROWS} successive rows ({LEAST_ROWS * layout.dt:.3g} s) in which "
+            "the output and all channels with a role were measured, and compare needs as many for "
+            "spectra and tests. Join pieces of a recording, interpolate single missing values, or "
+            "leave out the channel that is missing."
+        )
+    covered = sum(stop - start for start, stop in stretches.values())
+    beside = int(used.sum()) - covered
+    if beside:
+        notes.append(
+            f"{counted(beside, 'row')} beside the longest gapless stretch of "
+            f"{'its' if beside == 1 else 'their'} run count{'s' * (beside == 1)} in the VAF, and "
+            "not in spectra and tests"
+        )
+    mean, sd = (float(f(measured[scored])) for f in (np.mean, np.std))
+    if abs(mean) > sd:
+        notes.append(
+            f"the mean of the output ({mean:.4g}) is larger than its spread ({sd:.4g}), and VAF "
+            "counts it as explained: subtract the means of X and y for a VAF about them"
+        )
+    return Signals(
+        model=model,
+        layout=layout,
+        index=X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(layout.n_rows),
+        y=measured,
+        free_run=free_run,
+        predicted=predicted,
+        one_step=_one_step(model, X, y),
+        scored=scored,
+        channels=channels,
+        groups=_groups(layout, stretches, channels, repeats),
+        output=str(getattr(y, "name", None) or "u"),
+        units={**units_of(X), **units_of(y)},
+        notes=notes,
+    )
+
+
+def _settling_rows(
+    model: Any, X: Any, layout: RunLayout, trimmed: np.ndarray, predicted: np.ndarray
+) -> np.ndarray:
+    """Rows in which the prediction still depends on where in the recording it began.
+
+    A free run begins at rest, and the person does not. How long that lasts is measured: the same
+    rows are predicted again from a later start, until both predictions agree.
+    """
+    settling = np.zeros(layout.n_rows, dtype=bool)
+    starts = np.union1d(
+        layout.stretches[:-1], np.flatnonzero(trimmed[:-1] & ~trimmed[1:]) + 1
+    ).astype(int)
+    lengths = np.diff(np.append(starts, layout.n_rows))
+    longest = int(np.argmax(lengths))
+    first, n = int(starts[longest]), int(lengths[longest])
+    cut = min(n // 4, round(LONGEST_SETTLING / layout.dt))
+    if cut < 4:
+        return settling
+    rows = np.arange(first + cut, first + min(3 * cut, n))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # predict has said so
+        again = np.asarray(model.predict(safe_indexing(X, rows)), dtype=float).ravel()
+    apart = np.abs(again - predicted[rows])
+    rms = float(np.sqrt(np.mean(predicted[rows] ** 2)))
+    late = np.flatnonzero(apart > SETTLED * rms)
+    n_settling = min(int(late[-1]) + 1 if late.size else 0, cut)
+    for start, length in zip(starts, lengths, strict=True):
+        settling[start : start + min(n_settling, length)] = True
+    return settling
+
+
+def _one_step(model: Any, X: Any, y: Any) -> np.ndarray:
+    """One-step predictions at every row; NaN from a model that makes none."""
+    last, transformed = reach_model(model, X)
+    if not hasattr(last, "predict_ahead"):
+        return np.full(len(np.asarray(y)), np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MissingDataWarning)  # predict has said so
+        return np.asarray(last.predict_ahead(transformed, y), dtype=float).ravel()
+
+
+def _channels(
+    model: Any, X: Any, roles: Mapping[Any, str] | None, run: Any
+) -> dict[str, np.ndarray]:
+    """Channels by role; the target is e + x where it was not recorded."""
+    if roles is not None and not isinstance(roles, Mapping):
+        raise TypeError(f"roles is a dict {{column: role}}; got {roles!r}.")
+    if roles is None:
+        roles = getattr(reach_model(model, X)[0], "roles", None)
+    if isinstance(X, pd.DataFrame):
+        columns = {name: X[name] for name in X.columns}
+    else:
+        values = np.asarray(X)
+        columns = {i: values[:, i] for i in range(values.shape[1])}
+    unknown = [name for name in roles or {} if name not in columns]
+    if unknown:
+        raise RunIndexError(
+            f"roles names {unknown[0]!r}, which is not a column of X; the columns are "
+            f"{list(columns)}."
+        )
+    found: dict[str, np.ndarray] = {}
+    for name, column in columns.items():
+        role = str((roles or {}).get(name, name))
+        if run is not None and name == run:
+            continue
+        if role in ROLES or role.startswith(PREFIXES):
+            if role in found:
+                raise ValueError(f"Two columns have the role {role!r}; name one of them by roles=.")
+            check_numbers(pd.DataFrame({name: column}), "X")
+            values = np.asarray(column, dtype=float)
+            if np.isinf(values).any():
+                row = int(np.flatnonzero(np.isinf(values))[0])
+                raise ValueError(
+                    f"Column {name!r} of X contains infinity, first in row {row}; mark missing "
+                    "values by NaN."
+                )
+            if not np.isnan(values).all():
+                found[role] = values
+        elif name in (roles or {}) and role != OTHER:
+            raise ValueError(
+                f"roles gives {name!r} the role {role!r}; there are 'e', 'x', 'f_t', and names "
+                "that begin with 'dist' or 'motion', and '' for none."
+            )
+    if "f_t" not in found and {"e", "x"} <= found.keys():
+        found["f_t"] = found["e"] + found["x"]
+    return found
+
+
+def _longest_stretches(
+    layout: RunLayout, used: np.ndarray, channels: dict[str, np.ndarray]
+) -> dict[int, tuple[int, int]]:
+    """First row, and last row + 1, of the longest stretch without a gap, by run number."""
+    whole = used.copy()
+    for values in channels.values():
+        whole &= np.isfinite(values)
+    cut = np.zeros(layout.n_rows + 1, dtype=bool)
+    cut[layout.starts] = True
+    edges = np.flatnonzero((np.diff(np.concatenate([[0], whole, [0]])) != 0) | cut)
+    best: dict[int, tuple[int, int]] = {}
+    for start, stop in itertools.pairwise(edges):
+        if whole[start]:
+            run = int(layout.run_of(np.asarray(start)))
+            if stop - start < LEAST_ROWS:
+                continue
+            if run not in best or stop - start > best[run][1] - best[run][0]:
+                best[run] = (int(start), int(stop))
+    return best
+
+
+def _groups(
+    layout: RunLayout,
+    stretches: dict[int, tuple[int, int]],
+    channels: dict[str, np.ndarray],
+    repeats: Any,
+) -> list[Group]:
+    labels = repeat_labels(layout, repeats)
+    number = layout.sample_numbers()
+    target = channels.get("f_t")
+    groups: list[tuple[list[int], np.ndarray]] = []
+    for run, (start, stop) in stretches.items():
+        own = number[start:stop]
+        for position, (members, common) in enumerate(groups):
+            if labels is not None and labels[members[0]] != labels[run]:
+                continue
+            shared = np.intersect1d(common, own, assume_unique=True)
+            if shared.size < OVERLAP * max(common.size, own.size):
+                continue
+            first = stretches[members[0]][0]
+            if labels is None and not _same_target(
+                target, first + shared - number[first], start + shared - own[0]
+            ):
+                continue
+            groups[position] = ([*members, run], shared)
+            break
+        else:
+            groups.append(([run], own))
+    found = []
+    for members, common in groups:
+        rows = np.array([stretches[r][0] + common - number[stretches[r][0]] for r in members])
+        lines = None if target is None else excited_lines(target[rows[0]])
+        found.append(Group(np.array(members), rows, lines))
+    return found
+
+
+def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
+    """What ``repeats`` says of each run; None leaves it to the target."""
+    n_runs = len(layout.labels)
+    if repeats is None:
+        return None
+    if isinstance(repeats, (bool, np.bool_)):
+        return [0] * n_runs if repeats else list(range(n_runs))
+    if isinstance(repeats, Mapping):
+        unknown = [label for label in repeats if label not in layout.labels]
+        if unknown:
+            raise ValueError(f"repeats names run {unknown[0]!r}; the runs are {layout.labels}.")
+        return [repeats.get(label, ("alone", label)) for label in layout.labels]
+    if isinstance(repeats, str) or not isinstance(repeats, Iterable):
+        raise TypeError(
+            "repeats is None, True, False, a dict {run: label} or a sequence of one label a run; "
+            f"got {repeats!r}."
+        )
+    labels = list(repeats)
+    if len(labels) != n_runs:
+        raise ValueError(
+            f"repeats has {len(labels)} entries for {n_runs} runs: give one label a run (runs "
+            "of one label repeat each other), a dict {run: label}, True (all are repeats) or "
+            "False (none are)."
+        )
+    return labels
+
+
+def _same_target(target: np.ndarray | None, a: np.ndarray, b: np.ndarray) -> bool:
+    if target is None:
+        return False
+    power = np.mean(target[a] ** 2)
+    apart = np.mean((target[a] - target[b]) ** 2)
+    return bool(power > 0 and apart <= SAME_TARGET**2 * power)
+
+
+def excited_lines(target: np.ndarray) -> np.ndarray | None:
+    """Bins that hold the power of a target periodic in its window; None if it is not."""
+    power = np.abs(fft.rfft(target - target.mean())) ** 2
+    if not power.any():
+        return None
+    lines = np.flatnonzero(power > LINE * power.max())
+    # A window of no whole period leaks from each line into its neighbours.
+    alone = np.sum(np.diff(lines) == 1) <= BESIDE * lines.size
+    off = power.sum() - power[lines].sum()
+    return lines if alone and off <= BETWEEN * power.sum() else None

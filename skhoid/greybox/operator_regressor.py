@@ -1,0 +1,187 @@
+"""The human operator with its physical parameters, estimated by maximum likelihood."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from .._sklearn import Interval, fit_context
+from ..effects.base import Effect
+from ..effects.composition import Effects
+from ..effects.record import Record
+from ..human.controlled_element import ControlledElement
+from ..preprocessing.grid import ModelGrid
+from .base import GreyBox
+from .cores import OperatorCore
+from .fitting import Criterion
+from .model import Model, fit_plain_operator
+
+
+class OperatorRegressor(GreyBox):
+    """Human operator with physical parameters, and effects, by maximum likelihood.
+
+    u = H_nm(s) [K_e + K_edot s] exp(-s tau_e) e with the neuromuscular system H_nm(s) = omega_nm^2
+    / (s^2 + 2 zeta_nm omega_nm s + omega_nm^2) (Eqs. 3-5), simulated from the measured channels
+    alone. All parameters, those of the effects too, minimise the squares of the simulation's
+    residual, whitened by an AR model of the remnant: maximum likelihood for Gaussian remnant.
+
+    Parameters
+    ----------
+    delay : float or None, default=None
+        Effective time delay tau_e in seconds, kept as given until the effect ``wrong_delay`` frees
+        it; None estimates it.
+    inputs : column name or list with one, or None, default=None
+        The error. None means the column of role ``e``.
+    effects : Effect, Effects, str, list of these, or None, default=None
+        What the linear operator lacks; see :mod:`skhoid.effects`.
+    roles : dict or None, default=None
+        Roles of columns, ``{column: role}``, where names do not tell them: e, x, f_t, or a name
+        that begins with motion or dist; "" for none. Effects may use all columns.
+    controlled_element : ControlledElement or None, default=None
+        What the operator controls, for effects that use its inverse; None estimates it from
+        output and x where needed.
+    settling : float, default=3.0
+        Seconds at the start of each run (and after each gap) that do not count in the fit, since
+        what came before them is not known.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: 1).
+    run : column name or position, or None, default=None
+        Run column of data without a run index.
+
+    Attributes
+    ----------
+    parameters_ : DataFrame
+        Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
+        meaning. Parameters of effects are called ``<effect>__<parameter>``. A parameter at a
+        bound has no sd.
+    effects_ : Effects
+        The effects with estimated values and with their choices (form, channel) made.
+    covariance_ : DataFrame
+        Covariance of the estimated parameters.
+    noise_ar_ : ndarray of shape (6,)
+        AR model of the remnant at the rate of the criterion (25 Hz, or the sampling rate).
+    loglik_ : float
+        Logarithm of the likelihood, without constants.
+    bic_ : float
+        Bayesian information criterion (smaller is better).
+    vaf_ : float
+        VAF of the free run on the fitted rows, in percent.
+    n_rows_used_ : int
+        Rows that count: measured, and not in the settling or a run-in.
+    controlled_element_ : ControlledElement or None
+        Given or estimated.
+    dt_ : float
+        Sampling time of the fitted grid in seconds.
+    inputs_ : list of str
+        Name of the error channel.
+    n_features_in_ : int
+        Number of columns seen in ``fit``.
+    feature_names_in_ : ndarray of str
+        Column names seen in ``fit``, if all are strings.
+
+    Raises
+    ------
+    RankDeficiencyError
+        If the error or the output stands still.
+    ShortRunError
+        If the runs are too short for the parameters and the noise model.
+    ValueError
+        If an effect does not apply to the data, with the reason.
+
+    See Also
+    --------
+    EffectSearchCV : Finds the effects that are missing.
+    operator_parameters : The same parameters from an ARX model.
+
+    Notes
+    -----
+    Residuals count at 25 Hz, above which operators have no power to speak of; the simulation runs
+    at the sampling rate. Runs with more remnant weigh less.
+
+    Standard errors hold for remnant of any colour, and include what the estimates would move at
+    twice the sampling time: where there is little remnant, that is what limits them.
+
+    References
+    ----------
+    Van Grootheest, thesis, Eqs. 3-5 and its reference [8]: Zaal et al., Modeling human
+    multimodal perception and control using genetic maximum likelihood estimation (2009).
+
+    Examples
+    --------
+    >>> from skhoid import OperatorRegressor, make_tracking_runs
+    >>> X, y = make_tracking_runs(condition="C1", n_runs=2, remnant_intensity=0.05, random_state=1)
+    >>> model = OperatorRegressor().fit(X, y)
+    >>> model.parameters_["value"].round(2)[["K_e", "T_L", "tau_e"]].tolist()
+    [0.09, 0.4, 0.28]
+    >>> model.with_effect("dead_zone").effects
+    Effects(steps=[('dead_zone', DeadZone())])
+    """
+
+    _parameter_constraints: dict = {
+        "delay": [Interval(Real, 0, 10, closed="both"), None],
+        "inputs": ["array-like", str, int, None],
+        "effects": [Effect, Effects, str, list, tuple, None],
+        "roles": [dict, None],
+        "controlled_element": [ControlledElement, None],
+        "settling": [Interval(Real, 0, None, closed="left")],
+        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "run": "no_validation",
+    }
+
+    def __init__(
+        self,
+        delay: float | None = None,
+        *,
+        inputs: Any = None,
+        effects: Any = None,
+        roles: dict | None = None,
+        controlled_element: ControlledElement | None = None,
+        settling: float = 3.0,
+        dt: float | None = None,
+        run: Any = None,
+    ):
+        self.delay = delay
+        self.inputs = inputs
+        self.effects = effects
+        self.roles = roles
+        self.controlled_element = controlled_element
+        self.settling = settling
+        self.dt = dt
+        self.run = run
+
+    _errors_in_words = "Standard errors allow for remnant of any colour."
+
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> OperatorRegressor:
+        """Estimate all parameters.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Output of the operator; NaN where not measured.
+
+        Returns
+        -------
+        self : OperatorRegressor
+        """
+        self._fit_with_effects(X, y)
+        return self
+
+    def _core(self) -> OperatorCore:
+        return OperatorCore(None if self.delay is None else float(self.delay))
+
+    def _core_in_words(self) -> str:
+        return "human operator, Eqs. 3-5"
+
+    def _fitted_core(self, core: Any, record: Record, criterion: Criterion) -> Model:
+        return fit_plain_operator(core, record, criterion)
+
+    def _given_values(self) -> dict[str, float]:
+        return {} if self.delay is None else {"tau_e": float(self.delay)}
+
+    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        return self._simulated(grid, values)

@@ -1,0 +1,113 @@
+"""Rows of a table, and the same side by side as a record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..effects.record import OTHER, Record
+from ..preprocessing.grid import ModelGrid
+from ..regression import segments
+
+ROLES = ("e", "x", "f_t")
+PREFIXES = ("motion", "dist")
+
+
+@dataclass(frozen=True)
+class SegmentColumns:
+    """Begin and end of the gapless stretches of rows; each becomes a column of a record."""
+
+    begin: np.ndarray
+    end: np.ndarray
+
+    @classmethod
+    def of(cls, grid: ModelGrid) -> SegmentColumns:
+        begin, end = np.array(segments(grid)).T
+        return cls(begin, end)
+
+    @property
+    def length(self) -> int:
+        return int((self.end - self.begin).max())
+
+    def beside(self, rows: np.ndarray, fill: Any = 0.0) -> np.ndarray:
+        """Values of rows as an array of shape (length, n_columns)."""
+        out = np.full((self.length, self.begin.size), fill, dtype=rows.dtype)
+        for j, (a, b) in enumerate(zip(self.begin, self.end, strict=True)):
+            out[: b - a, j] = rows[a:b]
+        return out
+
+    def rows(self, beside: np.ndarray) -> np.ndarray:
+        """The reverse."""
+        out = np.empty(int(self.end[-1]), dtype=beside.dtype)
+        for j, (a, b) in enumerate(zip(self.begin, self.end, strict=True)):
+            out[a:b] = beside[: b - a, j]
+        return out
+
+
+def roles_of(names: Sequence[str], roles: Mapping[Any, str] | None) -> dict[str, str]:
+    """Role of each channel, from ``roles`` or its name; "" for none."""
+    given = {str(k): v for k, v in (roles or {}).items()}
+    found = {}
+    for name in names:
+        role = given.get(name, name)
+        known = role in ROLES or role.startswith(PREFIXES)
+        if name in given and not known and role != OTHER:
+            raise ValueError(
+                f"roles gives {name!r} the role {role!r}; a role is e, x, f_t, or begins with "
+                "motion or dist; '' is none."
+            )
+        found[name] = role if known else OTHER
+    return found
+
+
+def build_record(
+    grid: ModelGrid,
+    names: Sequence[str],
+    values: np.ndarray,
+    roles: Mapping[str, str],
+    inputs: Sequence[str],
+    *,
+    output: np.ndarray | None = None,
+    settling: float = 0.0,
+    controlled_element: tuple[float, float] | None = None,
+) -> tuple[Record, SegmentColumns]:
+    """Put the rows of a grid side by side; NaN inputs must have been replaced before."""
+    columns = SegmentColumns.of(grid)
+    channels = {n: columns.beside(values[:, i]) for i, n in enumerate(names)}
+    roles = dict(roles)
+    by_role = {role: name for name, role in roles.items() if role in ROLES}
+    if "f_t" not in by_role and {"e", "x"} <= set(by_role):
+        channels["f_t"] = channels[by_role["e"]] + channels[by_role["x"]]
+        roles["f_t"] = "f_t"
+    time = grid.layout.time if grid.rows is None else grid.layout.time[grid.rows]
+    t = columns.beside(time)
+    for j, (a, b) in enumerate(zip(columns.begin, columns.end, strict=True)):
+        t[b - a :, j] = t[b - a - 1, j] + grid.dt * np.arange(1, columns.length - (b - a) + 1)
+    if np.ptp(t, axis=1).max() < 0.5 * grid.dt:
+        t = np.ascontiguousarray(t[:, :1])
+    known = columns.beside(np.ones(int(columns.end[-1]), dtype=bool), fill=False)
+    for begin, end in zip(grid.begin[~grid.measured], grid.end[~grid.measured], strict=True):
+        rows = np.zeros(int(columns.end[-1]), dtype=bool)
+        rows[begin:end] = True
+        known &= ~columns.beside(rows, fill=False)
+    y = None
+    if output is not None:
+        y = columns.beside(output)
+        known &= ~np.isnan(y)
+        y = np.where(np.isnan(y), 0.0, y)
+        for j, (a, b) in enumerate(zip(columns.begin, columns.end, strict=True)):
+            known[: min(round(settling / grid.dt), (b - a) // 4), j] = False
+    record = Record(
+        dt=grid.dt,
+        t=t,
+        channels=channels,
+        roles=roles,
+        inputs=tuple(inputs),
+        known=known,
+        y=y,
+        controlled_element=controlled_element,
+    )
+    return record, columns

@@ -1,0 +1,135 @@
+"""Frequency responses of ARX models and their covariance (Section H.2)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .channel import ARXChannel
+from .gradients import response_and_gradient
+
+
+def arx_response(
+    theta: Any, omega: Any, dt: float, *, na: int, nk: int = 0, delay: float = 0.0
+) -> np.ndarray:
+    """Frequency response of ARX parameters, one set or a path of them.
+
+    H(j omega) = (b_0 + b_1 z^-1 + ... + b_{nb-1} z^-(nb-1)) / (1 + a_1 z^-1 + ... + a_na z^-na)
+    times z^-nk e^(-j omega delay), with z = e^(j omega dt) (Eq. H.14, with the delay).
+
+    Parameters
+    ----------
+    theta : array-like of shape (..., n_params)
+        [a_1 ... a_na, b_0 ... b_{nb-1}]; leading axes, such as instants, are kept.
+    omega : array-like of shape (n_lines,) or (..., n_lines)
+        Frequencies in rad/s.
+    dt : float
+        Sampling time of the model in seconds.
+    na : int
+        Number of output lags; the other parameters are those of the input.
+    nk : int, default=0
+        Input delay in samples.
+    delay : float, default=0.0
+        Further delay in seconds, such as that of a :class:`~skhoid.DelayShift`.
+
+    Returns
+    -------
+    H : ndarray of complex, shape (..., n_lines)
+        NaN above the Nyquist frequency pi / dt.
+
+    References
+    ----------
+    Van Grootheest, thesis, Eq. H.14. The printed equation has a spurious (i) and ends in b_{n_b}.
+
+    Examples
+    --------
+    >>> from skhoid.interpret import arx_response
+    >>> abs(arx_response([-0.9, 0.1], [0.0, 10.0], dt=0.01, na=1)).round(3)
+    array([1.   , 0.726])
+    """
+    omega, theta = _below_nyquist(omega, dt), np.asarray(theta, dtype=float)
+    return response_and_gradient(theta, omega, dt, na, nk * dt + delay)[0]
+
+
+def arx_response_covariance(
+    theta: Any,
+    covariance: Any,
+    omega: Any,
+    dt: float,
+    *,
+    na: int,
+    nk: int = 0,
+    delay: float = 0.0,
+) -> np.ndarray:
+    """Covariance of the real and imaginary parts of an ARX frequency response.
+
+    By Gauss's approximation C = J P J', with J the real and imaginary parts of the gradient
+    dH/da_i = -H z^-i / A and dH/db_i = z^-(nk+i) e^(-j omega delay) / A (Eqs. H.11-H.17).
+
+    Parameters
+    ----------
+    theta : array-like of shape (..., n_params)
+        [a_1 ... a_na, b_0 ... b_{nb-1}].
+    covariance : array-like of shape (..., n_params, n_params)
+        Covariance P of ``theta``.
+    omega : array-like of shape (n_lines,)
+        Frequencies in rad/s.
+    dt : float
+        Sampling time of the model in seconds.
+    na : int
+        Number of output lags.
+    nk : int, default=0
+        Input delay in samples.
+    delay : float, default=0.0
+        Further delay in seconds.
+
+    Returns
+    -------
+    C : ndarray of shape (..., n_lines, 2, 2)
+        [[C_1, C_12], [C_12, C_2]] of each line; NaN above the Nyquist frequency.
+
+    References
+    ----------
+    Van Grootheest, thesis, Eqs. H.11-H.17.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skhoid.interpret import arx_response_covariance
+    >>> P = np.diag([1e-4, 1e-6])
+    >>> arx_response_covariance([-0.9, 0.1], P, [1.0, 10.0], dt=0.01, na=1).shape
+    (2, 2, 2)
+    """
+    omega, theta = _below_nyquist(omega, dt), np.asarray(theta, dtype=float)
+    _, gradient = response_and_gradient(theta, omega, dt, na, nk * dt + delay)
+    parts = np.stack([gradient.real, gradient.imag], axis=-2)
+    P = np.asarray(covariance, dtype=float)[..., None, :, :]
+    return parts @ P @ np.swapaxes(parts, -1, -2)
+
+
+def _below_nyquist(omega: Any, dt: float) -> np.ndarray:
+    omega = np.asarray(omega, dtype=float)
+    return np.where(omega * dt <= np.pi * (1 + 1e-9), omega, np.nan)
+
+
+def response_of_model(model: Any, omega: np.ndarray, name: str | None) -> dict[str, Any]:
+    """What a FrequencyResponse holds of a fitted ARX model, alone or at the end of a pipeline."""
+    arx = ARXChannel.of(model, name, "FrequencyResponse.of")
+    if arx.time is not None:
+        raise ValueError(
+            "The model's parameters vary in time: take arx_response(model.coef_path_, ...) or "
+            "crossover_path of skhoid.interpret."
+        )
+    grid: dict[str, Any] = {"na": arx.na, "nk": arx.nk, "delay": arx.shift}
+    covariance = arx.covariance
+    if covariance is not None:
+        covariance = arx_response_covariance(arx.theta, covariance, omega, arx.dt, **grid)
+    return {
+        "response": arx_response(arx.theta, omega, arx.dt, **grid),
+        "covariance": covariance,
+        "input": arx.input,
+        "output": arx.output,
+        "delay": arx.delay,
+        "dt": arx.dt,
+    }

@@ -1,0 +1,242 @@
+"""ARX parameters as parameters of the human operator (Eqs. 21-23)."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..human.discretisation import check_dt
+from .channel import ARXChannel
+from .operator_fit import NAMES, fit_operator
+
+FROM_POLES = ("K_e", "T_L", "K_edot", "omega_nm", "zeta_nm")
+UNITS = {"K_e": "", "T_L": "s", "K_edot": "s", "tau_e": "s", "omega_nm": "rad/s", "zeta_nm": ""}
+STEP = 1e-30  # of complex-step derivatives, which have no rounding to balance
+
+
+def arx_to_operator(
+    theta: Any, dt: float, covariance: Any = None
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:
+    """Operator parameters of ARX parameters with two output and two input coefficients.
+
+    The inverse of zero-order hold: poles by z = exp(s dt) (Eq. 22), gains by the step response,
+    then K_e = b_0c / a_0c, T_L = b_1c / b_0c, K_edot = b_1c / a_0c, omega_nm = sqrt(a_0c) and
+    zeta_nm = a_1c / (2 sqrt(a_0c)) (Eq. 23).
+
+    Parameters
+    ----------
+    theta : array-like of shape (..., 4)
+        [a_1, a_2, b_0, b_1]; leading axes, such as instants, are kept.
+    dt : float
+        Sampling time of the model in seconds.
+    covariance : array-like of shape (..., 4, 4) or None, default=None
+        Covariance of ``theta``.
+
+    Returns
+    -------
+    values : dict of ndarray of shape (...)
+        K_e, T_L (s), K_edot (s), omega_nm (rad/s), zeta_nm. NaN where the poles are not a pair
+        of complex numbers; an unstable pair has a negative zeta_nm.
+    deviations : dict of ndarray of shape (...)
+        Their standard deviations by the delta method; NaN without ``covariance``. They hold
+        while errors are small: not for T_L where K_e is uncertain by a good part of itself.
+    n_not_complex : int
+        Number of parameter sets, all finite, whose poles are not a complex pair.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit or ``dt`` is not positive.
+
+    See Also
+    --------
+    skhoid.human.discretisation.zoh_parameters : The way there.
+    operator_parameters : The same from a fitted model, with the delay.
+
+    Examples
+    --------
+    >>> from skhoid import HumanOperator
+    >>> from skhoid import arx_to_operator
+    >>> from skhoid import zoh_parameters
+    >>> theta = zoh_parameters(HumanOperator(K_e=0.07, T_L=1.2), dt=0.01)
+    >>> values, deviations, n_not_complex = arx_to_operator(theta, dt=0.01)
+    >>> {name: round(float(value), 6) for name, value in values.items()}
+    {'K_e': 0.07, 'T_L': 1.2, 'K_edot': 0.084, 'omega_nm': 11.25, 'zeta_nm': 0.35}
+    """
+    check_dt(dt)
+    theta = np.asarray(theta, dtype=float)
+    if theta.ndim == 0 or theta.shape[-1] != 4:
+        raise ValueError(
+            f"theta must have the shape (..., 4), [a_1, a_2, b_0, b_1]; got {theta.shape}."
+        )
+    # a_1² < 4 a_2: only then is the pair complex, and its logarithm a pair too.
+    complex_pair = theta[..., 0] ** 2 < 4 * theta[..., 1]
+    n_not_complex = int((np.isfinite(theta).all(axis=-1) & ~complex_pair).sum())
+    theta = np.where(complex_pair[..., None], theta, np.nan)
+    physics = _inverse_hold(theta, dt)
+    variances = np.full(physics.shape, np.nan)
+    if covariance is not None:
+        covariance = np.asarray(covariance, dtype=float)
+        if covariance.shape[-2:] != (4, 4):
+            raise ValueError(f"covariance must have the shape (..., 4, 4); got {covariance.shape}.")
+        steps = STEP * 1j * np.eye(4)
+        slopes = np.stack([_inverse_hold(theta + step, dt).imag / STEP for step in steps], axis=-1)
+        variances = np.einsum("...ij,...jk,...ik->...i", slopes, covariance, slopes)
+    deviations = np.sqrt(np.maximum(variances, 0.0))
+    return (
+        {name: physics[..., i] for i, name in enumerate(FROM_POLES)},
+        {name: deviations[..., i] for i, name in enumerate(FROM_POLES)},
+        n_not_complex,
+    )
+
+
+def _inverse_hold(theta: np.ndarray, dt: float) -> np.ndarray:
+    """The parameters of FROM_POLES on the last axis, real or by complex step."""
+    a1, a2, b0, b1 = np.moveaxis(theta, -1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sigma = -np.log(a2) / (2 * dt)
+        omega_d = np.arccos(-a1 / (2 * np.sqrt(a2))) / dt
+        a0c = sigma**2 + omega_d**2
+        decay = np.exp(-sigma * dt)
+        cosine, sine = decay * np.cos(omega_d * dt), decay * np.sin(omega_d * dt) / omega_d
+        K_e = (b0 + b1) / (1 + a1 + a2)
+        K_edot = (b0 - K_e * (1 - cosine - sigma * sine)) / (a0c * sine)
+        physics = [K_e, K_edot / K_e, K_edot, np.sqrt(a0c), sigma / np.sqrt(a0c)]
+    return np.stack(physics, axis=-1)
+
+
+def operator_parameters(
+    model: Any,
+    *,
+    method: str = "poles",
+    input: str | None = None,
+    band: tuple[float, float] = (0.2, 18.0),
+    pade_order: int | None = None,
+) -> pd.DataFrame:
+    """Operator parameters of a fitted ARX model, over time if its parameters vary.
+
+    Parameters
+    ----------
+    model : ARXRegressor, or pipeline or search that ends in one
+        Fitted. If it has parameters over time (``coef_path_``), each instant is converted.
+    method : {"poles", "fit"}, default="poles"
+        ``"poles"`` inverts zero-order hold (Eqs. 22-23, :func:`arx_to_operator`) and needs
+        ``na = nb = 2``. ``"fit"`` fits the operator to the model's frequency response
+        (:func:`skhoid.interpret.operator_fit.fit_operator`): any orders, and a delay of its own.
+    input : str or None, default=None
+        Input whose response is converted. None means the only one, or that of role ``e``.
+    band : (float, float), default=(0.2, 18.0)
+        Frequencies in rad/s between which ``method="fit"`` compares, by default those of the
+        thesis's forcing function.
+    pade_order : int or None, default=None
+        For ``method="fit"``: None takes the delay as it is, a number the part of it beyond the
+        model's whole samples as a Padé approximant (Eqs. 5.17-5.18).
+
+    Returns
+    -------
+    parameters : DataFrame
+        Columns K_e, T_L (s), K_edot (s), tau_e (s), omega_nm (rad/s) and zeta_nm, and standard
+        deviations ``sd_K_e`` and so on, NaN where the model has no covariance and for a tau_e
+        that is the model's own delay. ``method="fit"`` adds ``misfit``, the root mean square of
+        the relative error of the response. One row, or one per instant with the index ``time``
+        in s. ``attrs`` holds ``units``, ``method``, and the number ``n_nan`` of rows that are NaN.
+
+    Raises
+    ------
+    sklearn.exceptions.NotFittedError
+        If the model is not fitted.
+    TypeError
+        If it is not an ARX model.
+    ValueError
+        If orders, input, band or delay do not allow the conversion.
+
+    Warns
+    -----
+    UserWarning
+        With the number of instants that are NaN: poles that are not a complex pair, or no fit.
+
+    See Also
+    --------
+    skhoid.plotting.OperatorParametersDisplay : A picture of them.
+
+    Notes
+    -----
+    The delay of ``"poles"`` is tau_e = (n_k - 1) / f_s at the rate of the recording: the delay of
+    a DelayShift and of ``nk``, less the one sample that zero-order hold takes. Standard deviations
+    are those of the ARX parameters propagated. They know nothing of bias: remnant biases omega_nm
+    and zeta_nm upwards. On decimated recordings ``"poles"`` also takes e as held over the
+    decimated step, which it is not; ``"fit"`` holds it over the step of the recording.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.signal import lfilter
+    >>> from skhoid import ARXRegressor, HumanOperator
+    >>> from skhoid import operator_parameters
+    >>> from skhoid import zoh_parameters
+    >>> a1, a2, b0, b1 = zoh_parameters(HumanOperator(), dt=0.01)
+    >>> e = np.random.default_rng(0).standard_normal(2000)
+    >>> u = lfilter(29 * [0] + [b0, b1], [1, a1, a2], e)
+    >>> model = ARXRegressor(na=2, nb=2, nk=29, dt=0.01).fit(e[:, None], u)
+    >>> operator_parameters(model)[["K_e", "T_L", "tau_e", "omega_nm", "zeta_nm"]].round(3)
+        K_e  T_L  tau_e  omega_nm  zeta_nm
+    0  0.09  0.4   0.28     11.25     0.35
+    """
+    if method not in ("poles", "fit"):
+        raise ValueError(f"method must be 'poles' or 'fit'; got {method!r}.")
+    arx = ARXChannel.of(model, input, "operator_parameters")
+    misfit: dict[str, Any] = {}
+    if method == "poles":
+        values, deviations, n_failed = _from_poles(arx)
+        reason = "have no pair of complex poles"
+    else:
+        values, deviations, misfit["misfit"], n_failed = fit_operator(
+            arx.theta,
+            arx.dt,
+            na=arx.na,
+            delay=arx.delay,
+            covariance=arx.covariance,
+            dt_recording=arx.dt_recording,
+            band=band,
+            pade_order=pade_order,
+        )
+        reason = "have a response that no operator fits"
+    columns = {name: values[name] for name in NAMES}
+    columns |= {f"sd_{name}": deviations[name] for name in NAMES}
+    index = None if arx.time is None else pd.Index(arx.time, name="time")
+    frame = pd.DataFrame(
+        {name: np.atleast_1d(column) for name, column in (columns | misfit).items()}, index=index
+    )
+    units = UNITS | {f"sd_{name}": unit for name, unit in UNITS.items()}
+    frame.attrs = {"units": units, "n_nan": int(frame["K_e"].isna().sum()), "method": method}
+    if n_failed:
+        warnings.warn(
+            f"{n_failed} of {len(frame)} ARX models {reason}; their operator parameters are NaN.",
+            UserWarning,
+            stacklevel=2,
+        )
+    return frame
+
+
+def _from_poles(arx: ARXChannel) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:
+    """Operator parameters by Eqs. 22-23, and the delay."""
+    nb = arx.theta.shape[-1] - arx.na
+    if (arx.na, nb) != (2, 2):
+        raise ValueError(
+            f"method='poles' converts ARX models with na=2 and nb=2; this one has na={arx.na} "
+            f"and nb={nb}. method='fit' converts any orders."
+        )
+    tau_e = arx.delay - arx.dt_recording
+    if tau_e < -1e-9:
+        raise ValueError(
+            f"The model's delay is {arx.delay:g} s and zero-order hold alone takes "
+            f"{arx.dt_recording:g} s, so tau_e would be negative. Give the model a delay "
+            "(nk, or a DelayShift before it; DelaySearchCV finds it)."
+        )
+    values, deviations, n_not_complex = arx_to_operator(arx.theta, arx.dt, arx.covariance)
+    values["tau_e"] = np.full(arx.theta.shape[:-1], max(tau_e, 0.0))
+    deviations["tau_e"] = np.full(arx.theta.shape[:-1], np.nan)
+    return values, deviations, n_not_complex

@@ -1,0 +1,63 @@
+"""What a diagnosis tells its user: one thing found, what it means, and what to do next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found in a recording or in the residual of a model.
+
+    Parameters
+    ----------
+    name : str
+        Short identifier, the same wherever this kind of thing is found: ``"rate unit"``.
+    title : str
+        What was found, in one line.
+    evidence : str
+        The numbers it rests on.
+    meaning : str
+        What that says, in the words of manual-control research.
+    next_step : str
+        What to do about it.
+    picture : str, default=""
+        Name of the Display class that shows it; empty if there is none.
+    severity : float, default=nan
+        VAF points that it costs; NaN if that is not known.
+
+    Examples
+    --------
+    >>> from skhoid.recordings.findings import Finding
+    >>> print(
+    ...     Finding(
+    ...         "constant channel",
+    ...         "FiveVolts is constant",
+    ...         "5 V in all 100 rows.",
+    ...         "It carries no information.",
+    ...         "Leave it out.",
+    ...     )
+    ... )
+    FiveVolts is constant
+      Evidence: 5 V in all 100 rows.
+      Meaning:  It carries no information.
+      Next:     Leave it out.
+    """
+
+    name: str
+    title: str
+    evidence: str
+    meaning: str
+    next_step: str
+    picture: str = ""
+    severity: float = np.nan
+
+    def __str__(self) -> str:
+        return (
+            f"{self.title}\n"
+            f"  Evidence: {self.evidence}\n"
+            f"  Meaning:  {self.meaning}\n"
+            f"  Next:     {self.next_step}"
+        )

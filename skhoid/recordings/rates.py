@@ -1,0 +1,286 @@
+"""Rate channels against the angles they should be the derivatives of."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .findings import Finding
+from .raw import RawRecording, of_list
+
+RATE_WORDS = ("rate", "rates", "dot", "velocity", "vel", "speed", "derivative", "deriv")
+ANGLE_WORDS = ("angle", "angles", "ang", "position", "pos", "displacement", "attitude")
+UNIT_WORDS = ("deg", "rad", "degrees", "radians", "dps", "s", "sec", "mm", "cm", "px", "per")
+
+LONGEST = 1.0  # s, over which changes of the angle are compared with the integral of the rate
+LEAST_STEPS = 30
+OUTLIER = 6.0  # robust standard deviations
+UNRELATED = 0.5  # correlation, below which a channel is not the rate of the other
+TOLERANCE = 1.1  # ratio of gains that a calibration may leave
+ALONE = 0.95  # share of the changes that a rate explains without the help of another
+TOGETHER = 0.98  # share that it must explain with it
+ALIKE = 10.0  # ratio of spreads within which channels may come from one sensor
+FACTORS = {
+    180 / np.pi: "pi/180 too small: degrees were converted to radians twice, or {angle} is in "
+    "degrees and {rate} in radians per second",
+    np.pi / 180: "180/pi too large: {rate} is in degrees per second and {angle} in radians",
+    1000.0: "1000 times too small: {angle} is in thousandths of the unit of {rate}, or time was "
+    "counted in milliseconds",
+    0.001: "1000 times too large: {rate} is in thousandths of the unit of {angle} per second",
+    2 * np.pi: "2 pi too small: {rate} is in revolutions per second and {angle} in radians",
+    np.pi / 30: "30/pi too large: {rate} is in revolutions per minute and {angle} in radians",
+    6.0: "6 times too small: {rate} is in revolutions per minute and {angle} in degrees",
+}
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Change of an angle for each unit of the integrated rate, over so many samples.
+
+    ``low`` and ``high`` are the two regression lines, of magnitude; the true gain lies between them
+    whichever of the channels is noisy. ``correlation`` has the sign.
+    """
+
+    low: float
+    high: float
+    correlation: float
+    length: int
+
+    def allows(self, factor: float) -> bool:
+        return self.low / TOLERANCE <= factor <= self.high * TOLERANCE
+
+    @property
+    def middle(self) -> float:
+        return float(np.sqrt(self.low * self.high))
+
+
+def check_rates(recording: RawRecording) -> list[Finding]:
+    """Rates that are not the derivatives of their angles, or hold another rate besides."""
+    wrong, mixed, right = [], [], []
+    for angle, rate in pairs(recording.names):
+        gain = _gain(recording, angle, rate)
+        if gain is None:
+            continue
+        if gain.correlation >= UNRELATED and gain.allows(1.0):
+            right.append(rate)
+            mixed.append((angle, rate, gain))
+        else:
+            wrong.append((angle, rate, gain))
+    of_wrong = [rate for _, rate, _ in wrong]
+    alone = [
+        name
+        for name, values in recording.values.items()
+        if _rate_stem(name) is not None
+        and name not in right + of_wrong
+        and np.isfinite(values).sum() > LEAST_STEPS
+    ]
+    findings = [_wrong(recording, *found, alone) for found in wrong]
+    return findings + [f for found in mixed if (f := _mixed(recording, *found, alone))]
+
+
+def pairs(names: list[Any]) -> Iterator[tuple[Any, Any]]:
+    """Channels and their rates, by name: stem and stem + rate, in any style of writing."""
+    angles = {_angle_stem(name): name for name in names if _rate_stem(name) is None}
+    for name in names:
+        stem = _rate_stem(name)
+        if stem in angles:
+            yield angles[stem], name
+
+
+def _words(name: Any) -> list[str]:
+    words = [w.lower() for w in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", str(name))]
+    while len(words) > 1 and words[-1] in UNIT_WORDS:
+        words.pop()
+    return words
+
+
+def _rate_stem(name: Any) -> str | None:
+    """What is left of a name without its word for rate; None if it has no such word."""
+    words = _words(name)
+    if len(words) > 1 and words[-1] in RATE_WORDS:
+        words = words[:-1]
+    elif words and (match := re.match(r"(.+)(dot|rate|vel|velocity)$", words[-1])):
+        words = [*words[:-1], match[1]]
+    else:
+        return None
+    return _without_angle(words)
+
+
+def _angle_stem(name: Any) -> str:
+    return _without_angle(_words(name))
+
+
+def _without_angle(words: list[str]) -> str:
+    if len(words) > 1 and words[-1] in ANGLE_WORDS:
+        words = words[:-1]
+    elif words and (match := re.match(r"(.+)(angle|position|pos)$", words[-1])):
+        words = [*words[:-1], match[1]]
+    return "".join(words)
+
+
+def _gain(recording: RawRecording, angle: Any, rate: Any) -> Gain | None:
+    """Gain at the duration of changes over which the channels agree best.
+
+    A longer change averages noise, a shorter one sees more of fast motion.
+    """
+    best = None
+    length = 1
+    while length * recording.dt <= LONGEST or length <= 8:
+        change, integrals = _changes(recording, angle, [rate], length)
+        gain = _regression(change, integrals[:, 0], length)
+        if gain is not None and (best is None or abs(gain.correlation) > abs(best.correlation)):
+            best = gain
+        length *= 2
+    return best
+
+
+def _changes(
+    recording: RawRecording, angle: Any, rates: list[Any], length: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Changes of the angle over so many samples, and the integrals of rates over them."""
+    of_angle, of_rates = [np.zeros(0)], [np.zeros((0, len(rates)))]
+    for rows in recording.segments:
+        a = recording.values[angle][rows]
+        r = np.column_stack([recording.values[rate][rows] for rate in rates])
+        if len(a) <= length:
+            continue
+        area = np.diff(recording.time[rows])[:, None] * (r[1:] + r[:-1]) / 2
+        integral = np.vstack([np.zeros(len(rates)), np.cumsum(np.nan_to_num(area), axis=0)])
+        missing = np.concatenate([[0], np.cumsum(np.isnan(area).any(axis=1))])
+        at = np.arange(0, len(a) - length, max(length // 2, 1))
+        change = a[at + length] - a[at]
+        whole = (missing[at + length] == missing[at]) & np.isfinite(change)
+        of_angle.append(change[whole])
+        of_rates.append((integral[at + length] - integral[at])[whole])
+    return np.concatenate(of_angle), np.vstack(of_rates)
+
+
+def _regression(change: np.ndarray, integral: np.ndarray, length: int) -> Gain | None:
+    """Both regression lines, without outliers such as an angle that wraps round."""
+    kept = np.ones(change.size, dtype=bool)
+    for _ in range(3):
+        if kept.sum() < LEAST_STEPS:
+            return None
+        a, q = change[kept] - change[kept].mean(), integral[kept] - integral[kept].mean()
+        cross, power = float(a @ q), (float(a @ a), float(q @ q))
+        if not min(power) > 0 or cross == 0:
+            return None
+        slope = cross / power[1]
+        error = change - slope * integral
+        error = error - np.median(error[kept])
+        spread = 1.4826 * np.median(np.abs(error[kept]))
+        kept = np.abs(error) <= OUTLIER * spread if spread > 0 else kept
+    return Gain(
+        low=abs(slope),
+        high=power[0] / abs(cross),
+        correlation=cross / float(np.sqrt(power[0] * power[1])),
+        length=length,
+    )
+
+
+def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: list[Any]) -> Finding:
+    duration = gain.length * recording.dt
+    if abs(gain.correlation) < UNRELATED:
+        return Finding(
+            "rate unit",
+            f"{rate} is not the derivative of {angle}",
+            f"Changes of {angle} correlate with the integral of {rate} by "
+            f"{gain.correlation:.2f} at best (over {duration:.3g} s).",
+            "One of the two is another signal than its name says, or noise hides it.",
+            f"Look at both channels; do not use {rate} as a motion cue of {angle} before.",
+        )
+    factors = FACTORS | {
+        1 / recording.dt: "differences from row to row, not divided by the sampling time"
+    }
+    fitting = [factor for factor in factors if gain.allows(factor)]
+    sign = "" if gain.correlation > 0 else "-"
+    between = f"{gain.low:.4g} and {gain.high:.4g}"
+    evidence = (
+        f"Over {duration:.3g} s {angle} changes by {sign}{gain.middle:.4g} times the integral "
+        f"of {rate} (regression lines of {between}, correlation {gain.correlation:.3f})."
+    )
+    if gain.allows(1.0):
+        title = f"{rate} has the opposite sign of the derivative of {angle}"
+        meaning = "The axes of the two sensors point opposite ways, or one was entered negated."
+        factor = "-1"
+    elif fitting:
+        nearest = min(fitting, key=lambda f: abs(np.log(f / gain.middle)))
+        why = factors[nearest].format(angle=angle, rate=rate)
+        title = f"{rate} is not the derivative of {angle}: factor {sign}{gain.middle:.3g}"
+        meaning = f"The expected factor of a fault of units is {nearest:.4g}: {rate} is {why}."
+        factor = f"{sign}{nearest:.6g}"
+        if nearest == 1 / recording.dt:
+            meaning = f"{rate} holds {why} (factor {nearest:.4g})."
+    else:
+        title = f"{rate} is not the derivative of {angle}: factor {sign}{gain.middle:.3g}"
+        meaning = "No common conversion of units has this factor: a wrong gain or calibration."
+        factor = f"{sign}{gain.middle:.4g}"
+    if sign and not gain.allows(1.0):
+        meaning += " The sign is opposite as well."
+    next_step = f"Multiply {rate} by {factor}, unless it is {angle} that is wrong."
+    others = _alike(recording, rate, alone)
+    if others and not gain.allows(1.0):
+        next_step += (
+            f" {of_list(others)} {'has' if len(others) == 1 else 'have'} no angle to be checked "
+            f"against, and {'is' if len(others) == 1 else 'are'} as small or large: probably "
+            "converted together, and wrong by the same factor."
+        )
+    return Finding("rate unit", title, evidence, meaning, next_step)
+
+
+def _mixed(
+    recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: list[Any]
+) -> Finding | None:
+    """A rate of about the right size that holds another rate besides."""
+    if gain.correlation**2 >= ALONE:
+        return None
+    for other in alone:
+        change, integrals = _changes(recording, angle, [rate, other], gain.length)
+        if change.size < LEAST_STEPS:
+            continue
+        change = change - change.mean()
+        integrals = integrals - integrals.mean(axis=0)
+        own, beside = np.linalg.lstsq(integrals, change, rcond=None)[0]
+        explained = 1 - np.sum((change - integrals @ [own, beside]) ** 2) / np.sum(change**2)
+        if explained < TOGETHER or own == 0:
+            continue
+        part = -beside / own
+        fitting = [f for f in FACTORS if 1 / TOLERANCE <= abs(part) / f <= TOLERANCE]
+        unit = (
+            ""
+            if not fitting
+            else (
+                f" The factor is that of a fault of units: {other} is "
+                + FACTORS[fitting[0]].split(":")[0]
+                + "."
+            )
+        )
+        return Finding(
+            "mixed rate",
+            f"{rate} is the derivative of {angle} plus {part:.3g} times {other}",
+            f"Changes of {angle} over {gain.length * recording.dt:.3g} s are explained to "
+            f"{100 * gain.correlation**2:.1f} % by {rate} alone, and to {100 * explained:.1f} % "
+            f"by {rate} and {other}.",
+            f"{rate} was measured against another reference than {angle}, such as the ground "
+            f"instead of the vehicle, or {other} was not, or in a wrong unit, subtracted." + unit,
+            f"Use {rate} - {part:.4g} {other}, or differentiate {angle}."
+            if part > 0
+            else f"Use {rate} + {-part:.4g} {other}, or differentiate {angle}.",
+        )
+    return None
+
+
+def _alike(recording: RawRecording, rate: Any, alone: list[Any]) -> list[Any]:
+    """Rates without an angle, of the unit and the size of another."""
+    spread = {name: float(np.nanstd(recording.values[name])) for name in [rate, *alone]}
+    units = recording.units
+    return [
+        name
+        for name in alone
+        if units.get(name) == units.get(rate)
+        and spread[rate] / ALIKE <= spread[name] <= spread[rate] * ALIKE
+    ]

@@ -1,0 +1,366 @@
+"""The search for missing effects, as an estimator."""
+
+from __future__ import annotations
+
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
+from sklearn.utils.validation import check_is_fitted
+from threadpoolctl import threadpool_limits
+
+from .._sklearn import FittedDisplay, HasMethods, Interval, StrOptions, fit_context
+from ..arx.searches.folds import folds_of
+from ..effects.base import Effect
+from ..effects.catalogue import BY_NAME, CLASSES
+from ..effects.composition import Effects
+from ..greybox.base import Prepared, likelihood_fit
+from ..greybox.fitting import Criterion
+from ..human.controlled_element import ControlledElement
+from ..runs.fingerprint import fingerprint
+from .explanations import (
+    CUT_SHORT,
+    NOT_IN_CATALOGUE,
+    NOT_TRIED,
+    changes_in_words,
+    experiment,
+    summary_of,
+)
+from .forward import HeldOutRows, Path, Search, SearchStep, forward, further_changes
+from .leftover import Leftover, leftovers
+from .results import error_path, gap_of, ranking_table, walked
+from .signatures import tremor
+
+GUARD = 5.0  # s beside held-out blocks of a single run
+NOTED = 0.2  # points
+REPEATS = "part of the residual repeats from run to run, or follows the target"
+# What is left is unknown from so many points on, and from the first share of what could be
+# explained; from the second on what was found is no name for it. Several effects that leave
+# something may together imitate what is missing.
+BESIDE_ONE = (0.6, 0.1, 0.12)
+BESIDE_SEVERAL = (0.4, 0.04, 0.04)
+SURE = 4.0  # standard errors
+
+
+class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+    """Which physical effects a model is missing, judged on held-out runs.
+
+    Every effect of a catalogue is added to the model in turn, and all parameters refitted
+    together in simulation. An effect counts when both keys turn: the whitened likelihood,
+    n log(SSE before / after) - k log n > 25 under one noise model for all, and the free run,
+    at least 0.2 points of VAF on held-out rows. The best is added, and the search goes on until
+    none pays; effects that pay no longer beside later ones are taken out again.
+
+    Parameters
+    ----------
+    estimator : OperatorRegressor or ARXRegressor
+        The model, unfitted; effects it has already stay.
+    effects : "all", list of ids or effects, Effect or Effects, default="all"
+        The catalogue to try; effects of your own among them.
+    cv : cross-validation generator, iterable of splits, int or None, default=None
+        Rows to hold out. None leaves one run out at a time, and of a single run three
+        blocks, with guards of 5 s on either side.
+    display : {"compensatory", "pursuit", "preview"}, default="compensatory"
+        What the operator could see; it decides on words, not on ranks.
+    controlled_element : ControlledElement or None, default=None
+        What the operator controls. None estimates it from u and x where both are measured.
+    max_effects : int, default=4
+        Effects to add at most.
+    n_jobs : int or None, default=None
+        Processes that try effects; None is 1, -1 all processors. The result does not depend on it.
+
+    Attributes
+    ----------
+    ranking_ : DataFrame
+        One row per step and effect, best first: step, rank, effect, form, parameters (with
+        standard errors and units), n_parameters, delta_loglik, delta_bic (positive is
+        better), vaf_before, vaf_after, vaf_gain (held out), p_value (of the likelihood
+        ratio, times the number of effects tried), confused_with, words, status ("added", "not
+        better", "does not apply"), reason.
+    best_effects_ : list of str
+        Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
+        structure that none of the effects tried explains; alone, that the effects which explain
+        part of it, ``stand_ins_``, explain too little to be named.
+    stand_ins_ : list of str
+        Ids of effects of ``best_estimator_`` that are no names for what is missing; else empty.
+    verdict_ : str
+        "nothing is missing", "effects found", or what the end ``"unknown"`` of ``best_effects_``
+        means: "something is missing, not in the catalogue" if all of it was tried; "..., not
+        among the effects tried" if ``effects`` is but a part of it; "..., and max_effects is
+        reached" if the search ended while effects still helped.
+    error_path_ : DataFrame
+        One row per step from the baseline on: effect, vaf and rmse (held out), vaf_train,
+        ceiling, explainable_gap (points that are left).
+    predictions_ : DataFrame
+        Held-out free runs: measured, baseline, and one column per effect added.
+    baseline_, best_estimator_ : estimator
+        The model without and with the effects, fitted on all rows.
+    explainable_gap_ : float
+        Points of VAF that a better model can gain over the baseline: what the effects found gain
+        on held-out rows, and the largest structure of ``unexplained_``.
+    unexplained_ : DataFrame
+        Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
+        is the same in all runs), at, description, points, evidence.
+    experiments_ : list of str
+        What to record to tell apart effects that these data do not.
+    notes_ : list of str
+        What else the summary says: which other parameters change with gains that do.
+    n_features_in_ : int
+        Number of columns seen in ``fit``.
+    feature_names_in_ : ndarray of str
+        Column names seen in ``fit``, if all are strings.
+
+    See Also
+    --------
+    compare : Where a model and measurements differ.
+
+    Notes
+    -----
+    Held-out rows are predicted with parameters of their fold, one Gauss-Newton step from those of
+    all rows. Since e = f_t - x, responses to f_t, x and e without delays are the same;
+    delays, and the controlled element's inverse in the feedforward path, tell them apart.
+
+    Examples
+    --------
+    >>> from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+    >>> X, y = make_tracking_runs(condition="C1", n_runs=3, remnant_intensity=0.1, random_state=0)
+    >>> y = y.clip(-0.1, 0.1)  # a stop
+    >>> search = EffectSearchCV(OperatorRegressor(), effects=["dead_zone", "bias", "saturation"])
+    >>> search.fit(X, y).best_effects_
+    ['saturation']
+    """
+
+    _parameter_constraints: dict = {
+        "estimator": [HasMethods(["fit", "predict", "with_effect"])],
+        "effects": [StrOptions({"all"}), list, tuple, str, Effect, Effects],
+        "cv": ["cv_object"],
+        "display": [StrOptions({"compensatory", "pursuit", "preview"})],
+        "controlled_element": [ControlledElement, None],
+        "max_effects": [Interval(Integral, 0, None, closed="left")],
+        "n_jobs": [Integral, None],
+    }
+
+    def __init__(
+        self,
+        estimator: Any,
+        effects: Any = "all",
+        cv: Any = None,
+        display: str = "compensatory",
+        controlled_element: ControlledElement | None = None,
+        *,
+        max_effects: int = 4,
+        n_jobs: int | None = None,
+    ):
+        self.estimator = estimator
+        self.effects = effects
+        self.cv = cv
+        self.display = display
+        self.controlled_element = controlled_element
+        self.max_effects = max_effects
+        self.n_jobs = n_jobs
+
+    @fit_context(prefer_skip_nested_validation=False)
+    def fit(self, X: Any, y: Any) -> EffectSearchCV:
+        """Search.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+
+        Returns
+        -------
+        self : EffectSearchCV
+        """
+        with threadpool_limits(1):  # small products, which threads only slow down
+            model = clone(self.estimator)
+            if self.controlled_element is not None:
+                model.set_params(controlled_element=self.controlled_element)
+            prepared = model._prepare(X, y)
+            folds = self._folds(X, y, prepared)
+            search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
+            baseline = model._first_model(prepared)
+            path = forward(search, baseline, int(self.max_effects))
+            self._set_results(model, prepared, search, path, X, y)
+        self._fingerprint = fingerprint(X)
+        self.n_features_in_ = model.n_features_in_
+        if hasattr(model, "feature_names_in_"):
+            self.feature_names_in_ = model.feature_names_in_
+        return self
+
+    def _candidates(self) -> list[Effect]:
+        if isinstance(self.effects, str) and self.effects == "all":
+            return [c() for c in CLASSES]
+        return [e for _, e in Effects.of(self.effects)]
+
+    def _tries_all(self) -> bool:
+        return BY_NAME.keys() <= {effect.name for effect in self._candidates()}
+
+    def _folds(self, X: Any, y: Any, prepared: Prepared) -> list[HeldOutRows]:
+        """Rows to hold out and to fit on, in columns."""
+        record, columns, known = prepared.record, prepared.columns, prepared.record.known
+        run_of = prepared.run_of_columns
+        if self.cv is None and np.unique(run_of).size > 1:
+            tests = [known & (run_of == run) for run in np.unique(run_of)]
+            return [HeldOutRows(t, known & ~t) for t in tests]
+        if self.cv is None:
+            return _blocks(known, round(GUARD / record.dt))
+        folds = []
+        for fold in folds_of(X, y, prepared.grid.layout, self.cv):
+            rows = fold.test if prepared.grid.rows is None else fold.test[prepared.grid.rows]
+            test = columns.beside(rows, fill=False) & known
+            folds.append(HeldOutRows(test, known & ~test))
+        return folds
+
+    def _set_results(
+        self, model: Any, prepared: Prepared, search: Search, path: Path, X: Any, y: Any
+    ) -> None:
+        record = prepared.record
+        self.baseline_ = clone(model)
+        self.baseline_.__dict__.update(model.__dict__)
+        self.baseline_._set_model(likelihood_fit(path.steps[0].parent, Criterion(record)))
+        final = likelihood_fit(path.model, Criterion(record))
+        model._set_model(final)
+        if len(path.model.effects):
+            model.effects = path.model.effects  # choices made, numbers to be estimated
+        self.best_estimator_ = model
+        steps = walked(search, path)
+        names = [n for n in path.model.effects.names if n not in path.steps[0].parent.effects.names]
+        left = leftovers(path.model, search.folds)
+        trembling = tremor(record, record.y - path.model.output)
+        if trembling is not None and not search.tries_tremor:
+            left.append(
+                Leftover("frequency", "output", trembling.words, 100 * trembling.share, np.nan)
+            )
+            trembling = None
+        rest, rest_sd, vaf = gap_of(model, X, y)
+        ceiling = vaf + rest
+        gained = steps[-1].vaf - steps[0].vaf
+        left = [item for item in left if item.points >= NOTED]
+        if rest > SURE * rest_sd and rest >= NOTED:  # not where it is NaN
+            left.insert(0, Leftover("repeats", "output", REPEATS, rest, np.nan))
+        self.unexplained_ = pd.DataFrame(
+            [vars(item) for item in left],
+            columns=["where", "at", "description", "points", "evidence"],
+        )
+        worst = max([item.points for item in left], default=0.0)
+        share = worst / max(worst + gained, 1e-300)
+        least, small, large = BESIDE_SEVERAL if len(names) > 1 else BESIDE_ONE
+        unknown = worst >= least and share > small
+        ids = [dict(path.model.effects.steps)[n].name for n in names]
+        if trembling is not None:
+            ids.append("tremor")
+        self.stand_ins_: list[str] = []
+        if unknown and share > large:
+            self.stand_ins_, ids = ids, []
+        self.best_effects_ = [*ids, "unknown"] if unknown else ids
+        self.verdict_ = "effects found" if ids else "nothing is missing"
+        if unknown:
+            whole = NOT_IN_CATALOGUE if self._tries_all() else NOT_TRIED
+            self.verdict_ = whole if path.steps[-1].best is None else CUT_SHORT
+        self.explainable_gap_ = float(max(gained + worst, 0.0))
+        self.error_path_ = error_path(record, steps, names, ceiling, worst)
+        self.predictions_ = self._held_out_frame(prepared, steps, names, X, y)
+        self.ranking_ = ranking_table(path, self.display, trembling, model)
+        self.notes_ = changes_in_words(further_changes(search, path))
+        self.experiments_ = [
+            experiment(row["effect"], other)
+            for _, row in self.ranking_[self.ranking_["status"] == "added"].iterrows()
+            for other in row["confused_with"]
+        ]
+
+    def _held_out_frame(
+        self, prepared: Prepared, steps: list[SearchStep], names: list[str], X: Any, y: Any
+    ) -> pd.DataFrame:
+        columns = {"measured": np.asarray(y, dtype=float).ravel()}
+        for title, step in zip(["baseline", *(f"+ {n}" for n in names)], steps, strict=True):
+            rows = prepared.columns.rows(step.prediction)
+            columns[title] = prepared.grid.to_full_rate(rows)
+        index = X.index if isinstance(X, pd.DataFrame) else None
+        frame = pd.DataFrame(columns, index=index)
+        unit = getattr(y, "attrs", {}).get("units", {}).get(getattr(y, "name", None))
+        if unit:
+            frame.attrs["units"] = {"measured": unit}
+        return frame
+
+    def summary(self) -> str:
+        """The search in plain sentences: steps, errors, verdict, what to record next.
+
+        Returns
+        -------
+        text : str
+        """
+        check_is_fitted(self)
+        return summary_of(
+            self.error_path_,
+            self.ranking_,
+            self.best_effects_,
+            self.stand_ins_,
+            self.verdict_,
+            self.max_effects,
+            self.unexplained_,
+            self.experiments_,
+            self.notes_,
+        )
+
+    def _found_html(self) -> str:
+        first, last = (self.error_path_["vaf"].iloc[i] for i in (0, -1))
+        added = ", ".join(self.error_path_["effect"].iloc[1:]) or "none"
+        found = (
+            f"EffectSearchCV: {self.verdict_}. Added: {added}; held-out VAF {first:.1f} to "
+            f"{last:.1f} %."
+        )
+        return self.best_estimator_._summary().html(found)
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Free run of the best model.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+        """
+        check_is_fitted(self)
+        return self.best_estimator_.predict(X)
+
+    def score(self, X: Any, y: Any) -> float:
+        """VAF of the free run of the best model, in percent.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+
+        Returns
+        -------
+        vaf : float
+        """
+        check_is_fitted(self)
+        return self.best_estimator_.score(X, y)
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+def _blocks(known: np.ndarray, guard: int) -> list[HeldOutRows]:
+    """Three contiguous blocks of one run, with guards that are neither fitted nor held out."""
+    folds = []
+    rows = np.flatnonzero(known.any(axis=1))
+    for block in np.array_split(rows, 3):
+        test, train = np.zeros_like(known), known.copy()
+        test[block] = known[block]
+        train[max(block[0] - guard, 0) : block[-1] + guard + 1] = False
+        folds.append(HeldOutRows(test, train))
+    return folds

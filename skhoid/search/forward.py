@@ -1,0 +1,439 @@
+"""Forward search over effects, on records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed, effective_n_jobs
+from scipy.stats import chi2
+from threadpoolctl import threadpool_limits
+
+from ..effects.base import Effect
+from ..effects.composition import Effects
+from ..effects.record import Record
+from ..greybox.base import vaf_of_output
+from ..greybox.cores import Core
+from ..greybox.extend import beside_each_other, extended
+from ..greybox.fitting import Criterion, Fit, RemnantModel, minimise, whitened_derivatives
+from ..greybox.model import Model, in_order, without
+from ..greybox.simulator import Simulator
+from .signatures import traces_of
+
+LEAST_EVIDENCE = 25.0  # n log(SSE before / after) - k log n of an effect that counts
+LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
+PARTS = 3  # of the work for each process
+HOPELESS = 0.002  # of the output's power
+BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
+LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
+AS_GOOD = 0.05  # points
+TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
+CONFUSED = 12.0  # of evidence, within which two effects are not told apart
+
+
+@dataclass
+class HeldOutRows:
+    """Rows to hold out, and rows to fit on, of shape (n_samples, n_runs)."""
+
+    test: np.ndarray
+    train: np.ndarray
+
+
+@dataclass
+class Candidate:
+    """An effect tried beside a parent, and what came of it."""
+
+    name: str
+    effect: Effect
+    model: Model | None = None
+    reason: str = ""
+    evidence: float = -np.inf
+    loglik: float = -np.inf
+    n_parameters: int = 0
+    vaf: float = -np.inf
+    gain: float = -np.inf
+    p_value: float = 1.0
+    prediction: np.ndarray | None = None
+    confused_with: list[str] = field(default_factory=list)
+    trace: str = ""
+
+    @property
+    def id(self) -> str:
+        return self.effect.name
+
+    @property
+    def passes(self) -> bool:
+        """Both keys, likelihood and free run; or a trace in the output itself."""
+        if self.trace:
+            return self.gain > -LEAST_GAIN
+        return self.evidence > LEAST_EVIDENCE and self.gain >= LEAST_GAIN
+
+
+@dataclass
+class SearchStep:
+    """A parent, and all candidates beside it, best first."""
+
+    parent: Model
+    vaf: float
+    prediction: np.ndarray
+    candidates: list[Candidate]
+
+    @property
+    def best(self) -> Candidate | None:
+        first = self.candidates[0] if self.candidates else None
+        return first if first is not None and first.passes else None
+
+
+def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -> np.ndarray:
+    """Free runs of each fold's rows by parameters that did not see them.
+
+    The parameters of a fold are one Gauss-Newton step from those of all rows, with the normal
+    equations of its training rows; rows in no fold keep the prediction of all rows.
+    """
+    simulator, record = model.simulator, model.simulator.record
+    output = model.output
+    prediction = output.copy()
+    table = whitened_derivatives(simulator, criterion, model.theta, output)
+    by_row = table.reshape(len(table), *criterion.y.shape)
+    inside = (model.theta > simulator.low) & (model.theta < simulator.high)
+    if not inside.any():
+        return prediction
+    for fold in folds:
+        train = fold.train[:: criterion.thin]
+        rows = by_row[:, train]
+        gram = rows @ rows.T
+        normal, gradient = gram[:-1, :-1], gram[:-1, -1]
+        block = normal[np.ix_(inside, inside)]
+        ridge = 1e-9 * np.diag(block).max() if block.size else 0.0
+        step = np.zeros_like(model.theta)
+        scale = np.sqrt(np.maximum(np.diag(block), ridge + 1e-300))
+        scaled = block / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
+        step[inside] = np.linalg.solve(scaled, gradient[inside] / scale) / scale
+        moved = simulator.run(np.clip(model.theta + step, simulator.low, simulator.high))
+        # Beyond the reach of its linearisation a step may do harm to its own rows.
+        after = criterion.whitened(criterion.residual(moved)[None])[0].reshape(train.shape)
+        if not np.sum(after[train] ** 2) <= gram[-1, -1]:
+            moved = output
+        prediction[fold.test] = moved[fold.test]
+    assert record.y is not None
+    return np.where(np.isfinite(prediction), prediction, 0.0)
+
+
+def unique_name(effect: Effect, effects: Effects) -> str:
+    """The name that a composition gives a further effect."""
+    return (effects + effect).names[-1]
+
+
+class Search:
+    """Tries effects beside parents, all on the same record and under one noise model a step."""
+
+    def __init__(
+        self,
+        core: Core,
+        record: Record,
+        effects: Sequence[Effect],
+        folds: list[HeldOutRows],
+        n_jobs: int | None = None,
+    ):
+        self.core, self.record, self.folds = core, record, folds
+        self.effects = [e for e in effects if e.name != "tremor"]  # no input explains it
+        self.tries_tremor = len(self.effects) < len(effects)
+        self.traces = traces_of(record)
+        self.criterion = Criterion(record)
+        self.coarse = self.criterion.coarse()
+        self.n_jobs = n_jobs
+
+    def _each(self, function: Callable[..., Any], items: Sequence[Any], *args: Any) -> list[Any]:
+        """``function(item, *args)`` of each item, in ``n_jobs`` processes."""
+        n_jobs = effective_n_jobs(self.n_jobs)
+        if n_jobs == 1 or len(items) < 2:
+            return [function(item, *args) for item in items]
+        # Costly neighbours in the catalogue go to different processes, and the record to each once.
+        n_parts = min(PARTS * n_jobs, len(items))
+        parts = [items[i::n_parts] for i in range(n_parts)]
+        done = Parallel(n_jobs, batch_size=1)(
+            delayed(_all_of)(function, part, args) for part in parts
+        )
+        return [done[i % n_parts][i // n_parts] for i in range(len(items))]
+
+    def step(self, parent: Model) -> SearchStep:
+        """All candidates beside a parent that was fitted by output error."""
+        candidates = []
+        taken = {effect.name for _, effect in parent.effects}
+        for effect in self.effects:
+            if effect.name in taken:
+                continue
+            candidate = Candidate(unique_name(effect, parent.effects), effect)
+            candidate.reason = effect.refusal(self.record, self.core.kind) or ""
+            candidates.append(candidate)
+        tried = [c for c in candidates if not c.reason]
+        added = [(c.name, c.effect) for c in tried]
+        for c, found in zip(tried, self._each(self._extended, added, parent), strict=True):
+            c.model = self._model(found, parent)
+        return self.judged(parent, candidates)
+
+    def _extended(self, added: tuple[str, Effect], parent: Model) -> tuple[Effects, Fit]:
+        model = extended(parent, *added, self.criterion, self.coarse)
+        return model.effects, model.fit
+
+    def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
+        effects, fit = found
+        return Model(Simulator(self.core, effects, self.record), fit, parent.other_core)
+
+    def judged(
+        self, parent: Model, candidates: list[Candidate], noise: RemnantModel | None = None
+    ) -> SearchStep:
+        """Refine all under one noise model, by default that of the best, and rank."""
+        plain, criterion = self.criterion, Criterion(self.record)
+        tried = [c for c in candidates if c.model is not None]
+        best = min([parent, *(c.model for c in tried if c.model)], key=lambda m: m.sse)
+        criterion.set_noise(noise or criterion.remnant_model(best.output))
+        base = parent.refined(criterion)
+        base_vaf, base_prediction = self._held_out(parent, base, criterion)
+        n = criterion.n
+        models = [(c.model.effects, c.model.fit) for c in tried if c.model]
+        refined = self._each(self._refined, models, parent, criterion)
+        for c, (fit, vaf, prediction) in zip(tried, refined, strict=True):
+            assert c.model is not None
+            before = c.model.sse
+            c.model = self._model((c.model.effects, fit), parent)
+            c.n_parameters = c.model.n_parameters - base.n_parameters
+            ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
+            c.loglik = ratio / 2
+            c.evidence = ratio - c.n_parameters * np.log(n)
+            if prediction is None:
+                c.gain = 100 * (parent.sse - before) / plain.power
+                c.vaf = base_vaf + c.gain
+            else:
+                c.vaf, c.prediction = vaf, prediction
+                c.gain = c.vaf - base_vaf
+            single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
+            c.p_value = min(1.0, single * len(tried))
+            c.trace = self.traces.get(c.id, "")
+        most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
+        for c in tried:  # levels may be those at which something else came to rest
+            c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
+        candidates.sort(key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence))
+        plainest_first(candidates)
+        mark_confused(candidates)
+        return SearchStep(base, base_vaf, base_prediction, candidates)
+
+    def _refined(
+        self, found: tuple[Effects, Fit], parent: Model, criterion: Criterion
+    ) -> tuple[Fit, float, np.ndarray | None]:
+        """A model at the minimum of a criterion, and what it predicts of held-out rows."""
+        fitted = self._model(found, parent)
+        # What gains too little in plain simulation error cannot gain enough held out.
+        if parent.sse - fitted.sse < HOPELESS * self.criterion.power:
+            return fitted.refined(criterion, max_iter=1).fit, -np.inf, None
+        model = fitted.refined(criterion)
+        return model.fit, *self._held_out(fitted, model, criterion)
+
+    def _held_out(
+        self, fitted: Model, refined: Model, criterion: Criterion
+    ) -> tuple[float, np.ndarray]:
+        """Held-out VAF and predictions, by simulation error or likelihood, which is better.
+
+        The likelihood weighs what a wrong model gets wrong by its noise, and not by its size.
+        """
+        both = [
+            held_out(fitted, self.criterion, self.folds),
+            held_out(refined, criterion, self.folds),
+        ]
+        vafs = [vaf_of_output(self.record, prediction) for prediction in both]
+        best = int(np.argmax(vafs))
+        return vafs[best], both[best]
+
+
+def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> list[Any]:
+    """What a process does; one thread for small products."""
+    with threadpool_limits(1):
+        return [function(item, *args) for item in items]
+
+
+def plainest_first(candidates: list[Candidate]) -> None:
+    """Put a plainer effect before the best where hardly anything is left to tell them apart.
+
+    With little remnant the likelihood tells the last digits of simulations apart.
+    """
+    first = candidates[0] if candidates else None
+    if first is None or not first.passes or first.trace or first.vaf < LITTLE_NOISE:
+        return
+    plainer = [
+        c
+        for c in candidates
+        if c.passes and c.gain > first.gain - AS_GOOD and c.n_parameters < first.n_parameters
+    ]
+    if plainer:
+        best = min(plainer, key=lambda c: (c.n_parameters, -c.evidence))
+        candidates.remove(best)
+        candidates.insert(0, best)
+
+
+def mark_confused(candidates: list[Candidate]) -> None:
+    """Note for each candidate which others explain as much."""
+    for c in candidates:
+        c.confused_with = [
+            o.id
+            for o in candidates
+            if o is not c and o.passes and c.passes and abs(o.evidence - c.evidence) < CONFUSED
+        ]
+
+
+@dataclass
+class Path:
+    """What a search did: its steps, and the model and effects it ended with."""
+
+    steps: list[SearchStep]
+    model: Model
+    vaf: float
+    prediction: np.ndarray
+
+    @property
+    def ids(self) -> list[str]:
+        return [effect.name for _, effect in self.model.effects]
+
+    @property
+    def core(self) -> dict[str, float]:
+        """Parameters of the core before any effect was added."""
+        return {n: v for n, v in self.steps[0].parent.values().items() if "__" not in n}
+
+
+def forward(search: Search, baseline: Model, most: int) -> Path:
+    """Add the best effect as long as one pays; try the second best first effect too."""
+    first = search.step(baseline)
+    greedy = follow(search, first, first.best if most else None, most)
+    rivals = [c for c in first.candidates[1:3] if c.passes]
+    if len(greedy.steps) > 1 and len(greedy.ids) > 1:
+        for rival in rivals:
+            if rival.id in greedy.ids[:1]:
+                continue
+            other = follow(search, first, rival, 2)
+            if len(other.ids) > 1 and set(other.ids[:2]) != set(greedy.ids[:2]):
+                pair = path_of_length(greedy, 2)
+                if better(search, other.model, pair):
+                    greedy = follow_from(search, other, most)
+    path = without_superfluous(search, fitted_again(search, greedy))
+    return replace(path, model=by_rank(path.model, first))
+
+
+def fitted_again(search: Search, path: Path) -> Path:
+    """Each of several effects fitted anew beside the others: the first was fitted without them."""
+    templates = {effect.name: effect for effect in search.effects}
+    plain = output_error_fit(path.model)
+    model = beside_each_other(plain, templates, search.criterion, search.coarse)
+    if not model.sse < BETTER_AGAIN * plain.sse:
+        return path
+    step = search.judged(model, [])
+    return replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
+
+
+def by_rank(model: Model, first: SearchStep) -> Model:
+    """The same model, its effects in the order in which they help the baseline alone.
+
+    Effects of one place keep their order, in which signals pass them.
+    """
+    rank = {c.name: i for i, c in enumerate(first.candidates) if c.passes}
+    steps = sorted(model.effects.steps, key=lambda step: rank.get(step[0], len(rank)))
+    of_place: dict[str, list[str]] = {}
+    for name, effect in model.effects.steps:
+        of_place.setdefault(effect.place, []).append(name)
+    return in_order(model, [of_place[effect.place].pop(0) for _, effect in steps])
+
+
+def follow(search: Search, first: SearchStep, start: Candidate | None, most: int) -> Path:
+    """Add ``start`` and then the best of each step."""
+    if start is None or start.model is None or start.prediction is None:
+        return Path([first], first.parent, first.vaf, first.prediction)
+    return follow_from(search, Path([first], start.model, start.vaf, start.prediction), most)
+
+
+def follow_from(search: Search, path: Path, most: int) -> Path:
+    steps = list(path.steps)
+    model, vaf, prediction = path.model, path.vaf, path.prediction
+    while len(model.effects) < most:
+        step = search.step(output_error_fit(model))
+        steps.append(step)
+        best = step.best
+        if best is None or best.model is None or best.prediction is None:
+            break
+        model, vaf, prediction = best.model, best.vaf, best.prediction
+    return Path(steps, model, vaf, prediction)
+
+
+def output_error_fit(model: Model) -> Model:
+    """The same model at the minimum of the plain simulation error."""
+    return model.refined(Criterion(model.simulator.record))
+
+
+def path_of_length(path: Path, n: int) -> Model:
+    """The model with the first n effects of a path."""
+    for step in path.steps:
+        if len(step.parent.effects) == n:
+            return step.parent
+    return path.model
+
+
+def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float, float]]:
+    """Whether neuromuscular frequency and damping change with gains that do.
+
+    Relative change, its standard error and the p-value of the likelihood ratio, by parameter; empty
+    where no gain changes by a sigmoid.
+    """
+    found: dict[str, tuple[float, float, float]] = {}
+    names = [n for n, e in path.model.effects if e.name == "tv_gain"]
+    if not names or not search.core.kind.startswith("operator"):
+        return found
+    criterion = Criterion(search.record)
+    criterion.set_noise(criterion.remnant_model(path.model.output))
+    plain = path.model.refined(criterion)
+    for parameter in ("omega_nm_change", "zeta_nm_change"):
+        freed = [
+            (n, e.with_choices(**{parameter: None}) if n == names[0] else e)
+            for n, e in path.model.effects
+        ]
+        simulator = Simulator(search.core, Effects(freed), search.record)
+        full = f"{names[0]}__{parameter}"
+        start = np.array([{**plain.values(), full: 0.0}[n] for n in simulator.names])
+        model = Model(simulator, minimise(simulator, criterion, start))
+        at = simulator.names.index(full)
+        # Of several minima along the time of a change the freed fit may find another.
+        beside = np.array([model.values()[n] for n in plain.simulator.names])
+        fewer = min(plain.sse, minimise(plain.simulator, criterion, beside).sse)
+        ratio = criterion.n * np.log(fewer / model.sse)
+        sd = float(np.sqrt(model.covariance()[at, at]))
+        found[parameter] = (float(model.theta[at]), sd, float(chi2.sf(max(ratio, 0.0), 1)))
+    return found
+
+
+def better(search: Search, one: Model, other: Model) -> bool:
+    """Whether one model explains more than the other, under the noise of the better."""
+    criterion = Criterion(search.record)
+    both = [output_error_fit(m) for m in (one, other)]
+    best = min(both, key=lambda m: m.sse)
+    criterion.set_noise(criterion.remnant_model(best.output))
+    a, b = (m.refined(criterion) for m in both)
+    n = criterion.n
+    vafs = [vaf_of_output(search.record, m.output) for m in both]
+    if min(vafs) > LITTLE_NOISE and vafs[0] < vafs[1] + AS_GOOD:
+        return a.n_parameters < b.n_parameters
+    return n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n) > 0
+
+
+def without_superfluous(search: Search, path: Path) -> Path:
+    """Take out effects that pay no longer beside those added after them."""
+    names = path.model.effects.names
+    if len(names) < 2:
+        return path
+    for name in names[:-1]:
+        fewer = without(path.model, name, path.core)
+        one = Candidate(
+            name, dict(path.model.effects.steps)[name], model=output_error_fit(path.model)
+        )
+        step = search.judged(output_error_fit(fewer), [one])
+        if not one.passes:
+            path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
+            return without_superfluous(search, path)
+    return path

@@ -1,0 +1,255 @@
+"""Structure that a model leaves, by families that need no name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ..effects.base import Effect
+from ..effects.composition import Effects
+from ..effects.operator_signals import Gains
+from ..effects.record import OTHER, Record, differentiated
+from ..greybox.fitting import Criterion, derivatives
+from ..greybox.model import Model
+from ..greybox.simulator import Simulator
+from .forward import HeldOutRows
+
+LAGS = 12  # of a channel
+LONGEST_LAG = 1.2  # s
+HINGES = 6  # of a nonlinear map
+PIECES = 9  # of a run
+MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
+LAGGED = 0.2  # s, by which an output of limited rate stays behind
+LEAST_EVIDENCE = 25.0
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What a family of responses finds in the residual, and where."""
+
+    where: str
+    at: str
+    description: str
+    points: float
+    evidence: float
+
+
+class _Probe(Effect):
+    """One basis function in place of an effect."""
+
+    name = "probe"
+    place = "input"
+
+    def __init__(self, place: str = "input", shape: object = None):
+        self.place = place  # type: ignore[misc]
+        self.shape = shape
+
+    def apply(self, signal: object, record: Record) -> object:
+        return self.shape(signal, record)  # type: ignore[operator]
+
+
+def leftovers(model: Model, folds: Sequence[HeldOutRows]) -> list[Leftover]:
+    """Families that explain part of the residual of a model, best first.
+
+    A family is a set of responses: a nonlinear map of the error or of the output, gains and
+    offsets that vary in time, or the linear response to a channel. Its part of
+    the residual, beside what the model's own parameters could take up, is estimated on
+    training rows and counted on held-out rows.
+    """
+    record = model.simulator.record
+    criterion = Criterion(record)
+    output = model.output
+    criterion.set_noise(criterion.remnant_model(output))
+    base = model.refined(criterion, max_iter=4)
+    output = base.output
+    own = derivatives(base.simulator, criterion, base.theta, output)
+    found = []
+    for where, at, description, columns in _families(base):
+        if not len(columns):
+            continue
+        thin = np.stack([c[:: criterion.thin] for c in columns]) * criterion.known
+        result = _judged(own, thin, criterion, folds)
+        if result is not None:
+            found.append(Leftover(where, at, description, *result))
+    return sorted(found, key=lambda item: -item.points)
+
+
+def _judged(
+    own: np.ndarray, columns: np.ndarray, criterion: Criterion, folds: Sequence[HeldOutRows]
+) -> tuple[float, float] | None:
+    """Points that columns gain on held-out rows beside a model's derivatives, and their evidence.
+
+    The last of ``own`` is the residual.
+    """
+    n_own = len(own) - 1
+    plain = np.concatenate([own[:-1], columns])
+    residual = own[-1]
+    white = criterion.whitened(np.concatenate([plain, residual[None]]))
+    gram = white @ white.T
+    n = criterion.n
+    before = gram[-1, -1] - _explained(gram[:n_own, :n_own], gram[:n_own, -1])
+    after = gram[-1, -1] - _explained(gram[:-1, :-1], gram[:-1, -1])
+    evidence = n * np.log(before / max(after, 1e-300)) - len(columns) * np.log(n)
+    if evidence < LEAST_EVIDENCE:
+        return None
+    by_row = white.reshape(len(white), *residual.shape)
+    gained = total = 0.0
+    for fold in folds:
+        train, test = fold.train[:: criterion.thin], fold.test[:: criterion.thin]
+        rows = by_row[:, train]
+        g = rows @ rows.T
+        full = _solved(g[:-1, :-1], g[:-1, -1])
+        fewer = _solved(g[:n_own, :n_own], g[:n_own, -1])
+        e0 = residual[test] - fewer @ plain[:n_own, test]
+        e1 = residual[test] - full @ plain[:, test]
+        left = residual[test]
+        # Own parameters that move beyond their linearisation would make any family look good.
+        gained += min(float(e0 @ e0), float(left @ left)) - float(e1 @ e1)
+        total += float((criterion.y[test] ** 2).sum())
+    points = 100 * gained / max(total, 1e-300)
+    return (points, float(evidence)) if points > 0 else None
+
+
+def _solved(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
+    d = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram / np.outer(d, d) + 1e-6 * np.eye(len(d))
+    return np.linalg.solve(scaled, product / d) / d
+
+
+def _explained(gram: np.ndarray, product: np.ndarray) -> float:
+    return float(product @ _solved(gram, product))
+
+
+def remembered(signal: np.ndarray, seconds: float, record: Record) -> np.ndarray:
+    """A signal through a lag, of shape (n_samples, n_runs)."""
+    keep = np.exp(-record.dt / (seconds * record.time_unit))
+    return lfilter([1 - keep], [1, -keep], signal, axis=0)
+
+
+def _more(gains: Gains, name: str, shape: np.ndarray) -> np.ndarray:
+    return getattr(gains, name) * (1 + 0.05 * shape)
+
+
+def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
+    record = model.simulator.record
+    values = model.values()
+    output = model.output
+
+    def with_probe(place: str, shape: object, first: bool = True) -> np.ndarray:
+        probe = ("probe", _Probe(place, shape))
+        steps = [probe, *model.effects.steps] if first else [*model.effects.steps, probe]
+        simulator = Simulator(model.simulator.core, Effects(steps), record)
+        return simulator.run(np.array([values[n] for n in simulator.names])) - output
+
+    def knots(signal: np.ndarray) -> np.ndarray:
+        return np.quantile(signal[record.known], np.linspace(0.05, 0.95, HINGES))
+
+    found = []
+    error = record.input
+    found.append(
+        (
+            "amplitude",
+            record.inputs[0],
+            "the answer depends on the size or the sign of the error",
+            [
+                with_probe("input", lambda e, _, k=k: e + 0.1 * np.maximum(e - k, 0))
+                for k in knots(error)
+            ],
+        )
+    )
+    found.append(
+        (
+            "amplitude",
+            "output",
+            "the output departs from the model by its own size",
+            [np.maximum(output - k, 0) for k in knots(output)],
+        )
+    )
+    rate = differentiated(output, record.dt)
+    found.append(
+        (
+            "amplitude",
+            "rate of the output",
+            "the output departs from the model by its own rate",
+            [remembered(np.maximum(rate - k, 0), LAGGED, record) for k in knots(rate)],
+        )
+    )
+    t = record.t
+    ends = np.linspace(float(t.min()), float(t.max()), PIECES)
+    width = ends[1] - ends[0]
+    shapes = [np.clip(1 - np.abs(t - c) / width, 0, 1) for c in ends]
+    found.append(
+        (
+            "time",
+            "gain",
+            "the gains change in the run",
+            [
+                with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
+                for o in ("error", "rate")
+                for s in shapes
+            ],
+        )
+    )
+    found.append(
+        (
+            "time",
+            "level",
+            "the output has an offset that varies in the run",
+            [np.broadcast_to(s, output.shape).copy() for s in shapes],
+        )
+    )
+    lags = record.time_unit * np.linspace(0.06, LONGEST_LAG, LAGS)
+    for name, channel in record.channels.items():
+        if name in record.inputs:
+            continue
+        role = record.roles.get(name, "")
+        centred = channel - channel[record.known].mean()
+        # What the loop moves can give the output back without a delay.
+        seconds = (
+            lags
+            if role in ("x", "") or role.startswith("motion")
+            else lags - 0.5 * record.time_unit
+        )
+        found.append(
+            (
+                "channel",
+                name,
+                f"the output answers {name}",
+                [
+                    with_probe("path", lambda c, r, s=s, z=z: c.plus(0.1 * r.delayed(z, s)), False)
+                    for s, z in [
+                        *((s, centred) for s in seconds),
+                        *((seconds[1], remembered(centred, T, record)) for T in MEMORIES),
+                    ]
+                ],
+            )
+        )
+        if role == OTHER:
+            size = centred / record.sd(name)
+            found.append(
+                (
+                    "channel",
+                    name,
+                    f"the gains follow {name}",
+                    [
+                        with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
+                        for s in (size, size * np.abs(size), size**2)
+                        for o in ("error", "rate")
+                    ],
+                )
+            )
+    found.append(
+        (
+            "frequency",
+            record.inputs[0],
+            "the linear dynamics differ",
+            [
+                with_probe("path", lambda c, r, s=s: c.plus(0.1 * r.delayed(error, s)), False)
+                for s in record.time_unit * np.linspace(0.0, 2.0, LAGS)
+            ],
+        )
+    )
+    return found

@@ -1,0 +1,338 @@
+"""Simulated runs as a dataset, in the manner of scikit-learn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from inspect import signature
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils import Bunch
+
+from ..human import ControlledElement, HumanOperator
+from ..human.discretisation import delay_samples, zoh_parameters
+from ..human.operator import PURSUIT
+from ..human.variation import Parameter, Shifted, evaluate
+from .conditions import Condition
+from .remnant import Remnant
+from .task import CompensatoryTask
+from .tracking_record import TrackingRecord
+from .tuning import tune_remnant
+
+CHANNELS = {"e": "e", "x": "x", "f_t": "f_t", "dist": "f_d"}
+REMNANT = ("remnant_intensity", "remnant_order", "remnant_gain")
+NOT_OF_TASK = (*REMNANT, "adaptation_lag", "perturbation")  # options that change a task
+
+
+def make_tracking_runs(
+    condition: str | Condition | CompensatoryTask = "C1",
+    n_runs: int = 5,
+    *,
+    remnant_intensity: float = 0.0,
+    remnant_order: int | str = 2,
+    remnant_gain: Parameter | None = None,
+    channels: Sequence[str] = ("e",),
+    sampling_rate: float = 100.0,
+    duration: float = 81.92,
+    run_in: float | None = None,
+    keep_run_in: float = 0.0,
+    target: Any = None,
+    disturbance: Any = None,
+    random_phases: bool = False,
+    display: str | Parameter = "compensatory",
+    operator: Any = None,
+    controlled_element: ControlledElement | None = None,
+    effects: Any = None,
+    adaptation_lag: float = 0.0,
+    perturbation: Mapping[str, Parameter] | None = None,
+    open_loop: bool = False,
+    transport: str | None = None,
+    noise: Any = None,
+    return_truth: bool = False,
+    random_state: Any = None,
+    n_jobs: int | None = None,
+    progress: bool = False,
+) -> Any:
+    """Simulate runs of a tracking task, as a dataset.
+
+    Parameters
+    ----------
+    condition : {"C1", ..., "C6"}, Condition or CompensatoryTask, default="C1"
+        What is controlled and by whom, see :func:`tracking_condition` and
+        :func:`mixed_condition`. A whole task brings its sampling rate, duration, run-in, forcing
+        functions, display, operator, controlled element, effects and transport, which must then
+        not be given.
+    n_runs : int, default=5
+        Number of runs; they differ in remnant and, where asked, in phases.
+    remnant_intensity : float, default=0.0
+        P_n = var(n) / var(u); the gain is found by :func:`tune_remnant` on ten realisations of
+        its own.
+    remnant_order : {1, 2, 3, 4, "nm"}, default=2
+        Order of the remnant filter (Eqs. 27-28).
+    remnant_gain : float, callable, "table" or None, default=None
+        K_n in place of its search; ``"table"`` takes Table G.1 for ``remnant_intensity``.
+    channels : sequence of {"e", "x", "f_t", "dist"}, default=("e",)
+        Columns of X: error, output of the controlled element, target, and the disturbance f_d.
+    sampling_rate : float, default=100.0
+        In Hz; of samples and integration steps.
+    duration : float, default=81.92
+        Length of a run in s.
+    run_in : float or None, default=None
+        Time simulated before, in s; None means seven times ``duration``, with effects 20 s.
+    keep_run_in : float, default=0.0
+        Also return so much of it, in s, at negative time.
+    target, disturbance : Multisine, callable, array or None, default=None
+        Forcing functions; None means Table I for the target, and no disturbance; 0.0 is none. For
+        one that changes within the run see :class:`Mixture`.
+    random_phases : bool, default=False
+        Draw new phases for each run.
+    display : {"compensatory", "pursuit"}, float or callable, default="compensatory"
+        Whether the operator's gains on target and output are in use, or how much over time.
+    operator : HumanOperator, fitted model or None, default=None
+        Replaces that of the condition.
+    controlled_element : ControlledElement or None, default=None
+        Replaces that of the condition.
+    effects : Effect, Effects, list of these or None, default=None
+        What the operator does beyond linear dynamics, such as ``DeadZone(width=0.3)``; see
+        :mod:`skhoid.effects`. All parameters need numbers. The remnant's gain is still the one that
+        gives ``remnant_intensity`` without effects.
+    adaptation_lag : float, default=0.0
+        The operator's parameters follow so much later, in s, than the controlled element's; an
+        operator that anticipates has a negative lag.
+    perturbation : dict or None, default=None
+        ``{"K_e", "K_edot", "omega_nm", "zeta_nm" or a gain of a pursuit display: number or
+        function of time}``, added to the parameter.
+    open_loop : bool, default=False
+        The remnant is added to u but does not go round the loop (Eq. G.1).
+    transport : {"held", "interpolated"} or None, default=None
+        How the delay is kept, see :class:`CompensatoryTask`.
+    noise : array of shape (n_runs, n_samples with run-in) or None, default=None
+        White noise of unit variance for the remnant, in place of ``random_state``.
+    return_truth : bool, default=False
+        Also return what is behind the runs.
+    random_state : int, RandomState, Generator or None, default=None
+        Source of all randomness. Run i is the same whatever ``n_runs`` and ``n_jobs`` are.
+    n_jobs : int or None, default=None
+        Number of threads, as in joblib.
+    progress : bool, default=False
+        Show a progress bar.
+
+    Returns
+    -------
+    X : DataFrame of shape (n_runs * n_samples, n_channels)
+        With the row index levels ``run`` (from 0) and ``time`` (s; the window begins at 0).
+        ``X.attrs["units"]`` are deg for the conditions and the target of the thesis.
+    y : Series of shape (n_runs * n_samples,)
+        Control output ``u``.
+    truth : Bunch
+        Only with ``return_truth``: ``u_without_remnant`` and ``remnant`` (Series like y);
+        ``parameters``, a DataFrame over time of K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm, K_c,
+        omega_b, K_n, and of gains of a pursuit display that are not 0; ``arx_parameters``, one of
+        a1, a2, b0, b1 under zero-order hold (not with such gains); ``nk``, the
+        delay that belongs to them, to the nearest sample; ``task``. What concerns the operator's
+        physics is missing where the operator is a fitted model.
+
+    Raises
+    ------
+    UnstableLoopError
+        If the loop is unstable.
+    RemnantIntensityError
+        If the loop cannot reach ``remnant_intensity``.
+    ValueError
+        If physics, sampling rate, names or shapes make no sense; the message says what to change.
+
+    Examples
+    --------
+    >>> from skhoid import make_tracking_runs
+    >>> X, y = make_tracking_runs("C4", n_runs=2, remnant_intensity=0.15, random_state=0)
+    >>> X.shape, X.index.names
+    ((16384, 1), FrozenList(['run', 'time']))
+    >>> X, y, truth = make_tracking_runs("C1", n_runs=1, return_truth=True)
+    >>> truth.nk, truth.arx_parameters.iloc[0].round(4).tolist()
+    (29, [-1.9121, 0.9243, 0.0443, -0.0432])
+    """
+    check_channel_names(channels)
+    given = {
+        "remnant_intensity": remnant_intensity,
+        "remnant_order": remnant_order,
+        "remnant_gain": remnant_gain,
+        "sampling_rate": sampling_rate,
+        "duration": duration,
+        "run_in": run_in,
+        "target": target,
+        "disturbance": disturbance,
+        "display": display,
+        "operator": operator,
+        "controlled_element": controlled_element,
+        "effects": effects,
+        "adaptation_lag": adaptation_lag,
+        "perturbation": perturbation,
+        "transport": transport,
+    }
+    task = task_of(condition, given)
+    if task.remnant is not None and task.remnant.gain is None:
+        task = tune_remnant(
+            task, random_state=random_state, open_loop=open_loop, n_jobs=n_jobs, progress=progress
+        )
+    record = task.simulate(
+        n_runs,
+        random_state=random_state,
+        noise=noise,
+        random_phases=random_phases,
+        open_loop=open_loop,
+        keep_run_in=keep_run_in,
+        n_jobs=n_jobs,
+        progress=progress,
+    )
+    X, y = frames_of(record, channels)
+    if isinstance(condition, str) and target is None:  # Tables I and II
+        X.attrs["units"] = dict.fromkeys(channels, "deg")
+        y.attrs["units"] = {"u": "deg"}
+    if not return_truth:
+        return X, y
+    return X, y, truth_of(task, record)
+
+
+def check_channel_names(channels: Any) -> None:
+    """Refuse what are no names of channels."""
+    unknown = [name for name in channels if name not in CHANNELS]
+    if unknown or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
+        hint = " The disturbance f_d is the channel 'dist'." if "f_d" in channels else ""
+        raise ValueError(
+            f"channels is a list of some of {list(CHANNELS)}, each once; got {channels!r}.{hint}"
+        )
+
+
+def task_of(
+    condition: str | Condition | CompensatoryTask, given: Mapping[str, Any]
+) -> CompensatoryTask:
+    """The task that options of :func:`make_tracking_runs` describe; gains are not tuned yet."""
+    defaults = {
+        name: parameter.default
+        for name, parameter in signature(make_tracking_runs).parameters.items()
+    }
+    given = {name: value for name, value in given.items() if not _is(value, defaults[name])}
+    of_task = {name: value for name, value in given.items() if name not in NOT_OF_TASK}
+    if not isinstance(condition, CompensatoryTask):
+        task = CompensatoryTask.of_condition(condition, **of_task)
+    elif of_task:
+        raise ValueError(
+            f"A whole task has its own {', '.join(of_task)}: change the task "
+            "(dataclasses.replace), or give a condition."
+        )
+    else:
+        task = condition
+    lag, perturbation = given.get("adaptation_lag", 0.0), given.get("perturbation")
+    task = _adapted(task, lag, dict(perturbation or {}))
+    remnant = [given.get(name, defaults[name]) for name in REMNANT]
+    return _with_remnant(task, condition, *remnant)
+
+
+def frames_of(record: TrackingRecord, channels: Sequence[str]) -> tuple[pd.DataFrame, pd.Series]:
+    """X and y of simulated runs."""
+    n_runs = len(record.u)
+    index = _index(record)
+    X = pd.DataFrame(
+        {c: _rows(getattr(record, CHANNELS[c]), n_runs) for c in channels}, index=index
+    )
+    return X, pd.Series(record.u.ravel(), index=index, name="u")
+
+
+def _index(record: TrackingRecord) -> pd.MultiIndex:
+    return pd.MultiIndex.from_product([range(len(record.u)), record.time], names=["run", "time"])
+
+
+def _is(value: Any, default: Any) -> bool:
+    return value is default or (np.isscalar(value) and value == default)
+
+
+def _rows(signal: np.ndarray, n_runs: int) -> np.ndarray:
+    return np.broadcast_to(signal, (n_runs, signal.shape[1])).ravel()
+
+
+def _adapted(
+    task: CompensatoryTask, lag: Any, perturbation: dict[str, Parameter]
+) -> CompensatoryTask:
+    """The operator's parameters later than the controlled element's, or perturbed."""
+    if not lag and not perturbation:
+        return task
+    operator = task.operator
+    if not isinstance(operator, HumanOperator):
+        raise ValueError(
+            "adaptation_lag and perturbation change the parameters of a HumanOperator; the "
+            f"operator is a {type(operator).__name__}."
+        )
+    operator = operator.with_rate_gain()
+    parameters = operator.adaptable
+    unknown = [name for name in perturbation if name not in parameters]
+    if unknown:
+        raise ValueError(
+            f"perturbation: no parameter {unknown} to add to; there are {list(parameters)}."
+        )
+    if not isinstance(lag, (int, float, np.number)) or not np.isfinite(lag):
+        raise ValueError(f"adaptation_lag is a time in s; got {lag!r}.")
+    changed: dict[str, Any] = {
+        name: Shifted(value, float(lag), perturbation.get(name, 0.0))
+        for name, value in parameters.items()
+        if callable(value) or name in perturbation
+    }
+    return replace(task, operator=replace(operator, **changed))
+
+
+def _with_remnant(
+    task: CompensatoryTask,
+    condition: Any,
+    intensity: float,
+    order: int | str,
+    gain: Any,
+) -> CompensatoryTask:
+    if isinstance(gain, str):
+        if gain != "table":
+            raise ValueError(f"remnant_gain is K_n, a function of time or 'table'; got {gain!r}.")
+        if not isinstance(condition, str):
+            raise ValueError(
+                "remnant_gain='table' needs the name of a condition of the thesis; "
+                "Remnant.from_table(name, intensity) in a task of your own."
+            )
+        if intensity == 0:
+            return replace(task, remnant=None)
+        return replace(task, remnant=Remnant.from_table(condition, intensity, order))
+    if gain is not None:
+        if intensity:
+            raise ValueError(
+                f"Give remnant_intensity or remnant_gain, not both; got {intensity!r} and {gain!r}."
+            )
+        return replace(task, remnant=Remnant(order=order, gain=gain))
+    if intensity:
+        return replace(task, remnant=Remnant(order=order, intensity=intensity))
+    return task
+
+
+def truth_of(task: CompensatoryTask, record: TrackingRecord) -> Bunch:
+    """What is behind simulated runs; see :func:`make_tracking_runs`."""
+    index = _index(record)
+    t = pd.Index(record.time, name="time")
+    element, operator, remnant = task.controlled_element, task.operator, task.remnant
+    truth = Bunch(
+        u_without_remnant=pd.Series(record.u_without_remnant.ravel(), index, name="u"),
+        remnant=pd.Series(record.n.ravel(), index, name="n"),
+        task=task,
+    )
+    parameters: dict[str, Any] = {}
+    if isinstance(operator, HumanOperator):
+        parameters |= operator.over_time(record.time)
+        pursuit = [name for name in PURSUIT if getattr(operator, name) != 0.0]
+        for name in pursuit:
+            parameters[name] = evaluate(getattr(operator, name), record.time)
+        if not pursuit:
+            theta = zoh_parameters(operator, 1 / task.sampling_rate, record.time)
+            truth.arx_parameters = pd.DataFrame(theta, index=t, columns=["a1", "a2", "b0", "b1"])
+        truth.nk = delay_samples(operator, 1 / task.sampling_rate, nearest=True)
+    parameters |= {
+        name: evaluate(getattr(element, name), record.time) for name in ("K_c", "omega_b")
+    }
+    gain = 0.0 if remnant is None or remnant.gain is None else remnant.gain
+    truth.parameters = pd.DataFrame(parameters | {"K_n": evaluate(gain, record.time)}, index=t)
+    return truth

@@ -1,0 +1,243 @@
+"""Compiled loops and array code against their naive twins."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support import naive
+
+from skhoid import _kernels
+from skhoid.arx.least_squares import Triangle, newey_west
+from skhoid.arx.orders import Orders, regressors
+
+BOUND = 1e100
+
+
+@st.composite
+def problems(draw, *, missing=True):
+    """Stretches of a recording, with gaps in between, and a model for it."""
+    n_inputs = draw(st.integers(1, 3))
+    lengths = draw(st.lists(st.integers(1, 14), min_size=1, max_size=4))
+    skips = draw(st.lists(st.integers(0, 2), min_size=len(lengths), max_size=len(lengths)))
+    stretches, at = [], 0
+    for length, skip in zip(lengths, skips, strict=True):
+        stretches.append((at + skip, at + skip + length))
+        at += skip + length
+    orders = Orders(
+        draw(st.integers(0, 3)),
+        tuple(draw(st.integers(1, 3)) for _ in range(n_inputs)),
+        tuple(draw(st.integers(0, 4)) for _ in range(n_inputs)),
+        draw(st.booleans()),
+    )
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    X, y = rng.standard_normal((at, n_inputs)), rng.standard_normal(at)
+    if missing and draw(st.booleans()):
+        y[rng.random(at) < 0.15] = np.nan
+    scale = draw(st.sampled_from([0.3, 1.0, 50.0]))  # the larger ones are unstable
+    theta = scale * rng.standard_normal(orders.n_params)
+    return X, y, stretches, orders, theta
+
+
+def edges(stretches):
+    begin, end = np.array(stretches, dtype=np.int64).T
+    return _kernels.gate(begin, np.int64), _kernels.gate(end, np.int64)
+
+
+def unpadded(orders, b):
+    return [row[:nb] for row, nb in zip(b, orders.nb, strict=True)]
+
+
+def run_free(X, stretches, orders, theta, past=None, y0=None):
+    a, b, intercept = orders.split(theta)
+    begin, end = edges(stretches)
+    known_from = begin if past is None else _kernels.gate(past, np.int64)
+    initial = np.zeros((begin.size, max(a.size, 1))) if y0 is None else _kernels.gate(y0)
+    found = _kernels.arx.free_run(
+        _kernels.gate(X), begin, end, known_from, theta[None].copy(),
+        np.zeros(len(X), dtype=np.int64), orders.na,
+        np.array(orders.nb), np.array(orders.nk), initial, BOUND,
+    )  # fmt: skip
+    twin = naive.free_run(X, stretches, a, unpadded(orders, b), orders.nk, intercept, past, y0)
+    return found, twin
+
+
+def run_ahead(y, X, stretches, orders, theta, horizon):
+    a, b, intercept = orders.split(theta)
+    begin, end = edges(stretches)
+    found = _kernels.arx.predict_ahead(
+        _kernels.gate(y), _kernels.gate(X), begin, end, theta[None].copy(),
+        np.zeros(len(X), dtype=np.int64), orders.na,
+        np.array(orders.nb), np.array(orders.nk), horizon, BOUND,
+    )  # fmt: skip
+    twin = naive.predict_ahead(
+        y, X, stretches, a, unpadded(orders, b), orders.nk, intercept, horizon
+    )
+    return found, twin
+
+
+def assert_same(found, twin):
+    # Unstable runs grow by many decades, and rounding with them.
+    assert np.isfinite(found).all()
+    assert np.abs(found).max(initial=0.0) <= BOUND
+    np.testing.assert_allclose(found, twin, rtol=1e-7, atol=1e-10)
+
+
+@settings(max_examples=150, deadline=None)
+@given(problem=problems())
+def test_regressors(problem):
+    X, y, stretches, orders, _ = problem
+    begin, end = np.array(stretches).T
+    table, rows, n_missing = regressors(y, X, begin, end, orders)
+    phi, output, twin_rows, twin_missing = naive.regressor_rows(
+        y, X, stretches, orders.na, orders.nb, orders.nk, orders.intercept
+    )
+    np.testing.assert_array_equal(rows, twin_rows)
+    np.testing.assert_array_equal(table[:, :-1], phi)
+    np.testing.assert_array_equal(table[:, -1], output)
+    assert n_missing == twin_missing
+
+
+def test_regressors_with_missing_inputs():
+    rng = np.random.default_rng(1)
+    X, y = rng.standard_normal((60, 2)), rng.standard_normal(60)
+    X[[3, 30], [0, 1]] = np.nan
+    stretches = [(0, 25), (25, 60)]
+    orders = Orders(2, (2, 1), (1, 4))
+    table, rows, n_missing = regressors(y, X, np.array([0, 25]), np.array([25, 60]), orders)
+    phi, _, twin_rows, twin_missing = naive.regressor_rows(y, X, stretches, 2, (2, 1), (1, 4))
+    np.testing.assert_array_equal(rows, twin_rows)
+    np.testing.assert_array_equal(table[:, :-1], phi)
+    assert n_missing == twin_missing == 3  # e(3) costs rows 4 and 5, x(30) costs row 34
+
+
+@settings(max_examples=150, deadline=None)
+@given(problem=problems(missing=False))
+def test_free_run(problem):
+    X, _, stretches, orders, theta = problem
+    assert_same(*run_free(X, stretches, orders, theta))
+
+
+@settings(max_examples=80, deadline=None)
+@given(problem=problems(missing=False), seed=st.integers(0, 2**31))
+def test_free_run_with_past_inputs_and_initial_outputs(problem, seed):
+    X, _, stretches, orders, theta = problem
+    rng = np.random.default_rng(seed)
+    lowest = [0, *[end for _, end in stretches[:-1]]]
+    past = np.array(
+        [rng.integers(low, b + 1) for low, (b, _) in zip(lowest, stretches, strict=True)]
+    )
+    y0 = rng.standard_normal((len(stretches), max(orders.na, 1)))
+    assert_same(*run_free(X, stretches, orders, theta, past, y0))
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 3, 4, 5, 40])
+@settings(max_examples=40, deadline=None)
+@given(problem=problems())
+def test_predict_ahead(horizon, problem):
+    X, y, stretches, orders, theta = problem
+    assert_same(*run_ahead(y, X, stretches, orders, theta, horizon))
+
+
+@settings(max_examples=40, deadline=None)
+@given(problem=problems())
+def test_a_horizon_longer_than_the_run_is_the_free_run(problem):
+    X, y, stretches, orders, theta = problem
+    ahead, _ = run_ahead(y, X, stretches, orders, theta, 1000)
+    free, _ = run_free(X, stretches, orders, theta)
+    inside = np.concatenate([np.arange(b, e) for b, e in stretches])
+    np.testing.assert_array_equal(ahead[inside], free[inside])
+
+
+@pytest.mark.parametrize("theta", [(-3.0, 2.0, 1.0), (1e30, -1e60, 1e90), (-1e200, 1e200, 1e200)])
+def test_unstable_models_stay_within_the_bound(theta):
+    X = np.random.default_rng(0).standard_normal((3000, 1))
+    y = X[:, 0] + 1.0
+    orders = Orders(2, (1,), (0,))
+    found, twin = run_free(X, [(0, 3000)], orders, np.array(theta))
+    assert np.isfinite(found).all()
+    assert np.abs(found).max() == BOUND
+    np.testing.assert_allclose(found, twin, rtol=1e-6)
+    assert np.isfinite(np.sum((found / 3000) ** 2))
+    ahead, _ = run_ahead(y, X, [(0, 3000)], orders, np.array(theta), 5)
+    assert np.isfinite(ahead).all()
+
+
+def test_gate_accepts_what_pandas_and_memmaps_give(tmp_path):
+    locked = np.arange(6.0).reshape(3, 2)
+    locked.setflags(write=False)
+    np.save(tmp_path / "a.npy", locked)
+    mapped = np.load(tmp_path / "a.npy", mmap_mode="r")
+    for array in (locked, locked.T, locked[::2], mapped, locked.astype(np.float32), [[1, 2]]):
+        gated = _kernels.gate(array)
+        assert gated.flags.c_contiguous
+        assert gated.flags.writeable
+        assert gated.dtype == np.float64
+        np.testing.assert_array_equal(gated, array)
+
+
+def test_kernels_have_one_compiled_signature():
+    """Every caller goes through the gate, so that no layout is compiled twice."""
+    X = np.asfortranarray(np.random.default_rng(0).standard_normal((20, 2)))
+    orders = Orders(1, (2, 1), (0, 1))
+    theta = np.full(4, 0.1)
+    run_free(X, [(0, 20)], orders, theta)
+    run_free(X[::2], [(0, 10)], orders, theta)
+    run_ahead(X[:, 0], X, [(0, 20)], orders, theta, 2)
+    if hasattr(_kernels.arx.free_run, "signatures"):  # not under NUMBA_DISABLE_JIT=1
+        assert len(_kernels.arx.free_run.signatures) <= 1
+        assert len(_kernels.arx.predict_ahead.signatures) <= 1
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**31), st.integers(4, 60), st.integers(1, 4))
+def test_triangle_is_least_squares(seed, n_extra, p):
+    rng = np.random.default_rng(seed)
+    table = rng.standard_normal((p + n_extra, p + 1)) * 10.0 ** rng.integers(-3, 4, p + 1)
+    phi, output = table[:, :-1].copy(), table[:, -1].copy()
+    scale, size = np.linalg.norm(phi, axis=0), np.linalg.norm(output)
+    whole = Triangle.of(np.array(table, order="F"))
+    chosen = [int(i) for i in rng.permutation(p)[: max(1, p - 1)]]
+    for triangle, columns in ((whole, list(range(p))), (whole.subset(chosen), chosen)):
+        scaled = phi[:, columns] / scale[columns]
+        theta, rss, *_ = np.linalg.lstsq(scaled, output, rcond=None)
+        rounding = 1e-13 * size * np.linalg.cond(scaled) ** 2
+        np.testing.assert_allclose(triangle.solve() * scale[columns], theta, atol=rounding, rtol=0)
+        np.testing.assert_allclose(triangle.rss, rss[0], atol=rounding * size, rtol=0)
+
+
+def n_lags(n_rows):
+    return int(4 * (n_rows / 100) ** (2 / 9))
+
+
+@pytest.mark.parametrize("n_rows", [2, 30, 300])
+def test_newey_west_on_one_run(n_rows):
+    scores = np.random.default_rng(n_rows).standard_normal((n_rows, 3))
+    rows = np.arange(n_rows) + 7
+    twin = naive.newey_west(scores, rows, n_lags(n_rows))
+    np.testing.assert_allclose(
+        newey_west(scores, rows, np.array([0])), twin, rtol=1e-12, atol=1e-12
+    )
+
+
+def test_newey_west_with_rows_left_out():
+    scores = np.random.default_rng(0).standard_normal((200, 2))
+    rows = np.delete(np.arange(210), np.arange(5, 210, 21))
+    twin = naive.newey_west(scores, rows, n_lags(200))
+    np.testing.assert_allclose(newey_west(scores, rows, np.array([0])), twin, rtol=1e-12)
+
+
+def test_loops_compiled_in_different_processes_are_not_confused(tmp_path):
+    """One process compiles the loop of one run, another that of many, a third uses both."""
+    simulate = "CompensatoryTask(duration=1.0, run_in=0.0).simulate({}).u.shape"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    for runs in ([1], [20], [1, 20]):
+        shapes = ", ".join(simulate.format(n) for n in runs)
+        code = f"from skhoid import CompensatoryTask; print([{shapes}])"
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd="/"
+        )
+        assert done.stdout.strip() == str([(n, 100) for n in runs]), done.stderr

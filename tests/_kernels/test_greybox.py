@@ -1,0 +1,379 @@
+"""Kernels that simulate operators with effects: against naive twins and SciPy."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter, lsim
+from support import naive_greybox as naive
+
+from skhoid import _kernels
+from skhoid._kernels import greybox
+
+EXACT = {"rtol": 1e-11, "atol": 1e-11}
+
+
+def noise(n=60, runs=3, seed=0):
+    return np.random.default_rng(seed).standard_normal((n, runs))
+
+
+def by_run(twin, x, *args):
+    return np.stack([twin(column, *args) for column in x.T], axis=1)
+
+
+@st.composite
+def signals(draw, largest=2.0):
+    n, runs = draw(st.integers(1, 25)), draw(st.integers(1, 3))
+    seed = draw(st.integers(0, 2**32 - 1))
+    return largest * np.random.default_rng(seed).uniform(-1, 1, (n, runs))
+
+
+@given(x=signals(), data=st.data())
+@settings(max_examples=150)
+def test_delayed_is_its_twin(x, data):
+    n, runs = x.shape
+    rows, columns = data.draw(st.sampled_from([(1, 1), (n, 1), (1, runs), (n, runs)]))
+    seed = data.draw(st.integers(0, 2**32 - 1))
+    delay = np.random.default_rng(seed).uniform(-6, 12, (rows, columns))
+    if data.draw(st.booleans()):
+        delay = np.round(delay)
+    everywhere = np.broadcast_to(delay, x.shape)
+    expected = np.stack([naive.delayed(x[:, j], everywhere[:, j]) for j in range(runs)], axis=1)
+    np.testing.assert_allclose(greybox.delayed(x, _kernels.gate(delay)), expected, **EXACT)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 7, -4])
+def test_a_delay_of_whole_samples_moves_the_signal(delay):
+    x = noise()
+    out = greybox.delayed(x, np.full((1, 1), float(delay)))
+    if delay >= 0:
+        assert np.array_equal(out[delay:], x[: len(x) - delay])
+        assert np.array_equal(out[:delay], np.repeat(x[:1], delay, axis=0))
+    else:
+        assert np.array_equal(out[:delay], x[-delay:])
+        assert np.array_equal(out[delay:], np.repeat(x[-1:], -delay, axis=0))
+
+
+def test_a_delay_between_samples_is_exact_for_cubic_polynomials():
+    t = np.arange(40.0)[:, None]
+    out = greybox.delayed(t**3 - 30 * t**2 + t, np.full((1, 1), 2.3))
+    s = t - 2.3
+    np.testing.assert_allclose(out[4:-2], (s**3 - 30 * s**2 + s)[4:-2], rtol=1e-10, atol=1e-8)
+
+
+@given(
+    omega=st.floats(0.5, 60.0),
+    zeta=st.one_of(st.floats(0.0, 3.0), st.sampled_from([0.0, 1.0, 1.0 - 1e-12, 1.0 + 1e-9])),
+    dt=st.sampled_from([0.002, 0.01, 0.04]),
+)
+@settings(max_examples=200)
+def test_matrices_of_the_neuromuscular_system_are_its_exponential(omega, zeta, dt):
+    row = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)[0]
+    # Inverses of a stiffness of omega^2 dt^2 lose that much of the digits.
+    tolerance = 1e-14 / min(1.0, omega * dt) ** 2 * max(1.0, omega**2)
+    for got, expected in zip(row.reshape(3, 2, 2), naive.transition(omega, zeta, dt), strict=True):
+        np.testing.assert_allclose(got, expected, rtol=1e-9, atol=tolerance)
+
+
+@pytest.mark.parametrize("zeta", [0.35, 1.0, 2.0])
+def test_second_order_is_the_linear_system_of_scipy(zeta):
+    omega, dt = 11.25, 0.01
+    position, rate = noise(400, 2, seed=1), noise(400, 2, seed=2)
+    matrices = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)
+    out = greybox.second_order(position, rate, matrices, 0.0, 0.0, 1e9)
+    t = np.arange(400) * dt
+    # omega^2 (position + s rate) / (s^2 + 2 zeta omega s + omega^2)
+    denominator = [1.0, 2 * zeta * omega, omega**2]
+    for j in range(2):
+        of_position = lsim(([omega**2], denominator), position[:, j], t)[1]
+        of_rate = lsim(([omega**2, 0.0], denominator), rate[:, j], t)[1]
+        np.testing.assert_allclose(out[:, j], of_position + of_rate, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("n", [2, 3, 30])
+def test_differences_are_those_of_numpy(n):
+    x = noise(n)
+    np.testing.assert_allclose(
+        greybox.differentiated(x, 0.02), np.gradient(x, 0.02, axis=0), **EXACT
+    )
+
+
+def test_a_single_sample_does_not_change():
+    assert not greybox.differentiated(np.ones((1, 3)), 0.02).any()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 3), (60, 1), (60, 3)])
+def test_signals_are_scaled_by_factors_of_any_shape(shape):
+    x, factor = noise(), np.random.default_rng(1).standard_normal(shape)
+    np.testing.assert_array_equal(greybox.scaled(x, factor), x * factor)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    n=st.integers(1, 40),
+    varies=st.booleans(),
+    cubic=st.sampled_from([0.0, 0.5, 40.0]),
+    square=st.sampled_from([0.0, 3.0]),
+    bound=st.sampled_from([0.05, 1e9]),
+)
+@example(seed=395, n=34, varies=False, cubic=40.0, square=0.0, bound=1e9)
+@settings(max_examples=60)
+def test_second_order_is_its_twin(seed, n, varies, cubic, square, bound):
+    rng = np.random.default_rng(seed)
+    position, rate = 0.1 * rng.standard_normal((2, n, 2))
+    rows = n if varies else 1
+    omega = rng.uniform(3, 30) * rng.uniform(0.95, 1.05, rows)
+    matrices = greybox.held_linearly(omega, rng.uniform(0.1, 1.5, rows), 0.02)
+    out = greybox.second_order(position, rate, matrices, cubic, square, bound)
+    # The matrices themselves have a test of their own.
+    of_sample = list(np.broadcast_to(matrices, (n, 12)).reshape(n, 3, 2, 2))
+    for j in range(2):
+        expected = np.array(
+            naive.second_order(position[:, j], rate[:, j], of_sample, cubic, square, bound)
+        )
+        # Of what runs away, thousands of times the command, the cubic's root has fewer digits.
+        calm = np.maximum.accumulate(np.abs(expected)) < 1e3
+        np.testing.assert_allclose(out[calm, j], expected[calm], rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(out[~calm, j], expected[~calm], rtol=1e-5)
+
+
+def test_a_stiff_spring_is_the_duffing_oscillator():
+    """y'' = w^2 (p - k y^3 - y) - 2 z w y' by Runge-Kutta in small steps."""
+    omega, zeta, k, dt, fine = 6.0, 0.4, 3.0, 0.002, 8
+    t = np.arange(1500) * dt
+
+    def command(time):
+        return 1.2 * np.sin(2.0 * time) + 0.5 * np.sin(5.3 * time)
+
+    def slope(state, time):
+        y, v = state
+        force = omega**2 * (command(time) - k * y**3 - y)
+        return np.array([v, force - 2 * zeta * omega * v])
+
+    h = dt / fine
+    state, expected = np.zeros(2), [0.0]
+    for i in range((t.size - 1) * fine):
+        time = i * h
+        k1 = slope(state, time)
+        k2 = slope(state + h / 2 * k1, time + h / 2)
+        k3 = slope(state + h / 2 * k2, time + h / 2)
+        k4 = slope(state + h * k3, time + h)
+        state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        if (i + 1) % fine == 0:
+            expected.append(state[0])
+    matrices = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)
+    position = command(t)[:, None]
+    out = greybox.second_order(position, np.zeros_like(position), matrices, k, 0.0, 1e9)[:, 0]
+    # Linear interpolation of command and spring between samples: second order in dt.
+    assert np.abs(out - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(("na", "nb", "nk"), [(0, 1, 0), (2, 2, 0), (2, 2, 5), (3, 1, 1)])
+def test_arx_response_is_lfilter(na, nb, nk):
+    a = {0: np.empty(0), 2: np.array([-1.2, 0.5]), 3: np.array([-1.5, 0.8, -0.1])}[na]
+    b = np.r_[np.zeros(nk), [0.7, -0.4][:nb]]
+    x = noise(80)
+    expected = lfilter(b, np.r_[1.0, a], x, axis=0)
+    np.testing.assert_allclose(greybox.arx_response(x, a, b, 0.0, 0.0, 0.0, 1e9), expected, **EXACT)
+
+
+@given(
+    x=signals(),
+    seed=st.integers(0, 2**32 - 1),
+    na=st.integers(0, 3),
+    nb=st.integers(1, 4),
+    direct=st.booleans(),
+    cubic=st.sampled_from([0.0, 0.02, 0.1]),
+    square=st.sampled_from([0.0, 0.05]),
+    constant=st.sampled_from([0.0, 0.3]),
+)
+@settings(max_examples=100)
+def test_arx_response_is_its_twin(x, seed, na, nb, direct, cubic, square, constant):
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(-0.3, 0.3, na), rng.uniform(-0.4, 0.4, nb)
+    if not direct:
+        b[0] = 0.0
+    out = greybox.arx_response(x, a, b, cubic, square, constant, 1e9)
+    expected = by_run(naive.arx_response, x, a, b, cubic, square, constant, 1e9)
+    np.testing.assert_allclose(out, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_what_diverges_stays_within_the_bound():
+    x, b = noise(200), np.array([0.0, 1.0])
+    out = greybox.arx_response(x, np.array([-1.5]), b, 0.0, 0.0, 0.0, 1e6)
+    assert np.abs(out).max() == 1e6
+
+
+def test_filtered_is_lfilter():
+    x, b, a = noise(), np.array([0.3, -0.2, 0.5]), np.array([-1.5, 0.7])
+    expected = lfilter(b, np.r_[1.0, a], x, axis=0)
+    np.testing.assert_allclose(greybox.filtered(x, b, a), expected, **EXACT)
+
+
+@pytest.mark.parametrize("runs", range(1, 10))
+def test_lanes_do_not_mix(runs):
+    x, b, a = noise(30, runs), np.array([0.3, -0.2, 0.5]), np.array([-1.5, 0.7])
+    together = greybox.filtered(x, b, a)
+    alone = [greybox.filtered(_kernels.gate(x[:, [j]]), b, a) for j in range(runs)]
+    np.testing.assert_array_equal(together, np.hstack(alone))
+
+
+def test_smooth_levels_are_three_sines_beside_a_line():
+    x, step, offset, sines = noise(), 0.3, 0.2, (0.2, 0.05, 0.01)
+    turns = x / step - offset
+    steps = sum(
+        (-1) ** n * amplitude / n * np.sin(2 * np.pi * n * turns)
+        for n, amplitude in enumerate(sines, start=1)
+    )
+    out = greybox.smooth_levels(x, step, offset, *sines)
+    np.testing.assert_allclose(out, step * (turns + steps), **EXACT)
+
+
+@given(n=st.integers(1, 20), runs=st.integers(1, 3), seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=60)
+def test_whitened_is_its_twin(n, runs, seed):
+    rng = np.random.default_rng(seed)
+    table, weight = rng.standard_normal((2, n, runs)), rng.uniform(0, 1, (n, runs))
+    ar = rng.uniform(-1, 1, 6)
+    out = greybox.whitened(table, ar, weight).reshape(2, n, runs)
+    for i in range(2):
+        for j in range(runs):
+            expected = naive.whitened(table[i, :, j], ar, weight[:, j])[:n]
+            np.testing.assert_allclose(out[i, :, j], expected, **EXACT)
+
+
+@given(x=signals(), period=st.floats(1.0, 9.0), phase=st.floats(0.0, 12.0))
+@settings(max_examples=150)
+def test_held_by_a_clock_is_its_twin(x, period, phase):
+    out = greybox.held(x, x, period, 0.0, phase)
+    np.testing.assert_allclose(
+        out, by_run(naive.held_by_clock, x, period, phase), rtol=1e-9, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("phase", [0.0, 2.0, 2.25, 2.5, 7.9])
+def test_a_clock_is_not_late_on_average(phase):
+    """What follows is linear between samples: the area under the steps is that of the hold."""
+    x = np.arange(43.0)[:, None]
+    out = greybox.held(x, x, 8.0, 0.0, phase)[:, 0]
+    ticks = np.arange(phase, 38.0, 8.0)
+    steps = np.diff(np.r_[0.0, ticks])  # the ramp is at a tick what the tick's time is
+    assert np.trapezoid(out[:40]) == pytest.approx(np.sum(steps * (39.0 - ticks)), abs=1e-6)
+    between = np.round(out[[round(t) + 3 for t in ticks[:-1]]], 9)
+    assert np.array_equal(between, np.round(ticks[:-1], 9))
+
+
+def test_a_clock_goes_on_ticking_while_nothing_moves():
+    x = np.where(np.arange(40) < 11, 0.0, np.arange(40.0))[:, None]
+    out = greybox.held(x, x, 7.0, 0.0, 0.0)[:, 0]
+    assert np.array_equal(out[[17, 24, 31, 38]], [14.0, 21.0, 28.0, 35.0])
+
+
+@given(
+    x=signals(),
+    seed=st.integers(0, 2**32 - 1),
+    period=st.floats(1.0, 6.0),
+    threshold=st.floats(0.05, 2.0),
+    phase=st.floats(0.0, 4.0),
+)
+@settings(max_examples=100)
+def test_held_by_events_is_its_twin(x, seed, period, threshold, phase):
+    watched = np.random.default_rng(seed).uniform(-2, 2, x.shape)
+    out = greybox.held(x, watched, period, threshold, phase)
+    for j in range(x.shape[1]):
+        expected = naive.held_by_event(x[:, j], watched[:, j], period, threshold, phase)
+        np.testing.assert_allclose(out[:, j], expected, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("of_error", [False, True])
+def test_a_scan_of_events_leaves_what_the_held_command_leaves(of_error):
+    rng = np.random.default_rng(2)
+    position = np.cumsum(rng.standard_normal((200, 2)), axis=0)
+    slope, dt, omega, zeta = np.gradient(position, axis=0), 0.04, 9.0, 0.4
+    known = rng.uniform(size=(100, 2)) < 0.9
+    y = rng.standard_normal((100, 2)) * known
+    points = np.array([[3.7, 1.3, 0.8, 0.6], [0.0, 0.4, 0.2, 1.5]])
+    matrices = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)
+    args = (position, slope, y, known, points, matrices, 2 * zeta * omega, of_error, 2)
+    left = greybox.events_scanned(*args)
+    for (period, threshold, ratio, factor), row in zip(points, left, strict=True):
+        command = factor * (position + ratio * slope)
+        watched = position if of_error else command
+        kept = greybox.held(command, watched, period, threshold, 0.0)
+        answer = greybox.second_order(kept, np.zeros_like(kept), matrices, 0.0, 0.0, 1e9)
+        assert np.isfinite(row).all()
+        assert row[0] <= (y**2).sum() * (1 + 1e-12)
+        # With the output of the command itself nothing is left.
+        args = (position, slope, answer[::2] * known, *args[3:])
+        again = greybox.events_scanned(*args)
+        at = int(np.flatnonzero(points[:, 0] == period)[0])
+        assert abs(again[at, 0]) < 1e-9 * (answer**2).sum()
+        np.testing.assert_allclose(again[at, 1:], [0.0, 1.0], atol=1e-6)
+
+
+@given(x=signals(), step=st.floats(0.01, 3.0))
+@settings(max_examples=100)
+def test_rate_limited_is_its_twin_and_limits_the_rate(x, step):
+    out = greybox.rate_limited(x, step)
+    np.testing.assert_allclose(out, by_run(naive.rate_limited, x, step), **EXACT)
+    assert np.all(np.abs(np.diff(out, axis=0)) <= step * (1 + 1e-12))
+    assert np.all(np.abs(out) <= np.abs(x).max() * (1 + 1e-12))
+
+
+@given(x=signals(), breakaway=st.floats(0.0, 1.5), share=st.floats(0.0, 1.0))
+@settings(max_examples=200)
+def test_stuck_is_its_twin_and_stays_within_its_distance(x, breakaway, share):
+    kinetic = share * breakaway
+    out = greybox.stuck(x, breakaway, kinetic, True)
+    np.testing.assert_allclose(out, by_run(naive.stuck, x, breakaway, kinetic), **EXACT)
+    assert np.all(np.abs(out - x) <= breakaway * (1 + 1e-9) + 1e-12)
+
+
+def test_what_sticks_again_jumps_to_its_distance():
+    x = np.linspace(0.0, 2.0, 21)[:, None]
+    out = greybox.stuck(x, 0.45, 0.15, False)[:, 0]
+    # Breaks away at 0.45, 0.75, 1.05 ..., between two samples, by 0.3.
+    np.testing.assert_allclose(out, np.repeat(0.3 * np.arange(7), [5, 3, 3, 3, 3, 3, 1]))
+
+
+def test_a_jump_moves_with_the_distance_at_which_it_happens():
+    x = np.linspace(0.0, 1.0, 11)[:, None]
+    for breakaway in (0.45, 0.47, 0.49, 0.53):
+        out = greybox.stuck(x, breakaway, breakaway - 0.3, False)[:, 0]
+        assert out[:7].sum() == pytest.approx(0.3 * (6.5 - 10 * breakaway))
+
+
+def test_friction_ends_however_far_away_its_input_runs():
+    x = np.array([0.0, 1e3, -1e9, 1e17, 1.7e17, 0.5])[:, None]
+    out = greybox.stuck(x, 0.006, 0.001, False)[:, 0]
+    assert out[5] == pytest.approx(0.5, abs=0.006)
+    np.testing.assert_allclose(out[1:5], x[1:5, 0], rtol=1e-3)
+    assert np.isinf(greybox.stuck(np.array([[0.0], [np.inf]]), 0.006, 0.001, False)[1, 0])
+
+
+def test_stuck_at_equal_friction_is_play():
+    x = np.array([0.0, 1.0, 2.0, 1.5, 0.5, 0.0, -1.0, 0.0])[:, None]
+    out = greybox.stuck(x, 0.5, 0.5, True)[:, 0]
+    np.testing.assert_allclose(out, [0.0, 0.5, 1.5, 1.5, 1.0, 0.5, -0.5, -0.5])
+
+
+def test_no_friction_and_no_limit_change_nothing():
+    x = noise()
+    assert np.array_equal(greybox.stuck(x, 0.0, 0.0, True), x)
+    np.testing.assert_allclose(greybox.rate_limited(x, 1e6), x, rtol=0, atol=1e-15)
+
+
+def test_kernels_leave_their_inputs_alone():
+    x, ones = noise(), np.ones((60, 3))
+    kept = x.copy()
+    matrices = greybox.held_linearly(np.array([9.0]), np.array([0.3]), 0.01)
+    greybox.delayed(x, np.full((1, 1), 0.5))
+    greybox.second_order(x, x, matrices, 0.3, 0.2, 1e9)
+    greybox.arx_response(x, np.array([-0.5]), np.array([0.2, 0.1]), 0.3, 0.2, 0.0, 1e9)
+    greybox.filtered(x, np.ones(3), np.array([0.1, 0.1]))
+    greybox.whitened(x[None], np.ones(6), ones)
+    greybox.held(x, x, 4.0, 0.2, 0.0)
+    greybox.rate_limited(x, 0.1)
+    greybox.stuck(x, 0.3, 0.1, True)
+    assert np.array_equal(x, kept)
+    assert np.all(ones == 1)

@@ -1,0 +1,350 @@
+"""ARXRegressor: exact coefficients, causes of rank deficiency, covariance, simulation."""
+
+import pickle
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict, cross_val_score
+from support import naive
+from support.synthetic import NK, A, B, arx_runs, run_time, stretches_of
+
+from skhoid import ARXRegressor, RankDeficiencyError, run_labels, vaf_score
+
+ORDERS = [
+    # na, nb, nk, inputs, intercept
+    (2, 2, 3, ["e"], False),
+    (0, 3, 0, ["e"], False),
+    (3, 1, 1, ["e"], True),
+    (2, [2, 3], [3, 0], ["e", "x"], False),
+    (1, 2, [0, 5], ["x", "e"], True),
+]
+
+
+def per_input(value, n_inputs):
+    return [value] * n_inputs if np.ndim(value) == 0 else list(value)
+
+
+@pytest.mark.parametrize("n_runs", [1, 5])
+@pytest.mark.parametrize(("na", "nb", "nk", "inputs", "intercept"), ORDERS)
+def test_coefficients_are_least_squares(n_runs, na, nb, nk, inputs, intercept):
+    X, y = arx_runs(n_runs, 150)
+    y = y + 3.0 * intercept
+    model = ARXRegressor(na, nb, nk, inputs=inputs, fit_intercept=intercept).fit(X, y)
+    n_inputs = len(inputs)
+    nbs, nks = per_input(nb, n_inputs), per_input(nk, n_inputs)
+    phi, output, rows, _ = naive.regressor_rows(
+        y.to_numpy(), X[inputs].to_numpy(), stretches_of(X), na, nbs, nks, intercept
+    )
+    theta, rss, *_ = np.linalg.lstsq(phi, output, rcond=None)
+    np.testing.assert_allclose(model.coef_, theta, rtol=1e-10, atol=1e-10)
+    variance = rss[0] / (len(rows) - theta.size)
+    assert model.noise_variance_ == pytest.approx(variance, rel=1e-10)
+    np.testing.assert_allclose(
+        model.covariance_, variance * np.linalg.inv(phi.T @ phi), rtol=1e-8, atol=1e-14
+    )
+    np.testing.assert_allclose(model.standard_errors_**2, np.diag(model.covariance_), rtol=1e-12)
+    assert model.n_rows_used_ == len(rows)
+    assert len(model.parameter_names_) == theta.size
+    np.testing.assert_array_equal(model.a_, model.coef_[:na])
+    b = model.b_ if n_inputs > 1 else [model.b_]
+    np.testing.assert_array_equal(np.concatenate(b), model.coef_[na : na + sum(nbs)])
+    assert [len(row) for row in b] == nbs
+    assert model.intercept_ == (model.coef_[-1] if intercept else 0.0)
+
+
+def test_hac_covariance_against_its_twin():
+    X, y = arx_runs(2, 150)
+    model = ARXRegressor(2, 2, 3, covariance="hac").fit(X, y)
+    phi, output, rows, _ = naive.regressor_rows(
+        y.to_numpy(), X[["e"]].to_numpy(), stretches_of(X), 2, (2,), (3,)
+    )
+    errors = output - phi @ model.coef_
+    n_lags = int(4 * (len(rows) / 100) ** (2 / 9))
+    run = (rows >= 150).astype(int)
+    meat = sum(
+        naive.newey_west((phi * errors[:, None])[run == r], rows[run == r], n_lags) for r in (0, 1)
+    )
+    bread = np.linalg.inv(phi.T @ phi)
+    np.testing.assert_allclose(model.covariance_, bread @ meat @ bread, rtol=1e-8)
+
+
+def test_hac_pairs_no_rows_of_two_runs():
+    """Without lags nothing separates the rows of two runs."""
+    X, y = arx_runs(2, 150)
+    model = ARXRegressor(0, 1, 0, covariance="hac").fit(X, y)
+    e, u = X["e"].to_numpy()[:, None], y.to_numpy()
+    scores = e * (u - e[:, 0] * model.coef_[0])[:, None]
+    n_lags = int(4 * (300 / 100) ** (2 / 9))
+    parts = [scores[:150], scores[150:]]
+    meat = sum(naive.newey_west(part, np.arange(150), n_lags) for part in parts)
+    bread = 1 / (e.T @ e)
+    np.testing.assert_allclose(model.covariance_, bread @ meat @ bread, rtol=1e-10)
+
+
+def normalised_errors(kind, make, truth, n_samples=200, **params):
+    """Mean over recordings of d' P^-1 d / p, d the error of theta; 1 when P is right."""
+    total = 0.0
+    for seed in range(n_samples):
+        model = ARXRegressor(covariance=kind, **params).fit(*make(seed))
+        error = model.coef_ - truth
+        total += error @ np.linalg.solve(model.covariance_, error) / truth.size
+    return total / n_samples
+
+
+def test_ols_covariance_with_white_equation_error():
+    """The mean of 200 chi-squared(4)/4 has a standard deviation of 0.05; 4 sigma."""
+
+    def make(seed):
+        return arx_runs(1, 600, seed=seed, noise=0.5)
+
+    truth = np.array([*A, *B])
+    assert normalised_errors("ols", make, truth, nk=NK) == pytest.approx(1.0, abs=0.2)
+
+
+def test_hac_covariance_with_coloured_error():
+    """Input and error are AR(1) with pole 0.6: their product has correlations 0.36^k.
+
+    "ols" is then too small by (1 + 0.36)/(1 - 0.36) = 2.1; the Bartlett weights of 6 lags leave
+    12 % of that. The mean of 200 chi-squared(1) has a standard deviation of 0.1.
+    """
+
+    def make(seed):
+        rng = np.random.default_rng(seed)
+        e, noise = lfilter([1.0], [1.0, -0.6], rng.standard_normal((2, 1000)))
+        return pd.DataFrame({"e": e}, index=run_time([1000])), e + noise
+
+    white = normalised_errors("ols", make, np.array([1.0]), na=0, nb=1)
+    robust = normalised_errors("hac", make, np.array([1.0]), na=0, nb=1)
+    assert white == pytest.approx(2.1, abs=0.8)  # 4 sigma of 0.2
+    assert robust == pytest.approx(1.12, abs=0.4)
+
+
+# Rank
+
+
+def rank_error(X, y, **params):
+    with pytest.raises(RankDeficiencyError) as caught:
+        ARXRegressor(**params).fit(X, y)
+    message = str(caught.value)
+    assert "cannot all be estimated" in message
+    return message
+
+
+@pytest.fixture(scope="module")
+def data():
+    return arx_runs(2, 150)
+
+
+def test_zero_input(data):
+    X, y = data
+    message = rank_error(X.assign(f=0.0), y, inputs=["e", "f"])
+    assert "Input 'f' is zero in all rows" in message
+    assert "rank 4" in message
+    assert "Leave it out" in message
+
+
+def test_constant_input(data):
+    X, y = data
+    message = rank_error(X.assign(f=3.0), y, inputs=["e", "f"])
+    assert "Input 'f' is constant (3)" in message
+    assert "fit_intercept" in message
+    message = rank_error(X.assign(f=3.0), y, inputs=["e", "f"], nb=1, fit_intercept=True)
+    assert "'f' is constant" in message
+
+
+def test_a_constant_input_with_one_lag_is_an_offset(data):
+    X, y = data
+    model = ARXRegressor(2, [2, 1], [3, 0], inputs=["e", "f"]).fit(X.assign(f=2.0), y + 4.0)
+    offset = ARXRegressor(2, 2, 3, fit_intercept=True).fit(X, y + 4.0)
+    assert 2.0 * model.coef_[-1] == pytest.approx(offset.intercept_, rel=1e-8)
+
+
+def test_duplicate_channel(data):
+    X, y = data
+    message = rank_error(X.assign(f=X["e"]), y, inputs=["e", "f"])
+    assert "'e' and 'f' are the same signal" in message
+    assert "e = - 0.5 f" in rank_error(X.assign(f=-2 * X["e"]), y, inputs=["e", "f"])
+
+
+def test_the_error_is_target_minus_output(data):
+    X, y = data
+    closed = X.assign(f_t=X["e"] + X["x"])
+    message = rank_error(closed, y, inputs=["e", "f_t", "x"])
+    assert "e = f_t - x" in message
+    assert "Leave one of them out" in message
+    ARXRegressor(inputs=["e", "x"]).fit(closed, y)
+
+
+def test_step_input(data):
+    X, y = data
+    step = X.assign(e=np.where(X.index.get_level_values("time") > 0.015, 1.0, 0.0))
+    message = rank_error(step, y, na=1, nb=4)
+    assert "The inputs do not excite b0, b1" in message
+    assert "a step only one" in message
+    ARXRegressor(1, 1).fit(step, y)
+
+
+def test_sine_input(data):
+    X, y = data
+    sine = X.assign(e=np.sin(2 * np.pi * 5 * X.index.get_level_values("time")))
+    assert "n sine waves" in rank_error(sine, y, na=0, nb=3)
+    ARXRegressor(0, 2).fit(sine, y)
+
+
+def test_constant_and_zero_output(data):
+    X, y = data
+    assert "output 'u' is constant (2)" in rank_error(X, 0 * y + 2.0)
+    assert "output 'u' is zero in all rows" in rank_error(X, 0 * y)
+
+
+def test_too_high_an_order_without_noise(data):
+    X, y = arx_runs(2, 150, noise=0.0)
+    message = rank_error(X, y, na=4, nb=4, nk=3)
+    assert "hold no noise" in message
+    assert "a4" in message
+    assert "smaller na and nb" in message
+    np.testing.assert_allclose(ARXRegressor(2, 2, 3).fit(X, y).coef_, [*A, *B], rtol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e-6, 1e6, 1e12])
+def test_units_do_not_matter(data, scale):
+    X, y = data
+    one = ARXRegressor(2, 2, 3).fit(X, y)
+    other = ARXRegressor(2, 2, 3).fit(X * scale, y)
+    np.testing.assert_allclose(other.a_, one.a_, rtol=1e-9)
+    np.testing.assert_allclose(other.b_ * scale, one.b_, rtol=1e-9)
+    both = ARXRegressor(2, 2, 3).fit(X * scale, y * scale)
+    np.testing.assert_allclose(both.coef_, one.coef_, rtol=1e-9)
+
+
+# Simulation
+
+
+def test_estimated_initial_state_recovers_a_homogeneous_response():
+    X, _ = arx_runs(2, 150)
+    X["e"] *= 0.1
+    _, y = arx_runs(2, 150)
+    model = ARXRegressor(2, 2, 3).fit(X, y)
+    model.coef_ = np.array([*A, *B])
+    starts = np.array([[3.0, -1.0], [-2.0, 5.0]])
+    truth = naive.free_run(X[["e"]].to_numpy(), stretches_of(X), A, [B], (3,), y0=starts)
+    u = pd.Series(truth, index=X.index)
+    np.testing.assert_allclose(
+        model.simulate(X, u, initial_state="estimate"), truth, rtol=1e-9, atol=1e-9
+    )
+    assert np.abs(model.simulate(X) - truth).max() > 1
+    np.testing.assert_array_equal(model.simulate(X), model.predict(X))
+    holed = u.where(np.arange(300) % 7 != 3)
+    np.testing.assert_allclose(
+        model.simulate(X, holed, initial_state="estimate"), truth, rtol=1e-9, atol=1e-9
+    )
+
+
+def test_an_estimated_initial_state_is_never_worse():
+    X, y = arx_runs(2, 150, noise=0.5)
+    model = ARXRegressor(2, 2, 3).fit(X, y)
+    start = vaf_score(y, model.simulate(X, y, initial_state="estimate"))
+    assert start >= vaf_score(y, model.predict(X))
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 5])
+def test_predict_ahead_through_the_public_door(data, horizon):
+    X, y = data
+    model = ARXRegressor(2, [2, 1], [3, 0], inputs=["e", "x"]).fit(X, y)
+    twin = naive.predict_ahead(
+        y.to_numpy(), X.to_numpy(), stretches_of(X), model.a_, model.b_, (3, 0), horizon=horizon
+    )
+    np.testing.assert_allclose(model.predict_ahead(X, y, horizon), twin, rtol=1e-10, atol=1e-12)
+
+
+def test_score_is_the_vaf_of_the_free_run(data):
+    X, y = data
+    model = ARXRegressor(2, 2, 3).fit(X, y)
+    twin = naive.free_run(X[["e"]].to_numpy(), stretches_of(X), model.a_, [model.b_], (3,))
+    assert model.score(X, y) == pytest.approx(naive.vaf(y, twin), rel=1e-12)
+    holed = y.where(np.arange(300) % 5 != 0)
+    assert model.score(X, holed) == pytest.approx(naive.vaf(holed, twin), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "theta", [(-2.5, 1.2, 1.0, 0.0), (-1e30, 1e30, 1e80, 0.0), (-1e200, 1e200, 1e200, 0.0)]
+)
+def test_unstable_models_stay_finite(data, theta):
+    X, y = data
+    model = ARXRegressor(2, 2, 3).fit(X, y)
+    model.coef_ = np.array(theta)
+    assert np.isfinite(model.predict(X)).all()
+    assert np.isfinite(model.simulate(X, y, initial_state="estimate")).all()
+    assert np.isfinite(model.predict_ahead(X, y, 5)).all()
+    assert model.score(X, y) == -1000.0
+    assert vaf_score(y, model.predict(X)) == 0.0
+
+
+def test_predict_of_a_single_row(data):
+    X, y = data
+    model = ARXRegressor(2, 2, 0).fit(X, y)
+    assert model.predict(X.iloc[[7]]) == pytest.approx(model.b_[0] * X["e"].iloc[7], rel=1e-12)
+    assert model.predict_ahead(X.iloc[[7]], y.iloc[[7]]).shape == (1,)
+
+
+# Life in scikit-learn
+
+
+def test_clone_pickle_and_joblib(data, tmp_path):
+    X, y = data
+    model = ARXRegressor(2, [2, 1], [3, 0], inputs=["e", "x"], covariance="hac").fit(X, y)
+    expected = model.predict(X)
+    fresh = clone(model)
+    assert fresh.get_params() == model.get_params()
+    with pytest.raises(NotFittedError):
+        fresh.predict(X)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(model)).predict(X), expected)
+    joblib.dump(model, tmp_path / "model.joblib")
+    np.testing.assert_array_equal(joblib.load(tmp_path / "model.joblib").predict(X), expected)
+    parallel = joblib.Parallel(2, prefer="threads")(
+        joblib.delayed(lambda m: clone(m).fit(X, y).predict(X))(model) for _ in range(4)
+    )
+    for found in parallel:
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_fit_leaves_parameters_and_data_alone(data):
+    X, y = data
+    before, y_before = X.copy(), y.copy()
+    model = ARXRegressor(2, [2], [3], inputs=["e"])
+    params = {name: repr(value) for name, value in model.get_params().items()}
+    model.fit(X, y).predict(X)
+    model.predict_ahead(X, y, 3)
+    assert {name: repr(value) for name, value in model.get_params().items()} == params
+    pd.testing.assert_frame_equal(X, before)
+    pd.testing.assert_series_equal(y, y_before)
+
+
+def test_refitting_forgets_the_first_fit(data):
+    X, y = data
+    model = ARXRegressor(2, 2, 3).fit(X.droplevel("run").iloc[:150].to_numpy(), y.to_numpy()[:150])
+    model.fit(X, y)
+    np.testing.assert_array_equal(model.coef_, ARXRegressor(2, 2, 3).fit(X, y).coef_)
+    assert model.dt_ == 0.01
+
+
+def test_stock_cross_validation_over_runs():
+    X, y = arx_runs(4, 120)
+    groups = run_labels(X)
+    scores = cross_val_score(ARXRegressor(2, 2, 3), X, y, groups=groups, cv=LeaveOneGroupOut())
+    predictions = cross_val_predict(
+        ARXRegressor(2, 2, 3), X, y, groups=groups, cv=LeaveOneGroupOut()
+    )
+    assert predictions.shape == (len(X),)
+    for run, score in enumerate(scores, start=1):
+        rest = [other for other in (1, 2, 3, 4) if other != run]
+        model = ARXRegressor(2, 2, 3).fit(X.loc[rest], y.loc[rest])
+        assert score == pytest.approx(model.score(X.loc[[run]], y.loc[[run]]), rel=1e-12)
+        np.testing.assert_allclose(
+            predictions[groups == run], model.predict(X.loc[[run]]), rtol=1e-12
+        )

@@ -1,0 +1,377 @@
+"""ARXRegressor with effects: against plain loops, recovery of what was simulated, real data."""
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
+from support.places import RECORDINGS
+
+from skhoid import ARXRegressor, EffectSearchCV, run_labels
+from skhoid.effects import DeadZone, HigherOrder, TimeVaryingGain
+
+A, B, NK = [-1.5, 0.7], [0.12, 0.08], 3
+DT = 0.02
+SILVERBOX = RECORDINGS / "silverbox" / "SNLS80mV.parquet"
+
+
+def arx(effect=None):
+    """The model of the right orders for what ``SIMULATED`` makes."""
+    nk = 1 if effect == "hardening_stiffness" else NK  # a spring that answers later is unstable
+    return ARXRegressor(2, 2, nk, effects=effect)
+
+
+def late(x, lag):
+    """x(t - lag), zero before."""
+    return np.concatenate([np.zeros(lag), x[: x.size - lag]])
+
+
+def linear(x, nk=NK):
+    return lfilter([0.0] * nk + B, [1.0, *A], x)
+
+
+def duffing(x, stiffness, nk=1):
+    """A y = B (x - stiffness y^3), sample by sample, for nk > 0."""
+    y, w = np.zeros_like(x), np.zeros_like(x)
+    for t in range(x.size):
+        for i, a in enumerate(A, 1):
+            y[t] -= a * y[t - i] if t >= i else 0.0
+        for j, b in enumerate(B):
+            y[t] += b * w[t - nk - j] if t >= nk + j else 0.0
+        w[t] = x[t] - stiffness * y[t] ** 3
+    return y
+
+
+def inputs(n_runs=3, n=1500, dt=DT):
+    """An error and a slower, independent channel, smooth in time."""
+    rng = np.random.default_rng(3)
+    frames = []
+    for _ in range(n_runs):
+        e = lfilter([0.1], [1, -0.9], rng.standard_normal(n)) * 5
+        other = lfilter([0.02], [1, -0.98], rng.standard_normal(n)) * 5
+        time = np.arange(n) * dt
+        frames.append(pd.DataFrame({"e": e, "speed": other}, index=pd.Index(time, name="time")))
+    X = pd.concat(frames, keys=range(n_runs), names=["run", "time"])
+    X.attrs["units"] = {"e": "V", "speed": "m/s"}
+    return X
+
+
+def runs(response, noise=0.02, **kwargs):
+    """Inputs, and the output that ``response(frame of a run)`` makes, with white noise."""
+    X = inputs(**kwargs)
+    clean = np.concatenate(
+        [response(X.loc[r].reset_index()) for r in X.index.get_level_values("run").unique()]
+    )
+    noise = noise * clean.std() * np.random.default_rng(4).standard_normal(clean.size)
+    y = pd.Series(clean + noise, index=X.index, name="u")
+    y.attrs["units"] = {"u": "mm"}
+    return X, y
+
+
+def gap(x, width):
+    return x - np.clip(x, -width, width)
+
+
+def ramped(run):
+    share = 1 / (1 + np.exp(-2.0 * (run["time"] - 14.0)))
+    return linear(run["e"].to_numpy() * (1 + 0.8 * share))
+
+
+SIMULATED = {
+    "dead_zone": (lambda r: linear(gap(r["e"].to_numpy(), 0.6)), {"width": 0.6}),
+    "saturation": (lambda r: np.clip(linear(r["e"].to_numpy()), -1.0, 1.0), {"limit": 1.0}),
+    "bias": (lambda r: linear(r["e"].to_numpy()) + 0.5, {"level": 0.5}),
+    "drift": (lambda r: linear(r["e"].to_numpy()) + 0.04 * (r["time"] - 15.0), {"rate": 0.04}),
+    "tv_gain": (ramped, {"K_e_change": 0.8, "rate": 2.0, "time": 14.0}),
+    "scheduled_gain": (
+        lambda r: linear((r["e"] * (1 + 0.5 * r["speed"])).to_numpy()),
+        {"slope": 0.5 / (1 + 0.5 * 0.0)},
+    ),
+    "cross_axis": (lambda r: linear((r["e"] - 0.7 * r["speed"]).to_numpy()), {"gain": -0.7}),
+    "extra_lag": (
+        lambda r: linear(lfilter([1, 1], [1 + 2 * 0.3 / DT, 1 - 2 * 0.3 / DT], r["e"])),
+        {"time": 0.3},
+    ),
+    "hardening_stiffness": (lambda r: duffing(r["e"].to_numpy(), 0.05), {"stiffness": 0.05}),
+}
+
+
+def test_without_effects_nothing_changes():
+    X, y = runs(lambda r: linear(r["e"].to_numpy()))
+    model = ARXRegressor(2, 2, NK).fit(X, y)
+    np.testing.assert_array_equal(model.parameters_["value"], model.coef_)
+    assert len(model.effects_) == 0
+    expected = np.concatenate(
+        [
+            lfilter(np.r_[np.zeros(NK), model.b_], np.r_[1.0, model.a_], X["e"].loc[r])
+            for r in range(3)
+        ]
+    )
+    np.testing.assert_allclose(model.predict(X), expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SIMULATED)
+def test_what_was_simulated_is_recovered(name):
+    """Within four standard errors, or two percent (forms differ in their first samples)."""
+    response, truth = SIMULATED[name]
+    X, y = runs(response)
+    model = arx(name).fit(X, y)
+    for key, value in truth.items():
+        if key == "slope":  # referred to the mean of the channel
+            value = value / (1 + value * X["speed"].mean())
+        row = model.parameters_.loc[f"{name}__{key}"]
+        assert abs(row["value"] - value) < max(4 * row["sd"], 0.02 * abs(value)), (key, row)
+    np.testing.assert_allclose(model.a_, A, atol=0.05)
+    assert model.score(X, y) > 99.8
+    assert model.vaf_ == pytest.approx(model.score(X, y), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["dead_zone", "hardening_stiffness", "saturation"])
+def test_the_free_run_is_that_of_a_plain_loop(name):
+    response, _ = SIMULATED[name]
+    X, y = runs(response, noise=0.0)
+    effect = DeadZone(form="gap") if name == "dead_zone" else name
+    model = arx(name).set_params(effects=effect).fit(X, y)
+    np.testing.assert_allclose(model.predict(X), y, atol=2e-4 * y.std())
+
+
+def one_run(time):
+    return pd.MultiIndex.from_product([["r"], time], names=["run", "time"])
+
+
+def multisine(t, shift=0.0):
+    """Smooth input whose value between samples is known."""
+    rng = np.random.default_rng(5)
+    omega = 2 * np.pi * np.arange(1, 15) * 0.11
+    phases = rng.uniform(0, 2 * np.pi, omega.size)
+    return np.sin(np.outer(t - shift, omega) + phases).sum(axis=1)
+
+
+def delay_of(a, b):
+    """Delay in samples of slow inputs by B / A."""
+    lags = np.arange(3)
+    return b[1] / np.sum(b) - np.r_[1.0, a] @ lags / np.sum(np.r_[1.0, a])
+
+
+@pytest.mark.parametrize("extra", [-2.5, -0.4, 0.3, 4.7])
+def test_a_delay_between_samples(extra):
+    t = np.arange(3000) * DT
+    X = pd.DataFrame({"e": multisine(t)}, index=one_run(t))
+    y = linear(multisine(t, extra * DT))
+    y += 0.02 * y.std() * np.random.default_rng(6).standard_normal(y.size)
+    model = ARXRegressor(2, 2, NK, settling=1.0, effects="wrong_delay").fit(X, y)
+    row = model.parameters_.loc["wrong_delay__extra"]
+    # Coefficients delay slow inputs too, by as much as they share with the effect.
+    found = row["value"] / DT + delay_of(model.a_, model.b_) - delay_of(A, B)
+    assert found == pytest.approx(extra, abs=0.1)
+    assert model.score(X, y) > 99.5
+
+
+def test_a_delay_cannot_come_before_its_cause():
+    X, y = runs(lambda r: np.r_[linear(r["e"].to_numpy(), 0)[5:], np.zeros(5)])
+    model = ARXRegressor(2, 2, 2, effects="wrong_delay").fit(X, y)
+    assert model.parameters_.loc["wrong_delay__extra", "value"] == pytest.approx(-2 * DT)
+
+
+def test_orders_that_are_missing():
+    """A resonance more: two poles and zeros, of the continuous time that HigherOrder names."""
+    resonance = HigherOrder(
+        zero_frequency=9.0, zero_damping=0.5, pole_frequency=6.0, pole_damping=0.1
+    )
+    X, y = runs(lambda r: linear(r["e"].to_numpy()))
+    known = ARXRegressor(2, 2, NK, effects=resonance).fit(X, y)
+    y = pd.Series(known.predict(X), index=X.index)
+    y += 0.02 * y.std() * np.random.default_rng(8).standard_normal(len(y))
+    short = ARXRegressor(2, 2, NK)
+    assert short.fit(X, y).score(X, y) < 97
+    found = short.with_effect("higher_order").fit(X, y)
+    assert found.score(X, y) > 99.9
+
+
+def test_time_has_no_preferred_unit():
+    """The same rows with another clock: times scale with it, all else stays."""
+    response, _ = SIMULATED["extra_lag"]
+    X, y = runs(response)
+    run, time = (X.index.get_level_values(level) for level in ("run", "time"))
+    slow = X.set_axis(pd.MultiIndex.from_arrays([run, 50 * time], names=["run", "time"]))
+    fits = [
+        ARXRegressor(2, 2, NK, effects=["extra_lag", "drift"]).fit(x, y.set_axis(x.index))
+        for x in (X, slow)
+    ]
+    fast, slow = (f.parameters_["value"] for f in fits)
+    assert slow["extra_lag__time"] == pytest.approx(50 * fast["extra_lag__time"], rel=1e-3)
+    assert slow["drift__rate"] == pytest.approx(fast["drift__rate"] / 50, rel=1e-2, abs=1e-7)
+    assert fits[1].vaf_ == pytest.approx(fits[0].vaf_, abs=1e-4)
+
+
+def test_units_scale():
+    X, y = runs(SIMULATED["hardening_stiffness"][0])
+    model = arx("hardening_stiffness").fit(X, y)
+    other = clone(model).fit(100 * X, 0.01 * y)
+    name = "hardening_stiffness__stiffness"
+    assert other.parameters_.loc[name, "value"] == pytest.approx(
+        100 / 0.01**3 * model.parameters_.loc[name, "value"], rel=1e-3
+    )
+    assert model.parameters_.loc[name, "unit"] == "V/mm^3"
+    np.testing.assert_allclose(other.predict(100 * X), 0.01 * model.predict(X), atol=1e-5 * y.std())
+
+
+def test_order_of_runs_and_numpy():
+    X, y = runs(SIMULATED["dead_zone"][0])
+    model = ARXRegressor(2, 2, NK, effects=DeadZone(form="gap")).fit(X, y)
+    order = [2, 0, 1]
+    turned = pd.concat([X.loc[[r]] for r in order])
+    again = clone(model).fit(turned, y.loc[order].reindex(turned.index))
+    np.testing.assert_allclose(again.coef_, model.coef_, rtol=1e-4, atol=1e-6)
+    plain = np.column_stack([X.index.get_level_values(0), X["e"], X["speed"]]).astype(float)
+    numpy = clone(model).set_params(dt=DT, run=0, inputs=[1]).fit(plain, y.to_numpy())
+    np.testing.assert_allclose(numpy.coef_, model.coef_, rtol=1e-10)
+    np.testing.assert_allclose(numpy.predict(plain), model.predict(X), rtol=1e-9, atol=1e-12)
+    some = model.predict(X.loc[[1]])
+    np.testing.assert_allclose(some, model.predict(X)[1500:3000], rtol=1e-12, atol=1e-12)
+
+
+def test_settling_and_gaps_and_missing_values():
+    X, y = runs(SIMULATED["dead_zone"][0])
+    disturbed = y.copy()
+    disturbed[X.index.get_level_values("time") < 1.0] += 30.0  # counts only without settling
+    disturbed.iloc[700:720] = np.nan
+    model = ARXRegressor(2, 2, NK, settling=1.0, effects=DeadZone(form="gap")).fit(X, disturbed)
+    assert model.parameters_.loc["dead_zone__width", "value"] == pytest.approx(0.6, abs=0.03)
+    assert model.n_rows_missing_ == 20
+    assert model.n_rows_used_ == len(y) - 3 * 50 - 20
+    cut = X.index.get_level_values("time").to_numpy() // 10 != 1  # a gap of 10 s
+    model.fit(X[cut], y[cut])
+    assert model.parameters_.loc["dead_zone__width", "value"] == pytest.approx(0.6, abs=0.03)
+
+
+def test_intercept():
+    X, y = runs(lambda r: linear(r["e"].to_numpy() + 2.0))
+    model = ARXRegressor(2, 2, NK, fit_intercept=True, effects="dead_zone").fit(X, y)
+    linear_part = clone(model).set_params(effects=None).fit(X, y)
+    assert model.intercept_ == pytest.approx(2.0 * sum(B), rel=0.1)
+    assert linear_part.parameter_names_ == model.parameter_names_
+    assert model.score(X, y) > 99.8
+
+
+def test_only_the_gain_of_an_arx_model_changes():
+    X, y = runs(ramped)
+    model = ARXRegressor(2, 2, NK, effects=TimeVaryingGain(form="sigmoid")).fit(X, y)
+    table = model.parameters_
+    assert table.loc["tv_gain__K_edot_change", "meaning"].endswith("(given)")
+    assert np.isfinite(table.loc["tv_gain__K_e_change", "sd"])
+
+
+def test_what_does_not_apply_says_why():
+    X, y = runs(lambda r: linear(r["e"].to_numpy()))
+    model = ARXRegressor(2, 2, NK)
+    with pytest.raises(ValueError, match=r"extra_lead does not apply: .* raise nb"):
+        model.with_effect("extra_lead").fit(X, y)
+    with pytest.raises(ValueError, match=r"nm_mode does not apply: .* no neuromuscular system"):
+        model.with_effect("nm_mode").fit(X, y)
+    with pytest.raises(ValueError, match=r"X has no column of role motion"):
+        model.with_effect("motion_feedback").fit(X, y)
+    with pytest.raises(ValueError, match="'iv'"):
+        model.set_params(method="iv").with_effect("bias").fit(X, y)
+    many = ARXRegressor(2, 2, NK, effects="bias")
+    with pytest.raises(ValueError, match=r"one channel and gets \['a', 'b'\]"):
+        many.fit(X.set_axis(["a", "b"], axis=1), y)
+    fitted = clone(many).fit(X, y)
+    with pytest.raises(ValueError, match="from rest"):
+        fitted.simulate(X, y, initial_state="estimate")
+    np.testing.assert_array_equal(fitted.simulate(X), fitted.predict(X))
+
+
+def test_forecasts_are_those_of_the_ar_model():
+    X, y = runs(SIMULATED["dead_zone"][0], noise=0.0)
+    rng = np.random.default_rng(7)
+    y = y + 0.2 * lfilter([1.0], [1, -0.9], rng.standard_normal(len(y)))
+    model = ARXRegressor(2, 2, NK, effects=DeadZone(form="gap")).fit(X, y)
+    free = model.predict(X)
+    residual = (y - free).to_numpy()
+    ar = model.noise_ar_
+    for horizon in (1, 3):
+        ahead = model.predict_ahead(X, y, horizon)
+        for row in (200, 1700):  # iterate the recursion from what is known
+            known = list(residual[row - horizon - 5 : row - horizon + 1])
+            for _ in range(horizon):
+                known.append(-np.dot(ar, known[::-1][:6]))
+            assert ahead[row] == pytest.approx(free[row] + known[-1], rel=1e-9, abs=1e-12)
+    one, far = (np.std(y - model.predict_ahead(X, y, h)) for h in (1, 400))
+    assert one == pytest.approx(0.2, rel=0.05)
+    assert far == pytest.approx(residual.std(), rel=0.02)
+
+
+def test_sklearn_tools():
+    X, y = runs(SIMULATED["dead_zone"][0])
+    model = ARXRegressor(2, 2, NK).with_effect(DeadZone(form="gap")).with_effect("bias")
+    assert model.get_params()["effects__dead_zone__form"] == "gap"
+    grid = GridSearchCV(model, {"effects__dead_zone__width": [0.3, 0.6]}, cv=LeaveOneGroupOut())
+    grid.fit(X, y, groups=run_labels(X))
+    assert grid.best_params_ == {"effects__dead_zone__width": 0.6}
+    best = pickle.loads(pickle.dumps(grid.best_estimator_))
+    np.testing.assert_array_equal(best.predict(X), grid.predict(X))
+    assert "dead_zone" in best.summary()
+    assert "Residual sd" in ARXRegressor(2, 2, NK).fit(X, y).summary()
+
+
+@pytest.mark.parametrize(
+    ("name", "others"),
+    [
+        ("dead_zone", ["cubic_gain", "saturation", "wrong_delay", "bias"]),
+        ("hardening_stiffness", ["cubic_gain", "saturation", "dead_zone", "higher_order"]),
+        ("cross_axis", ["scheduled_gain", "drift", "bias"]),
+    ],
+)
+def test_search_names_it(name, others):
+    response, _ = SIMULATED[name]
+    X, y = runs(response)
+    search = EffectSearchCV(arx(name).set_params(effects=None), effects=[*others, name]).fit(X, y)
+    assert search.best_effects_ == [name]
+    assert search.verdict_ == "effects found"
+    assert search.score(X, y) > 99.8 > search.baseline_.score(X, y)
+
+
+def test_search_finds_nothing_in_a_linear_system():
+    X, y = runs(lambda r: linear(r["e"].to_numpy()), noise=0.3)
+    search = EffectSearchCV(ARXRegressor(2, 2, NK)).fit(X, y)
+    assert search.best_effects_ == []
+    assert search.verdict_ == "nothing is missing"
+    refused = search.ranking_.set_index("effect")["status"]
+    assert refused["nm_mode"] == refused["extra_lead"] == "does not apply"
+
+
+def test_search_finds_the_delay():
+    X, y = runs(lambda r: linear(late(r["e"].to_numpy(), 4)))
+    search = EffectSearchCV(
+        ARXRegressor(2, 2, 1), effects=["wrong_delay", "higher_order", "bias", "dead_zone"]
+    ).fit(X, y)
+    assert search.best_effects_ == ["wrong_delay"]
+    extra = search.best_estimator_.parameters_.loc["wrong_delay__extra", "value"]
+    assert extra == pytest.approx((NK - 1 + 4) * DT, abs=0.2 * DT)
+
+
+@pytest.mark.skipif(not SILVERBOX.exists(), reason=f"needs {SILVERBOX}, which is not published")
+def test_silverbox():
+    """An electronic Duffing oscillator: fitted to multisines, tried on the louder arrow."""
+    table = pd.read_parquet(SILVERBOX)
+    dt = 2**14 / 1e7
+
+    def part(begin, end):
+        rows = table.iloc[begin:end]
+        index = one_run(np.arange(end - begin) * dt)
+        return pd.DataFrame({"e": rows["V1"].to_numpy()}, index), rows["V2"].to_numpy()
+
+    X, y = part(40_700, 58_000)
+    arrow, measured = part(0, 40_500)
+    search = EffectSearchCV(ARXRegressor(2, 3, 0, fit_intercept=True, settling=0.1)).fit(X, y)
+    assert search.best_effects_ == ["hardening_stiffness"]
+
+    def error(model):
+        return 1e3 * float(np.sqrt(np.mean((measured - model.predict(arrow)) ** 2)))
+
+    assert error(search.baseline_) > 10.0  # mV
+    assert error(search.best_estimator_) < 2.0

@@ -1,0 +1,113 @@
+"""Instrumental variables against the bias that remnant causes in a loop (Fig. 10 of the thesis)."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from support import closed_loop as cl
+
+from skhoid import ARXRegressor, RankDeficiencyError, ShortRunError
+
+# facts.json G1.Kn.H1.<state>.P0.15: gain of first-order remnant of intensity 0.15.
+GAINS = {"C1": 0.010890880817905154, "C2": 0.02563982010171929}
+# facts.json fig10.relative_bias.<state>.H1.P0.15.nk0, and its tolerance for 300 runs.
+FIG_10_B0 = {"C1": 9.261785296079944, "C2": 9.509112371150605}
+
+
+def recording(state, gain, seed, label=1, keep=8192):
+    run = cl.simulate(state, remnant_gain=gain, rng=seed).last()
+    index = pd.MultiIndex.from_product([[label], np.arange(keep) * 0.01], names=["run", "time"])
+    X = pd.DataFrame({"e": run.e[:keep], "x": run.x[:keep], "f_t": run.f_t[:keep]}, index=index)
+    return X, pd.Series(run.u[:keep], index=index, name="u")
+
+
+def relative_errors(state, seeds, **options):
+    truth = np.array(cl.ZOH_100HZ[state])
+    errors, stated = [], []
+    for seed in seeds:
+        model = ARXRegressor(nk=29, **options).fit(*recording(state, GAINS[state], seed))
+        errors.append((model.coef_ - truth) / np.abs(truth))
+        stated.append(model.standard_errors_ / np.abs(truth))
+    return np.array(errors), np.array(stated)
+
+
+@pytest.mark.parametrize("state", ["C1", "C2"])
+def test_bias_of_fig_10_falls(state):
+    seeds = range(200, 204)
+    ols, _ = relative_errors(state, seeds)
+    iv, _ = relative_errors(state, seeds, method="iv")
+    # One run scatters by 0.35 (OLS) and 0.06 (IV) of b0: 4 sigma of the mean of four.
+    assert abs(ols.mean(axis=0)[2] - FIG_10_B0[state]) < 4 * 0.4 / 2
+    assert np.abs(iv.mean(axis=0)[2:]).max() < 0.05 + 4 * 0.065 / 2
+    assert np.abs(iv.mean(axis=0)[:2]).max() < 0.01 + 4 * 0.008 / 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("state", ["C1", "C2"])
+def test_bias_and_standard_errors_over_forty_runs(state):
+    ols, _ = relative_errors(state, range(300, 340), covariance="hac")
+    iv, stated = relative_errors(state, range(300, 340), method="iv", covariance="hac")
+    print(state, "OLS bias", ols.mean(axis=0).round(3), "sd", ols.std(axis=0).round(3))
+    print(state, "IV bias ", iv.mean(axis=0).round(3), "sd", iv.std(axis=0).round(3))
+    print(state, "stated / actual sd", (stated.mean(axis=0) / iv.std(axis=0)).round(2))
+    assert np.all(np.abs(iv.mean(axis=0)) < 0.05)
+    assert np.all(np.abs(stated.mean(axis=0) / iv.std(axis=0) - 1) < 0.35)
+
+
+def test_runs_are_independent_of_their_order_and_labels():
+    parts = [recording("C1", GAINS["C1"], seed, label=seed, keep=4096) for seed in (1, 2)]
+    options = {"nk": 29, "method": "iv"}
+    both = ARXRegressor(**options).fit(
+        pd.concat([p[0] for p in parts]), pd.concat([p[1] for p in parts])
+    )
+    swapped = ARXRegressor(**options).fit(
+        pd.concat([p[0] for p in parts[::-1]]), pd.concat([p[1] for p in parts[::-1]])
+    )
+    np.testing.assert_allclose(both.coef_, swapped.coef_, rtol=1e-8)
+
+
+def test_missing_rows_cut_a_run():
+    X, y = recording("C1", GAINS["C1"], 3)
+    y = y.copy()
+    y.iloc[4000:4005] = np.nan
+    with pytest.warns(UserWarning, match="5 rows"):
+        holed = ARXRegressor(nk=29, method="iv").fit(X, y)
+    whole = ARXRegressor(nk=29, method="iv").fit(*recording("C1", GAINS["C1"], 3))
+    assert holed.n_rows_missing_ > 0
+    np.testing.assert_allclose(holed.coef_, whole.coef_, rtol=0.05)
+
+
+def test_scattered_missing_rows_cost_only_their_lags():
+    X, y = recording("C1", GAINS["C1"], 6)
+    y = y.copy()
+    y.iloc[100::100] = np.nan
+    with pytest.warns(UserWarning, match="81 rows"):
+        holed = ARXRegressor(nk=29, method="iv").fit(X, y)
+    assert holed.n_rows_missing_ <= 3 * 81
+    whole = ARXRegressor(nk=29, method="iv").fit(*recording("C1", GAINS["C1"], 6))
+    np.testing.assert_allclose(holed.coef_[:2], whole.coef_[:2], rtol=0.05)
+
+
+def test_a_missing_instrument_is_mentioned():
+    X, y = recording("C1", GAINS["C1"], 7)
+    X.iloc[4000:4010, 2] = np.nan
+    with pytest.warns(UserWarning, match="10 rows of 'f_t'"):
+        ARXRegressor(nk=29, method="iv").fit(X, y)
+
+
+def test_intercept_takes_an_offset():
+    X, y = recording("C1", GAINS["C1"], 4)
+    model = ARXRegressor(nk=29, method="iv", fit_intercept=True).fit(X, y + 3.0)
+    steady_state = model.intercept_ / (1 + model.a_.sum())
+    assert abs(steady_state - 3.0) < 0.5
+
+
+def test_errors_say_what_to_do():
+    X, y = recording("C1", GAINS["C1"], 5)
+    with pytest.raises(ValueError, match="needs external signals"):
+        ARXRegressor(method="iv").fit(X[["e", "x"]], y)
+    with pytest.raises(ValueError, match="cannot be its own instrument"):
+        ARXRegressor(method="iv", instruments=["e"]).fit(X, y)
+    with pytest.raises(RankDeficiencyError, match="excite 1 directions"):
+        ARXRegressor(nk=29, method="iv").fit(X.assign(f_t=1.0), y)
+    with pytest.raises(ShortRunError, match="reach 189 samples"):
+        ARXRegressor(nk=29, method="iv").fit(X[:150], y[:150])

@@ -1,0 +1,222 @@
+"""RecursiveARX: free runs and predictions along the path of the parameters."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+from sklearn.model_selection import LeaveOneGroupOut, cross_val_score
+from sklearn.pipeline import make_pipeline
+from support import naive
+from support.recursion_twin import (
+    ORDERS,
+    THETA0,
+    changing_runs,
+    recursive,
+    sample_numbers,
+    shifted,
+    stretches_of,
+)
+from support.synthetic import DT, arx_runs
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelayShift,
+    RecursiveARX,
+    RunInTrimmer,
+    RunTimeWarning,
+    run_labels,
+    vaf_score,
+)
+
+NK = ORDERS["nk"]
+
+
+def split(theta):
+    return theta[:2], [theta[2:4]], 0.0
+
+
+def rows_of_path(model, X):
+    """Parameters of every row: those of its time, and beyond the path its nearest end."""
+    numbers = np.rint(model.time_path_ / DT).astype(int)
+    at = np.searchsorted(numbers, np.clip(sample_numbers(X), numbers[0], numbers[-1]))
+    return model.coef_path_[at]
+
+
+def twin_of_predict(model, X):
+    path = rows_of_path(model, X)
+    return naive.free_run_along(X[["e"]].to_numpy(), stretches_of(X), split, path, (NK,))
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    X, y = changing_runs(400, 2)
+    part = X.index.get_level_values("time") > 0.5 - DT / 2
+    return recursive(memory_horizon=30).fit(X[part], y[part]), X, y
+
+
+def test_predict_follows_the_path(fitted):
+    model, X, _ = fitted
+    assert model.time_path_[0] == pytest.approx(0.5)
+    longer, _ = arx_runs(lengths=[600, 100], seed=9)
+    for rows in (X, longer, shifted(X, -2.0), shifted(X, 2.0)):
+        found = model.predict(rows[X.columns])
+        np.testing.assert_allclose(found, twin_of_predict(model, rows), rtol=1e-10, atol=1e-12)
+    far = shifted(X, 100.0)
+    with pytest.warns(RunTimeWarning, match=r"run 1, t = 100 s .* 0.5 to 3.99 s"):
+        found = model.predict(far[X.columns])
+    np.testing.assert_allclose(found, twin_of_predict(model, far), rtol=1e-10, atol=1e-12)
+
+
+def test_runs_that_share_no_time_are_mentioned():
+    X, y = changing_runs(300, 2)
+    late = [pd.concat([t.loc[[1]], shifted(t.loc[[2]], 50.0)]) for t in (X, y)]
+    with pytest.warns(RunTimeWarning, match=r"Run 1 shares no instant"):
+        recursive(memory_horizon=30).fit(*late)
+
+
+def test_predict_across_a_gap_and_of_pieces(fitted):
+    model, X, _ = fitted
+    keep = np.ones(len(X), bool)
+    keep[[*range(150, 190), *range(500, 501)]] = False
+    holed = X[keep]
+    np.testing.assert_allclose(
+        model.predict(holed), twin_of_predict(model, holed), rtol=1e-10, atol=1e-12
+    )
+    piece = X.iloc[200:300]
+    np.testing.assert_allclose(
+        model.predict(piece), twin_of_predict(model, piece), rtol=1e-10, atol=1e-12
+    )
+
+
+def test_the_last_parameters_make_a_constant_model(fitted):
+    path_model, X, y = fitted
+    model = recursive(memory_horizon=30, parameters="last").fit(X, y)
+    path = np.tile(model.coef_, (len(X), 1))
+    twin = naive.free_run_along(X[["e"]].to_numpy(), stretches_of(X), split, path, (NK,))
+    np.testing.assert_allclose(model.predict(X), twin, rtol=1e-10, atol=1e-12)
+    assert np.abs(path_model.predict(X) - twin).max() > 0.1
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 5])
+@pytest.mark.parametrize("parameters", ["path", "last"])
+def test_predict_ahead(horizon, parameters):
+    X, y = changing_runs(200, 2)
+    model = recursive(memory_horizon=30, parameters=parameters).fit(X, y)
+    path = np.tile(model.coef_, (400, 1))
+    if parameters == "path":  # as it was known ``horizon`` samples before
+        known = np.concatenate([np.tile(model.initial_coef_, (horizon, 1)), model.coef_path_])
+        path = np.tile(known[:200], (2, 1))
+    holed = y.copy()
+    holed.iloc[[50, 51, 260]] = np.nan
+    for output in (y, holed):
+        twin = naive.predict_ahead_along(
+            output.to_numpy(), X.to_numpy(), stretches_of(X), split, path, (NK,), horizon
+        )
+        found = model.predict_ahead(X, output, horizon=horizon)
+        np.testing.assert_allclose(found, twin, rtol=1e-10, atol=1e-12)
+
+
+def test_one_step_ahead_of_one_run_is_what_the_recursion_saw():
+    X, y = changing_runs(300, 1)
+    model = recursive(memory_horizon=10).fit(X, y)
+    known = ~np.isnan(model.one_step_errors_)
+    errors = (y - model.predict_ahead(X, y)).to_numpy()
+    np.testing.assert_allclose(errors[known], model.one_step_errors_[known], atol=1e-12)
+
+
+def test_score_is_the_vaf_of_the_free_run(fitted):
+    model, X, y = fitted
+    assert model.score(X, y) == pytest.approx(vaf_score(y, model.predict(X)), rel=1e-12)
+    assert model.score(X, y) > ARXRegressor(**ORDERS).fit(X, y).score(X, y) + 5
+
+
+def test_initial_state_is_found_along_the_path():
+    """Of a run without noise that begins with u(-1) = 5, u(-2) = -3, and changes."""
+    n = 300
+    X, _ = changing_runs(n)
+    e, b0 = X["e"].to_numpy(), np.linspace(1, 2, n)
+    u = np.r_[-3.0, 5.0, np.zeros(n)]
+    for t in range(n):
+        lag = e[t - NK] if t >= NK else 0.0
+        u[t + 2] = 1.5 * u[t + 1] - 0.7 * u[t] + b0[t] * lag
+    y = pd.Series(u[2:], X.index)
+    model = recursive(memory_horizon=20).fit(X, y)
+    constant = np.ones(n)
+    model.coef_path_ = np.column_stack([-1.5 * constant, 0.7 * constant, b0, 0.0 * constant])
+    assert np.abs(model.predict(X) - y).max() > 1
+    np.testing.assert_allclose(model.simulate(X, y, initial_state="estimate"), y, atol=1e-8)
+
+
+def test_unstable_parameters_stay_within_the_bound():
+    X, y = arx_runs(1, 3000)
+    model = RecursiveARX(**ORDERS, init=[-3.0, 2.0, 1.0, 1.0], p0=1e-9, init_window=1.0).fit(X, y)
+    prediction = model.predict(X)
+    assert np.isfinite(prediction).all()
+    assert np.abs(prediction).max() == 1e100
+    assert np.isfinite(model.score(X, y))
+
+
+def test_predict_without_time_starts_at_the_first_instant():
+    X, y = changing_runs(300)
+    named = recursive(memory_horizon=30).fit(X, y)
+    bare = recursive(memory_horizon=30, dt=DT).fit(X.to_numpy(), y.to_numpy())
+    np.testing.assert_array_equal(bare.coef_path_, named.coef_path_)
+    np.testing.assert_array_equal(bare.predict(X.to_numpy()), named.predict(X))
+    np.testing.assert_array_equal(bare.predict(X.to_numpy()[:50]), named.predict(X)[:50])
+
+
+def test_run_column():
+    X, y = changing_runs(300, 2)
+    named = recursive(memory_horizon=30, inputs=["e"]).fit(X, y)
+    frame = X.reset_index("run").reset_index(drop=True)
+    column = recursive(memory_horizon=30, inputs=["e"], run="run", dt=DT).fit(frame, y.to_numpy())
+    np.testing.assert_array_equal(column.coef_path_, named.coef_path_)
+    np.testing.assert_array_equal(column.predict(frame), named.predict(X))
+
+
+# The grid that marks leave
+
+
+def test_decimated_rows():
+    """Of a slow input, which the anti-alias filter leaves as it is."""
+    rng = np.random.default_rng(0)
+    e = np.repeat(rng.standard_normal(400), 10)[:4000]
+    e = lfilter(np.ones(40) / 40, [1.0], lfilter(np.ones(40) / 40, [1.0], e))
+    u = lfilter([0, 0, 0, 0.3, 0.1], [1, -1.2, 0.4], e)
+    index = pd.MultiIndex.from_product([[1], DT * np.arange(4000)], names=["run", "time"])
+    X, y = pd.DataFrame({"e": e}, index=index), pd.Series(u, index=index)
+    marked = Decimator(2, method="aggregate").fit_transform(X)
+    model = RecursiveARX(2, 2, 1, memory_time=5.12, init_window=5.0).fit(marked, y)
+    assert model.dt_ == pytest.approx(2 * DT)
+    assert model.memory_horizon_ == pytest.approx(256)
+    np.testing.assert_allclose(model.time_path_, 2 * DT * np.arange(2000), atol=1e-9)
+    assert model.coef_path_.shape == (2000, 4)
+    assert model.one_step_errors_.shape == (2000,)
+    thin = [naive.block_mean(signal, 2)[::2] for signal in (e, u)]
+    slow = pd.MultiIndex.from_product([[1], 2 * DT * np.arange(2000)], names=["run", "time"])
+    by_hand = RecursiveARX(2, 2, 1, memory_time=5.12, init_window=5.0)
+    by_hand.fit(pd.DataFrame({"e": thin[0]}, index=slow), pd.Series(thin[1], index=slow))
+    np.testing.assert_allclose(model.coef_path_, by_hand.coef_path_, rtol=0, atol=1e-6)
+    assert model.predict(marked).shape == (4000,)
+
+
+def test_in_a_pipeline_under_cross_validation():
+    X, y = changing_runs(600, 3, noise=0.3)
+    pipe = make_pipeline(DelayShift(0.03), RecursiveARX(2, 2, memory_horizon=30, init_window=2.0))
+    constant = make_pipeline(DelayShift(0.03), ARXRegressor(2, 2))
+    options = {"cv": LeaveOneGroupOut(), "groups": run_labels(X)}
+    scores = cross_val_score(pipe, X, y, **options)
+    assert (scores > cross_val_score(constant, X, y, **options) + 3).all()
+    direct = RecursiveARX(2, 2, 3, memory_horizon=30, init_window=2.0)
+    np.testing.assert_allclose(scores, cross_val_score(direct, X, y, **options), atol=0.5)
+
+
+def test_rows_of_a_marked_run_in_are_not_learnt_from():
+    X, y = changing_runs(400, 2)
+    marked = RunInTrimmer(1.0).fit_transform(X)
+    spoiled = y.mask(y.index.get_level_values("time") < 1.0 - DT / 2, 99.0)
+    one, other = (recursive(memory_horizon=30).fit(marked, u) for u in (y, spoiled))
+    np.testing.assert_array_equal(one.coef_path_, other.coef_path_)
+    assert (one.coef_path_[0] == THETA0).all()
+    assert one.predict(marked).shape == (800,)

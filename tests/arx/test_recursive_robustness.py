@@ -1,0 +1,454 @@
+"""RecursiveARX cannot be broken: pauses, dead channels, scales, missing values, long streams."""
+
+import numba
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from support.recursion_twin import ORDERS, THETA0, recursive
+from support.synthetic import NK, A, B
+
+from skhoid import RecursiveARX
+
+TRUTH = np.array([*A, *B])
+BEFORE, PAUSE, AFTER = 1500, 16_000, 1500
+FORGETTING = {
+    "number": {"forgetting": 0.95},
+    "matrix": {"forgetting": (0.95, 0.96, 0.97, 0.95)},
+    "slow b": {"forgetting": (0.95, 0.95, 0.99, 0.99)},
+    "slow a": {"forgetting": (0.99, 0.99, 0.95, 0.95)},
+    "diagonal": {"forgetting": 0.95, "forgetting_form": "diagonal"},
+}
+SHORT = {
+    "half": {"forgetting": 0.5},
+    "half of the matrix": {"forgetting": (0.5, 1.0, 0.5, 0.9)},
+    "half of the diagonal": {"forgetting": 0.5, "forgetting_form": "diagonal"},
+    "variable": {"forgetting": "variable", "memory_horizon": 20},
+    "auto": {"forgetting": "auto"},
+    "none": {},
+}
+each_forgetting = pytest.mark.parametrize("params", FORGETTING.values(), ids=FORGETTING.keys())
+short_memory = pytest.mark.parametrize("params", SHORT.values(), ids=SHORT.keys())
+any_forgetting = pytest.mark.parametrize(
+    "params", [*FORGETTING.values(), *SHORT.values()], ids=[*FORGETTING, *SHORT]
+)
+
+compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="takes hours uncompiled")
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+
+
+def respond(e, white):
+    """Output of the system of ``synthetic.py``, from rest."""
+    numerator = np.concatenate([np.zeros(NK), B])
+    return lfilter(numerator, [1, *A], e) + lfilter([1], [1, *A], white)
+
+
+def assert_sound(model, *, excited=False):
+    """Finite, and every P exactly symmetric and positive definite, or to rounding.
+
+    The product P of positive factors is rounded itself: without excitation its condition number
+    comes near 1 / eps, so that the smallest eigenvalue is not known from it.
+    """
+    assert np.isfinite(model.coef_path_).all()
+    assert np.isfinite(model.noise_variance_)
+    P = model.covariance_path_
+    assert np.isfinite(P).all()
+    np.testing.assert_array_equal(P, P.swapaxes(-1, -2))
+    if model.noise_variance_ == 0:
+        return
+    scale = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1))
+    assert (scale > 0).all()
+    correlation = P / scale[..., None] / scale[..., None, :]
+    if excited:
+        np.linalg.cholesky(correlation)
+    else:
+        assert np.linalg.eigvalsh(correlation).min() > -1e-13
+
+
+# Pauses
+
+
+def paused(kind, seed=0):
+    """Input and output around a pause, and those of the run that was never paused."""
+    rng = np.random.default_rng(seed)
+    n = BEFORE + AFTER
+    e, white = rng.standard_normal(n), 0.01 * rng.standard_normal(n)
+    tiny = rng.standard_normal((2, PAUSE))
+    inside = {
+        "zeros": (np.zeros(PAUSE), np.zeros(PAUSE)),
+        "constants": (np.full(PAUSE, 0.7), np.zeros(PAUSE)),
+        "tiny noise": (1e-9 * tiny[0], 1e-9 * tiny[1]),
+        "noise below float32": (1e-5 * tiny[0], 1e-5 * tiny[1]),
+        "nothing but noise of the output": (np.zeros(PAUSE), 1e-6 * tiny[1]),
+        "missing": (np.zeros(PAUSE), np.zeros(PAUSE)),
+        "missing output": (tiny[0], 0.01 * tiny[1]),
+    }[kind]
+    parts = zip((e, white), inside, strict=True)
+    rows = [np.concatenate([a[:BEFORE], b, a[BEFORE:]]) for a, b in parts]
+    with_pause = rows[0], respond(*rows)
+    if kind.startswith("missing"):
+        with_pause[1][BEFORE : BEFORE + PAUSE] = np.nan
+    if kind == "missing":
+        with_pause[0][BEFORE : BEFORE + PAUSE] = np.nan
+    return with_pause, (e, respond(e, white))
+
+
+PAUSES = [
+    "zeros", "constants", "tiny noise", "noise below float32", "nothing but noise of the output",
+    "missing", "missing output",
+]  # fmt: skip
+
+
+@each_forgetting
+@pytest.mark.parametrize("kind", PAUSES)
+def test_pause(kind, params):
+    """Within 1 % of the run that was never paused, 3 N0 after the pause and from then on."""
+    (e, u), (e_never, u_never) = paused(kind)
+    model = recursive(**params, store_covariance=True).fit(e[:, None], u)
+    assert_sound(model, excited=kind != "constants")
+    never = recursive(**params).fit(e_never[:, None], u_never)
+    horizon = round(np.max(never.memory_horizon_))
+    again = model.coef_path_[BEFORE + PAUSE + 3 * horizon :]
+    expected = never.coef_path_[BEFORE + 3 * horizon :]
+    np.testing.assert_allclose(again, expected, rtol=0.01)
+    assert never.n_held_ == 0
+    if kind != "noise below float32":  # about where protection begins
+        assert (model.n_held_ > 0) == (not kind.startswith("missing"))
+
+
+@each_forgetting
+def test_nothing_moves_while_nothing_happens(params):
+    """What was known before the pause is known in it."""
+    (e, u), _ = paused("zeros")
+    path = recursive(**params).fit(e[:, None], u).coef_path_
+    middle = path[BEFORE + 1000 : BEFORE + PAUSE]
+    np.testing.assert_allclose(middle, np.tile(TRUTH, (len(middle), 1)), rtol=0.05)
+
+
+@short_memory
+@pytest.mark.parametrize("kind", PAUSES)
+def test_short_memory_survives_every_pause(kind, params):
+    (e, u), _ = paused(kind)
+    model = recursive(**params, store_covariance=True).fit(e[:, None], u)
+    assert_sound(model)
+    assert np.isfinite(model.predict(np.nan_to_num(e)[:, None])).all()
+
+
+@any_forgetting
+def test_stuck_signals(params):
+    """Values that stay and have nothing to do with each other."""
+    (e, u), _ = paused("zeros")
+    inside = slice(BEFORE, BEFORE + PAUSE)
+    for values in ((1.0, 0.0), (0.0, 1.0), (-3.0, 1e6), (1e-200, 1e-200), (1e30, 1.0)):
+        e[inside], u[inside] = values
+        model = recursive(**params, store_covariance=True).fit(e[:, None], u)
+        assert_sound(model)
+
+
+@any_forgetting
+@pytest.mark.parametrize("start", [{}, {"p0": None}, {"init": "zeros", "p0": None}])
+def test_a_pause_before_anything(start, params):
+    (e, u), _ = paused("zeros")
+    e[:BEFORE] = u[:BEFORE] = 0.0
+    u[BEFORE + PAUSE :] = respond(e[BEFORE + PAUSE :], np.zeros(AFTER))
+    model = recursive(**params, **start, store_covariance=True).fit(e[:, None], u)
+    assert_sound(model)
+    if params in FORGETTING.values():
+        np.testing.assert_allclose(model.coef_, TRUTH, rtol=1e-3)
+
+
+@pytest.mark.parametrize("kind", PAUSES)
+def test_smoothing_across_a_pause(kind):
+    (e, u), _ = paused(kind)
+    model = recursive(**FORGETTING["number"], smooth=True).fit(e[:, None], u)
+    assert np.isfinite(model.coef_path_).all()
+    ends = np.r_[100:BEFORE, BEFORE + PAUSE + 100 : len(e) - 60]
+    np.testing.assert_allclose(
+        model.coef_path_[ends], np.tile(TRUTH, (len(ends), 1)), rtol=0.05, atol=0.02
+    )
+
+
+# Channels
+
+
+def two_channels(kind, n=20_000, seed=0):
+    """Output of e, beside which stands a channel that says nothing new until the last 500 rows.
+
+    Also returns the scale of that channel; its last rows drive the output by 2 of it.
+    """
+    rng = np.random.default_rng(seed)
+    e, other = rng.standard_normal((2, n))
+    x = {"dead": np.zeros(n), "constant": np.full(n, 3.0), "duplicate": e.copy(),
+         "scaled duplicate": -1e5 * e, "delayed duplicate": np.r_[0.0, e[:-1]]}[kind]  # fmt: skip
+    scale = max(1.0, np.abs(x).max() / 4)
+    x[-500:] = scale * other[-500:]
+    other[:-500] = 0.0
+    u = respond(e, 0.01 * rng.standard_normal(n)) + lfilter([2.0], [1, *A], other)
+    return np.column_stack([e, x]), u, scale
+
+
+CHANNELS = ["dead", "constant", "duplicate", "scaled duplicate", "delayed duplicate"]
+TWO = {"na": 2, "nb": [2, 1], "nk": [3, 0], "init": "zeros"}
+
+
+@pytest.mark.parametrize("forgetting", [0.5, 0.95, 0.99, 1.0])
+@pytest.mark.parametrize("form", ["joint", "diagonal"])
+@pytest.mark.parametrize("kind", CHANNELS)
+def test_channels_that_add_nothing(kind, form, forgetting):
+    X, u, _ = two_channels(kind)
+    model = RecursiveARX(
+        **TWO, forgetting=forgetting, forgetting_form=form, store_covariance=True
+    ).fit(X, u)
+    assert_sound(model)
+    quiet = model.one_step_errors_[2000:-500]
+    if forgetting >= 0.95:
+        assert np.sqrt(np.mean(quiet**2)) < 0.02  # of noise of 0.01
+
+
+@pytest.mark.parametrize("kind", CHANNELS)
+def test_a_channel_that_comes_alive_is_learnt(kind):
+    """What was before weighs 3e-4 of what came since, 8 N0 after the change."""
+    X, u, scale = two_channels(kind)
+    model = RecursiveARX(**TWO, forgetting=0.95).fit(X, u)
+    late = model.coef_path_[-500 + 160 :] * [1, 1, 1, 1, scale]
+    np.testing.assert_allclose(late, np.tile([*A, *B, 2.0], (len(late), 1)), atol=0.02)
+
+
+@any_forgetting
+def test_dead_input_and_dead_output(params):
+    rng = np.random.default_rng(0)
+    noise, still = rng.standard_normal(20_000), np.zeros(20_000)
+    for e, u in ((still, still), (noise, still), (still, noise)):
+        for start in ({}, {"init": "zeros", "p0": None}):
+            model = recursive(**params, **start, store_covariance=True).fit(e[:, None], u)
+            assert_sound(model)
+
+
+# Scales
+
+
+@pytest.mark.parametrize("scales", [(1e-12, 1e12), (1e12, 1e-12), (1e12, 1e12), (1e-12, 1e-12)])
+@pytest.mark.parametrize("other", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize("form", ["joint", "diagonal"])
+def test_scales_of_channels(scales, other, form):
+    """The parameters follow the units, with one scale for each channel."""
+    rng = np.random.default_rng(0)
+    X, white = rng.standard_normal((3000, 2)), 0.01 * rng.standard_normal(3000)
+    u = respond(X[:, 0], white) + lfilter([0.0, 0.4], [1, *A], X[:, 1])
+    params = {
+        "na": 2, "nb": [2, 1], "nk": [3, 1], "init": "zeros", "init_window": 300.0,
+        "forgetting": (0.95, 0.96, 0.97, 0.98, 0.99), "forgetting_form": form,
+    }  # fmt: skip
+    one = RecursiveARX(**params).fit(X, u)
+    c = scales[1]
+    scaled = RecursiveARX(**params, store_covariance=True).fit(X * [scales[0], other], c * u)
+    units = np.array([1.0, 1.0, c / scales[0], c / scales[0], c / other])
+    np.testing.assert_allclose(scaled.coef_path_ / units, one.coef_path_, rtol=0, atol=1e-8)
+    assert_sound(scaled, excited=True)
+    assert scaled.n_held_ == one.n_held_ == 0
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e12])
+@pytest.mark.parametrize("p0", [1.0, 1e-6, 1e9])
+def test_scales_with_a_fixed_start(scale, p0):
+    (e, u), _ = paused("zeros")
+    for X, y in ((scale * e, u), (e, scale * u), (scale * e, scale * u)):
+        model = RecursiveARX(
+            **ORDERS, init=THETA0, p0=p0, forgetting=0.95, store_covariance=True
+        ).fit(X[:, None], y)
+        assert_sound(model)
+        if p0 * min(1.0, scale) ** 2 > 1e-30:
+            units = [1.0, 1.0, *([np.std(y) / np.std(X) * np.std(e) / np.std(u)] * 2)]
+            np.testing.assert_allclose(model.coef_ / units, TRUTH, rtol=0.02)
+
+
+def test_a_scale_that_changes_in_the_run():
+    """By 1e6 and back, as a gain that somebody turns."""
+    rng = np.random.default_rng(0)
+    e = rng.standard_normal(6000)
+    e[2000:4000] *= 1e6
+    u = respond(e, 1e-3 * rng.standard_normal(6000))
+    for params in FORGETTING.values():
+        model = recursive(**params, store_covariance=True).fit(e[:, None], u)
+        assert_sound(model)
+        for at in (1999, 3999, 5999):
+            np.testing.assert_allclose(model.coef_path_[at], TRUTH, rtol=0.01)
+
+
+def test_float32():
+    rng = np.random.default_rng(0)
+    e = rng.standard_normal(5000).astype(np.float32)
+    u = respond(e, 0.01 * rng.standard_normal(5000)).astype(np.float32)
+    single = recursive(forgetting=0.95, store_covariance=True).fit(e[:, None], u)
+    double = recursive(forgetting=0.95, store_covariance=True)
+    double.fit(e.astype(float)[:, None], u.astype(float))
+    np.testing.assert_array_equal(single.coef_path_, double.coef_path_)
+    np.testing.assert_array_equal(single.covariance_path_, double.covariance_path_)
+    assert single.coef_.dtype == np.float64
+    assert_sound(single, excited=True)
+
+
+# Anything
+
+
+def odd_signal(rng, n, decades=12):
+    """Noise, rest, steps, waves, ramps, impulses and holes of all sizes, one after the other."""
+    parts = []
+    while sum(map(len, parts)) < n:
+        k = int(rng.integers(1, 1500))
+        size = 10.0 ** rng.uniform(-decades, decades) if rng.random() < 0.4 else 1.0
+        shapes = [
+            np.zeros(k),
+            np.full(k, rng.standard_normal()),
+            rng.standard_normal(k),
+            rng.standard_normal(k),
+            np.sin(np.arange(k) * rng.uniform(0, 3)),
+            np.eye(1, k)[0],
+            np.arange(float(k)),
+            rng.choice([-1.0, 1.0], k),
+            np.full(k, np.nan),
+        ]
+        parts.append(size * shapes[rng.integers(len(shapes))])
+    return np.concatenate(parts)[:n]
+
+
+ODD = {
+    "number": lambda rng, n: {"forgetting": rng.choice([0.5, 0.8, 0.95, 0.99, 1.0])},
+    "matrix": lambda rng, n: {"forgetting": rng.choice([0.5, 0.8, 0.95, 0.99, 1.0], 5)},
+    "over time": lambda rng, n: {"forgetting": rng.choice([0.5, 0.9, 1.0], n)},
+    "variable": lambda rng, n: {
+        "forgetting": "variable", "memory_horizon": rng.choice([3.0, 20.0, 200.0])
+    },
+}  # fmt: skip
+
+
+def odd_records(kind, decades, n=12_000, n_records=12):
+    """Inputs, output and a forgetting for each seed; every other output follows the input."""
+    for seed in range(n_records):
+        rng = np.random.default_rng(seed)
+        X = np.column_stack([odd_signal(rng, n, decades) for _ in range(2)])
+        if seed % 4 == 0:
+            X[:, 1] = X[:, 0] * 10.0 ** rng.integers(-8, 9)
+        u = odd_signal(rng, n, decades)
+        if seed % 2:
+            u = 2 * np.nan_to_num(X[:, 0]) + 1e-3 * rng.standard_normal(n)
+        X[:50], u[:50] = np.nan_to_num(X[:50]), np.nan_to_num(u[:50])
+        yield X, u, ODD[kind](rng, n)
+
+
+@pytest.mark.parametrize("form", ["joint", "diagonal"])
+@pytest.mark.parametrize("kind", ODD)
+def test_odd_signals(kind, form):
+    for X, u, params in odd_records(kind, decades=12):
+        model = RecursiveARX(
+            2, [2, 1], [0, 1], init="zeros", forgetting_form=form, store_covariance=True, **params
+        ).fit(X, u)
+        errors = model.one_step_errors_[~np.isnan(model.one_step_errors_)]
+        for values in (model.coef_path_, model.covariance_path_, errors, model.noise_variance_):
+            assert np.isfinite(values).all()
+
+
+@pytest.mark.parametrize("kind", [kind for kind in ODD if kind != "matrix"])
+def test_smoothing_odd_signals(kind):
+    """A mean of what was found, and no variance is negative."""
+    for X, u, params in odd_records(kind, decades=2):
+        params |= {"init": "zeros", "store_covariance": True}
+        filtered, smoothed = (
+            RecursiveARX(2, [2, 1], [0, 1], smooth=smooth, **params).fit(X, u)
+            for smooth in (False, True)
+        )
+        assert np.isfinite(smoothed.coef_path_).all()
+        variances = np.diagonal(smoothed.covariance_path_, axis1=1, axis2=2)
+        assert np.isfinite(variances).all()
+        assert (variances >= 0).all()
+        if kind == "number":
+            largest = np.abs(filtered.coef_path_).max()
+            assert np.abs(smoothed.coef_path_).max() <= 10 * largest
+
+
+# Protection is for what is not excited
+
+
+@pytest.mark.parametrize("horizon", [*(2.0 ** np.arange(1, 14)), np.inf])
+def test_no_protection_in_excited_data(horizon):
+    """For every memory horizon of Table V."""
+    rng = np.random.default_rng(0)
+    e, white = rng.standard_normal((2, 20_000))
+    for noise in (0.0, 0.1, 1.0):
+        u = respond(e, noise * white)
+        model = recursive(memory_horizon=horizon).fit(e[:, None], u)
+        assert model.n_held_ == 0
+
+
+# Long streams
+
+
+def soak_blocks(n_rows, seed=0, n_block=100_000):
+    """Blocks of a record in which pauses, steps of b0 and holes come at random.
+
+    In the last 5,000 rows single values are missing, and no more.
+    """
+    rng = np.random.default_rng(seed)
+    state = np.zeros(2)
+    done = 0
+    while done < n_rows:
+        size = min(n_block, n_rows - done)
+        e, white = rng.standard_normal((2, size))
+        u = np.empty(size)
+        holes = np.zeros(size, bool)
+        begin = 0
+        while begin < size:
+            end = min(size, begin + int(rng.integers(50, 4000)))
+            last = done + end > n_rows - 5000
+            kind = "normal" if last else rng.choice(["normal", "zero", "held", "tiny", "missing"])
+            part = slice(begin, end)
+            if kind in ("zero", "held", "tiny"):
+                level = rng.standard_normal() if kind == "held" else 0.0
+                scale = 1e-8 if kind == "tiny" else 0.0
+                e[part], white[part] = level + scale * e[part], scale * white[part]
+            holes[part] = rng.random(end - begin) < (1.0 if kind == "missing" else 0.01)
+            b0 = 1.0 if last else rng.choice([1.0, 3.0, -2.0])
+            drive = b0 * e[part] + 0.1 * white[part]
+            u[part], state = lfilter([1.0], [1, *A], drive, zi=state)
+            begin = end
+        u[holes] = np.nan
+        yield e[:, None], u
+        done += size
+
+
+def soak(n_rows, **params):
+    """Stream, and hold the end against a restart on the last 5,000 rows."""
+    model = RecursiveARX(2, 2, 0, init="zeros", p0=1.0, **params)
+    for e, u in soak_blocks(n_rows):
+        model.partial_fit(e, u)
+        assert np.isfinite(model.coef_).all()
+        assert np.isfinite(model.covariance_).all()
+        np.testing.assert_array_equal(model.covariance_, model.covariance_.T)
+        scale = model.standard_errors_
+        np.linalg.cholesky(model.covariance_ / np.outer(scale, scale))
+    assert model.n_held_ > 0
+    restart = RecursiveARX(2, 2, 0, init="zeros", p0=1.0, **params).fit(e[-5000:], u[-5000:])
+    np.testing.assert_allclose(model.coef_, restart.coef_, rtol=1e-9)
+    P, expected = (m.covariance_ / m.noise_variance_ for m in (model, restart))
+    np.testing.assert_allclose(P, expected, rtol=1e-7)
+
+
+@compiled
+@pytest.mark.parametrize("forgetting", [0.95, 0.98, (0.98, 0.97, 0.95, 0.96)])
+def test_soak(forgetting):
+    soak(1_000_000, forgetting=forgetting)
+
+
+@compiled
+@pytest.mark.slow
+def test_soak_of_100_million_samples():
+    soak(100_000_000, forgetting=0.98)
+
+
+@compiled
+def test_a_long_fit_is_finite():
+    parts = list(soak_blocks(300_000, seed=1))
+    e, u = (np.concatenate(column) for column in zip(*parts, strict=True))
+    for params in ({"forgetting": 0.95}, {"forgetting": 0.5}, {"forgetting": 0.95, "smooth": True}):
+        model = RecursiveARX(2, 2, 0, init="zeros", p0=1.0, **params, store_covariance=True)
+        assert_sound(model.fit(e, u))

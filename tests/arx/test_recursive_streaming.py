@@ -1,0 +1,474 @@
+"""RecursiveARX.partial_fit: any cut of a stream gives the same bits; scikit-learn's contracts."""
+
+import pickle
+from copy import deepcopy
+from itertools import pairwise
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from support import naive
+from support.recursion_twin import P0, THETA0, P, changing_runs, instants_of, recursive
+from support.synthetic import DT, arx_runs
+
+from skhoid import Decimator, RecursiveARX, ShortRunError
+
+N = 300
+X, Y = changing_runs(N)
+ARRAYS = (X.to_numpy(), Y.to_numpy())
+FORGETTING = {
+    "number": {"forgetting": 0.97},
+    "matrix": {"forgetting": (1.0, 1.0, 0.97, 0.95)},
+    "diagonal": {"forgetting": (1.0, 1.0, 0.97, 0.95), "forgetting_form": "diagonal"},
+    "none": {},
+    "variable": {"forgetting": "variable", "memory_horizon": 50},
+}
+each_forgetting = pytest.mark.parametrize("params", FORGETTING.values(), ids=FORGETTING.keys())
+cut_places = st.lists(st.integers(1, N - 1), unique=True, max_size=8).map(sorted)
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+
+
+def stream(model, X, y, cuts, between=lambda model: model):
+    for begin, end in pairwise([0, *cuts, len(y)]):
+        model = between(model)
+        model.partial_fit(X[begin:end], y[begin:end])
+    return model
+
+
+def assert_same_bits(one, other):
+    for name in ("coef_", "covariance_", "standard_errors_", "a_"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    np.testing.assert_array_equal(np.hstack(one.b_), np.hstack(other.b_))
+    for name in ("noise_variance_", "n_updates_", "n_held_", "dt_", "intercept_"):
+        assert getattr(one, name) == getattr(other, name), name
+
+
+# Cuts
+
+
+@each_forgetting
+@settings(max_examples=12, deadline=None)
+@given(cuts=cut_places)
+def test_any_cut_of_arrays(params, cuts):
+    whole = recursive(**params).fit(*ARRAYS)
+    assert_same_bits(stream(recursive(**params), *ARRAYS, cuts), whole)
+
+
+@each_forgetting
+@settings(max_examples=6, deadline=None)
+@given(cuts=cut_places)
+def test_any_cut_of_tables(params, cuts):
+    whole = recursive(**params).fit(X, Y)
+    # A block of one row does not tell the sampling time.
+    assert_same_bits(stream(recursive(**params, dt=DT), X, Y, cuts), whole)
+
+
+@each_forgetting
+def test_one_row_at_a_time(params):
+    whole = recursive(**params, dt=DT).fit(X, Y)
+    assert_same_bits(stream(recursive(**params, dt=DT), X[:N], Y[:N], range(1, N)), whole)
+    bare = stream(recursive(**params, dt=DT), *ARRAYS, range(1, N))
+    assert_same_bits(bare, whole)
+
+
+@each_forgetting
+@settings(max_examples=4, deadline=None)
+@given(cuts=cut_places)
+def test_pickled_in_between(params, cuts):
+    def again(model):
+        return pickle.loads(pickle.dumps(model))
+
+    whole = recursive(**params).fit(*ARRAYS)
+    assert_same_bits(stream(recursive(**params), *ARRAYS, cuts, again), whole)
+
+
+def test_kinds_of_blocks_can_be_mixed():
+    """The fast path for float64 rows, and everything that goes round it, give the same bits."""
+    inputs, output = ARRAYS
+    whole = recursive(forgetting=0.97).fit(inputs, output)
+    model = recursive(forgetting=0.97)
+    model.partial_fit(inputs[:50], output[:50])
+    model.partial_fit(inputs[50:60].tolist(), output[50:60].tolist())
+    model.partial_fit(np.asfortranarray(inputs[60:61]), output[60:61])
+    locked = inputs[61:62].copy()
+    locked.setflags(write=False)
+    model.partial_fit(locked, output[61:62])
+    model.partial_fit(inputs[62:63].astype(object), output[62:63])
+    model.partial_fit(inputs[63:64].astype(">f8"), output[63:64].astype(">f8"))
+    padded = np.column_stack([inputs, inputs])
+    model.partial_fit(padded[64:150, :1], output[64:150])  # not contiguous
+    model.partial_fit(inputs[150:], pd.Series(output[150:]))
+    assert_same_bits(model, whole)
+
+
+def test_float32_rows_are_the_float64_rows_of_the_same_value():
+    inputs, output = (a.astype(np.float32) for a in ARRAYS)
+    whole = recursive(forgetting=0.97).fit(inputs.astype(float), output.astype(float))
+    assert_same_bits(stream(recursive(forgetting=0.97), inputs, output, [100, 101]), whole)
+
+
+@settings(max_examples=15, deadline=None)
+@given(cuts=cut_places, seed=st.integers(0, 2**16))
+def test_missing_values_anywhere(cuts, seed):
+    rng = np.random.default_rng(seed)
+    inputs, output = ARRAYS[0].copy(), ARRAYS[1].copy()
+    inputs[rng.random(N) < 0.05] = np.nan
+    output[rng.random(N) < 0.1] = np.nan
+    whole = recursive(forgetting=0.97).fit(inputs, output)
+    assert_same_bits(stream(recursive(forgetting=0.97), inputs, output, cuts), whole)
+
+
+@pytest.mark.parametrize(
+    ("orders", "inputs"),
+    [
+        ({"na": 0, "nb": [1, 2], "nk": [0, 2]}, [0, 1]),
+        ({"na": 1, "nb": [2, 1], "nk": [0, 7]}, [1, 0]),
+        ({"na": 3, "nb": 1, "nk": 40}, [1]),
+    ],
+)
+@settings(max_examples=6, deadline=None)
+@given(cuts=cut_places)
+def test_any_orders(orders, inputs, cuts):
+    values, output = (table.to_numpy()[:N] for table in arx_runs(1, N))
+    params = {**orders, "inputs": inputs, "fit_intercept": True, "memory_horizon": 40}
+    whole = RecursiveARX(**params, init="zeros", p0=10.0).fit(values, output)
+    model = RecursiveARX(**params, init="zeros", p0=10.0)
+    assert_same_bits(stream(model, values, output, cuts), whole)
+
+
+# Start
+
+
+@pytest.mark.parametrize("start", [{"init": "ols"}, {"init": "zeros"}, {"init": THETA0}])
+@settings(max_examples=8, deadline=None)
+@given(cuts=cut_places)
+def test_buffers_until_the_initial_window_is_full(start, cuts):
+    params = {**start, "p0": None, "init_window": 1.0, "dt": DT}
+    whole = recursive(forgetting=0.97, **params).fit(*ARRAYS)
+    model = stream(recursive(forgetting=0.97, **params), *ARRAYS, cuts)
+    assert_same_bits(model, whole)
+    given_start = recursive(
+        forgetting=0.97, init=whole.initial_coef_, p0=whole.initial_covariance_, dt=DT
+    ).fit(*ARRAYS)
+    assert_same_bits(model, given_start)
+
+
+def test_nothing_is_fitted_before_the_window_is_full():
+    model = recursive(init="ols", p0=None, init_window=1.0, dt=DT)
+    for row in range(99):
+        model.partial_fit(ARRAYS[0][row : row + 1], ARRAYS[1][row : row + 1])
+    with pytest.raises(NotFittedError):
+        model.predict(ARRAYS[0])
+    model.partial_fit(ARRAYS[0][99:110], ARRAYS[1][99:110])
+    assert model.predict(ARRAYS[0]).shape == (N,)
+
+
+def test_later_blocks_do_not_change_the_start():
+    """The stream is causal, and its start that of its first window."""
+    params = {"init": "ols", "p0": None, "init_window": 1.0, "dt": DT, "forgetting": 0.97}
+    one = stream(recursive(**params), *ARRAYS, [150])
+    other = recursive(**params).partial_fit(ARRAYS[0][:150], ARRAYS[1][:150])
+    np.testing.assert_array_equal(one.initial_coef_, other.initial_coef_)
+    np.testing.assert_array_equal(one.initial_covariance_, other.initial_covariance_)
+
+
+# Runs and gaps
+
+
+RUNS_X, RUNS_Y = arx_runs(lengths=[120, 90, 100], seed=5)
+BORDERS = [120, 210]
+
+
+def sequential_instants():
+    """Instants of the runs one after another."""
+    found = []
+    for run in (1, 2, 3):
+        found += instants_of(RUNS_X.loc[[run]], RUNS_Y.loc[[run]])
+    return found
+
+
+@pytest.fixture(scope="module")
+def sequential():
+    path, *_ = naive.recursive_least_squares(sequential_instants(), 0.97, THETA0, P0)
+    return path[-1].astype(float)
+
+
+@settings(max_examples=15, deadline=None)
+@given(cuts=st.lists(st.integers(1, 309), unique=True, max_size=6).map(sorted))
+def test_runs_one_after_another(cuts, sequential):
+    model = stream(recursive(forgetting=0.97, dt=DT), RUNS_X, RUNS_Y, cuts)
+    np.testing.assert_allclose(model.coef_, sequential, rtol=1e-10)
+    whole = recursive(forgetting=0.97, dt=DT).partial_fit(RUNS_X, RUNS_Y)
+    assert_same_bits(model, whole)
+
+
+def test_new_run_said_by_the_caller():
+    inputs, output = RUNS_X.to_numpy(), RUNS_Y.to_numpy()
+    by_index = recursive(forgetting=0.97, inputs=["e"]).partial_fit(RUNS_X, RUNS_Y)
+    by_word = recursive(forgetting=0.97, inputs=[0], dt=DT)
+    for begin, end in pairwise([0, *BORDERS, 310]):
+        by_word.partial_fit(inputs[begin:end], output[begin:end], new_run=True)
+    assert_same_bits(by_word, by_index)
+    one_by_one = recursive(forgetting=0.97, inputs=[0], dt=DT)
+    for row in range(310):
+        one_by_one.partial_fit(
+            inputs[row : row + 1], output[row : row + 1], new_run=row in (0, *BORDERS)
+        )
+    assert_same_bits(one_by_one, by_index)
+    unsaid = stream(recursive(forgetting=0.97, inputs=[0], dt=DT), inputs, output, BORDERS)
+    assert unsaid.n_updates_ == by_index.n_updates_ + 2 * 4
+    assert (unsaid.coef_ != by_index.coef_).any()
+
+
+def test_the_same_label_again_is_a_new_run_only_if_said():
+    model = recursive(forgetting=0.97, dt=DT).partial_fit(X[:100], Y[:100])
+    model.partial_fit(X[:100], Y[:100], new_run=True)
+    assert model.n_updates_ == 2 * 96
+    twin = 2 * instants_of(X[:100], Y[:100])
+    path, *_ = naive.recursive_least_squares(twin, 0.97, THETA0, P0)
+    np.testing.assert_allclose(model.coef_, path[-1].astype(float), rtol=1e-10)
+
+
+def test_run_column():
+    frame = RUNS_X.reset_index("run").reset_index(drop=True)
+    by_index = recursive(forgetting=0.97, inputs=["e"]).partial_fit(RUNS_X, RUNS_Y)
+    for cuts in ([], [50, 120, 121, 215]):
+        model = recursive(forgetting=0.97, inputs=["e"], run="run", dt=DT)
+        stream(model, frame, RUNS_Y.to_numpy(), cuts)
+        assert_same_bits(model, by_index)
+
+
+@pytest.mark.parametrize("hole", [(100, 101), (100, 160)])
+@settings(max_examples=8, deadline=None)
+@given(cuts=st.lists(st.integers(1, 230), unique=True, max_size=6).map(sorted))
+@example(cuts=[1, 2, 98, 101])  # a block of three rows with the gap in it
+@example(cuts=[1, 2, 99, 101])  # a block of two rows with the gap between them
+def test_gaps(hole, cuts):
+    """Whether a gap lies in a block or between two, lags do not reach across it."""
+    keep = np.r_[0 : hole[0], hole[1] : N]
+    holed, output = X.iloc[keep], Y.iloc[keep]
+    whole = recursive(forgetting=0.97).fit(holed, output)
+    assert whole.n_updates_ == len(keep) - 2 * 4
+    for where in (cuts, [hole[0]]):
+        model = stream(recursive(forgetting=0.97, dt=DT), holed, output, where)
+        assert_same_bits(model, whole)
+
+
+# What is fitted
+
+
+def test_a_stream_keeps_no_path():
+    model = recursive(forgetting=0.97, dt=DT).fit(X, Y)
+    assert hasattr(model, "coef_path_")
+    model.partial_fit(X[:100], Y[:100], new_run=True)
+    assert not hasattr(model, "coef_path_")
+    last = recursive(forgetting=0.97, parameters="last", dt=DT).fit(X, Y)
+    streamed = recursive(forgetting=0.97, dt=DT).partial_fit(X, Y)
+    np.testing.assert_array_equal(streamed.predict(X), last.predict(X))
+    assert streamed.score(X, Y) == last.score(X, Y)
+    np.testing.assert_array_equal(streamed.predict_ahead(X, Y), last.predict_ahead(X, Y))
+
+
+def test_fit_forgets_what_was_streamed():
+    model = recursive(forgetting=0.97, dt=DT).partial_fit(X, Y).fit(X, Y)
+    assert_same_bits(model, recursive(forgetting=0.97).fit(X, Y))
+
+
+def test_partial_fit_after_fit_goes_on():
+    """From theta and P of the fit; a new run clears the lags."""
+    model = recursive(forgetting=0.97, dt=DT).fit(X[:200], Y[:200])
+    model.partial_fit(X[:200], Y[:200], new_run=True)
+    twice = recursive(forgetting=0.97, dt=DT).partial_fit(X[:200], Y[:200])
+    twice.partial_fit(X[:200], Y[:200], new_run=True)
+    np.testing.assert_array_equal(model.coef_, twice.coef_)
+
+
+def test_partial_fit_after_fit_of_one_run_knows_its_lags():
+    whole = recursive(forgetting=0.97).fit(X, Y)
+    model = recursive(forgetting=0.97, dt=DT).fit(X[:200], Y[:200])
+    assert_same_bits(model.partial_fit(X[200:], Y[200:]), whole)
+    bare = recursive(forgetting=0.97, dt=DT).fit(ARRAYS[0][:200], ARRAYS[1][:200])
+    assert_same_bits(stream(bare, ARRAYS[0][200:], ARRAYS[1][200:], [1, 50]), whole)
+
+
+def test_partial_fit_after_fit_of_pooled_runs_begins_a_new_run():
+    model = recursive(forgetting=0.97).fit(RUNS_X, RUNS_Y)
+    start = {"init": model.coef_, "p0": _P(model)}
+    more = RUNS_X.loc[[3]], RUNS_Y.loc[[3]]
+    model.partial_fit(*more)
+    np.testing.assert_allclose(
+        model.coef_, recursive(forgetting=0.97, **start).fit(*more).coef_, rtol=1e-9
+    )
+
+
+def _P(model):
+    """P of a model of constant lambda, all of whose instants have an update."""
+    lam, n = model.forgetting_, len(model.coef_path_) - 4
+    P = model.covariance_ * (1 + lam) / (1 + lam**n) / model.noise_variance_
+    return (P + P.T) / 2
+
+
+def test_forgetting_over_time_follows_the_time_of_the_run():
+    def factor(time):
+        return np.where(time < 1.5, 1.0, 0.95)
+
+    whole = recursive(forgetting=factor).fit(X, Y)
+    assert_same_bits(stream(recursive(forgetting=factor, dt=DT), X, Y, [70, 71, 200]), whole)
+    bare = stream(recursive(forgetting=factor, dt=DT), *ARRAYS, [70, 71, 200])
+    assert_same_bits(bare, whole)
+
+
+def test_resets_follow_the_time_of_the_run():
+    whole = recursive(forgetting=0.97, reset_times=[1.0, 2.0]).fit(X, Y)
+    for cuts in ([70, 71, 200], [100, 101, 200], range(1, N)):
+        model = recursive(forgetting=0.97, reset_times=[1.0, 2.0], dt=DT)
+        assert_same_bits(stream(model, X, Y, cuts), whole)
+
+
+# scikit-learn's contracts
+
+
+@pytest.mark.parametrize("way", ["fit", "partial_fit"])
+def test_clone_pickle_and_joblib(way, tmp_path):
+    model = getattr(recursive(forgetting=0.97, dt=DT), way)(X, Y)
+    fresh = clone(model)
+    assert fresh.get_params().keys() == model.get_params().keys()
+    assert fresh.get_params()["forgetting"] == 0.97
+    assert not hasattr(fresh, "coef_")
+    joblib.dump(model, tmp_path / "model.joblib")
+    for copy in (pickle.loads(pickle.dumps(model)), joblib.load(tmp_path / "model.joblib")):
+        assert_same_bits(copy, model)
+        np.testing.assert_array_equal(copy.predict(X), model.predict(X))
+        more_x, more_y = X.iloc[:50], Y.iloc[:50]
+        copy.partial_fit(more_x, more_y, new_run=True)
+        continued = pickle.loads(pickle.dumps(model)).partial_fit(more_x, more_y, new_run=True)
+        assert_same_bits(copy, continued)
+
+
+def test_parameters_are_stored_as_given():
+    given_params = {
+        "na": 3, "nb": [1, 2], "nk": (0, 4), "inputs": ["e", "x"], "fit_intercept": True,
+        "forgetting": None, "memory_horizon": [np.inf] * 3 + [64] * 4, "memory_time": None,
+        "forgetting_form": "diagonal", "init": "zeros", "init_window": 5.0, "p0": 3.0,
+        "reset_times": [1.0], "combine": "average_estimates", "parameters": "last",
+        "smooth": True, "store_covariance": True, "roles": {"a": "e"}, "dt": 0.5, "run": "r",
+    }  # fmt: skip
+    model = RecursiveARX(**given_params)
+    found = model.get_params()
+    assert all(found[name] is value for name, value in given_params.items())
+    assert clone(model).get_params().keys() == found.keys()
+    default = RecursiveARX()
+    assert (default.na, default.nb, default.nk) == (2, 2, 0)
+    assert default.init_window == 30.72
+
+
+def test_feature_names():
+    runs_x, runs_y = arx_runs(1, N)
+    for way in ("fit", "partial_fit"):
+        model = getattr(recursive(forgetting=0.97, dt=DT), way)(runs_x, runs_y)
+        assert list(model.feature_names_in_) == ["e", "x"]
+        assert model.n_features_in_ == 2
+        assert model.inputs_ == ["e"]
+        assert model.parameter_names_ == ["a1", "a2", "b0", "b1"]
+    with pytest.raises(ValueError, match="feature names"):
+        model.partial_fit(runs_x[["x", "e"]], runs_y, new_run=True)
+
+
+def test_fitting_returns_self_and_leaves_the_data_alone():
+    inputs, output = ARRAYS[0].copy(), ARRAYS[1].copy()
+    model = recursive(forgetting=0.97)
+    assert model.fit(inputs, output) is model
+    assert model.partial_fit(inputs, output, new_run=True) is model
+    np.testing.assert_array_equal(inputs, ARRAYS[0])
+    np.testing.assert_array_equal(output, ARRAYS[1])
+    assert model.coef_.shape == (P,)
+    # What a caller keeps of it does not change under his hands.
+    kept, before = model.coef_, model.coef_.copy()
+    model.partial_fit(inputs, output, new_run=True)
+    np.testing.assert_array_equal(kept, before)
+    inputs[:], output[:] = 1e9, -1e9  # a caller may use his buffer again
+    reused = recursive(forgetting=0.97)
+    block = np.empty((1, 1))
+    for row in range(N):
+        block[0, 0] = ARRAYS[0][row, 0]
+        reused.partial_fit(block, ARRAYS[1][row : row + 1])
+    assert_same_bits(reused, recursive(forgetting=0.97).fit(*ARRAYS))
+
+
+# What is refused leaves nothing behind
+
+
+def test_a_refused_beginning_can_be_repeated():
+    e, u = ARRAYS
+    model = RecursiveARX(nk=3, init=[1, 2], p0=1, dt=0.01)
+    with pytest.raises(ValueError, match="init"):
+        model.partial_fit(e[:100], u[:100])
+    model.set_params(init=np.zeros(4)).partial_fit(e[:100], u[:100])
+    assert model.n_updates_ == 96
+
+
+def test_a_function_that_fails_later_takes_no_row():
+    e, u = ARRAYS
+    too_large = {"forgetting": lambda t: 0.9 + 0.2 * (t > 1)}
+    model = RecursiveARX(nk=3, init="zeros", p0=1, dt=0.01, **too_large)
+    model.partial_fit(e[:90], u[:90])
+    before = model.coef_
+    with pytest.raises(ValueError, match="at most 1"):
+        model.partial_fit(e[90:150], u[90:150])
+    np.testing.assert_array_equal(model.coef_, before)
+    model.partial_fit(e[90:100], u[90:100])
+    assert model.n_updates_ == 96
+
+
+def test_orders_cannot_change_in_a_stream():
+    e, u = ARRAYS
+    model = RecursiveARX(nk=3, init="zeros", p0=1, dt=0.01).partial_fit(e[:100], u[:100])
+    with pytest.raises(ValueError, match="Parameters are read when a stream begins"):
+        model.set_params(na=3).partial_fit(e[100:101].tolist(), u[100:101])
+
+
+def test_a_stream_after_a_decimated_fit_is_refused():
+    X, y = arx_runs(n_runs=1, n_rows=400)
+    decimator = Decimator(2).fit(X)
+    model = RecursiveARX(init="zeros", p0=1).fit(decimator.transform(X), y)
+    with pytest.raises(ValueError, match="Decimator"):
+        model.partial_fit(X[:50], y[:50])
+    first = RecursiveARX(init="zeros", p0=1)
+    with pytest.raises(ValueError, match="decimated"):
+        first.partial_fit(decimator.transform(X), y)
+    assert first.partial_fit(X, y).n_updates_ == 398
+
+
+@pytest.mark.parametrize("params", [{"smooth": True}, {"forgetting": "auto"}])
+def test_what_needs_whole_runs_streams_after_fit(params):
+    e, u = ARRAYS
+    model = RecursiveARX(nk=3, dt=0.01, memory_horizon=None, **params).fit(e[:200], u[:200])
+    plain = RecursiveARX(nk=3, dt=0.01, forgetting=model.forgetting_).fit(e[:200], u[:200])
+    for rows in (e[200:300], e[200:300].tolist()):
+        of_params = deepcopy(model).partial_fit(rows, u[200:300])
+        np.testing.assert_array_equal(
+            of_params.coef_, deepcopy(plain).partial_fit(rows, u[200:300]).coef_
+        )
+        assert not hasattr(of_params, "n_rows_missing_")
+
+
+def test_predictions_before_the_window_is_full_say_so():
+    e, u = ARRAYS
+    model = RecursiveARX(nk=3, dt=0.01).partial_fit(e[:50], u[:50])
+    with pytest.raises(NotFittedError, match="collected 50 rows of the 3072"):
+        model.predict(e)
+    for name in ("coef_", "covariance_", "n_updates_", "n_held_", "noise_variance_"):
+        assert not hasattr(model, name)
+
+
+def test_a_window_without_enough_usable_rows_is_refused_as_by_fit():
+    e, u = ARRAYS[0], np.where(np.arange(N) % 2, ARRAYS[1], np.nan)
+    for learn in (RecursiveARX.fit, RecursiveARX.partial_fit):
+        with pytest.raises(ShortRunError, match="first 1 s hold 0 usable rows for 4 parameters"):
+            learn(RecursiveARX(nk=3, dt=0.01, init_window=1.0), e, u)

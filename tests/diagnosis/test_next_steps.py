@@ -1,0 +1,92 @@
+"""Advice fits the model that is at hand."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.linear_model import LinearRegression
+from sklearn.pipeline import make_pipeline
+from support.hidden_effects import simulate_runs
+
+from skhoid import ARXRegressor, DelaySearchCV, DelayShift, OperatorRegressor, RecursiveARX, compare
+from skhoid.diagnosis.next_steps import NextSteps
+from skhoid.recordings import check_channels
+
+LATER, EARLIER = 0.08, -0.04
+ESTIMATED = "The model estimates its delay: fit it on runs of the same condition, or search what"
+
+
+@pytest.fixture(scope="module")
+def runs():
+    X, y, _ = simulate_runs("C1", 2, seed=0, sampling_rate=25.0, oversampling=4)
+    return X, y
+
+
+@pytest.mark.parametrize(
+    ("model", "seconds", "step"),
+    [
+        (ARXRegressor(nk=8), LATER, "DelaySearchCV, or shift by as much with DelayShift"),
+        (ARXRegressor(nk=8), EARLIER, "Take 1 sample off nk"),
+        (ARXRegressor(nk=8), 2 * EARLIER, "Take 2 samples off nk"),
+        (ARXRegressor(nk=1), 2 * EARLIER, "Search the delay again with DelaySearchCV"),
+        (RecursiveARX(nk=8), EARLIER, "Take 1 sample off nk"),
+        (DelaySearchCV(ARXRegressor(), nk=[7, 8]), EARLIER, "Take 1 sample off nk"),
+        (make_pipeline(DelayShift(0.28), ARXRegressor(nk=1)), EARLIER, "less with DelayShift"),
+        (OperatorRegressor(delay=0.2), LATER, "given as 0.2 s: delay=None, or .*wrong_delay"),
+        (OperatorRegressor(delay=0.2), EARLIER, "given as 0.2 s: delay=None, or .*wrong_delay"),
+        (OperatorRegressor(), LATER, ESTIMATED),
+        (OperatorRegressor(delay=0.2, effects="wrong_delay"), LATER, ESTIMATED),
+        (LinearRegression(), LATER, "0.08 s more"),
+        (LinearRegression(), EARLIER, "0.04 s less"),
+    ],
+    ids=lambda value: repr(value) if hasattr(value, "fit") else "",
+)
+def test_delay(runs, model, seconds, step):
+    X, y = runs
+    with pytest.MonkeyPatch.context() as patch:
+        # An operator's fit is slow, and its parameters say all that is asked here.
+        patch.setattr(OperatorRegressor, "fit", lambda self, X, y: self)
+        then = NextSteps(model.fit(X, y))
+    assert re.search(step, then.delay(seconds))
+
+
+@pytest.mark.parametrize(
+    ("model", "without"),
+    [
+        (OperatorRegressor(delay=0.2), ["nk", "DelaySearchCV", "OrderSearchCV", "fit_intercept"]),
+        (LinearRegression(), ["nk", "DelaySearchCV", "OrderSearchCV", "wrong_delay"]),
+    ],
+    ids=["operator", "other"],
+)
+def test_nothing_that_the_model_has_not(model, without):
+    then = NextSteps(model)
+    steps = [
+        *(say(seconds) for say in (then.delay, then.lag) for seconds in (LATER, EARLIER)),
+        *(then.follow(signal) for signal in ("f_t", "dist")),
+        then.bias(),
+        then.overfit(),
+        then.unknown(),
+    ]
+    assert [word for word in [*without, "memory"] if any(word in step for step in steps)] == []
+
+
+def test_a_wrong_delay_of_an_operator_is_told(runs):
+    X, y = runs
+    found = compare(OperatorRegressor(delay=0.2).fit(X, y), X, y).findings
+    (delay,) = [finding for finding in found if finding.name == "delay"]
+    assert "off by 2 samples" in delay.evidence
+    assert delay.next_step.startswith("Free the delay, which is given as 0.2 s")
+
+
+def test_one_is_not_many(runs):
+    X, y = runs
+    model = ARXRegressor(nk=8).fit(X, y)
+    y = y.copy()
+    y.iloc[200] = np.nan
+    X = pd.DataFrame({"x": X["e"].to_numpy()})
+    X.iloc[200] = np.nan
+    assert "1 row in which the output is missing is left out" in compare(model, runs[0], y).notes
+    (missing,) = check_channels(X, dt=0.04)
+    assert missing.title == "x misses 1 sample"
+    assert "rows is NaN or infinite, the longest stretch 1 row (0.04 s)" in missing.evidence

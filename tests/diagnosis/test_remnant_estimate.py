@@ -1,0 +1,288 @@
+"""Remnant of a known operator is found again: intensity, order, time constant, and their errors."""
+
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import BaseEstimator, RegressorMixin
+
+from skhoid import ARXRegressor, Multisine, make_tracking_runs
+from skhoid.diagnosis.remnant_estimate import remnant_estimate
+
+T_N = 0.06  # s, of the thesis
+N_RUNS = 5
+ORDERS = (1, 2, 3, 4)
+
+
+class Oracle(RegressorMixin, BaseEstimator):
+    """The exact operator driven by the measured e: its response, row by row."""
+
+    def __init__(self, response=None):
+        self.response = response
+
+    def predict(self, X):
+        return self.response.loc[X.index].to_numpy()
+
+
+class Nothing(RegressorMixin, BaseEstimator):
+    """Leaves all of u to the remnant."""
+
+    def predict(self, X):
+        return np.zeros(len(X))
+
+
+def simulated(condition, n_runs, order=2, intensity=0.15, *, seed=0, **options):
+    options = {"channels": ["e", "f_t"], "remnant_gain": "table"} | options
+    X, y, truth = make_tracking_runs(
+        condition,
+        n_runs,
+        remnant_order=order,
+        remnant_intensity=intensity,
+        random_state=seed,
+        return_truth=True,
+        **options,
+    )
+    return X, y, truth
+
+
+def of_runs(table, first, n_runs=N_RUNS):
+    return table.loc[first : first + n_runs - 1]
+
+
+def intensity_of(y, n):
+    """Var(n) / var(u), over all runs."""
+    power = [signal.groupby(level="run").var(ddof=0).sum() for signal in (n, y)]
+    return power[0] / power[1]
+
+
+def estimates(condition, order, intensity, n_sets, n_runs=N_RUNS, seed=0):
+    """Estimates from sets of runs, and P_n of all runs together."""
+    X, y, truth = simulated(condition, n_runs * n_sets, order, intensity, seed=seed)
+    oracle = Oracle(truth.u_without_remnant)
+    found = [
+        remnant_estimate(oracle, of_runs(X, first, n_runs), of_runs(y, first, n_runs))
+        for first in range(0, n_runs * n_sets, n_runs)
+    ]
+    return found, intensity_of(y, truth.remnant)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("intensity", [0.05, 0.15, 0.30])
+@pytest.mark.parametrize("condition", ["C1", "C2"])
+def test_recovers_the_remnant(condition, intensity, order):
+    """P_n, m and T_n; 3.5 sigma, of the interval stated."""
+    found, truth = estimates(condition, order, intensity, n_sets=2)
+    for remnant in found:
+        assert remnant.route == "repeats"
+        assert remnant.n_runs == N_RUNS
+        sigma = np.log(remnant.interval[1] / remnant.intensity) / 1.645
+        assert abs(np.log(remnant.intensity / truth)) < 3.5 * sigma
+        assert sigma < 0.08
+        assert remnant.order == order
+        # The noise is held over the step and the spectrum folded: up to 2 % in T_n.
+        sd = remnant.orders["sd_time_constant"][order]
+        assert remnant.time_constant == pytest.approx(T_N, abs=3.5 * sd + 0.02 * T_N)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("intensity", [0.05, 0.15])
+@pytest.mark.parametrize("condition", ["C2", "C4"])
+def test_intervals_hold_what_they_say(condition, intensity, order):
+    """88 % (stated: 90 %) of 100 sets of five runs, within 3.3 sigma; the right order in all."""
+    found, truth = estimates(condition, order, intensity, n_sets=100, seed=17)
+    holds = [remnant.interval[0] < truth < remnant.interval[1] for remnant in found]
+    assert 0.77 <= np.mean(holds) <= 0.99
+    assert all(remnant.order == order for remnant in found)
+    assert np.mean([remnant.p_value < 0.01 for remnant in found]) <= 0.04
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", ORDERS)
+def test_order_of_single_runs(order):
+    found, truth = estimates("C1", order, 0.15, n_sets=100, n_runs=1, seed=17)
+    assert np.mean([remnant.order == order for remnant in found]) >= 0.93
+    # The probabilities are honest: on average as high as the orders are right.
+    stated = [remnant.orders["probability"][order] for remnant in found]
+    assert abs(np.mean(stated) - np.mean([remnant.order == order for remnant in found])) < 0.06
+    holds = [remnant.interval[0] < truth < remnant.interval[1] for remnant in found]
+    assert 0.81 <= np.mean(holds) <= 0.99
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_fitted_model(order):
+    """An ARX model of other runs; its linear misfit is taken out."""
+    X, y, truth = simulated("C1", 10, order)
+    model = ARXRegressor(nk=29).fit(of_runs(X, 0), of_runs(y, 0))
+    remnant = remnant_estimate(model, of_runs(X, 5), of_runs(y, 5))
+    expected = intensity_of(y, truth.remnant)
+    assert remnant.intensity == pytest.approx(expected, rel=0.12)
+    assert remnant.order == order
+    assert remnant.time_constant == pytest.approx(T_N, rel=0.06)
+
+
+def test_first_order_warns():
+    for order in ORDERS:
+        X, y, truth = simulated("C1", N_RUNS, order)
+        remnant = remnant_estimate(Oracle(truth.u_without_remnant), X, y)
+        assert bool(remnant.warning) == (order == 1)
+        assert ("Warning: " in remnant.summary()) == (order == 1)
+        if order == 1:
+            assert "(m = 1)" in remnant.warning
+            assert "badly biased" in remnant.warning
+
+
+def test_neuromuscular_remnant_is_none_of_the_orders():
+    X, y, truth = simulated("C1", N_RUNS, "nm")
+    remnant = remnant_estimate(Oracle(truth.u_without_remnant), X, y)
+    assert remnant.p_value < 0.01
+    assert "No order describes the spectrum" in remnant.summary()
+    assert remnant.intensity == pytest.approx(intensity_of(y, truth.remnant), rel=0.1)
+
+
+def test_spectrum_is_that_of_the_filter():
+    X, y, truth = simulated("C1", 40)
+    remnant = remnant_estimate(Oracle(truth.u_without_remnant), X, y)
+    table = remnant.spectrum
+    spacing = 2 * np.pi / 81.92
+    power = truth.remnant.groupby(level="run").var(ddof=0).mean()
+    assert table["psd"].sum() * spacing == pytest.approx(power, rel=0.03)
+    # One-sided per rad/s: var = (1 / pi) int |H|^2 d omega for white noise of unit intensity.
+    gain = truth.task.remnant.gain
+    expected = np.abs(truth.task.remnant.frequency_response(table["omega"])) ** 2 / np.pi
+    used = table["used"]
+    np.testing.assert_allclose(table["fitted"][used], expected[used], rtol=0.1)
+    fitted = np.abs(remnant.gain / (remnant.time_constant * 1j * table["omega"] + 1) ** 2) ** 2
+    np.testing.assert_allclose(table["fitted"], fitted / np.pi)
+    assert remnant.gain_interval[0] < gain < remnant.gain_interval[1]
+    assert table["omega"][used].max() <= 60.0
+
+
+def test_likelihood_of_the_orders():
+    X, y, truth = simulated("C1", N_RUNS, 3)
+    orders = remnant_estimate(Oracle(truth.u_without_remnant), X, y).orders
+    assert orders.index.tolist() == list(ORDERS)
+    assert orders["log_likelihood"].max() == 0
+    assert orders["probability"].sum() == pytest.approx(1)
+    np.testing.assert_allclose(orders["probability"], np.exp(orders["log_likelihood"]), rtol=1e-6)
+    # A lower order makes up for the slope with a longer time constant.
+    assert orders["time_constant"].is_monotonic_decreasing
+
+
+def test_noise_floor_ends_the_fit_and_leaves_orders_open():
+    X, y, truth = simulated("C1", N_RUNS, 4)
+    rng = np.random.default_rng(3)
+    noisy = y + np.sqrt(0.1) * truth.remnant.std() * rng.standard_normal(len(y))
+    remnant = remnant_estimate(Oracle(truth.u_without_remnant), X, noisy)
+    highest = remnant.spectrum["omega"][remnant.spectrum["used"]].max()
+    assert 10 < highest < 30
+    assert remnant.orders["probability"].sort_values().iloc[-2] > 1e-3
+
+
+def test_one_run_is_read_between_the_lines():
+    X, y, truth = simulated("C1", 1, seed=4)
+    remnant = remnant_estimate(Oracle(truth.u_without_remnant), X, y)
+    assert remnant.route == "lines"
+    assert remnant.n_runs == 1
+    assert remnant.interval[0] < intensity_of(y, truth.remnant) < remnant.interval[1]
+    omega = Multisine().omega
+    assert not np.isclose(remnant.spectrum["omega"].to_numpy()[:, None], omega).any()
+    # A misfit at the lines is none of its business.
+    X5, y5, truth5 = simulated("C1", N_RUNS)
+    alone = remnant_estimate(Oracle(truth5.u_without_remnant), X5, y5, repeats=False)
+    assert alone.route == "lines"
+    assert alone.n_runs == N_RUNS
+    together = remnant_estimate(Oracle(truth5.u_without_remnant), X5, y5)
+    assert alone.intensity == pytest.approx(together.intensity, rel=0.1)
+
+
+def test_without_a_target_the_residual_is_an_upper_bound():
+    X, y, truth = simulated("C1", N_RUNS)
+    response = 0.8 * truth.u_without_remnant
+    remnant = remnant_estimate(Oracle(response), X[["e"]], y)
+    assert remnant.route == "none"
+    assert remnant.intensity == pytest.approx(intensity_of(y, y - response), rel=1e-9)
+    assert remnant.intensity > intensity_of(y, truth.remnant)
+    assert "an upper bound" in remnant.summary()
+    told = remnant_estimate(Oracle(truth.u_without_remnant), X[["e"]], y, repeats=True)
+    assert told.route == "repeats"
+
+
+def test_intensity_of_a_model_that_explains_nothing_is_the_part_that_does_not_repeat():
+    """Closed form: deviations from the mean over runs, times R / (R - 1)."""
+    X, y, _ = simulated("C1", 3)
+    remnant = remnant_estimate(Nothing(), X[["f_t"]], y)
+    u = y.to_numpy().reshape(3, -1)
+    u = u - u.mean(axis=1, keepdims=True)
+    expected = 3 / 2 * ((u - u.mean(axis=0)) ** 2).sum() / (u**2).sum()
+    assert remnant.intensity == pytest.approx(expected, rel=1e-6)
+
+
+def test_without_remnant():
+    X, y = make_tracking_runs("C1", 2, channels=["e", "f_t"])
+    remnant = remnant_estimate(Oracle(y), X, y)
+    assert remnant.intensity == pytest.approx(0, abs=1e-20)
+    assert remnant.order is None
+    assert np.isnan([remnant.time_constant, remnant.gain, remnant.p_value]).all()
+    assert remnant.warning == ""
+    assert "too little to fit" in remnant.summary()
+    with pytest.raises(ValueError, match="constant in all runs"):
+        remnant_estimate(Oracle(0 * y + 1), X, 0 * y + 1)
+
+
+def same(a, b, factor=1.0):
+    assert b.order == a.order
+    assert b.intensity == pytest.approx(a.intensity)
+    np.testing.assert_allclose(b.interval, a.interval)
+    np.testing.assert_allclose(b.time_constant_interval, a.time_constant_interval, rtol=1e-4)
+    np.testing.assert_allclose(b.gain_interval, np.multiply(factor, a.gain_interval), rtol=1e-4)
+
+
+def test_symmetries():
+    X, y, truth = simulated("C1", 3)
+    oracle = Oracle(truth.u_without_remnant)
+    one = remnant_estimate(oracle, X, y)
+    order = [2, 0, 1]
+    X_other, y_other = (pd.concat({k: t.loc[k] for k in order}, names=["run"]) for t in (X, y))
+    same(one, remnant_estimate(oracle, X_other, y_other))
+    scaled = remnant_estimate(Oracle(10 * truth.u_without_remnant), X, 10 * y)
+    same(one, scaled, factor=10.0)
+    renamed = X.rename(columns={"e": "error", "f_t": "target"})
+    roles = {"error": "e", "target": "f_t"}
+    same(one, remnant_estimate(oracle, renamed, y, roles=roles))
+
+
+def test_run_column():
+    X, y, _ = simulated("C1", 3)
+    table = X.reset_index("run").reset_index(drop=True)
+    one = remnant_estimate(Nothing(), X[["f_t"]], y)
+    other = remnant_estimate(
+        Nothing(), table[["run", "f_t"]], y.reset_index(drop=True), dt=0.01, run="run"
+    )
+    same(one, other)
+
+
+def test_run_in_is_left_out():
+    X, y, truth = simulated("C1", 3)
+    disturbed = y.mask(y.index.get_level_values("time") < 1.0, 100.0)
+    remnant = remnant_estimate(Oracle(truth.u_without_remnant), X, disturbed, run_in=1.0)
+    assert remnant.intensity == pytest.approx(intensity_of(y, truth.remnant), rel=0.15)
+
+
+def test_runs_of_different_length():
+    X, y, truth = simulated("C1", 4)
+    keep = (X.index.get_level_values("run") < 2) | (X.index.get_level_values("time") < 40.96)
+    remnant = remnant_estimate(
+        Oracle(truth.u_without_remnant), X[keep], y[keep], repeats=[0, 0, 1, 1]
+    )
+    assert remnant.n_runs == 4
+    assert remnant.intensity == pytest.approx(intensity_of(y, truth.remnant), rel=0.2)
+    assert remnant.order == 2
+
+
+def test_estimate_cannot_be_changed():
+    X, y, truth = simulated("C1", 2)
+    remnant = remnant_estimate(Oracle(truth.u_without_remnant), X, y)
+    with pytest.raises(FrozenInstanceError):
+        remnant.order = 1

@@ -1,0 +1,515 @@
+"""ARX parameters as operator parameters: exact round trips, errors by Monte Carlo, and bias."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.exceptions import NotFittedError
+from sklearn.linear_model import LinearRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from support.closed_loop import simulate
+
+from skhoid import (
+    ARXRegressor,
+    ControlledElement,
+    Decimator,
+    DelaySearchCV,
+    DelayShift,
+    HumanOperator,
+    RunInTrimmer,
+    Sigmoid,
+)
+from skhoid.human.discretisation import zoh_parameters
+from skhoid.human.margins import crossover
+from skhoid.interpret.conversion import NAMES, arx_to_operator, operator_parameters
+from skhoid.interpret.operator_fit import fit_operator
+
+DT = 0.01
+OPERATORS = {"C1": HumanOperator(K_e=0.09, T_L=0.4), "C2": HumanOperator(K_e=0.07, T_L=1.2)}
+TRUTH = {  # Table II
+    "C1": {"K_e": 0.09, "T_L": 0.4, "K_edot": 0.036, "omega_nm": 11.25, "zeta_nm": 0.35},
+    "C2": {"K_e": 0.07, "T_L": 1.2, "K_edot": 0.084, "omega_nm": 11.25, "zeta_nm": 0.35},
+}
+TRANSITION = HumanOperator(
+    K_e=Sigmoid(0.09, 0.07, rate=0.5, time=40), K_edot=Sigmoid(0.036, 0.084, rate=0.5, time=40)
+)
+OPERATOR_FLOATS = {
+    "K_e": st.floats(0.01, 2),
+    "T_L": st.floats(0, 3),
+    "omega_nm": st.floats(2, 20),
+    "zeta_nm": st.floats(0.05, 0.95),
+}
+# Of the magnitude that remnant leaves at 100 Hz, with correlations within the pairs.
+COVARIANCE = 1e-8 * np.array([[4, -3.9, 0, 0], [-3.9, 4, 0, 0], [0, 0, 9, -8.9], [0, 0, -8.9, 9]])
+
+
+def recording(state="C1", **options):
+    window = simulate(state, **options).last()
+    index = pd.MultiIndex.from_product([[1], DT * np.arange(window.e.size)], names=["run", "time"])
+    X = pd.DataFrame({"e": window.e, "f_t": window.f_t, "x": window.x}, index=index)
+    return X, pd.Series(window.u, index=index, name="u")
+
+
+@pytest.fixture(scope="module", params=["C1", "C2"])
+def remnant_free(request):
+    return request.param, *recording(request.param)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    X, y = recording("C1", remnant_gain=0.001, remnant_order=2, rng=0)
+    return ARXRegressor(na=2, nb=2, nk=29).fit(X, y)
+
+
+class PathModel(ARXRegressor):
+    """An ARX model that has parameters over time as well."""
+
+    def with_path(self, theta, time, covariance=None):
+        self.coef_path_, self.time_path_ = theta, time
+        if covariance is not None:
+            self.covariance_path_ = covariance
+        return self
+
+
+@pytest.fixture(scope="module")
+def path_of():
+    X, y = recording()
+
+    def make(theta, time, covariance=None, **orders):
+        model = PathModel(**({"na": 2, "nb": 2, "nk": 29} | orders)).fit(X, y)
+        return model.with_path(theta, time, covariance)
+
+    return make
+
+
+# Array functions
+
+
+def test_round_trip_of_the_thesis():
+    values, deviations, n_not_complex = arx_to_operator(zoh_parameters(OPERATORS["C1"], DT), DT)
+    for name, value in TRUTH["C1"].items():  # arx_to_ho.roundtrip, held to 1e-9
+        assert values[name] == pytest.approx(value, abs=1e-11)
+        assert np.isnan(deviations[name])
+    assert n_not_complex == 0
+
+
+@given(dt=st.floats(0.002, 0.1), sign=st.sampled_from([-1, 1]), **OPERATOR_FLOATS)
+def test_round_trip(dt, sign, K_e, T_L, omega_nm, zeta_nm):
+    theta = zoh_parameters(HumanOperator(K_e=K_e, T_L=T_L, omega_nm=omega_nm, zeta_nm=zeta_nm), dt)
+    theta[2:] *= sign
+    values, _, _ = arx_to_operator(theta, dt)
+    expected = [sign * K_e, T_L, sign * K_e * T_L, omega_nm, zeta_nm]
+    np.testing.assert_allclose(list(values.values()), expected, rtol=1e-7, atol=1e-8)
+
+
+def test_deviations_agree_with_finite_differences():
+    theta = zoh_parameters(OPERATORS["C2"], DT)
+    _, deviations, _ = arx_to_operator(theta, DT, COVARIANCE)
+    step = 1e-7
+    slopes = np.array(
+        [
+            [
+                (up - down) / (2 * step)
+                for up, down in zip(
+                    arx_to_operator(theta + step * unit, DT)[0].values(),
+                    arx_to_operator(theta - step * unit, DT)[0].values(),
+                    strict=True,
+                )
+            ]
+            for unit in np.eye(4)
+        ]
+    ).T
+    expected = np.sqrt(np.diag(slopes @ COVARIANCE @ slopes.T))
+    np.testing.assert_allclose(list(deviations.values()), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("state", ["C1", "C2"])
+def test_deviations_agree_with_monte_carlo(state):
+    """The standard deviation of 20,000 draws has a sigma of 0.5 %: 4 sigma, and 1 % curvature."""
+    theta = zoh_parameters(OPERATORS[state], DT)
+    draws = np.random.default_rng(0).multivariate_normal(theta, 0.01 * COVARIANCE, 20_000)
+    _, deviations, _ = arx_to_operator(theta, DT, 0.01 * COVARIANCE)
+    for name, values in arx_to_operator(draws, DT)[0].items():
+        assert np.std(values) == pytest.approx(deviations[name], rel=0.03)
+
+
+def test_poles_that_are_no_complex_pair():
+    overdamped = zoh_parameters(HumanOperator(zeta_nm=1.5), DT)
+    good = zoh_parameters(OPERATORS["C1"], DT)
+    theta = np.array([good, overdamped, [0.5, -0.1, 1, 1], [0.0, 0.0, 1, 1], [np.nan] * 4])
+    values, deviations, n_not_complex = arx_to_operator(theta, DT, np.tile(COVARIANCE, (5, 1, 1)))
+    assert n_not_complex == 3  # NaN parameters are not counted: there was nothing to convert
+    for table in (values, deviations):
+        for column in table.values():
+            np.testing.assert_array_equal(np.isnan(column), [False, True, True, True, True])
+
+
+def test_leading_axes_are_kept():
+    theta = np.tile(zoh_parameters(OPERATORS["C1"], DT), (2, 3, 1))
+    values, deviations, _ = arx_to_operator(theta, DT, COVARIANCE)
+    assert values["K_e"].shape == deviations["K_e"].shape == (2, 3)
+
+
+def test_unstable_pair_has_negative_damping():
+    values, _, _ = arx_to_operator([-1.99, 1.01, 0.1, 0.1], DT)
+    assert values["zeta_nm"] < 0
+
+
+def test_vanishing_gain_is_no_error():
+    theta = zoh_parameters(HumanOperator(K_e=0.0, K_edot=0.05), DT)
+    values, _, _ = arx_to_operator(theta, DT, COVARIANCE)
+    assert values["K_edot"] == pytest.approx(0.05)
+    assert abs(values["T_L"]) > 1e6
+
+
+@pytest.mark.parametrize(
+    ("theta", "covariance", "message"),
+    [
+        ([1, 2, 3], None, r"theta must have the shape \(\.\.\., 4\)"),
+        ([-1.9, 0.92, 1, 1], np.eye(3), "covariance"),
+    ],
+)
+def test_bad_shapes(theta, covariance, message):
+    with pytest.raises(ValueError, match=message):
+        arx_to_operator(theta, DT, covariance)
+
+
+# The fit in the frequency domain
+
+
+@pytest.mark.parametrize("pade_order", [None, 1])
+@pytest.mark.parametrize("state", ["C1", "C2"])
+def test_fit_of_an_exact_operator_is_exact(state, pade_order):
+    values, deviations, misfit, n_failed = fit_operator(
+        zoh_parameters(OPERATORS[state], DT), DT, na=2, delay=0.29, pade_order=pade_order
+    )
+    for name, value in (TRUTH[state] | {"tau_e": 0.28}).items():
+        assert values[name] == pytest.approx(value, rel=1e-9)
+        assert np.isnan(deviations[name])
+    assert misfit < 1e-10
+    assert n_failed == 0
+
+
+@settings(max_examples=40)
+@given(delay=st.floats(0.1, 0.4), **(OPERATOR_FLOATS | {"zeta_nm": st.floats(0.1, 1.5)}))
+def test_fit_round_trip(delay, K_e, T_L, omega_nm, zeta_nm):
+    """Overdamped operators too, and a delay that is hidden in the input polynomial."""
+    operator = HumanOperator(K_e=K_e, T_L=T_L, omega_nm=omega_nm, zeta_nm=zeta_nm)
+    a1, a2, b0, b1 = zoh_parameters(operator, DT)
+    late = [a1, a2, 0, 0, 0, 0, 0, b0, b1]
+    values, _, misfit, _ = fit_operator(late, DT, na=2, delay=delay)
+    assert misfit < 1e-6
+    expected = {"K_e": K_e, "K_edot": K_e * T_L, "omega_nm": omega_nm, "zeta_nm": zeta_nm}
+    for name, value in (expected | {"tau_e": delay - DT + 5 * DT}).items():
+        assert values[name] == pytest.approx(value, rel=1e-4, abs=1e-5)
+
+
+def test_fit_has_the_deviations_of_the_poles():
+    theta = zoh_parameters(OPERATORS["C1"], DT)
+    _, expected, _ = arx_to_operator(theta, DT, COVARIANCE)
+    _, deviations, _, _ = fit_operator(theta, DT, na=2, delay=0.29, covariance=COVARIANCE)
+    for name, value in expected.items():
+        assert deviations[name] == pytest.approx(value, rel=1e-6)
+    assert deviations["tau_e"] < 1e-9
+
+
+def test_fit_deviations_of_a_larger_model_agree_with_monte_carlo():
+    """200 draws: the standard deviation has a sigma of 5 %, held to 4 sigma."""
+    X, y = recording("C1", remnant_gain=0.0035, rng=0)
+    pipe = make_pipeline(Decimator(factor=8), ARXRegressor(na=3, nb=4, nk=4)).fit(X, y)
+    model = pipe[-1]
+    options = {"na": 3, "delay": 0.32, "dt_recording": DT}
+    covariance = 0.01 * model.covariance_
+    _, deviations, misfit, _ = fit_operator(model.coef_, 0.08, covariance=covariance, **options)
+    assert 0.001 < misfit < 0.02
+    draws = np.random.default_rng(0).multivariate_normal(model.coef_, covariance, 200)
+    values, _, _, n_failed = fit_operator(draws, 0.08, **options)
+    assert n_failed == 0
+    for name in NAMES:
+        assert np.std(values[name]) == pytest.approx(deviations[name], rel=0.2)
+
+
+def test_fit_at_a_bound_is_none():
+    flat = np.array([0.0, 0.0, 0.1, 0.0])  # a gain without dynamics
+    values, _, _, n_failed = fit_operator([flat, [np.nan] * 4], DT, na=2, delay=0.29)
+    assert n_failed == 1
+    assert np.isnan(values["K_e"]).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"band": (0.2, 400.0)}, "above the Nyquist frequency 314.2 rad/s"),
+        ({"band": (0.0, 10.0)}, "0 < low < high"),
+        ({"pade_order": -1}, "order of a Padé"),
+        ({"na": 4}, "more than na parameters"),
+    ],
+)
+def test_fit_refuses(options, message):
+    with pytest.raises(ValueError, match=message):
+        fit_operator(np.ones(4), DT, **({"na": 2, "delay": 0.29} | options))
+
+
+# Fitted models
+
+
+def test_remnant_free_poles_miss_table_II_because_e_is_not_held(remnant_free):
+    """Up to 4.1 %: C1 K_e 0.0892, zeta_nm 0.343; C2 K_e 0.0673, T_L 1.249."""
+    state, X, y = remnant_free
+    found = operator_parameters(ARXRegressor(na=2, nb=2, nk=29).fit(X, y)).iloc[0]
+    percent = {
+        "C1": {"K_e": -0.9, "T_L": 0.4, "K_edot": -0.4, "omega_nm": -0.1, "zeta_nm": -1.9},
+        "C2": {"K_e": -3.9, "T_L": 4.1, "K_edot": 0.0, "omega_nm": -0.2, "zeta_nm": -1.6},
+    }[state]
+    for name, value in TRUTH[state].items():
+        assert 100 * (found[name] / value - 1) == pytest.approx(percent[name], abs=0.1)
+    assert found["tau_e"] == pytest.approx(0.28, abs=1e-12)
+
+
+def test_remnant_free_poles_are_right_for_the_part_of_e_that_is_held(remnant_free):
+    """e = f_t - x: f_t is held, x is smooth. With x linear between samples, 0.04 % is left."""
+    state, X, y = remnant_free
+    model = ARXRegressor(nb=[2, 3], nk=[29, 28], inputs=["f_t", "x"]).fit(X, y)
+    found = operator_parameters(model, input="f_t").iloc[0]
+    for name, value in TRUTH[state].items():
+        assert found[name] == pytest.approx(value, rel=5e-4)
+
+
+def test_miss_halves_with_the_sampling_time():
+    errors = []
+    for rate in (100, 200, 400):
+        window = simulate("C2", sampling_rate=float(rate)).last(sampling_rate=float(rate))
+        model = ARXRegressor(nk=round(0.28 * rate) + 1, dt=1 / rate)
+        model.fit(window.e[:, None], window.u)
+        errors.append(operator_parameters(model)["K_e"].iloc[0] - 0.07)
+    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2, atol=0.1)
+
+
+@pytest.mark.parametrize(("factor", "nk", "rel"), [(8, 4, 0.03), (16, 2, 0.035)])
+def test_fit_of_decimated_models_of_table_5_3(remnant_free, factor, nk, rel):
+    state, X, y = remnant_free
+    pipe = make_pipeline(Decimator(factor=factor), ARXRegressor(na=3, nb=4, nk=nk)).fit(X, y)
+    for pade_order in (None, 1):
+        found = operator_parameters(pipe, method="fit", pade_order=pade_order).iloc[0]
+        for name, value in (TRUTH[state] | {"tau_e": 0.28}).items():
+            assert found[name] == pytest.approx(value, rel=rel)
+        assert found["misfit"] < 0.02
+
+
+def test_frame(fitted):
+    frame = operator_parameters(fitted)
+    assert list(frame.columns) == [*NAMES, *(f"sd_{name}" for name in NAMES)]
+    assert len(frame) == 1
+    assert frame.attrs["units"]["omega_nm"] == frame.attrs["units"]["sd_omega_nm"] == "rad/s"
+    assert frame.attrs["n_nan"] == 0
+    values, deviations, _ = arx_to_operator(fitted.coef_, DT, fitted.covariance_)
+    for name in values:
+        assert frame[name].iloc[0] == pytest.approx(values[name], rel=1e-12)
+        assert frame[f"sd_{name}"].iloc[0] == pytest.approx(deviations[name], rel=1e-12)
+    assert np.isnan(frame["sd_tau_e"].iloc[0])
+    assert "misfit" in operator_parameters(fitted, method="fit")
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [ARXRegressor(nk=29)],
+        [DelayShift(delay=0.29), ARXRegressor()],
+        [RunInTrimmer(run_in=1.0), DelayShift(delay=0.2), ARXRegressor(nk=9)],
+        [DelayShift(delay=0.29), Decimator(factor=2), ARXRegressor()],
+        [Decimator(factor=4), DelayShift(delay=0.21), ARXRegressor(nk=2)],
+        ["passthrough", DelayShift(delay=0.5, inputs=["x"]), ARXRegressor(nk=29)],
+    ],
+)
+def test_delay_puts_back_one_sample_of_the_recording(steps):
+    X, y = recording()
+    pipe = make_pipeline(*steps).fit(X, y)
+    assert operator_parameters(pipe)["tau_e"].iloc[0] == pytest.approx(0.28, abs=1e-12)
+
+
+def test_search_is_unwrapped():
+    X, y = recording()
+    search = DelaySearchCV(ARXRegressor(), nk=[28, 29, 30]).fit(X, y)
+    pd.testing.assert_frame_equal(
+        operator_parameters(search), operator_parameters(search.best_estimator_)
+    )
+
+
+def test_inputs():
+    X, y = recording(remnant_gain=0.001, remnant_order=2, rng=0)
+    model = ARXRegressor(nb=2, nk=[29, 5], inputs=["e", "f_t"], fit_intercept=True).fit(X, y)
+    frame = operator_parameters(model)
+    a, (b, other) = model.a_, model.b_
+    assert frame["K_e"].iloc[0] == pytest.approx(arx_to_operator([*a, *b], DT)[0]["K_e"])
+    assert np.isfinite(frame["sd_K_e"].iloc[0])
+    frame = operator_parameters(model, input="f_t")
+    assert frame["K_e"].iloc[0] == pytest.approx(arx_to_operator([*a, *other], DT)[0]["K_e"])
+    assert frame["tau_e"].iloc[0] == pytest.approx(0.04)
+    with pytest.raises(ValueError, match="input='z' is not an input"):
+        operator_parameters(model, input="z")
+    ambiguous = ARXRegressor(nk=29, inputs=["f_t", "x"]).fit(X, y)
+    with pytest.raises(ValueError, match="say which one with input="):
+        operator_parameters(ambiguous)
+    ambiguous = ARXRegressor(nk=29, inputs=["f_t", "x"], roles={"f_t": "e"}).fit(X, y)
+    assert len(operator_parameters(ambiguous)) == 1
+
+
+def test_path(path_of):
+    time = np.linspace(0, 80, 21)
+    theta = zoh_parameters(TRANSITION, DT, time)
+    covariance = np.tile(COVARIANCE, (21, 1, 1))
+    by_poles = operator_parameters(path_of(theta, time, covariance))
+    by_fit = operator_parameters(path_of(theta, time, covariance), method="fit")
+    K_e, K_edot = TRANSITION.gains(time)
+    for frame in (by_poles, by_fit):
+        assert frame.index.name == "time"
+        np.testing.assert_array_equal(frame.index, time)
+        np.testing.assert_allclose(frame["K_e"], K_e, rtol=1e-9)
+        np.testing.assert_allclose(frame["T_L"], K_edot / K_e, rtol=1e-9)
+        np.testing.assert_allclose(frame["tau_e"], 0.28, rtol=1e-9)
+    for name in ("K_e", "T_L", "K_edot", "omega_nm", "zeta_nm"):
+        np.testing.assert_allclose(by_fit[f"sd_{name}"], by_poles[f"sd_{name}"], rtol=1e-6)
+    without = operator_parameters(path_of(theta, time))
+    assert without["sd_K_e"].isna().all()
+
+
+def test_path_with_instants_that_are_nan(path_of):
+    time = np.arange(4.0)
+    theta = zoh_parameters(OPERATORS["C1"], DT, time)
+    theta[1] = zoh_parameters(HumanOperator(zeta_nm=1.5), DT)
+    theta[3] = np.nan
+    model = path_of(theta, time)
+    with pytest.warns(UserWarning, match="1 of 4 ARX models have no pair of complex poles"):
+        frame = operator_parameters(model)
+    assert frame.attrs["n_nan"] == 2
+    np.testing.assert_array_equal(frame["K_e"].isna(), [False, True, False, True])
+    frame = operator_parameters(model, method="fit")  # which knows overdamped operators
+    assert frame.attrs["n_nan"] == 1
+    assert frame["zeta_nm"][1.0] == pytest.approx(1.5)
+
+
+def test_refusals(fitted):
+    X, y = recording()
+    with pytest.raises(NotFittedError):
+        operator_parameters(ARXRegressor())
+    with pytest.raises(NotFittedError):
+        operator_parameters(DelaySearchCV(ARXRegressor()))
+    with pytest.raises(NotFittedError):
+        operator_parameters(make_pipeline(DelayShift(), ARXRegressor()))
+    with pytest.raises(TypeError, match="got LinearRegression"):
+        operator_parameters(LinearRegression().fit([[0], [1]], [0, 1]))
+    with pytest.raises(ValueError, match="method must be"):
+        operator_parameters(fitted, method="d2c")
+    with pytest.raises(ValueError, match=r"na=3 and nb=2.*method='fit'"):
+        operator_parameters(ARXRegressor(na=3, nk=29).fit(X, y))
+    with pytest.raises(ValueError, match="tau_e would be negative"):
+        operator_parameters(ARXRegressor(nk=0).fit(X, y))
+    scaled = make_pipeline(StandardScaler().set_output(transform="pandas"), ARXRegressor(nk=29))
+    with pytest.raises(ValueError, match="StandardScaler, which changes the input 'e'"):
+        operator_parameters(scaled.fit(X, y))
+
+
+@pytest.mark.parametrize(
+    ("state", "gain", "expected"),
+    [  # G1.Kn.H2.<state>.P0.15 and ho_from_batch.<state>.H2.P0.15, Table G.1
+        (
+            "C1",
+            0.01569850927295652,
+            [
+                0.09004274571299431,
+                0.41976401868992097,
+                0.03775929439658701,
+                14.381484508966608,
+                0.5245378971939495,
+            ],
+        ),
+        (
+            "C2",
+            0.03946590071688484,
+            [
+                0.06582886484309372,
+                1.3432723096584034,
+                0.08786892902095378,
+                14.521872043433556,
+                0.5205996483769352,
+            ],
+        ),
+    ],
+)
+def test_remnant_lifts_the_neuromuscular_parameters(state, gain, expected):
+    """The mean of 20 runs against that of the thesis's study, within 4 of its standard errors."""
+    rows = []
+    for seed in range(20):
+        X, y = recording(state, remnant_gain=gain, remnant_order=2, rng=seed)
+        rows.append(operator_parameters(ARXRegressor(nk=29).fit(X, y)))
+    frame = pd.concat(rows)[list(TRUTH[state])]
+    assert np.all(abs(frame.mean() - expected) < 4 * frame.std() / np.sqrt(20))
+    assert frame["omega_nm"].min() > 13
+    assert frame["zeta_nm"].min() > 0.4
+
+
+# Crossover
+
+
+@pytest.mark.parametrize(
+    ("operator", "element", "expected"),
+    [  # crossover.state1.exact and crossover.state2.exact
+        (OPERATORS["C1"], ControlledElement(90, 6), [1.563485140863052, 76.66834431239965]),
+        (OPERATORS["C2"], ControlledElement(30, 0.2), [2.7479645785248255, 22.90174352638533]),
+    ],
+)
+def test_crossover(operator, element, expected):
+    omega_c, margin = crossover(operator, element)
+    assert [omega_c, margin] == pytest.approx(expected, rel=1e-10)
+    loop = operator.frequency_response(omega_c) * element.frequency_response(omega_c)
+    assert abs(loop) == pytest.approx(1, abs=1e-12)
+
+
+def test_crossover_over_time():
+    element = ControlledElement(K_c=Sigmoid(90, 30, 0.5, 40), omega_b=Sigmoid(6, 0.2, 0.5, 40))
+    time = np.array([0.0, 30.0, 40.0, 80.0])
+    omega_c, margin = crossover(TRANSITION, element, time)
+    for row, t in enumerate(time):
+        assert crossover(TRANSITION.at(t), element.at(t)) == (omega_c[row], margin[row])
+
+
+def test_crossover_of_the_integrator():
+    class Gain:
+        def frequency_response(self, omega, t):
+            return np.full(np.shape(omega), 3.0 + 0j)
+
+    class Integrator:
+        def frequency_response(self, omega, t):
+            return 1 / (1j * omega)
+
+    assert crossover(Gain(), Integrator()) == pytest.approx((3.0, 90.0), rel=1e-12)
+
+
+def test_no_crossover():
+    with pytest.warns(UserWarning, match="1 of 2 instants have no crossover, first t = 5 s"):
+        omega_c, margin = crossover(
+            HumanOperator(K_e=lambda t: np.where(t < 2, 0.09, 0.0)), ControlledElement(), [0, 5]
+        )
+    np.testing.assert_array_equal(np.isnan(omega_c), [False, True])
+    np.testing.assert_array_equal(np.isnan(margin), [False, True])
+
+
+def test_highest_crossing_counts():
+    """The neuromuscular peak lifts the gain above 1 again; beyond it the loop falls for good."""
+    peaked = HumanOperator(K_e=0.07, T_L=1.2, zeta_nm=0.05)
+    omega_c, _ = crossover(peaked, ControlledElement(30, 0.2))
+    omega = np.geomspace(omega_c * 1.0001, 1e3, 1000)
+    loop = peaked.frequency_response(omega) * ControlledElement(30, 0.2).frequency_response(omega)
+    assert omega_c > 11
+    assert np.all(abs(loop) < 1)
+
+
+def test_no_warning_where_all_is_well(fitted):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        operator_parameters(fitted)
+        crossover(HumanOperator(), ControlledElement())

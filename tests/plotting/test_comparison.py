@@ -1,0 +1,669 @@
+"""The pictures of a comparison show its tables, and say what is not available."""
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import dataclasses
+import itertools
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.colors import same_color
+from scipy.stats import norm
+from support.hidden_effects import Effects, simulate_runs
+
+from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs
+from skhoid.plotting import (
+    ComparisonDisplay,
+    NoiseCeilingDisplay,
+    OperatingPointDisplay,
+    ResidualCorrelationDisplay,
+    ResidualFrequencyDisplay,
+    ResidualMapDisplay,
+    ResidualTimeDisplay,
+    RunComparisonDisplay,
+)
+from skhoid.plotting._comparison import EXCEEDING, RESIDUAL
+from skhoid.recordings import Finding
+
+DISPLAYS = [
+    ComparisonDisplay,
+    NoiseCeilingDisplay,
+    OperatingPointDisplay,
+    ResidualCorrelationDisplay,
+    ResidualFrequencyDisplay,
+    ResidualMapDisplay,
+    ResidualTimeDisplay,
+    RunComparisonDisplay,
+]
+TABLES = [
+    "by_run",
+    "by_time",
+    "by_frequency",
+    "by_operating_point",
+    "tests",
+    "correlations",
+    "time_frequency",
+]
+
+
+def runs(n_runs):
+    """Runs in the course of which controlled element and operator change, at 41 s."""
+    return make_tracking_runs(
+        "C4",
+        n_runs=n_runs,
+        remnant_intensity=0.15,
+        channels=["e", "x", "f_t"],
+        random_state=0,
+    )
+
+
+@pytest.fixture(scope="module")
+def model():
+    X, y = make_tracking_runs(
+        "C1", n_runs=3, remnant_intensity=0.15, channels=["e", "x", "f_t"], random_state=1
+    )
+    return ARXRegressor(nk=29).fit(X, y)
+
+
+@pytest.fixture(scope="module")
+def estimation():
+    return make_tracking_runs(
+        "C1", n_runs=3, remnant_intensity=0.15, channels=["e", "x", "f_t"], random_state=1
+    )
+
+
+@pytest.fixture(scope="module")
+def found(model, estimation):
+    return compare(model, *runs(5), estimation=estimation)
+
+
+@pytest.fixture(scope="module")
+def of_one_run(model):
+    return compare(model, *runs(1))
+
+
+@pytest.fixture(scope="module")
+def of_twelve_runs(model):
+    return compare(model, *runs(12))
+
+
+def marked(table, *rows):
+    """A table of which just these rows exceed chance."""
+    return table.assign(exceeds=np.isin(np.arange(len(table)), rows))
+
+
+def texts(display):
+    panels = np.atleast_1d(getattr(display, "axes_", getattr(display, "ax_", None)))
+    return " ".join(text.get_text() for panel in panels for text in panel.texts)
+
+
+def labels_of(artist):
+    return [text.get_text() for text in artist.get_texts()]
+
+
+def widths(parts):
+    return {name: part.get_width() for name, part in parts.items()}
+
+
+def tick_labels(axis):
+    """Labels of the ticks inside the limits, which are those that are drawn."""
+    low, high = sorted(axis.get_view_interval())
+    return [tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+
+
+def all_runs(table):
+    return table[table["run"] == "all"]
+
+
+def heights(bars):
+    return [bar.get_height() for bar in bars]
+
+
+def labels_in(display):
+    """Labels of everything drawn in the panels."""
+    return {label for p in display.axes_ for label in p.get_legend_handles_labels()[1]}
+
+
+def repeating(table, **by_window):
+    """Windows of which it is known what repeats: nothing but as stated, {window: (points, p)}."""
+    known = (table["run"] == "all").to_numpy()
+    table = table.assign(
+        explainable=np.where(known, 0.0, np.nan), p_explainable=np.where(known, 1.0, np.nan)
+    )
+    for window, (points, p) in by_window.items():
+        at = table.index[int(window[1:])]
+        table.loc[at, ["explainable", "p_explainable"]] = points, p
+    return table
+
+
+def of_all_alone(table):
+    """Windows of which it is not known what repeats."""
+    return table.drop(columns=["explainable", "p_explainable"])
+
+
+def a_test(name, signal="residual", **columns):
+    row = {
+        "test": name,
+        "signal": signal,
+        "statistic": 9.0,
+        "p": 1e-9,
+        "exceeds": True,
+        "where": 20.0,
+        "size": 1.0,
+        "cost": np.nan,
+        "valid": True,
+        "description": "",
+    }
+    return row | columns
+
+
+def test_page_shows_the_worst_window_of_the_worst_run(found):
+    display = ComparisonDisplay.from_comparison(found)
+    validation = found.by_run[found.by_run["data"] == "validation"]
+    assert display.run_ == validation.set_index("run")["vaf"].idxmin()
+    windows = found.by_time[found.by_time["run"] == display.run_]
+    worst = windows.loc[windows["rmse"].idxmax()]
+    assert display.window_ == (worst["start"], worst["stop"])
+    trace = found.traces.loc[int(display.run_)]
+    for name, line in display.lines_.items():
+        time = line.get_xdata()
+        assert time[0] <= worst["start"]
+        assert time[-1] >= worst["stop"] - 0.02
+        np.testing.assert_array_equal(line.get_ydata(), trace.loc[time[0] : time[-1], name])
+    assert list(display.lines_) == ["measured", "predicted"]
+
+
+@pytest.mark.parametrize(
+    ("failing", "shaded"),
+    [([], []), ([7], [7]), ([0, 6], [6]), (range(16), [5, 6, 7, 8, 9])],
+)
+def test_page_shades_windows_in_which_misfit_repeats(found, failing, shaded):
+    table = found.by_time.assign(exceeds=True)  # remnant of the run shown does not count
+    table.loc[(table["run"] == "2") & (table["start"] == table["start"][7]), "rmse"] = 99.0
+    runs = found.by_run.assign(vaf=np.where(found.by_run["run"] == "2", -99.0, 0.0))
+    windows = {f"w{i}": (1.0, 1e-9) for i in failing}
+    display = ComparisonDisplay.from_comparison(
+        dataclasses.replace(found, by_run=runs, by_time=repeating(table, **windows))
+    )
+    assert display.window_ == (table["start"][7], table["stop"][7])
+    red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], EXCEEDING)]
+    assert sorted(p.get_x() for p in red) == table["start"][list(shaded)].tolist()
+    labels = display.axes_[0].get_legend_handles_labels()[1]
+    others = set(shaded) - {7}  # the worst window has a label of its own
+    assert ("repeats over runs: misfit" in labels) == bool(others)
+
+
+def test_page_of_runs_that_do_not_repeat_shades_windows_beyond_chance(found):
+    table = of_all_alone(found.by_time)
+    table = table.assign(exceeds=(table["run"] != "all") & (table["ratio"] > 1))
+    display = ComparisonDisplay.from_comparison(dataclasses.replace(found, by_time=table))
+    raised = table[table["exceeds"] & (table["run"] == display.run_)]
+    left, right = display.axes_[0].get_xlim()
+    seen = raised[(raised["start"] < right) & (raised["stop"] > left)]
+    red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], EXCEEDING)]
+    assert {p.get_x() for p in red} == set(seen["start"])
+    assert len(red) > 1
+
+
+def test_page_says_how_good_and_what_first(found):
+    first = Finding("gain", "The gain is 50 % too low.", "p < 0.001", "", "")
+    told = ComparisonDisplay.from_comparison(dataclasses.replace(found, findings=[first]))
+    title = told.figure_.get_suptitle()
+    assert f"VAF {found.vaf:.1f} %" in title
+    assert f"noise ceiling {found.noise_ceiling:.1f} %" in title
+    assert f"{found.explainable_gap:.1f} points" in title
+    assert title.split("\n")[1:] == [first.title]
+    untold = ComparisonDisplay.from_comparison(dataclasses.replace(found, findings=[]))
+    assert untold.figure_.get_suptitle() == title.split("\n")[0]
+
+
+def amplitude_of_page(found, tests):
+    """What the page shows of amplitude, where the mean residual is largest over x."""
+    table = found.by_operating_point
+    x = table["channel"] == "x"
+    table = table.assign(mean=table["mean"].where(~x, 50 * table["band"]), valid=True)
+    display = ComparisonDisplay.from_comparison(
+        dataclasses.replace(found, by_operating_point=table, tests=tests)
+    )
+    return display.axes_[3].get_xlabel()
+
+
+def test_page_takes_the_channel_of_the_strongest_test_of_shape(found):
+    tests = pd.DataFrame(
+        [
+            a_test("nonlinearity", "e", statistic=20.0),
+            a_test("asymmetry", "f_t", statistic=30.0),
+            a_test("nonlinearity", "x", statistic=90.0, exceeds=False),
+            a_test("nonlinearity", "force", statistic=90.0),  # has no bins
+            a_test("nonlinearity", "u", statistic=np.nan),
+            a_test("cross-correlation", "x", statistic=90.0),
+        ]
+    )
+    assert "target" in amplitude_of_page(found, tests)
+    assert "error" in amplitude_of_page(found, tests.drop(index=1))
+
+
+def test_page_takes_the_channel_furthest_outside_its_band_where_no_test_exceeds(found):
+    assert "output x" in amplitude_of_page(found, found.tests.assign(exceeds=False))
+    assert "output x" in amplitude_of_page(found, found.tests.iloc[:0])
+
+
+def test_bar_adds_up(found):
+    display = NoiseCeilingDisplay.from_comparison(found)
+    assert widths(display.parts_) == {
+        "explained": pytest.approx(found.vaf),
+        "explainable": pytest.approx(found.explainable_gap),
+        "remnant": pytest.approx(100 - found.noise_ceiling),
+    }
+    (segment,) = display.interval_.lines[2][0].get_segments()
+    np.testing.assert_allclose(segment[:, 0], found.noise_ceiling_interval)
+    note = display.ax_.get_legend().get_title().get_text()
+    assert found.ceiling_note in note.replace("\n", " ")
+
+
+def test_bar_without_a_ceiling():
+    display = NoiseCeilingDisplay(
+        vaf=70.0,
+        noise_ceiling=np.nan,
+        noise_ceiling_interval=(np.nan, np.nan),
+        explainable_gap=np.nan,
+    ).plot()
+    assert widths(display.parts_) == {
+        "explained": 70.0,
+        "not explained": pytest.approx(30.0),
+    }
+    assert display.interval_ is None
+    assert "not explained 30.0 %: no ceiling" in labels_of(display.ax_.get_legend())
+    assert display.ax_.get_title() == "VAF 70.0 %, noise ceiling not available"
+
+
+@pytest.mark.parametrize(
+    ("vaf", "ceiling", "expected", "said"),
+    [
+        (-35.0, 80.0, [0.0, 80.0, 20.0], "explained -35.0 %: worse than no model"),
+        (85.0, 84.5, [85.0, 0.0, 15.0], "explainable -0.5 points"),
+        (99.5, 100.3, [99.5, 0.5, 0.0], "explainable 0.8 points"),
+        (-35.0, -5.0, [0.0, 0.0, 100.0], "explainable 30.0 points"),
+    ],
+)
+def test_bar_stays_between_0_and_100(vaf, ceiling, expected, said):
+    display = NoiseCeilingDisplay(
+        vaf=vaf,
+        noise_ceiling=ceiling,
+        noise_ceiling_interval=(ceiling - 1, ceiling + 1),
+        explainable_gap=ceiling - vaf,
+    ).plot()
+    np.testing.assert_allclose(list(widths(display.parts_).values()), expected, atol=1e-12)
+    assert said in labels_of(display.ax_.get_legend())
+
+
+def test_bar_of_a_ceiling_known_for_some_runs():
+    display = NoiseCeilingDisplay(
+        vaf=70.0,
+        noise_ceiling=85.0,
+        noise_ceiling_interval=(84.0, 86.0),
+        explainable_gap=10.0,
+    ).plot()
+    assert list(widths(display.parts_).values()) == [75.0, 10.0, 15.0]
+
+
+def test_time_shows_shares_and_ratios(found):
+    table = found.by_time
+    display = ResidualTimeDisplay(by_time=table, tests=found.tests).plot()
+    together = all_runs(table)
+    np.testing.assert_allclose(heights(display.bars_), together["share"])
+    assert sum(heights(display.bars_)) == pytest.approx(100 - found.vaf)
+    assert list(display.runs_) == list("01234")
+    third = table[table["run"] == "2"]
+    np.testing.assert_array_equal(display.runs_["2"].get_ydata()[::2], third["ratio"])
+    np.testing.assert_array_equal(display.line_.get_ydata()[1::2], together["ratio"])
+
+
+def test_time_is_red_where_what_repeats_is_beyond_chance(found):
+    share = found.by_time["share"]
+    table = repeating(
+        found.by_time.assign(exceeds=True),  # remnant may grow
+        w2=(share[2] / 2, 1e-4),
+        w5=(share[5] / 2, 0.5),
+        w9=(2 * share[9], 1e-9),  # an estimate; the bar is not exceeded
+        w11=(share[11], np.nan),
+    )
+    display = ResidualTimeDisplay(by_time=table, tests=found.tests).plot()
+    assert all(same_color(bar.get_facecolor(), RESIDUAL) for bar in display.bars_)
+    assert all(same_color(bar.get_facecolor(), EXCEEDING) for bar in display.misfit_)
+    expected = np.zeros(len(display.bars_))
+    expected[[2, 9]] = share[2] / 2, share[9]
+    np.testing.assert_allclose(heights(display.misfit_), expected)
+    assert {"repeats over runs: misfit", "does not repeat"} <= labels_in(display)
+    # Nor is the remnant of single runs red.
+    assert not any(same_color(line.get_color(), EXCEEDING) for line in display.axes_[1].lines)
+
+
+def test_time_is_not_red_where_nothing_repeats(found):
+    table = repeating(found.by_time.assign(exceeds=True))
+    display = ResidualTimeDisplay(by_time=table, tests=found.tests).plot()
+    assert display.misfit_ is None
+    assert not {"repeats over runs: misfit", "does not repeat"} & labels_in(display)
+    assert "lost" in labels_in(display)
+
+
+@pytest.mark.parametrize(
+    "unknown", [of_all_alone, lambda table: repeating(table).assign(p_explainable=np.nan)]
+)
+def test_time_of_runs_that_do_not_repeat_is_red_where_more_is_lost(found, unknown):
+    table = marked(found.by_time, 3, 12)
+    assert (table["ratio"].iloc[[3, 12]] > 1).tolist() == [False, True]
+    display = ResidualTimeDisplay(by_time=unknown(table), tests=found.tests).plot()
+    red = np.flatnonzero(heights(display.misfit_))
+    assert red.tolist() == [12]
+    assert display.misfit_[12].get_height() == table["share"][12]
+    assert {"lost", "beyond chance (1 %)"} <= labels_in(display)
+
+
+def test_time_shows_what_chance_gives(found):
+    table = found.by_time.assign(chance_low=0.8, chance_high=1.3)
+    band = ResidualTimeDisplay(by_time=table, tests=found.tests).plot().band_
+    vertices = band.get_paths()[0].vertices
+    assert (vertices[:, 1].min(), vertices[:, 1].max()) == (0.8, 1.3)
+    bare = found.by_time.drop(columns=["chance_low", "chance_high"], errors="ignore")
+    assert ResidualTimeDisplay(by_time=bare, tests=found.tests).plot().band_ is None
+
+
+def test_time_marks_changes_that_exceed_chance(found):
+    display = ResidualTimeDisplay.from_comparison(found)
+    assert display.changes_["remnant power change"] == pytest.approx(41.0, abs=2.0)
+    for panel in display.axes_:
+        marks = {line.get_xdata()[0] for line in panel.lines if "change, " in line.get_label()}
+        assert marks == set(display.changes_.values())
+    quiet = found.tests.assign(exceeds=False)
+    assert ResidualTimeDisplay(by_time=found.by_time, tests=quiet).plot().changes_ == {}
+
+
+def test_time_does_not_mark_changes_that_cost_next_to_nothing(found):
+    tests = pd.DataFrame(
+        [
+            a_test("gain change", cost=0.049),
+            a_test("delay change", cost=0.051, where=30.0),
+            a_test("remnant power change", where=40.0),  # no model wins it back: it has no cost
+            a_test("mean change", where=np.nan),
+            a_test("lag", where=50.0),
+        ]
+    )
+    display = ResidualTimeDisplay(by_time=found.by_time, tests=tests).plot()
+    assert display.changes_ == {"delay change": 30.0, "remnant power change": 40.0}
+    without = ResidualTimeDisplay(by_time=found.by_time, tests=tests.drop(columns="cost")).plot()
+    assert without.changes_ == {"gain change": 20.0} | display.changes_
+
+
+def test_time_of_one_run_has_no_thin_lines(of_one_run):
+    assert ResidualTimeDisplay.from_comparison(of_one_run).runs_ == {}
+
+
+def test_frequency_shows_spectra_and_responses(found):
+    table = marked(found.by_frequency, 4)
+    display = ResidualFrequencyDisplay(by_frequency=table, unit="deg").plot()
+    excited = table[table["kind"] == "excited"]
+    for name in ("output", "residual"):
+        line = display.lines_[f"{name} lines"]
+        np.testing.assert_array_equal(line.get_xdata(), excited["omega"])
+        np.testing.assert_array_equal(line.get_ydata(), excited[f"psd_{name}"])
+    np.testing.assert_array_equal(display.exceeding_.get_xdata(), table["omega"][4:5])
+    for name, line in display.gain_.items():
+        np.testing.assert_array_equal(line.get_ydata(), excited[f"{name}_gain"])
+    intervals = display.axes_[1].collections[0].get_segments()
+    factor = np.exp(norm.ppf(0.975) * excited["sd_gain"] / excited["measured_gain"])
+    upper = [segment[:, 1].max() for segment in intervals]
+    np.testing.assert_allclose(upper, excited["measured_gain"] * factor)
+    assert display.phase_ == {}
+    assert display.axes_[0].get_ylabel() == "PSD, deg² s/rad"
+
+
+def test_frequency_with_phase(found):
+    display = ResidualFrequencyDisplay.from_comparison(found).plot(phase=True)
+    excited = found.by_frequency[found.by_frequency["kind"] == "excited"]
+    for name, line in display.phase_.items():
+        np.testing.assert_array_equal(line.get_ydata(), excited[f"{name}_phase"])
+    _, axes = plt.subplots(3)
+    display = ResidualFrequencyDisplay.from_comparison(found, ax=axes)
+    assert list(display.phase_) == ["measured", "model"]
+
+
+def test_frequency_without_a_target():
+    X, y = runs(2)
+    found = compare(ARXRegressor(nk=29).fit(X[["e"]], y), X[["e"]], y)
+    display = ResidualFrequencyDisplay.from_comparison(found)
+    assert display.gain_ == {}
+    assert "not available" in texts(display)
+    assert display.lines_["residual"].get_xdata().size > 0
+
+
+def test_operating_points(found):
+    table = marked(found.by_operating_point, 0, 5).assign(valid=True)
+    display = OperatingPointDisplay(by_operating_point=table, unit="deg").plot()
+    assert list(display.lines_) == list(dict.fromkeys(table["channel"]))
+    for (name, line), panel in zip(display.lines_.items(), display.axes_, strict=True):
+        bins = table[table["channel"] == name]
+        np.testing.assert_array_equal(line.get_xdata(), bins["center"])
+        np.testing.assert_array_equal(line.get_ydata(), bins["mean"])
+        vertices = display.bands_[name].get_paths()[0].vertices
+        assert vertices[:, 1].max() == pytest.approx(bins["band"].max())
+        red = [line for line in panel.lines if same_color(line.get_color(), EXCEEDING)]
+        assert sum(len(line.get_xdata()) for line in red) == bins["exceeds"].sum()
+
+
+def test_operating_points_of_the_output_are_those_predicted(found):
+    display = OperatingPointDisplay.from_comparison(found)
+    named = dict(zip(display.lines_, (p.get_xlabel() for p in display.axes_), strict=True))
+    assert named["u"] == "predicted control u"
+    assert named["u rate"] == "predicted control u rate"
+    assert "predicted" not in named["e"] + named["x"] + named["f_t"]
+    table = found.by_operating_point.replace({"channel": {"u": "force", "u rate": "force rate"}})
+    other = OperatingPointDisplay(by_operating_point=table, output="force").plot()
+    assert [p.get_xlabel() for p in other.axes_[-2:]] == [
+        "predicted force",
+        "predicted force rate",
+    ]
+
+
+def test_levels_held_are_marked_in_the_panel_of_the_output(found):
+    tests = pd.DataFrame(
+        [
+            a_test("level", "u", where=-0.15),
+            a_test("level", "u", where=0.15),
+            a_test("level", "u", where=np.nan),
+            a_test("level", "u", where=0.3, exceeds=False),
+            a_test("level", "force", where=0.4),
+            a_test("outlier", "u", where=0.5),
+        ]
+    )
+    table = found.by_operating_point
+    display = OperatingPointDisplay(by_operating_point=table, tests=tests).plot()
+    assert display.levels_ == {"u": [-0.15, 0.15]}
+    for name, panel in zip(display.lines_, display.axes_, strict=True):
+        dashed = [line for line in panel.lines if line.get_linestyle() == "--"]
+        assert [line.get_xdata()[0] for line in dashed] == display.levels_.get(name, [])
+    for none in (None, tests.iloc[:0], tests.assign(exceeds=np.nan)):
+        bare = OperatingPointDisplay(by_operating_point=table, tests=none).plot()
+        assert bare.levels_ == {}
+
+
+def test_levels_of_a_stop_are_marked():
+    X, y, _ = simulate_runs("C1", 3, effects=Effects(saturation=0.15))
+    display = OperatingPointDisplay.from_estimator(ARXRegressor(nk=29).fit(X, y), X, y)
+    np.testing.assert_allclose(np.abs(display.levels_["u"]), 0.15, atol=1e-6)
+    assert {"level held, measured"} <= labels_in(display)
+
+
+def test_what_is_no_test_is_said_and_not_red(found):
+    points = found.by_operating_point.assign(exceeds=True, valid=False)
+    correlations = found.correlations.assign(correlation=0.9, valid=False)
+    for display in (
+        OperatingPointDisplay(by_operating_point=points).plot(),
+        ResidualCorrelationDisplay(correlations=correlations).plot(),
+    ):
+        for panel in display.axes_:
+            title = panel.get_title() + panel.get_title(loc="left")
+            assert "closed loop: not a test" in title
+            assert not any(same_color(line.get_color(), EXCEEDING) for line in panel.lines)
+
+
+def test_correlations(found):
+    display = ResidualCorrelationDisplay.from_comparison(found)
+    for name, line in display.lines_.items():
+        table = found.correlations[found.correlations["signal"] == name]
+        np.testing.assert_array_equal(line.get_xdata(), table["lag"])
+        np.testing.assert_array_equal(line.get_ydata(), table["correlation"])
+    table = found.correlations.assign(correlation=0.0, band=0.1, valid=True)
+    table.loc[table.index[7], "correlation"] = -0.2
+    (panel, *_) = ResidualCorrelationDisplay(correlations=table).plot().axes_
+    (red,) = (line for line in panel.lines if same_color(line.get_color(), EXCEEDING))
+    np.testing.assert_array_equal(red.get_xydata(), [[table["lag"].iloc[7], -0.2]])
+
+
+def test_map_is_in_decibels(found):
+    display = ResidualMapDisplay.from_comparison(found)
+    ratio = found.time_frequency.loc[:, found.time_frequency.columns > 0]
+    np.testing.assert_allclose(
+        np.ma.filled(display.mesh_.get_array(), np.nan), 10 * np.log10(ratio.to_numpy().T)
+    )
+    low, high = display.mesh_.get_clim()
+    assert low == -high
+
+
+def test_map_of_zeros_at_frequency_zero():
+    ratio = pd.DataFrame([[0.0, 0.0, 1.0], [0.0, 10.0, 1.0]], [1.0, 2.0], [0.0, 1.0, 10.0])
+    display = ResidualMapDisplay(time_frequency=ratio).plot()
+    levels = display.mesh_.get_array()
+    assert levels.mask.tolist() == [[True, False], [False, False]]
+    assert levels.compressed().tolist() == [10.0, 0.0, 0.0]
+    np.testing.assert_allclose(display.ax_.get_ylim(), [10**-0.5, 10**1.5])
+
+
+def test_runs_and_their_ceiling(found):
+    display = RunComparisonDisplay(
+        by_run=marked(found.by_run, 1),
+        vaf=found.vaf,
+        noise_ceiling=found.noise_ceiling,
+        noise_ceiling_interval=found.noise_ceiling_interval,
+    ).plot()
+    for name, line in display.lines_.items():
+        expected = found.by_run.loc[found.by_run["data"] == name, "vaf"]
+        np.testing.assert_array_equal(line.get_ydata(), expected)
+    assert list(display.lines_) == ["validation", "estimation"]
+    np.testing.assert_array_equal(display.exceeding_.get_ydata(), found.by_run["vaf"][1:2])
+    np.testing.assert_array_equal(display.ceiling_.get_ydata(), [found.noise_ceiling] * 2)
+    assert display.ax_.get_title() == "Beyond chance: run 1"
+
+
+def test_runs_without_estimation_or_ceiling(of_one_run):
+    table = of_one_run.by_run.assign(exceeds=False)
+    display = RunComparisonDisplay(
+        by_run=table, vaf=50.0, noise_ceiling=np.nan, noise_ceiling_interval=(np.nan, np.nan)
+    ).plot()
+    assert list(display.lines_) == ["validation"]
+    assert (display.exceeding_, display.ceiling_) == (None, None)
+    assert display.ax_.get_title() == "Too few runs to test one against the others"
+
+
+def test_a_lost_run_is_named_at_the_edge(found):
+    table = found.by_run.copy()
+    table.loc[0, "vaf"] = -312.0
+    display = RunComparisonDisplay(
+        by_run=table, vaf=20.0, noise_ceiling=85.0, noise_ceiling_interval=(84.0, 86.0)
+    ).plot()
+    assert "-312 %" in texts(display)
+    assert display.ax_.get_ylim()[0] > -50
+
+
+def test_labels_of_outer_levels(model):
+    X, y = runs(2)
+    labels = pd.MultiIndex.from_tuples(
+        [("S1", run, time) for run, time in X.index], names=["subject", "run", "time"]
+    )
+    found = compare(model, X.set_axis(labels), y.set_axis(labels))
+    runs_display = RunComparisonDisplay.from_comparison(found)
+    assert [t.get_text() for t in runs_display.ax_.get_xticklabels()] == ["S1/0", "S1/1"]
+    page = ComparisonDisplay.from_comparison(found)
+    assert page.run_ in ["S1/0", "S1/1"]
+    assert list(ResidualTimeDisplay.from_comparison(found).runs_) == ["S1/0", "S1/1"]
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_empty_tables_are_said(display, found):
+    empty = {name: getattr(found, name).iloc[:0] for name in TABLES}
+    none = {"noise_ceiling": np.nan, "noise_ceiling_interval": (np.nan, np.nan)}
+    drawn = display.from_comparison(
+        dataclasses.replace(found, **empty, **none, explainable_gap=np.nan, findings=[])
+    )
+    if display is not NoiseCeilingDisplay:
+        assert "not available" in texts(drawn)
+    drawn.figure_.canvas.draw()
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_tables_of_nan_are_drawn(display, found):
+    lost = {}
+    for name in TABLES:
+        table = getattr(found, name)
+        unknown = table.select_dtypes("floating").columns.difference(
+            ["omega", "start", "stop", "lag", "low", "high", "center"]
+        )
+        lost[name] = (
+            table.assign(**dict.fromkeys(unknown, np.nan))
+            if name != ("time_frequency")
+            else table * np.nan
+        )
+    drawn = display.from_comparison(dataclasses.replace(found, **lost))
+    drawn.figure_.canvas.draw()
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+def test_given_axes_are_used(display, found):
+    own = display.from_comparison(found)
+    n = len(getattr(own, "axes_", [None]))
+    figure, axes = plt.subplots(n, squeeze=False)
+    drawn = display.from_comparison(found, ax=axes[:, 0])
+    assert drawn.figure_ is figure
+    with pytest.raises(ValueError, match="this picture needs"):
+        own.plot(plt.subplots(9, 2)[1])
+
+
+@pytest.mark.parametrize("display", DISPLAYS)
+@pytest.mark.parametrize("which", ["of_one_run", "of_twelve_runs"])
+def test_nothing_covers_data_or_text(display, which, request):
+    """Legends lie outside all panels, and titles, labels and legends do not overlap."""
+    figure = display.from_comparison(request.getfixturevalue(which)).figure_
+    figure.canvas.draw()
+    panels = [panel for panel in figure.axes if panel.axison]
+    legends = [*figure.legends, *(p.get_legend() for p in figure.axes if p.get_legend())]
+    for legend, panel in itertools.product(legends, panels):
+        assert not legend.get_window_extent().overlaps(panel.get_window_extent())
+    words = [text for legend in legends for text in legend.get_texts()]
+    for panel in panels:
+        words += [panel.xaxis.label, panel.yaxis.label, panel.title]
+        words += [*tick_labels(panel.xaxis), *tick_labels(panel.yaxis), *panel.texts]
+    words += figure.texts
+    boxes = [w.get_window_extent() for w in words if w.get_visible() and w.get_text()]
+    page = figure.bbox
+    for box in boxes:
+        assert page.x0 <= box.x0
+        assert box.x1 <= page.x1
+    for one, other in itertools.combinations(boxes, 2):
+        assert not one.overlaps(other)
+
+
+def test_from_estimator_passes_the_options_of_compare(model, estimation):
+    X, y = runs(3)
+    display = RunComparisonDisplay.from_estimator(model, X, y, estimation=estimation)
+    assert len(display.lines_["estimation"].get_ydata()) == 3
+    few = RunComparisonDisplay.from_estimator(model, *select_runs(X, y, first=2))
+    assert len(few.lines_["validation"].get_ydata()) == 2
+
+
+def test_anything_but_a_comparison_is_refused(model):
+    with pytest.raises(TypeError, match="got ARXRegressor"):
+        ComparisonDisplay.from_comparison(model)

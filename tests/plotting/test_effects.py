@@ -1,0 +1,376 @@
+"""The pictures of a search for effects show its tables."""
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import copy
+from types import SimpleNamespace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.colors import same_color
+from sklearn.exceptions import NotFittedError
+from support.plot_checks import covers_nothing
+
+from skhoid import EffectSearchCV, OperatorRegressor
+from skhoid.plotting import EffectRankingDisplay, EffectStepsDisplay, ErrorPathDisplay
+from skhoid.plotting._axes import BLACK, BLUE
+from skhoid.plotting._comparison import EXCEEDING
+
+OF_SEARCH = [ErrorPathDisplay, EffectStepsDisplay, EffectRankingDisplay]
+REFUSED = ("preview", "feedforward")
+
+
+@pytest.fixture(autouse=True)
+def _close():
+    yield
+    plt.close("all")
+
+
+def a_search(effects, vaf, ceiling=88.0, *, unknown=False, candidates=8):
+    """What a search has after fit, made up; the last run profits most, after 40 s."""
+    rng = np.random.default_rng(0)
+    index = pd.MultiIndex.from_product(
+        [["1", "2", "3"], np.arange(4000) / 50], names=["run", "time"]
+    )
+    time = index.get_level_values("time").to_numpy()
+    measured = sum(np.sin(w * time + rng.uniform(0, 6)) for w in (0.4, 1.1, 2.3))
+    late = (index.get_level_values("run") == "3") & (time > 40) & (time < 55)
+    predictions = pd.DataFrame({"measured": measured}, index)
+    for i, name in enumerate(["baseline", *(f"+ {e}" for e in effects)]):
+        predictions[name] = measured * (1 - 0.2 * 0.5**i * (1 + 2 * late))
+    predictions.attrs["units"] = {"measured": "deg"}
+    vaf = np.array(vaf, dtype=float)
+    path = pd.DataFrame(
+        {
+            "effect": ["baseline", *effects],
+            "vaf": vaf,
+            "rmse": np.sqrt(1 - vaf / 100),
+            "vaf_train": vaf + 0.7,
+            "ceiling": ceiling,
+            "explainable_gap": ceiling - vaf,
+        }
+    )
+    rows = []
+    for step, added in enumerate([*effects, None], 1):
+        names = [added] if added else []
+        names += [f"candidate_{i}" for i in range(candidates - len(names))]
+        for i, name in enumerate(names):
+            gain = (4.0 if added else 0.2) - i
+            rows.append(
+                {
+                    "step": step,
+                    "rank": i + 1,
+                    "effect": name,
+                    "form": "gap" if name == "dead_zone" else "",
+                    "vaf_gain": gain,
+                    "delta_bic": 100.0 * gain,
+                    "confused_with": ["candidate_1", "gone"] if i == 0 and step == 1 else [],
+                    "status": "added" if name == added else "not better",
+                    "reason": "",
+                }
+            )
+        rows += [
+            {
+                "step": step,
+                "effect": name,
+                "form": "",
+                "confused_with": [],
+                "status": "does not apply",
+                "reason": "X has no target: a column of role f_t, or e and x",
+            }
+            for name in REFUSED
+        ]
+    verdict = "effects found" if effects else "nothing is missing"
+    return SimpleNamespace(
+        predictions_=predictions,
+        error_path_=path,
+        ranking_=pd.DataFrame(rows),
+        best_effects_=[*effects, *(["unknown"] if unknown else [])],
+        verdict_="something is missing, not in the catalogue" if unknown else verdict,
+    )
+
+
+LONG = ["hardening_stiffness", "output_feedback", "absolute_value", "dead_zone-2"]
+SEARCHES = {
+    "none": a_search([], [87.8]),
+    "one": a_search(["dead_zone"], [76.0, 86.5]),
+    "four": a_search(LONG, [60.0, 75.0, 82.0, 85.0, 87.0], candidates=30),
+    "no ceiling": a_search(["dead_zone", "bias"], [76.0, 86.5, 87.5], np.nan),
+    "unknown": a_search(["dead_zone"], [60.0, 70.0], unknown=True),
+    "only unknown": a_search([], [60.0], unknown=True),
+    "lost": a_search(["tv_gain"], [-300.0, 80.0]),
+}
+
+
+@pytest.fixture(params=SEARCHES)
+def search(request):
+    return SEARCHES[request.param]
+
+
+def words_in(panel):
+    return [text.get_text() for text in panel.texts]
+
+
+# Staircase
+
+
+def test_staircase_shows_the_path(search):
+    display = ErrorPathDisplay.from_estimator(search)
+    path = search.error_path_
+    np.testing.assert_array_equal(display.stairs_["vaf"].get_data().values, path["vaf"])
+    np.testing.assert_array_equal(display.stairs_["rmse"].get_data().values, path["rmse"])
+    np.testing.assert_array_equal(display.train_.get_ydata(), path["vaf_train"])
+    labels = [t.get_text().replace("\n", "") for t in display.axes_[1].get_xticklabels()]
+    assert labels == ["baseline", *(f"+ {e}" for e in path["effect"][1:])]
+    values = [label.get_text() for label in display.labels_["vaf"]]
+    for value, label in zip(path["vaf"], values, strict=True):
+        assert f"{value:.1f} %" in label
+    assert display.axes_[1].get_ylabel() == "held-out RMSE, deg"
+
+
+def test_staircase_has_the_ceiling_in_both_panels():
+    display = ErrorPathDisplay.from_estimator(SEARCHES["one"])
+    np.testing.assert_array_equal(display.ceilings_["vaf"].get_data().values, [88.0, 88.0])
+    # These outputs have a power of one, so that the RMSE at 88 % is the root of 0.12.
+    np.testing.assert_allclose(display.ceilings_["rmse"].get_data().values, np.sqrt(0.12))
+    bare = ErrorPathDisplay.from_estimator(SEARCHES["no ceiling"])
+    assert bare.ceilings_ == {}
+    assert bare.gap_ is None
+    assert any("ceiling not" in words for words in words_in(bare.axes_[0]))
+
+
+def test_staircase_tells_what_is_left():
+    display = ErrorPathDisplay.from_estimator(SEARCHES["one"])
+    np.testing.assert_allclose(display.gap_.get_ydata(), [86.5, 88.0])
+    assert "1.5 points\nleft" in words_in(display.axes_[0])
+    assert same_color(display.gap_.get_color(), BLACK)
+    done = a_search(["dead_zone"], [76.0, 88.2])
+    display = ErrorPathDisplay.from_estimator(done)
+    assert display.gap_ is None
+    assert "nothing left" in words_in(display.axes_[0])
+
+
+def test_a_ceiling_that_is_passed_is_a_lower_bound():
+    for vaf, label in ((87.9, "ceiling"), (91.0, "ceiling (a lower bound)")):
+        display = ErrorPathDisplay.from_estimator(a_search(["dead_zone"], [76.0, vaf]))
+        assert display.ceilings_["vaf"].get_label() == label
+
+
+def test_staircase_marks_what_no_effect_explains():
+    display = ErrorPathDisplay.from_estimator(SEARCHES["unknown"])
+    assert same_color(display.gap_.get_color(), EXCEEDING)
+    assert any("not in the\ncatalogue" in words for words in words_in(display.axes_[0]))
+    assert display.axes_[0].get_title() == (
+        "Found: dead_zone; something is missing, not in the catalogue"
+    )
+    listed = copy.copy(SEARCHES["unknown"])
+    row = listed.error_path_.iloc[-1:].assign(effect="unknown")
+    listed.error_path_ = pd.concat([listed.error_path_, row], ignore_index=True)
+    display = ErrorPathDisplay.from_estimator(listed)
+    assert len(display.stairs_["vaf"].get_data().values) == 2
+
+
+def test_staircase_without_effects_says_the_verdict():
+    display = ErrorPathDisplay.from_estimator(SEARCHES["none"])
+    assert display.axes_[0].get_title() == "Nothing is missing"
+
+
+def test_staircase_says_stand_ins():
+    search = copy.copy(SEARCHES["unknown"])
+    search.best_effects_ = ["unknown"]
+    title = ErrorPathDisplay.from_estimator(search).axes_[0].get_title()
+    assert title == "Something is missing, not in the catalogue; stand-ins: dead_zone"
+
+
+def test_a_small_gap_looks_small_and_a_lost_baseline_does_not_squeeze():
+    low, high = ErrorPathDisplay.from_estimator(SEARCHES["none"]).axes_[0].get_ylim()
+    assert high - low >= 10.0
+    display = ErrorPathDisplay.from_estimator(SEARCHES["lost"])
+    assert display.axes_[0].get_ylim()[0] == -20.0
+    assert display.labels_["vaf"][0].get_text() == "↓ -300.0 %"
+    assert display.axes_[1].get_ylim()[0] == 0.0
+
+
+# Before and after
+
+
+def test_steps_show_where_the_effects_help_most(search):
+    display = EffectStepsDisplay.from_estimator(search)
+    assert display.run_ == "3"
+    assert display.window_ == pytest.approx((40.0, 55.0), abs=0.5)
+    names = list(search.predictions_)
+    assert list(display.lines_) == list(dict.fromkeys(["measured", names[1], names[-1]]))
+    rows = search.predictions_.loc["3"].loc[slice(*display.window_)]
+    for name, line in display.lines_.items():
+        np.testing.assert_array_equal(line.get_xdata(), rows.index)
+        np.testing.assert_array_equal(line.get_ydata(), rows[name])
+    for name, line in display.residuals_.items():
+        np.testing.assert_array_equal(line.get_ydata(), rows["measured"] - rows[name])
+    title = display.axes_[0].get_title()
+    if len(names) > 2:
+        assert title.endswith("where the effects help most")
+    else:
+        assert title.replace("\n", " ").endswith(f"the baseline is worst: {search.verdict_}")
+
+
+def test_steps_have_the_vaf_of_all_held_out_runs():
+    display = EffectStepsDisplay.from_estimator(SEARCHES["four"], steps=[1, 4])
+    labels = [line.get_label() for line in display.lines_.values()]
+    assert labels == ["measured", "+ hardening_stiffness, VAF 75.0 %", "+ dead_zone-2, VAF 87.0 %"]
+
+
+def test_steps_of_a_run_and_a_window():
+    search = SEARCHES["one"]
+    display = EffectStepsDisplay.from_estimator(search, run=1, window=(10, 12))
+    assert (display.run_, display.window_) == ("1", (10.0, 12.0))
+    assert display.axes_[0].get_title() == "Run 1, 10 to 12 s"
+    assert EffectStepsDisplay.from_estimator(search, window=(45, 46)).run_ == "3"
+    assert EffectStepsDisplay.from_estimator(search, run="2").run_ == "2"
+    with pytest.raises(ValueError, match="There is no run 9; there are 1, 2, 3"):
+        EffectStepsDisplay.from_estimator(search, run=9)
+    with pytest.raises(ValueError, match="No row of the runs lies in the window"):
+        EffectStepsDisplay.from_estimator(search, window=(200, 210))
+    with pytest.raises(ValueError, match=r"some of 0 to 1 \(baseline, \+ dead_zone\)"):
+        EffectStepsDisplay.from_estimator(search, steps=[0, 2])
+
+
+def test_steps_break_at_gaps_and_skip_what_is_not_predicted():
+    search = copy.copy(SEARCHES["one"])
+    kept = search.predictions_.loc[["3"]].drop(index=[("3", 45.0), ("3", 45.02), ("3", 45.04)])
+    search.predictions_ = kept
+    display = EffectStepsDisplay.from_estimator(search, window=(44, 46))
+    assert np.isnan(display.lines_["measured"].get_xdata()).sum() == 1
+    search.predictions_ = kept.assign(baseline=np.nan)
+    drawn = EffectStepsDisplay.from_estimator(search, window=(44, 46))
+    assert np.isnan(drawn.lines_["baseline"].get_ydata()).all()
+    search.predictions_ = kept.assign(**{"baseline": np.nan, "+ dead_zone": np.nan})
+    assert "not available" in words_in(EffectStepsDisplay.from_estimator(search).axes_[0])[0]
+
+
+def test_window_passes_over_settling():
+    search = copy.copy(SEARCHES["one"])
+    search.predictions_ = search.predictions_.loc[["1"]].copy()
+    search.predictions_.iloc[:100, 1] += 50.0
+    assert EffectStepsDisplay.from_estimator(search).window_[0] == 0.0
+    search.best_estimator_ = SimpleNamespace(settling=3.0)
+    assert EffectStepsDisplay.from_estimator(search).window_[0] > 0.0
+
+
+def test_steps_of_short_runs_are_shown_whole():
+    search = copy.copy(SEARCHES["one"])
+    time = search.predictions_.index.get_level_values("time")
+    search.predictions_ = search.predictions_[time < 4.0]
+    assert EffectStepsDisplay.from_estimator(search).window_ == (0.0, 3.98)
+
+
+# Ranking
+
+
+def test_ranking_shows_the_candidates_of_a_step():
+    search = SEARCHES["one"]
+    display = EffectRankingDisplay.from_estimator(search)
+    table = search.ranking_[search.ranking_["step"] == 1]
+    tried = table[table["status"] != "does not apply"]
+    assert list(display.bars_) == tried["effect"].tolist()
+    widths = [bar.get_width() for bar in display.bars_.values()]
+    np.testing.assert_array_equal(widths, tried["vaf_gain"])
+    assert display.words_["dead_zone"].get_text() == "+4.0, ΔBIC +400"
+    assert display.ax_.get_yticklabels()[0].get_text() == "dead_zone (gap)"
+    assert display.margin_ == pytest.approx(1.0)
+    assert same_color(display.bars_["dead_zone"].get_facecolor(), BLUE)
+    low, high = display.ax_.get_ylim()
+    assert low > high  # the best is on top
+
+
+def test_ranking_greys_what_does_not_apply():
+    display = EffectRankingDisplay.from_estimator(SEARCHES["one"])
+    assert not set(display.bars_) & set(REFUSED)
+    labels = {t.get_text(): t.get_color() for t in display.ax_.get_yticklabels()}
+    for name in REFUSED:
+        assert display.words_[name].get_text().startswith("X has no target")
+        assert labels[name] == "0.45"
+    few = EffectRankingDisplay.from_estimator(SEARCHES["one"], n_candidates=3)
+    assert list(few.words_) == ["dead_zone", "candidate_0", "candidate_1"]
+
+
+def test_ranking_marks_what_cannot_be_told_apart():
+    display = EffectRankingDisplay.from_estimator(SEARCHES["one"])
+    assert display.confused_ == ["candidate_1"]
+    assert [n for n, bar in display.bars_.items() if bar.get_hatch()] == ["candidate_1"]
+    assert "which these data cannot tell apart" not in display.ax_.get_title()
+    search = copy.copy(SEARCHES["one"])
+    search.ranking_ = search.ranking_.copy()
+    search.ranking_["confused_with"] = [["candidate_0"]] * len(search.ranking_)
+    title = EffectRankingDisplay.from_estimator(search).ax_.get_title().replace("\n", " ")
+    assert title == (
+        "Step 1: dead_zone is added, 1.0 points and 100 in BIC before candidate_0, which these "
+        "data cannot tell apart"
+    )
+
+
+def test_ranking_whose_second_has_the_better_likelihood():
+    search = copy.copy(SEARCHES["one"])
+    search.ranking_ = search.ranking_.copy()
+    search.ranking_.loc[search.ranking_["effect"] == "candidate_0", "delta_bic"] = 421.0
+    title = EffectRankingDisplay.from_estimator(search).ax_.get_title().replace("\n", " ")
+    assert title == "Step 1: dead_zone is added, though candidate_0 is 21 better in BIC"
+
+
+def test_ranking_of_a_step_that_adds_nothing():
+    display = EffectRankingDisplay.from_estimator(SEARCHES["one"], step=2)
+    assert display.ax_.get_title() == "Step 2: no candidate is better by more than chance"
+    low, high = display.ax_.get_xlim()
+    assert high - low >= 1.0
+    with pytest.raises(ValueError, match=r"has the steps 1, 2; got step=3"):
+        EffectRankingDisplay.from_estimator(SEARCHES["one"], step=3)
+
+
+def test_ranking_of_nothing():
+    search = copy.copy(SEARCHES["one"])
+    full = search.ranking_
+    search.ranking_ = full.iloc[:0]
+    assert "No candidate" in words_in(EffectRankingDisplay.from_estimator(search).ax_)[0]
+    search.ranking_ = full[(full["step"] == 1) & (full["status"] == "does not apply")]
+    display = EffectRankingDisplay.from_estimator(search)
+    assert display.ax_.get_title() == "Step 1: no candidate applies"
+
+
+def test_ranking_without_a_gain_and_far_losses():
+    search = copy.copy(SEARCHES["one"])
+    search.ranking_ = search.ranking_.copy()
+    search.ranking_.loc[2, "vaf_gain"] = np.nan
+    search.ranking_.loc[3, "vaf_gain"] = -900.0
+    display = EffectRankingDisplay.from_estimator(search)
+    assert display.words_["candidate_1"].get_text() == "ΔBIC +200"
+    assert display.words_["candidate_2"].get_text().endswith("(cut)")
+    assert display.ax_.get_xlim()[0] > -2.0
+
+
+# All of a search
+
+
+@pytest.mark.parametrize("display", OF_SEARCH)
+def test_what_is_no_search_is_refused(display):
+    with pytest.raises(NotFittedError, match="not fitted"):
+        display.from_estimator(EffectSearchCV(OperatorRegressor()))
+    with pytest.raises(TypeError, match="got OperatorRegressor"):
+        display.from_estimator(OperatorRegressor())
+
+
+@pytest.mark.parametrize("display", OF_SEARCH)
+def test_given_axes_are_used(display):
+    own = display.from_estimator(SEARCHES["one"])
+    n = len(getattr(own, "axes_", [None]))
+    figure, axes = plt.subplots(n, squeeze=False)
+    assert display.from_estimator(SEARCHES["one"], ax=axes[:, 0]).figure_ is figure
+    with pytest.raises(ValueError, match="this picture needs"):
+        own.plot(plt.subplots(7)[1])
+
+
+@pytest.mark.parametrize("display", OF_SEARCH)
+def test_nothing_covers_data_or_text(display, search):
+    covers_nothing(display.from_estimator(search))

@@ -1,0 +1,555 @@
+"""EffectSearchCV: names what was hidden, and its tables tell one story."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter, lsim
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.model_selection import KFold, LeaveOneGroupOut
+
+from skhoid import EffectSearchCV, OperatorRegressor, RunCutWarning, run_labels, vaf_score
+from skhoid.effects import Bias, DeadZone, Effect, Effects, Parameter, catalogue
+from skhoid.greybox.estimates import parameter_text
+from skhoid.greybox.model import Model, without
+from skhoid.search import effect_search
+from skhoid.search.story import Story
+
+RATE = 50.0
+K_E, K_EDOT, OMEGA, ZETA, TAU = 0.5, 0.25, 10.0, 0.35, 0.24  # TAU in whole samples
+REMNANT = 0.1  # of the output's power
+RIVALS = ["dead_zone", "asym_gain", "saturation", "bias", "gain_drift", "extra_lag", "lapses"]
+
+
+class Compressed(Effect):
+    """Large errors are answered by their logarithm."""
+
+    name = "compressed"
+    place = "input"
+    physics = "Large errors are answered less than in proportion."
+    formula = "e' = knee asinh(e / knee)"
+    parameters = (Parameter("knee", "{e}", 0.05, 10.0, (0.5,), "e", "where the answer bends"),)
+
+    def __init__(self, *, knee=None):
+        self.knee = knee
+
+    def apply(self, signal, record, knee):
+        return knee * np.arcsinh(signal / knee)
+
+
+def recorded(
+    n_runs=3, duration=40.0, *, seed=0, inner=None, gain=None, outer=None, remnant=REMNANT
+):
+    """Runs of an operator that answers given errors, in open loop, by SciPy's simulation.
+
+    ``inner`` maps e, ``gain`` is a factor over time, ``outer`` maps what the operator and its
+    remnant do.
+    """
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(duration * RATE)) / RATE
+    warm = np.arange(-10, 0, 1 / RATE)  # before the recording
+    whole = np.concatenate([warm, t])
+    omega = 2 * np.pi * np.array([0.05, 0.11, 0.19, 0.31, 0.47, 0.71, 1.03, 1.51, 2.2])
+    tables = []
+    for run in range(n_runs):
+        phase = rng.uniform(0, 2 * np.pi, omega.size)
+        e = np.sin(np.multiply.outer(whole, omega) + phase) @ (1 / (1 + omega / 3))
+        answered = e if inner is None else inner(e)
+        answered = answered * (1.0 if gain is None else gain(whole))
+        late = np.concatenate([np.zeros(round(TAU * RATE)), answered])[: whole.size]
+        numerator = OMEGA**2 * np.array([K_EDOT, K_E])
+        u = lsim((numerator, [1, 2 * ZETA * OMEGA, OMEGA**2]), late, whole - whole[0])[1]
+        n = lfilter([1.0], [1.0, -0.75], rng.standard_normal(whole.size))
+        u = u + np.sqrt(remnant) * np.std(u) * n / np.std(n)
+        u = u if outer is None else outer(u)
+        index = pd.MultiIndex.from_arrays(
+            [np.full(t.size, run + 1), np.round(t, 9)], names=["run", "time"]
+        )
+        tables.append(pd.DataFrame({"e": e[-t.size :], "u": u[-t.size :]}, index=index))
+    table = pd.concat(tables)
+    X, y = table[["e"]].copy(), table["u"].copy()
+    X.attrs["units"], y.attrs["units"] = {"e": "deg"}, {"u": "deg"}
+    return X, y
+
+
+def dead(e):
+    return e - np.clip(e, -0.3, 0.3)
+
+
+def searched(data, effects=None, **options):
+    options = {"effects": RIVALS if effects is None else effects, **options}
+    return EffectSearchCV(OperatorRegressor(), **options).fit(*data)
+
+
+@pytest.fixture(scope="module")
+def hidden_data():
+    return recorded(inner=dead)
+
+
+@pytest.fixture(scope="module")
+def found(hidden_data):
+    return searched(hidden_data)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return searched(recorded())
+
+
+@pytest.fixture(scope="module")
+def two():
+    return searched(recorded(inner=dead, outer=lambda u: u + 0.25))
+
+
+def of_limited_rate(u, step=0.008):
+    out = u.copy()
+    for k in range(1, len(u)):
+        out[k] = out[k - 1] + np.clip(u[k] - out[k - 1], -step, step)
+    return out
+
+
+HIDDEN = {
+    "dead_zone": {"inner": dead},
+    "asym_gain": {"inner": lambda e: np.where(e > 0, 1.4, 0.6) * e},
+    "saturation": {"outer": lambda u: np.clip(u, -0.35, 0.35)},
+    "bias": {"outer": lambda u: u + 0.2},
+    "gain_drift": {"gain": lambda t: 1 + 0.025 * (t - 20)},
+    "lapses": {"gain": lambda t: np.where((t > 12) & (t < 15.5), 0.0, 1.0)},
+}
+
+
+@pytest.mark.parametrize("name", list(HIDDEN))
+def test_what_is_hidden_is_named(name):
+    search = searched(recorded(**HIDDEN[name], seed=5))
+    assert search.best_effects_ == [name]
+    assert search.verdict_ == "effects found"
+
+
+def test_processes_do_not_change_the_result():
+    runs, names = recorded(**HIDDEN["bias"], seed=5), ["bias", "drift", "asym_gain"]
+    one, two = (searched(runs, names, n_jobs=n) for n in (1, 2))
+    pd.testing.assert_frame_equal(one.ranking_, two.ranking_, check_exact=True)
+    pd.testing.assert_frame_equal(one.predictions_, two.predictions_, check_exact=True)
+
+
+def test_its_parameters_are_the_true_ones(found):
+    row = found.best_estimator_.parameters_.loc["dead_zone__width"]
+    assert abs(row["value"] - 0.3) < 4 * row["sd"] + 0.005
+    assert row["unit"] == "deg"
+    assert found.best_estimator_.parameters_.loc["tau_e", "value"] == pytest.approx(TAU, abs=0.01)
+
+
+def test_nothing_is_missing(clean):
+    assert clean.best_effects_ == clean.stand_ins_ == []
+    assert clean.verdict_ == "nothing is missing"
+    assert list(clean.error_path_["effect"]) == ["baseline"]
+    assert list(clean.predictions_.columns) == ["measured", "baseline"]
+    assert clean.explainable_gap_ < 1.0
+    assert clean.best_estimator_.effects is None
+    assert "nothing is missing" in clean.summary()
+
+
+@pytest.mark.parametrize(
+    ("hidden", "where", "least"),
+    [
+        ({"inner": np.sign}, ("amplitude", "e"), 2),
+        ({"gain": lambda t: 1 + 0.6 * np.sin(2 * np.pi * t / 8)}, ("time", "gain"), 2),
+        ({"outer": of_limited_rate}, ("amplitude", "rate of the output"), 0.6),
+    ],
+    ids=["relay", "periodic gain", "rate limit"],
+)
+def test_what_no_effect_tried_explains_is_unknown(hidden, where, least):
+    search = searched(recorded(**hidden, remnant=0.05), ["bias", "gain_drift", "extra_lag"])
+    assert search.best_effects_ == ["unknown"]
+    assert search.verdict_ == "something is missing, not among the effects tried"
+    assert where in zip(search.unexplained_["where"], search.unexplained_["at"], strict=True)
+    assert search.explainable_gap_ > least
+    assert "What none of the 3 effects tried explains" in search.summary()
+    assert 'effects="all"' in search.summary()
+    assert list(search.error_path_["effect"]) == ["baseline"]
+
+
+def test_only_where_all_was_tried_the_catalogue_lacks_it(monkeypatch, hidden_data):
+    few = [c for c in effect_search.CLASSES if c.name in ("bias", "drift")]
+    monkeypatch.setattr(effect_search, "CLASSES", few)
+    monkeypatch.setattr(effect_search, "BY_NAME", {c.name: c for c in few})
+    for effects in ("all", ["drift", "bias"]):
+        search = searched(hidden_data, effects)
+        assert search.verdict_ == "something is missing, not in the catalogue"
+        assert "What no effect of the catalogue explains" in search.summary()
+        assert 'effects="all"' not in search.summary()
+    search = searched(hidden_data, "bias")
+    assert search.verdict_ == "something is missing, not among the effects tried"
+    assert "What the only effect tried does not explain" in search.summary()
+
+
+def test_a_search_that_stops_at_max_effects_says_so(hidden_data):
+    search = searched(hidden_data, ["dead_zone"], max_effects=0)
+    assert search.best_effects_ == ["unknown"]
+    assert search.verdict_ == "something is missing, and max_effects is reached"
+    assert "What is not explained within max_effects=0" in search.summary()
+    assert "a larger max_effects" in search.summary()
+
+
+def test_an_effect_that_is_left_out_is_not_replaced_by_a_wrong_one():
+    data = recorded(inner=lambda e: e - np.clip(e, -0.6, 0.6), remnant=0.05)
+    search = searched(data, ["asym_gain", "bias", "gain_drift", "extra_lag", "lapses"])
+    assert search.best_effects_ == ["unknown"]
+
+
+def test_what_explains_too_little_is_a_stand_in():
+    data = recorded(outer=lambda u: of_limited_rate(u, 0.006), remnant=0.05)
+    search = searched(data, ["bias", "gain_drift", "extra_lag"])
+    assert (search.best_effects_, search.stand_ins_) == (["unknown"], ["extra_lag"])
+    assert search.best_estimator_.effects_.names == ["extra_lag"]
+    assert "No name for it, though part of it follows: extra_lag." in search.summary()
+    story = Story(clone(search), *data)
+    assert "  No name for it, though part of it follows: extra_lag" in list(story.tell())
+    assert story.as_dict()["stand_ins"] == ["extra_lag"]
+
+
+def test_two_effects_are_both_named(two):
+    assert sorted(two.best_effects_) == ["bias", "dead_zone"]
+    parameters = two.best_estimator_.parameters_
+    assert parameters.loc["bias__level", "value"] == pytest.approx(0.25, abs=0.03)
+    assert two.error_path_["vaf"].is_monotonic_increasing
+    assert two.error_path_["rmse"].is_monotonic_decreasing
+
+
+def test_what_runs_away_without_an_effect_starts_from_the_core():
+    estimator = OperatorRegressor(effects=DeadZone() + Bias())
+    prepared = estimator._prepare(*recorded(inner=dead, outer=lambda u: u + 0.25))
+    model = estimator._first_model(prepared)
+    good = model.values()
+    far = np.array([{**good, "K_e": np.nan}[n] for n in model.simulator.names])
+    astray = Model(model.simulator, replace(model.fit, theta=far))
+    assert not np.isfinite(without(astray, "bias").sse)
+    fewer = without(astray, "bias", {"K_e": good["K_e"]})
+    assert fewer.sse == pytest.approx(without(model, "bias").sse, rel=1e-3)
+
+
+def test_max_effects(two):
+    X, y = recorded(inner=dead, outer=lambda u: u + 0.25)
+    one = searched((X, y), max_effects=1)
+    named = [name for name in one.best_effects_ if name != "unknown"]
+    assert named in ([], two.best_effects_[:1])
+    assert len(one.error_path_) == 2
+
+
+def test_no_effect_is_added_when_none_may_be(hidden_data):
+    none = searched(hidden_data, max_effects=0)
+    assert len(none.error_path_) == 1
+    assert set(none.best_effects_) <= {"unknown"}
+
+
+def test_an_own_effect_is_named(hidden_data):
+    X, y = recorded(inner=lambda e: 0.3 * np.arcsinh(e / 0.3))
+    search = searched((X, y), [*RIVALS[:4], Compressed()])
+    assert search.best_effects_ == ["compressed"]
+    row = search.best_estimator_.parameters_.loc["compressed__knee"]
+    assert abs(row["value"] - 0.3) < 4 * row["sd"] + 0.005
+    words = search.ranking_.set_index("effect").loc["compressed", "words"]
+    assert words.iloc[0] if isinstance(words, pd.Series) else words == Compressed.physics
+
+
+def test_effects_are_given_in_any_form(hidden_data):
+    def tried(effects):
+        search = searched(hidden_data, effects, max_effects=1)
+        return set(search.ranking_["effect"])
+
+    assert tried("bias") == {"bias"}
+    assert tried(["bias", DeadZone()]) == {"bias", "dead_zone"}
+    assert tried(Bias() + DeadZone()) == {"bias", "dead_zone"}
+    assert tried(DeadZone(form="gap")) == {"dead_zone"}
+
+
+def test_the_whole_catalogue_is_tried(hidden_data):
+    search = searched(hidden_data, "all", max_effects=1)
+    assert search.best_effects_[:1] == ["dead_zone"]
+    first = search.ranking_[search.ranking_["step"] == 1].set_index("effect")
+    assert set(first.index) | {"tremor"} == set(catalogue().index)
+    assert first.loc["feedforward", "status"] == "does not apply"
+    assert "target" in first.loc["feedforward", "reason"]
+
+
+def test_effects_that_the_model_has_stay(hidden_data):
+    X, y = hidden_data
+    search = EffectSearchCV(OperatorRegressor(effects=DeadZone()), effects=RIVALS).fit(X, y)
+    assert search.best_effects_ == []
+    assert search.best_estimator_.effects_.names == ["dead_zone"]
+    assert "dead_zone__width" in search.baseline_.parameters_.index
+
+
+def pooled(predictions, column, known):
+    measured = predictions["measured"].to_numpy()[known]
+    error = measured - predictions[column].to_numpy()[known]
+    vaf = 100 * (1 - error @ error / (measured @ measured))
+    return vaf, np.sqrt(np.mean(error**2))
+
+
+@pytest.mark.parametrize("search", ["found", "two", "clean"])
+def test_the_error_path_is_that_of_the_predictions(search, request):
+    search = request.getfixturevalue(search)
+    path, predictions = search.error_path_, search.predictions_
+    known = predictions.index.get_level_values("time").to_numpy() >= 3.0 - 1e-9
+    for (_, row), column in zip(path.iterrows(), predictions.columns[1:], strict=True):
+        vaf, rmse = pooled(predictions, column, known)
+        assert row["vaf"] == pytest.approx(vaf, abs=1e-6)
+        assert row["rmse"] == pytest.approx(rmse, rel=1e-6)
+        assert row["vaf_train"] > row["vaf"] - 0.05  # held-out parameters cannot fit better
+    effects = [e for e in search.best_effects_ if e != "unknown"]
+    assert list(path["effect"]) == ["baseline", *effects]
+    assert path.index.name == "step"
+    assert list(path.index) == list(range(len(path)))
+    assert list(predictions.columns) == ["measured", "baseline", *(f"+ {e}" for e in effects)]
+
+
+@pytest.mark.parametrize("search", ["found", "two", "clean"])
+def test_the_ranking_is_consistent(search, request):
+    search = request.getfixturevalue(search)
+    ranking = search.ranking_
+    for step, rows in ranking.groupby("step"):
+        assert list(rows["rank"]) == list(range(1, len(rows) + 1))
+        assert rows["effect"].is_unique
+        np.testing.assert_allclose(
+            rows["vaf_after"] - rows["vaf_before"], rows["vaf_gain"], atol=1e-9
+        )
+        assert (rows["status"] == "added").sum() <= 1
+        if step == 1:
+            before = rows.loc[rows["status"] != "does not apply", "vaf_before"]
+            np.testing.assert_allclose(before, search.error_path_["vaf"].iloc[0], atol=0.3)
+    added = ranking.loc[ranking["status"] == "added", "effect"]
+    assert sorted(added) == sorted(e for e in search.best_effects_ if e != "unknown")
+    tried = ranking[ranking["status"] != "does not apply"]
+    assert tried["p_value"].between(0, 1).all()
+    # delta_bic = 2 delta_loglik - k log n with one n for all.
+    k = tried["n_parameters"].to_numpy()
+    logs = (2 * tried["delta_loglik"] - tried["delta_bic"]).to_numpy()[k > 0] / k[k > 0]
+    assert np.ptp(logs) < 1e-6 * logs.mean()
+
+
+def test_the_best_step_of_the_ranking_is_that_of_the_path(found):
+    added = found.ranking_[found.ranking_["status"] == "added"].iloc[0]
+    assert added["step"] == added["rank"] == 1
+    assert added["form"] == "gap"
+    assert added["p_value"] < 1e-10
+    assert added["vaf_after"] == pytest.approx(found.error_path_["vaf"].iloc[1], abs=0.3)
+    assert added["parameters"].startswith("width = 0.29")
+    assert "± " in added["parameters"]
+    assert added["parameters"].endswith("deg")
+
+
+def test_held_out_predictions_come_from_parameters_of_the_other_runs(hidden_data):
+    """Those of the first run are close to a model fitted on the others alone."""
+    X, y = hidden_data
+    search = searched((X, y), ["bias"])
+    other = run_labels(X).astype(int) != 1
+    apart = OperatorRegressor().fit(X[other], y[other])
+    held = ~other & (X.index.get_level_values("time").to_numpy() >= 3.0)
+    expected = vaf_score(y[held], apart.predict(X[~other])[held[~other]])
+    got = vaf_score(y[held], search.predictions_["baseline"][held])
+    # One Gauss-Newton step in place of the whole descent.
+    assert got == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "cv",
+    [
+        3,
+        LeaveOneGroupOut(),
+        "splits",
+    ],
+    ids=["3", "groups", "splits"],
+)
+def test_cross_validation_of_any_kind(hidden_data, cv):
+    X, y = hidden_data
+    if cv == "splits":
+        rows = np.arange(len(X))
+        cv = [(rows[rows >= 2000], rows[rows < 2000]), (rows[rows < 4000], rows[rows >= 4000])]
+    search = searched((X, y), ["dead_zone", "bias"], cv=cv)
+    assert search.best_effects_ == ["dead_zone"]
+    assert search.predictions_.notna().all().all()
+
+
+def test_splits_that_cut_runs_are_told(hidden_data):
+    with pytest.warns(RunCutWarning, match="cut run 1"):
+        search = searched(hidden_data, ["dead_zone", "bias"], cv=KFold(4))
+    assert search.best_effects_ == ["dead_zone"]
+
+
+def test_leaving_out_groups_is_the_default_of_several_runs(hidden_data):
+    default = searched(hidden_data, ["dead_zone"])
+    explicit = searched(hidden_data, ["dead_zone"], cv=LeaveOneGroupOut())
+    pd.testing.assert_frame_equal(default.predictions_, explicit.predictions_)
+
+
+def test_a_single_run_is_cut_into_blocks():
+    X, y = recorded(1, 90.0, inner=dead)
+    search = searched((X, y), ["dead_zone", "bias", "saturation"])
+    assert search.best_effects_ == ["dead_zone"]
+    assert search.predictions_.notna().all().all()
+    of_array = EffectSearchCV(
+        OperatorRegressor(dt=1 / RATE), effects=["dead_zone", "bias", "saturation"]
+    ).fit(X.to_numpy(), y.to_numpy())
+    assert of_array.best_effects_ == ["dead_zone"]
+    assert of_array.error_path_["vaf"].iloc[-1] == pytest.approx(
+        search.error_path_["vaf"].iloc[-1], abs=1e-6
+    )
+
+
+def test_runs_in_another_order_give_the_same(hidden_data, found):
+    X, y = hidden_data
+    order = pd.concat([X.loc[[run]] for run in (3, 1, 2)])
+    other = searched((order, y.loc[order.index]))
+    assert other.best_effects_ == found.best_effects_
+    np.testing.assert_allclose(
+        other.error_path_[["vaf", "rmse"]], found.error_path_[["vaf", "rmse"]], rtol=1e-3
+    )
+
+
+def test_the_scale_of_the_signals_does_not_matter(hidden_data, found):
+    X, y = hidden_data
+    scaled = searched((20 * X, y / 50))
+    assert scaled.best_effects_ == found.best_effects_
+    np.testing.assert_allclose(scaled.error_path_["vaf"], found.error_path_["vaf"], atol=0.02)
+    width = scaled.best_estimator_.parameters_.loc["dead_zone__width", "value"]
+    expected = 20 * found.best_estimator_.parameters_.loc["dead_zone__width", "value"]
+    assert width == pytest.approx(expected, rel=1e-3)
+
+
+def test_two_searches_are_the_same(hidden_data, found):
+    again = searched(hidden_data)
+    pd.testing.assert_frame_equal(again.ranking_, found.ranking_)
+    pd.testing.assert_frame_equal(again.predictions_, found.predictions_)
+
+
+def test_fit_changes_nothing_that_it_is_given(hidden_data):
+    X, y = (table.copy() for table in hidden_data)
+    estimator = OperatorRegressor()
+    effects = [DeadZone(), Bias()]
+    search = EffectSearchCV(estimator, effects=effects).fit(X, y)
+    pd.testing.assert_frame_equal(X, hidden_data[0])
+    pd.testing.assert_series_equal(y, hidden_data[1])
+    assert not hasattr(estimator, "parameters_")
+    assert search.estimator is estimator
+    assert search.effects is effects
+    assert effects[0].width is None
+
+
+def test_missing_values_of_y(hidden_data, found):
+    X, y = hidden_data
+    y = y.copy()
+    y.iloc[700:750] = np.nan
+    search = searched((X, y))
+    assert search.best_effects_ == found.best_effects_
+    assert search.error_path_["vaf"].iloc[-1] == pytest.approx(
+        found.error_path_["vaf"].iloc[-1], abs=0.5
+    )
+
+
+def test_predict_and_score_are_those_of_the_best_model(found, hidden_data):
+    X, y = hidden_data
+    np.testing.assert_array_equal(found.predict(X), found.best_estimator_.predict(X))
+    assert found.score(X, y) == found.best_estimator_.score(X, y)
+    assert found.score(X, y) > found.baseline_.score(X, y) + 1
+    assert isinstance(found.best_estimator_.effects_, Effects)
+    assert "dead_zone__width" not in found.baseline_.parameters_.index
+
+
+def test_adding_by_hand_is_what_the_search_added(found, hidden_data):
+    by_hand = OperatorRegressor().with_effect(found.best_effects_[0]).fit(*hidden_data)
+    best = found.best_estimator_.parameters_
+    np.testing.assert_allclose(by_hand.parameters_["value"], best["value"], rtol=0.01)
+
+
+def test_the_best_model_can_be_fitted_again(found, hidden_data):
+    again = clone(found.best_estimator_).fit(*hidden_data)
+    assert again.score(*hidden_data) == pytest.approx(found.score(*hidden_data), abs=0.05)
+
+
+def test_the_gap_is_what_the_effects_gained_and_what_is_left(found):
+    gained = found.error_path_["vaf"].iloc[-1] - found.error_path_["vaf"].iloc[0]
+    assert found.explainable_gap_ > gained - 1e-9
+    gaps = found.error_path_["explainable_gap"]
+    assert gaps.iloc[0] > gaps.iloc[-1]
+    np.testing.assert_allclose(gaps.iloc[0] - gaps.iloc[-1], gained, atol=1e-6)
+
+
+def test_on_a_compensatory_display_the_target_is_equivalent():
+    X, y = recorded()
+    late = X["e"].groupby("run").shift(20).fillna(0.0)
+    X = X.assign(f_t=late.to_numpy() + np.sin(np.arange(len(X)) / 31.0))
+    names = ["feedforward", "preview"]
+    rows = {
+        display: searched((X, y), names, display=display, max_effects=0).ranking_.set_index(
+            "effect"
+        )["words"]
+        for display in ("compensatory", "pursuit", "preview")
+    }
+    assert rows["compensatory"].str.startswith("equivalent to").all()
+    assert "compensatory display shows the error alone" in rows["compensatory"]["feedforward"]
+    assert not rows["pursuit"]["feedforward"].startswith("equivalent")
+    assert rows["pursuit"]["preview"].startswith("equivalent to")
+    assert not rows["preview"].str.startswith("equivalent").any()
+
+
+def test_the_summary_tells_the_steps(found, two):
+    text = found.summary()
+    path = found.error_path_
+    assert text.startswith(f"Baseline: VAF {path['vaf'].iloc[0]:.1f} %")
+    assert "Step 1: add dead_zone (width = 0.29" in text
+    assert f"VAF {path['vaf'].iloc[0]:.1f} -> {path['vaf'].iloc[1]:.1f} %" in text
+    assert DeadZone.physics in text
+    assert "Verdict: effects found" in text
+    assert "Step 2: add" in two.summary()
+
+
+def test_experiments_name_what_cannot_be_told_apart(found):
+    added = found.ranking_[found.ranking_["status"] == "added"]
+    pairs = [(row["effect"], o) for _, row in added.iterrows() for o in row["confused_with"]]
+    assert len(found.experiments_) == len(pairs)
+    for (one, other), sentence in zip(pairs, found.experiments_, strict=True):
+        assert one in sentence
+        assert other in sentence
+
+
+def test_units_of_the_output_are_kept(found):
+    assert found.predictions_.attrs["units"] == {"measured": "deg"}
+
+
+def test_a_search_that_is_not_fitted_says_so():
+    search = EffectSearchCV(OperatorRegressor())
+    for call in (search.summary, lambda: search.predict([[0.0]])):
+        with pytest.raises(NotFittedError):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"effects": ["dead zone"]}, "No effect is called 'dead zone'"),
+        ({"effects": "dead zone"}, "No effect is called|effects"),
+        ({"effects": [DeadZone]}, "Pass an instance"),
+        ({"display": "hud"}, "display"),
+        ({"max_effects": -1}, "max_effects"),
+        ({"controlled_element": 3.0}, "controlled_element"),
+        ({"cv": "loo"}, "cv"),
+        ({"estimator": Bias()}, "estimator"),
+    ],
+    ids=str,
+)
+def test_wrong_arguments_are_named(hidden_data, wrong, message):
+    arguments = {"estimator": OperatorRegressor(), **wrong}
+    with pytest.raises((ValueError, TypeError), match=message):
+        EffectSearchCV(**arguments).fit(*hidden_data)
+
+
+def test_small_numbers_are_shown():
+    table = pd.DataFrame(
+        {"value": [1.234e-9, 0.31234], "sd": [5.6e-11, 0.0041], "unit": ["1/px^2", "deg"]},
+        index=["a__stiffness", "a__width"],
+    )
+    shown = parameter_text(table, "a")
+    assert shown == "stiffness = 1.23e-09 ± 5.6e-11 1/px^2, width = 0.3123 ± 0.0041 deg"

@@ -1,0 +1,76 @@
+"""The way from measured runs to named effects, in words."""
+
+import json
+
+import pytest
+
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import Bias, DeadZone
+from skhoid.search.story import Story
+
+
+def recorded(effects, n_runs=3, remnant=0.05):
+    return make_tracking_runs(
+        "C1",
+        n_runs=n_runs,
+        duration=40.96,
+        sampling_rate=50,
+        channels=["e", "x", "f_t"],
+        remnant_intensity=remnant,
+        random_state=1,
+        effects=effects,
+    )
+
+
+@pytest.fixture(scope="module")
+def biased():
+    return recorded(Bias(level=0.1))
+
+
+def test_story_names_what_is_hidden_with_numbers_at_each_step(biased):
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias", "drift", "dead_zone"])
+    story = Story(search, *biased)
+    told = "\n".join(story.tell())
+    path = story.search_.error_path_
+    assert story.search_.best_effects_ == ["bias"]
+    for expected in (
+        "Measured: 3 runs, 6144 rows at 50 Hz, 123 s in all",
+        "input e (deg), output u (deg); channels that effects may use: x (deg), f_t (deg)",
+        f"explains a VAF of {story.comparison_.vaf:.1f} %",
+        f"can reach {story.comparison_.noise_ceiling:.1f} %",
+        f"bias is added: VAF {path['vaf'][0]:.1f} -> {path['vaf'][1]:.1f} %",
+        "Verdict: effects found",
+    ):
+        assert expected in told
+    assert told.index("Search, step 1") < told.index("bias is added") < told.index("step 2")
+    assert json.loads(json.dumps(story.as_dict()["parameters"]))[-1]["parameter"] == "bias__level"
+
+
+def test_the_ceiling_is_told_as_the_lower_bound_that_it_is():
+    runs = recorded(DeadZone(width=0.3), n_runs=2, remnant=0.5)
+    story = Story(EffectSearchCV(OperatorRegressor(), effects=["dead_zone"]), *runs)
+    told = "\n".join(story.tell())
+    assert story.comparison_.explainable_gap < 0
+    assert story.comparison_.findings[0].title.startswith("Nothing is missing")
+    assert story.search_.best_effects_ == ["dead_zone"]
+    assert "nothing is left, within its error" in told
+    assert story.comparison_.ceiling_note in told
+    assert "No test exceeds chance" in told
+    assert "Nothing is missing" not in told
+    assert "points are left" not in told
+
+
+def test_one_effect_is_no_plural_and_what_was_not_tried_is_no_verdict(biased):
+    search = EffectSearchCV(OperatorRegressor(), effects="dead_zone")
+    told = "\n".join(Story(search, *biased).tell())
+    assert "Search, step 1: 1 effect tried, judged" in told
+    assert "Verdict: something is missing, not among the effects tried" in told
+    assert "  what the only effect tried does not explain:" in told
+    assert 'effects="all"' in told
+
+
+def test_held_out_rows_without_a_ceiling(biased):
+    X, y = (part.loc[[0]] for part in biased)
+    told = list(Story(EffectSearchCV(OperatorRegressor(), effects=["bias"]), X, y).tell())
+    assert "Measured: 1 run, 2048 rows at 50 Hz, 41 s in all" in told
+    assert told[-1] == "  how much is left to explain is not known for held-out rows"

@@ -1,0 +1,209 @@
+"""Symmetries of the loop: linearity, time, and runs that do not know each other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.loop_twin import (
+    SIGNALS,
+    assert_records_equal,
+    fitted_arx,
+    short_task,
+    unit_noise,
+    whole,
+)
+
+from skhoid import CompensatoryTask, ControlledElement, HumanOperator, Remnant, _kernels
+from skhoid.simulation.physics import operator_response, physics_rows
+
+# Symmetries
+
+
+def test_scaling_the_target_scales_all():
+    task = short_task(remnant=None, disturbance=None)
+    louder = replace(
+        task, target=replace(task.target, amplitudes=3 * np.array(task.target.amplitudes))
+    )
+    one, three = whole(task), whole(louder)
+    for name in SIGNALS:
+        np.testing.assert_allclose(getattr(three, name), 3 * getattr(one, name), atol=1e-13, rtol=0)
+
+
+def test_superposition_of_target_disturbance_and_remnant():
+    task = short_task()
+    noise = unit_noise(task, 2)
+    together = whole(task, 2, noise=noise)
+    nothing = {"target": lambda t: 0.0 * t, "disturbance": None, "remnant": None}
+    parts = [
+        whole(replace(task, **(nothing | {name: getattr(task, name)})), 2, noise=noise)
+        for name in nothing
+    ]
+    for name in SIGNALS:
+        total = sum(getattr(part, name) for part in parts)
+        np.testing.assert_allclose(getattr(together, name), total, rtol=0, atol=1e-13)
+    assert min(np.abs(part.u).max() for part in parts) > 1e-3
+
+
+@pytest.mark.parametrize("shift", [1, 30])
+def test_time_shift_of_constant_dynamics(shift):
+    task = CompensatoryTask.of_condition(
+        "C2", remnant=Remnant(order=3, gain=0.05), duration=2.0, run_in=0.5
+    )
+    noise, f_t = unit_noise(task), task.target(np.arange(250) / 100)
+    later_noise, later_f_t = np.roll(noise, shift, axis=1), np.roll(f_t, shift)
+    later_noise[:, :shift], later_f_t[:shift] = 0.0, 0.0
+    now = whole(replace(task, target=f_t), noise=noise)
+    later = whole(replace(task, target=later_f_t), noise=later_noise)
+    for name in SIGNALS:
+        np.testing.assert_array_equal(
+            getattr(later, name)[:, shift:], getattr(now, name)[:, :-shift]
+        )
+        np.testing.assert_array_equal(getattr(later, name)[:, :shift], 0.0)
+
+
+def test_a_function_of_time_that_is_constant_is_a_constant():
+    constant = short_task(
+        operator=HumanOperator(), controlled_element=ControlledElement(), remnant=None
+    )
+    varying = replace(
+        constant,
+        operator=HumanOperator(K_e=lambda t: 0.09, T_L=lambda t: np.full(t.shape, 0.4)),
+        controlled_element=ControlledElement(K_c=lambda t: 90.0),
+    )
+    np.testing.assert_allclose(whole(varying).u, whole(constant).u, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("random_phases", [False, True])
+@pytest.mark.parametrize("n_runs", [1, 3, 8, 9, 17])
+def test_a_run_is_the_same_whatever_the_others(n_runs, random_phases):
+    task = short_task()
+    options = {"random_state": 4, "random_phases": random_phases}
+    all_runs = whole(task, 20, **options)
+    for n_jobs in (1, 2):
+        some = whole(task, n_runs, n_jobs=n_jobs, **options)
+        for name in SIGNALS:
+            np.testing.assert_array_equal(getattr(some, name), getattr(all_runs, name)[:n_runs])
+        n_targets = n_runs if random_phases else 1
+        assert some.f_t.shape == some.f_d.shape == (n_targets, some.time.size)
+        np.testing.assert_array_equal(some.f_t, all_runs.f_t[:n_targets])
+        np.testing.assert_array_equal(some.e, some.f_t - some.x)
+    assert len(np.unique(all_runs.n[:, -1])) == 20
+    assert len(np.unique(all_runs.f_t[:, -1])) == (20 if random_phases else 1)
+
+
+def test_order_of_runs_does_not_matter():
+    task = short_task()
+    noise = unit_noise(task, 11)
+    order = np.random.default_rng(1).permutation(11)
+    forward, permuted = whole(task, 11, noise=noise), whole(task, 11, noise=noise[order])
+    for name in SIGNALS:
+        np.testing.assert_array_equal(getattr(permuted, name), getattr(forward, name)[order])
+
+
+def test_a_neighbour_that_is_loud_changes_no_bit():
+    task = short_task()
+    quiet = unit_noise(task, 8)
+    loud = quiet.copy()
+    loud[3] *= 1e5
+    one, other = whole(task, 8, noise=quiet), whole(task, 8, noise=loud)
+    kept = np.delete(np.arange(8), 3)
+    for name in SIGNALS:
+        np.testing.assert_array_equal(getattr(one, name)[kept], getattr(other, name)[kept])
+    assert np.abs(other.u[3]).max() > 1e3 * np.abs(one.u[3]).max()
+
+
+def test_noise_gives_the_runs_of_a_random_state():
+    """Run i draws from SeedSequence(random_state, spawn_key=(0, i)): a promise, once released."""
+    task = short_task()
+    n_total = task.n_run_in + task.n_samples
+    noise = [
+        np.random.default_rng(np.random.SeedSequence(7, spawn_key=(0, i))).standard_normal(n_total)
+        for i in range(10)
+    ]
+    assert_records_equal(whole(task, 10, random_state=7), whole(task, 10, noise=noise))
+
+
+def test_a_single_row_of_noise():
+    task = short_task()
+    noise = unit_noise(task)
+    assert_records_equal(whole(task, noise=noise[0]), whole(task, noise=noise))
+
+
+def test_random_states():
+    task = short_task()
+    assert_records_equal(
+        whole(task, random_state=np.random.default_rng(3)),
+        whole(task, random_state=np.random.default_rng(3)),
+    )
+    assert_records_equal(
+        whole(task, random_state=np.random.RandomState(3)),
+        whole(task, random_state=np.random.RandomState(3)),
+    )
+    assert not np.array_equal(whole(task).u, whole(task).u)
+    assert not np.array_equal(whole(task, random_state=1).u, whole(task, random_state=2).u)
+
+
+def test_open_loop_remnant_does_not_go_round():
+    task = short_task()
+    free = whole(replace(task, remnant=None), 3)
+    opened = whole(task, 3, random_state=0, open_loop=True)
+    closed = whole(task, 3, random_state=0)
+    np.testing.assert_array_equal(opened.e, free.e)
+    np.testing.assert_array_equal(opened.x, free.x)
+    np.testing.assert_array_equal(opened.n, closed.n)
+    np.testing.assert_array_equal(opened.u, free.u + opened.n)
+    np.testing.assert_allclose(opened.u_without_remnant, free.u, rtol=0, atol=1e-15)
+    assert np.abs(closed.e - free.e).max() > 0.1
+
+
+@pytest.mark.parametrize("kind", ["varying", "constant", "arx"])
+def test_one_lane_and_eight_give_the_same_bits(kind):
+    task = short_task()
+    if kind != "varying":
+        task = CompensatoryTask(remnant=Remnant(gain=0.02), duration=2.0, run_in=0.5)
+    if kind == "arx":
+        task = replace(task, operator=fitted_arx(), controlled_element=ControlledElement(1.0, 6.0))
+    rng = np.random.default_rng(0)
+    n = task.n_run_in + task.n_samples
+    f_t, f_d, white = (np.ascontiguousarray(rng.standard_normal((n, 8))) for _ in range(3))
+    rest = (
+        *physics_rows(task), task.remnant.filter_coefficients(), *operator_response(task).arguments,
+        0.01, 1.0, 20, 1e9,
+    )  # fmt: skip
+    many, lost = _kernels.loop.track_many(f_t, f_d, white, *rest)
+    assert many.shape == (4, n - 20, 8)
+    np.testing.assert_array_equal(lost, np.full(8, -1))
+    for j in range(8):
+        columns = (np.ascontiguousarray(signal[:, [j]]) for signal in (f_t, f_d, white))
+        one, _ = _kernels.loop.track_one(*columns, *rest)
+        np.testing.assert_array_equal(one[..., 0], many[..., j])
+    assert np.abs(many).max() > 0.1
+
+
+def test_keeping_the_run_in_changes_nothing_else():
+    task = short_task()
+    window, kept = task.simulate(2, random_state=0), whole(task, 2, random_state=0)
+    part = task.simulate(2, random_state=0, keep_run_in=0.2)
+    np.testing.assert_array_equal(kept.time, np.arange(-50, 200) / 100)
+    for name in (*SIGNALS, "f_t", "f_d"):
+        np.testing.assert_array_equal(getattr(kept, name)[:, 50:], getattr(window, name))
+        np.testing.assert_array_equal(getattr(kept, name)[:, 30:], getattr(part, name))
+    np.testing.assert_array_equal(kept.intensity(), window.intensity())
+    np.testing.assert_array_equal(kept.score(), window.score())
+
+
+def test_progress_bar_changes_nothing(capsys):
+    task = short_task()
+    assert_records_equal(
+        whole(task, 9, random_state=0, progress=True), whole(task, 9, random_state=0)
+    )
+
+
+def test_kernels_have_one_compiled_signature():
+    for task in (short_task(), short_task(operator=fitted_arx(), run_in=0.0, duration=0.5)):
+        for n_runs in (1, 3):
+            for random_phases in (False, True):
+                task.simulate(n_runs, random_state=np.int64(0), random_phases=random_phases)
+    for kernel in (_kernels.loop.track_one, _kernels.loop.track_many):
+        if hasattr(kernel, "signatures"):  # not under NUMBA_DISABLE_JIT=1
+            assert len(kernel.signatures) <= 1

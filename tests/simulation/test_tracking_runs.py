@@ -1,0 +1,512 @@
+"""Simulated runs as a dataset: the data convention, the truth behind it, and unstable loops."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
+from sklearn.pipeline import make_pipeline
+from support.closed_loop import ZOH_100HZ
+
+from skhoid import (
+    ARXRegressor,
+    CompensatoryTask,
+    ControlledElement,
+    Decimator,
+    DelayShift,
+    HumanOperator,
+    Multisine,
+    Ramp,
+    Remnant,
+    RunInTrimmer,
+    Step,
+    UnstableLoopError,
+    VAFScorer,
+    make_tracking_runs,
+    run_labels,
+    sampling_time,
+    select_runs,
+    tracking_condition,
+    vaf_score,
+)
+from skhoid.simulation import Condition
+
+ALL_CHANNELS = ["e", "x", "f_t", "dist"]
+
+
+def make(condition="C1", n_runs=2, **options):
+    """Runs of four seconds after two of run-in."""
+    return make_tracking_runs(condition, n_runs, **({"duration": 4.0, "run_in": 2.0} | options))
+
+
+# The data convention
+
+
+@pytest.mark.parametrize("n_runs", [1, 3, np.int64(2)])
+@pytest.mark.parametrize("channels", [["e"], ("x", "e"), ALL_CHANNELS])
+def test_layout(n_runs, channels):
+    X, y = make(n_runs=n_runs, channels=channels)
+    assert isinstance(X, pd.DataFrame)
+    assert isinstance(y, pd.Series)
+    assert list(X.columns) == list(channels)
+    assert X.shape == (400 * n_runs, len(channels))
+    assert X.index.names == ["run", "time"]
+    assert X.index.equals(y.index)
+    assert y.name == "u"
+    assert set(X.dtypes) == {np.dtype(float)}
+    assert y.dtype == float
+    assert list(X.index.unique("run")) == list(range(n_runs))
+    time = X.loc[0].index.to_numpy()
+    np.testing.assert_array_equal(time, np.arange(400) / 100)
+    assert sampling_time(X) == pytest.approx(0.01)
+    assert len(set(run_labels(X))) == n_runs
+
+
+def test_channels_are_the_signals_of_the_task():
+    disturbance = Multisine().interleaved(scale=0.02, random_state=0)
+    options = {"disturbance": disturbance, "remnant_gain": 0.02, "random_state": 3}
+    X, y = make(n_runs=10, channels=ALL_CHANNELS, **options)
+    record = CompensatoryTask(
+        disturbance=disturbance, remnant=Remnant(gain=0.02), duration=4.0, run_in=2.0
+    ).simulate(10, random_state=3)
+    for column, signal in (("e", record.e), ("x", record.x)):
+        np.testing.assert_array_equal(X[column].to_numpy().reshape(10, -1), signal)
+    for column, signal in (("f_t", record.f_t), ("dist", record.f_d)):
+        found = X[column].to_numpy().reshape(10, -1)
+        np.testing.assert_array_equal(found, np.repeat(signal, 10, axis=0))
+    np.testing.assert_array_equal(y.to_numpy().reshape(10, -1), record.u)
+    np.testing.assert_array_equal(X["e"], X["f_t"] - X["x"])
+    np.testing.assert_allclose(X["dist"].loc[4].to_numpy(), disturbance(np.arange(400) / 100))
+
+
+def test_without_disturbance_its_channel_is_zero():
+    X, _ = make(channels=["dist"])
+    assert not X["dist"].any()
+
+
+def test_roles():
+    """The error is the linear input, other channels are there for effects."""
+    X, y = make(channels=["x", "e", "f_t"], remnant_gain=0.02, random_state=0)
+    assert list(ARXRegressor(nk=29).fit(X, y).inputs_) == ["e"]
+    both = ARXRegressor(nk=29, inputs=["e", "x"]).fit(X, y)
+    assert list(both.inputs_) == ["e", "x"]
+
+
+def test_the_default_is_the_measurement_window_after_seven_others():
+    X, _ = make_tracking_runs(n_runs=1)
+    assert X.shape == (8192, 1)
+    assert X.index[-1] == (0, 81.91)
+    assert np.var(X["e"]) / np.var(Multisine()(np.arange(8192) / 100)) == pytest.approx(
+        0.17780685142128813,
+        abs=1e-6,  # score.C1.montecarlo_100Hz
+    )
+
+
+@pytest.mark.parametrize("rate", [50.0, 64.0, 100.0, 1000.0])
+def test_sampling_rates(rate):
+    X, y, truth = make(sampling_rate=rate, return_truth=True)
+    assert len(X) == 2 * round(4 * rate)
+    assert sampling_time(X) == pytest.approx(1 / rate)
+    assert len(truth.parameters) == round(4 * rate)
+    model = ARXRegressor(nk=round(0.28 * rate) + 1).fit(X, y)
+    assert model.dt_ == pytest.approx(1 / rate)
+    assert model.score(X, y) > 0.98
+
+
+def test_runs_at_different_rates_are_of_the_same_loop():
+    coarse, fine = (make("C2", 1, sampling_rate=rate)[1] for rate in (100.0, 1000.0))
+    assert vaf_score(fine.to_numpy()[::10], coarse.to_numpy()) > 99.5
+
+
+# Run-in
+
+
+def test_run_in_has_negative_times():
+    X, y = make(keep_run_in=1.5, remnant_gain=0.02, random_state=0)
+    window, u = make(remnant_gain=0.02, random_state=0)
+    assert X.index[0] == (0, -1.5)
+    assert len(X) == 2 * 550
+    np.testing.assert_array_equal(X.loc[(slice(None), slice(0, None)), :], window)
+    np.testing.assert_array_equal(y[X.index.get_level_values("time") >= 0], u)
+
+
+def test_run_in_is_accepted_by_all_that_reads_runs():
+    X, y = make(n_runs=3, keep_run_in=1.0, remnant_gain=0.005, random_state=0)
+    assert sampling_time(X) == pytest.approx(0.01)
+    marked = RunInTrimmer(run_in=1.0).fit_transform(X)
+    trimmed = marked.index.get_level_values("run-in")
+    np.testing.assert_array_equal(trimmed, X.index.get_level_values("time") < 0)
+    by_window = RunInTrimmer(measurement_time=4.0).fit_transform(X)
+    assert by_window.index.equals(marked.index)
+    shifted = DelayShift(delay=0.29).fit_transform(X)
+    assert shifted.index.equals(X.index)
+    np.testing.assert_array_equal(
+        shifted["e"].loc[1].to_numpy()[29:], X["e"].loc[1].to_numpy()[:-29]
+    )
+    assert shifted["e"].loc[1].iloc[:29].isna().all()
+    whole = ARXRegressor(nk=29).fit(X, y)
+    pipe = make_pipeline(RunInTrimmer(run_in=1.0), DelayShift(delay=0.29), ARXRegressor(nk=0))
+    pipe.fit(X, y)
+    inside, u = select_runs(X, y, last=1)
+    assert whole.score(inside, u) > 0.9
+    assert VAFScorer(run_in=1.0)(whole, X, y) > 90
+    assert VAFScorer(window=(0.0, 4.0))(pipe, X, y) > 90
+
+
+# Options
+
+
+def test_condition_by_object():
+    own = Condition("mine", ControlledElement(50.0, 8.0), HumanOperator(K_e=0.08))
+    X, y = make(own)
+    direct = make(
+        "C4", controlled_element=ControlledElement(50.0, 8.0), operator=HumanOperator(K_e=0.08)
+    )
+    pd.testing.assert_frame_equal(X, direct[0])
+    pd.testing.assert_series_equal(y, direct[1])
+    task = CompensatoryTask.of_condition(own, duration=4.0, run_in=2.0)
+    pd.testing.assert_frame_equal(X, make_tracking_runs(task, 2)[0])
+
+
+def test_remnant_of_a_given_task_is_kept_or_tuned():
+    task = CompensatoryTask(duration=4.0, run_in=2.0, remnant=Remnant(order=3, gain=0.02))
+    truth = make_tracking_runs(task, return_truth=True)[2]
+    assert truth.task == task
+    wanting = CompensatoryTask(duration=4.0, run_in=2.0, remnant=Remnant(intensity=0.1))
+    tuned = make_tracking_runs(wanting, return_truth=True, random_state=0)[2].task
+    assert tuned.remnant.gain > 0
+
+
+@pytest.mark.parametrize(("name", "intensity", "order"), [("C2", 0.15, 2), ("c5", 0.25, "nm")])
+def test_remnant_gain_of_the_table(name, intensity, order):
+    truth = make(
+        name,
+        remnant_gain="table",
+        remnant_intensity=intensity,
+        remnant_order=order,
+        return_truth=True,
+    )[2]
+    assert truth.task.remnant == Remnant.from_table(name, intensity, order)
+
+
+def test_remnant_intensity_is_reached():
+    """The mean of 40 ratios around that of ten others: sigma about 0.15 * 15 % / sqrt(10)."""
+    _, y, truth = make_tracking_runs(
+        "C1", 40, remnant_intensity=0.15, run_in=20.0, random_state=0, return_truth=True
+    )
+    ratios = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()
+    assert ratios.mean() == pytest.approx(0.15, abs=4 * 0.15 * 0.15 / np.sqrt(10))
+
+
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_a_run_is_the_same_whatever_the_number_of_runs(n_jobs):
+    options = {"remnant_intensity": 0.1, "random_phases": True, "random_state": 8}
+    channels = ["e", "x", "f_t"]
+    many = make(n_runs=17, channels=channels, **options)
+    for n_runs in (1, 3, 9):
+        few = make(n_runs=n_runs, channels=channels, n_jobs=n_jobs, **options)
+        pd.testing.assert_frame_equal(few[0], many[0].loc[: n_runs - 1])
+        pd.testing.assert_series_equal(few[1], many[1].loc[: n_runs - 1])
+
+
+def test_noise_replaces_the_random_state():
+    noise = np.random.default_rng(0).standard_normal((2, 600))
+    options = {"noise": noise, "remnant_gain": 0.02}
+    _, y = make(**options, random_state=1)
+    pd.testing.assert_series_equal(y, make(**options, random_state=2)[1])
+    swapped = make(remnant_gain=0.02, noise=noise[::-1])[1]
+    np.testing.assert_array_equal(swapped.loc[0], y.loc[1])
+
+
+def test_random_phases():
+    X, _ = make(n_runs=3, channels=["f_t"], random_phases=True, random_state=0)
+    again, _ = make(n_runs=3, channels=["f_t"], random_phases=True, random_state=0)
+    pd.testing.assert_frame_equal(X, again)
+    assert len({X["f_t"].loc[run].iloc[0] for run in range(3)}) == 3
+    whole, _ = make_tracking_runs(
+        "C1", 2, channels=["f_t", "dist"], random_phases=True, run_in=0.0,
+        disturbance=Multisine().interleaved(random_state=0), random_state=0,
+    )  # fmt: skip
+    for column, lines in (("f_t", Multisine().multiples), ("dist", (4, 6, 9, 14, 23))):
+        spectrum = np.abs(np.fft.rfft(whole[column].loc[1])) / 4096
+        np.testing.assert_allclose(
+            spectrum[list(lines)], Multisine().amplitudes[: len(lines)], rtol=1e-9
+        )
+
+
+def test_open_loop_remnant():
+    X, _, truth = make(remnant_gain=0.03, open_loop=True, random_state=0, return_truth=True)
+    free, u = make()
+    np.testing.assert_array_equal(X, free)
+    np.testing.assert_allclose(truth.u_without_remnant, u, rtol=0, atol=1e-14)
+    assert truth.remnant.std() > 0.001
+
+
+def test_adaptation_lag():
+    """The operator changes later than the controlled element, and otherwise as before."""
+    options = {"duration": 50.0, "run_in": 5.0, "return_truth": True, "n_runs": 1}
+    prompt, late = (make("C4", adaptation_lag=lag, **options) for lag in (0.0, 4.0))
+    parameters = late[2].parameters
+    shifted = prompt[2].parameters[["K_e", "K_edot"]].shift(400).dropna()
+    np.testing.assert_allclose(parameters[["K_e", "K_edot"]].iloc[400:], shifted, atol=1e-12)
+    np.testing.assert_array_equal(parameters["K_c"], prompt[2].parameters["K_c"])
+    np.testing.assert_array_equal(late[1].loc[0, :40.5], prompt[1].loc[0, :40.5])
+    assert np.abs(late[1] - prompt[1]).max() > 0.01
+    early = make("C4", adaptation_lag=-4.0, **options)[2].parameters
+    np.testing.assert_allclose(
+        early["K_e"].iloc[:-400], prompt[2].parameters["K_e"].iloc[400:], atol=1e-12
+    )
+
+
+def test_perturbation():
+    """One thing is added to a parameter, in time, on top of the adaptation."""
+    truth = make(
+        "C3",
+        perturbation={"K_e": -0.01, "zeta_nm": Ramp(0.0, 0.1, 1.0, 3.0)},
+        adaptation_lag=1.0,
+        return_truth=True,
+    )[2]
+    t = truth.parameters.index.to_numpy()
+    plain = tracking_condition("C3").operator
+    np.testing.assert_allclose(truth.parameters["K_e"], plain.K_e(t - 1.0) - 0.01)
+    np.testing.assert_allclose(truth.parameters["zeta_nm"], 0.35 + Ramp(0, 0.1, 1, 3)(t))
+    np.testing.assert_allclose(truth.parameters["K_edot"], plain.K_edot(t - 1.0))
+    direct = make("C1", operator=HumanOperator(K_e=0.08, T_L=0.5))[1]
+    added = make("C1", perturbation={"K_e": -0.01, "K_edot": lambda t: 0.004})[1]
+    np.testing.assert_allclose(added, direct, rtol=0, atol=1e-14)
+
+
+def test_display_that_changes():
+    operator = HumanOperator(K_t=0.05)
+    one, two, changing = (
+        make(operator=operator, display=display)[1].loc[1]
+        for display in ("compensatory", "pursuit", Step(0.0, 1.0, time=1.0))
+    )
+    np.testing.assert_array_equal(changing.loc[:1.0], one.loc[:1.0])
+    assert np.abs(changing - one).loc[1.3:].max() > 0.01
+    assert np.abs(changing - two).loc[:1.0].max() > 0.01
+
+
+# The truth
+
+
+def test_truth_of_runs():
+    X, y, truth = make(
+        "C2", 3, remnant_gain=0.04, random_state=0, keep_run_in=0.5, return_truth=True
+    )
+    for series in (truth.u_without_remnant, truth.remnant):
+        assert isinstance(series, pd.Series)
+        assert series.index.equals(X.index)
+    np.testing.assert_allclose(truth.u_without_remnant + truth.remnant, y, rtol=0, atol=1e-15)
+    assert truth.remnant.groupby(level="run").std().min() > 0
+    assert truth.task.simulate(3, random_state=0).u.ravel().tolist() == (
+        y[y.index.get_level_values("time") >= 0].tolist()
+    )
+
+
+def test_truth_is_without_remnant_if_there_is_none():
+    _, y, truth = make(return_truth=True)
+    assert not truth.remnant.any()
+    pd.testing.assert_series_equal(truth.u_without_remnant, y)
+    assert not truth.parameters["K_n"].any()
+
+
+@pytest.mark.parametrize(("state", "T_L"), [("C1", 0.4), ("C2", 1.2)])
+def test_true_parameters(state, T_L):
+    truth = make(state, return_truth=True, keep_run_in=1.0, remnant_gain=0.01)[2]
+    parameters = truth.parameters
+    assert list(parameters.columns) == [
+        "K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm", "K_c", "omega_b", "K_n",
+    ]  # fmt: skip
+    assert parameters.index.name == "time"
+    np.testing.assert_array_equal(parameters.index, np.arange(-100, 400) / 100)
+    np.testing.assert_array_equal(parameters, np.tile(parameters.iloc[0], (500, 1)))
+    K_c, omega_b, K_e = {"C1": (90.0, 6.0, 0.09), "C2": (30.0, 0.2, 0.07)}[state]
+    expected = [K_e, T_L, K_e * T_L, 0.28, 11.25, 0.35, K_c, omega_b, 0.01]
+    np.testing.assert_allclose(parameters.iloc[0], expected, rtol=1e-13)
+    theta = truth.arx_parameters
+    assert list(theta.columns) == ["a1", "a2", "b0", "b1"]
+    assert theta.index.equals(parameters.index)
+    np.testing.assert_allclose(  # Table IV; facts.json zoh.Ts0.01
+        theta, np.tile(ZOH_100HZ[state], (500, 1)), rtol=1e-10
+    )
+    assert truth.nk == 29
+
+
+@pytest.mark.parametrize(("rate", "nk"), [(50.0, 15), (100.0, 29), (200.0, 57)])
+def test_true_delay(rate, nk):
+    assert make(sampling_rate=rate, return_truth=True)[2].nk == nk
+
+
+def test_true_parameters_through_a_transition():
+    truth = make("C4", 1, duration=50.0, return_truth=True)[2]
+    for t, state in ((0.0, "C1"), (49.0, "C2")):
+        np.testing.assert_allclose(truth.arx_parameters.loc[t], ZOH_100HZ[state], rtol=1e-9)
+    half = truth.parameters.loc[40.96]
+    np.testing.assert_allclose(half[["K_e", "K_edot", "K_c"]], [0.08, 0.06, 60.0], rtol=1e-9)
+    assert half["T_L"] == pytest.approx(0.75)
+
+
+def test_true_arx_model_simulates_the_runs():
+    """With n_k it gives the u of the loop, up to the half sample in which x is not held."""
+    X, y, truth = make_tracking_runs("C1", 1, keep_run_in=20.0, return_truth=True)
+    a1, a2, b0, b1 = truth.arx_parameters.iloc[0]
+    e = np.concatenate([np.zeros(truth.nk), X["e"].to_numpy()[: -truth.nk]])
+    u = np.zeros(len(e))
+    for k in range(2, len(e)):
+        u[k] = -a1 * u[k - 1] - a2 * u[k - 2] + b0 * e[k] + b1 * e[k - 1]
+    assert vaf_score(y.to_numpy()[2000:], u[2000:]) > 99.9  # 99.9104 in Table F.2
+
+
+def test_truth_of_a_model_in_the_loop():
+    model = ARXRegressor(nk=29).fit(*make())
+    truth = make(operator=model, return_truth=True)[2]
+    assert list(truth.parameters.columns) == ["K_c", "omega_b", "K_n"]
+    assert "arx_parameters" not in truth
+    assert truth.task.operator is model
+
+
+# The design's example
+
+
+def test_grid_search_of_the_design():
+    X, y = make_tracking_runs(
+        condition="C4",
+        n_runs=3,
+        remnant_intensity=0.15,
+        random_state=0,
+        duration=20.0,
+        run_in=10.0,
+    )
+    search = grid_search(VAFScorer()).fit(X, y, groups=run_labels(X))
+    assert search.n_splits_ == 3  # every run is the validation run once
+    assert search.predict(X).shape == (len(X),)
+    assert 60 < search.best_score_ < 97  # at most 100 (1 - P_n) if e were free of remnant
+
+
+def test_grid_search_finds_the_delay():
+    """Without remnant, and scored after the start of the free run has died out."""
+    X, y = make_tracking_runs(
+        "C1", 3, random_phases=True, duration=20.0, run_in=10.0, random_state=0
+    )
+    search = grid_search(VAFScorer(run_in=2.0)).fit(X, y, groups=run_labels(X))
+    assert search.best_params_["delayshift__delay"] == 0.29
+    assert search.best_score_ > 99.9
+
+
+def grid_search(scoring):
+    pipe = make_pipeline(Decimator(factor=2), DelayShift(delay=0.29), ARXRegressor(na=2, nb=2))
+    grid = {
+        "decimator__factor": [1, 2, 4],
+        "delayshift__delay": [0.27, 0.29, 0.31],  # tau_e = 0.28 s plus the ZOH sample
+    }
+    return GridSearchCV(pipe, grid, scoring=scoring, cv=LeaveOneGroupOut())
+
+
+def test_random_phases_of_many_runs_without_a_disturbance():
+    X, _ = make_tracking_runs(
+        "C1", 17, channels=["f_t", "dist"], random_phases=True, duration=2.0, run_in=0.0
+    )
+    assert X["dist"].eq(0).all()
+    assert len({tuple(X.loc[run, "f_t"].iloc[:3]) for run in range(17)}) == 17
+
+
+def test_a_loop_so_unstable_that_it_overflows():
+    with pytest.raises(UnstableLoopError, match="Lower the operator's gain"):
+        make_tracking_runs("C1", operator=HumanOperator(K_e=30.0), duration=0.6, run_in=0.0)
+
+
+def test_open_loop_has_the_intensity_wanted():
+    """200 runs: the mean of P_n has a standard deviation of about 0.0015."""
+    _, y, truth = make_tracking_runs(
+        "C2", 200, remnant_intensity=0.2, open_loop=True, random_state=3, return_truth=True
+    )
+    P_n = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()
+    assert P_n.mean() == pytest.approx(0.2, abs=0.02)
+
+
+def test_a_task_brings_its_own_parameters():
+    task = CompensatoryTask(duration=4.0, run_in=0.0)
+    X, _ = make_tracking_runs(task, 1)
+    assert len(X) == 400
+    with pytest.raises(ValueError, match="A whole task has its own sampling_rate, duration"):
+        make_tracking_runs(task, 1, sampling_rate=200.0, duration=2.0)
+
+
+@pytest.mark.parametrize("condition", ["C3", "C6"])
+def test_table_needs_a_name(condition):
+    with pytest.raises(ValueError, match="needs the name of a condition"):
+        make_tracking_runs(
+            tracking_condition(condition), remnant_gain="table", remnant_intensity=0.1
+        )
+
+
+def test_unstable_transition_without_a_target():
+    operator = HumanOperator(K_e=Step(0.09, 0.9, time=1.0), T_L=0.4)
+    disturbance = Multisine().interleaved(random_state=0)
+    for options in ({"disturbance": disturbance}, {"remnant_gain": 0.02}):
+        with pytest.raises(UnstableLoopError):
+            make_tracking_runs(
+                "C1", 1, operator=operator, target=0.0, duration=20.0, run_in=5.0, **options
+            )
+
+
+def test_slow_loops_are_not_taken_for_unstable():
+    """Closed-loop poles near -0.01 rad/s, stable: it only takes minutes to settle."""
+    X, _ = make_tracking_runs(
+        "C1",
+        1,
+        controlled_element=ControlledElement(K_c=1.0, omega_b=0.02),
+        operator=HumanOperator(K_e=1e-4, T_L=1.0),
+    )
+    assert np.isfinite(X.to_numpy()).all()
+
+
+def test_a_model_in_the_loop_must_answer_the_error():
+    X, y = make_tracking_runs("C1", 1, channels=["e", "f_t"], duration=20.0, run_in=5.0)
+    model = ARXRegressor(nk=29, inputs=["f_t"]).fit(X, y)
+    with pytest.raises(ValueError, match=r"answers the error e alone.*inputs=\['e'\]"):
+        CompensatoryTask(operator=model)
+    model = ARXRegressor(nk=29, inputs=["e"]).fit(X, y)
+    with pytest.raises(ValueError, match="display and transport are those of a HumanOperator"):
+        CompensatoryTask(operator=model, display="pursuit")
+
+
+def test_a_model_in_the_loop_keeps_its_delay():
+    X, y = make_tracking_runs("C1", 1, duration=20.0, run_in=5.0)
+    shifted = make_pipeline(DelayShift(0.29), ARXRegressor()).fit(X, y)
+    direct = ARXRegressor(nk=29).fit(X, y)
+    direct.coef_ = shifted[-1].coef_
+    one, two = (CompensatoryTask(operator=m).simulate() for m in (shifted, direct))
+    np.testing.assert_array_equal(one.u, two.u)
+
+
+def test_truth_of_a_pursuit_operator():
+    operator = HumanOperator(K_t=0.02, K_xdot=-0.01)
+    truth = make(operator=operator, display="pursuit", return_truth=True)[2]
+    assert truth.parameters["K_t"].eq(0.02).all()
+    assert truth.parameters["K_xdot"].eq(-0.01).all()
+    assert "arx_parameters" not in truth
+    with pytest.raises(ValueError, match="no gains on them"):
+        make(display="pursuit")
+
+
+def test_remnant_follows_an_operator_that_is_late():
+    task = make_tracking_runs(
+        "C4", 1, remnant_intensity=0.15, adaptation_lag=5.0, return_truth=True, random_state=0
+    )[2].task
+    prompt = make_tracking_runs("C4", 1, remnant_intensity=0.15, return_truth=True, random_state=0)[
+        2
+    ].task
+    assert task.remnant.gain.time == pytest.approx(45.96)
+    assert task.remnant.gain.initial == prompt.remnant.gain.initial
+
+
+def test_tasks_with_arrays_are_values():
+    f_t = np.sin(np.arange(300) / 30)
+    one, same, other = (
+        CompensatoryTask(target=t, duration=2.0, run_in=1.0) for t in (f_t, f_t.copy(), 2 * f_t)
+    )
+    assert one == same
+    assert hash(one) == hash(same)
+    assert one != other
+    np.testing.assert_array_equal(one.simulate(keep_run_in=1.0).f_t[0], f_t)
