@@ -2,6 +2,7 @@
 
 from .blocks import Block, DataSet
 from .catalogue import PAPER_STUDIES, PaperStudy, paper_study
+from .declared import identified_as
 from .delays import delay_study
 from .experiment import analyse_experiment, simulate_experiment
 from .experiment_result import ExperimentResult
@@ -26,6 +27,7 @@ __all__ = [
     "analyse_experiment",
     "delay_study",
     "forgetting_study",
+    "identified_as",
     "paper_study",
     "path_study",
     "recommend_forgetting",

@@ -15,6 +15,7 @@ from ..human.conversion import FROM_POLES, arx_to_operator
 from ..human.discretisation import delay_samples, zoh_parameters
 from .batch import delay_losses, least_squares
 from .blocks import Block
+from .declared import identified_as
 from .paper import (
     INTENSITIES,
     KEPT,
@@ -39,6 +40,7 @@ NEGLIGIBLE = 0.5  # VAF points
 CELL = ["condition", "remnant_order", "remnant_intensity", "sampling_rate", "open_loop"]
 
 
+@identified_as("skhoid: delays and bias", version=1)
 def delays_and_bias(block: Block) -> pd.DataFrame:
     """Batch models with the true and the estimated delay, for a :class:`MonteCarloStudy`."""
     task, rate = block.task, block.task.sampling_rate

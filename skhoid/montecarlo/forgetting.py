@@ -13,6 +13,7 @@ import pandas as pd
 from ..arx.recursive_cv import HORIZONS
 from .batch import FORMS, delay_losses, least_squares, trade_off
 from .blocks import Block
+from .declared import identified_as
 from .paper import (
     CONDITIONS,
     FIRST_PART,
@@ -37,6 +38,7 @@ PRACTICALLY_NONE = 1.0  # VAF points between forgetting by factor and by matrix
 LONG = 2048.0  # N0 from which on a memory is long
 
 
+@identified_as("skhoid: forgetting VAF", version=1)
 def forgetting_vaf(
     block: Block,
     *,

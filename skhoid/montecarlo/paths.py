@@ -16,6 +16,7 @@ from ..simulation.conditions import T_M
 from ..simulation.datasets import task_of, truth_of
 from .batch import delay_losses, least_squares
 from .blocks import Block
+from .declared import identified_as
 from .paper import (
     FIRST_PART,
     KEPT,
@@ -36,6 +37,7 @@ TRANSITION = (T_M - 10.24, T_M + 10.24)  # s
 ENDS = ("ini", "fin")
 
 
+@identified_as("skhoid: parameter paths", version=1)
 def parameter_paths(
     block: Block, *, memory_horizon: float = 256.0, step: float = 0.32
 ) -> pd.DataFrame:

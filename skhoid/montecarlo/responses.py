@@ -17,6 +17,7 @@ from ..frequency import FrequencyResponse, arx_response, arx_response_covariance
 from ..frequency.fourier import fourier_coefficients
 from ..simulation.datasets import task_of
 from .blocks import DataSet
+from .declared import identified_as
 from .paper import (
     INTENSITIES,
     STATES,
@@ -33,6 +34,7 @@ CELL = ["condition", "remnant_intensity"]
 METHODS = ("fc", "batch", "recursive")
 
 
+@identified_as("skhoid: frequency responses", version=1)
 def responses_of(data: DataSet) -> pd.DataFrame:
     """Responses at the lines of the target, by three methods, for a :class:`MonteCarloStudy`."""
     task, target = data.task, data.task.target
