@@ -54,31 +54,33 @@ def rows_of(conditions: Any) -> list[dict[str, Any]]:
     return rows
 
 
-def labels_of(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def labels_of(rows: list[dict[str, Any]], before: bool = False) -> list[dict[str, Any]]:
     """The cells in words and numbers, for the columns of the results."""
+
+    def mark(value: Any) -> str:
+        return digest(described(value, before=before))
+
     meant: dict[tuple[str, str], set[str]] = {}
-    labels = [{name: _label(value) for name, value in row.items()} for row in rows]
+    labels = [{name: _label(value, mark) for name, value in row.items()} for row in rows]
     for row, words in zip(rows, labels, strict=True):
         for name, word in words.items():
             if isinstance(word, str):
-                meant.setdefault((name, word), set()).add(digest(described(row[name])))
+                meant.setdefault((name, word), set()).add(mark(row[name]))
     for row, words in zip(rows, labels, strict=True):
         for name, word in words.items():
             if isinstance(word, str) and len(meant[name, word]) > 1:
-                words[name] = f"{word} {digest(described(row[name]))[:6]}"
+                words[name] = f"{word} {mark(row[name])[:6]}"
     return labels
 
 
-def _label(value: Any) -> Any:
+def _label(value: Any, mark: Callable[[Any], str]) -> Any:
     if value is None or isinstance(value, (bool, int, float, str, np.bool_, np.number)):
         return value
     words = str(value)
     if len(words) <= LONGEST and not re.search(r"\bat 0x|\n", words):
         return words
     name = getattr(value, "name", None) or getattr(value, "__name__", None)
-    return (
-        name if isinstance(name, str) else f"{type(value).__name__} {digest(described(value))[:6]}"
-    )
+    return name if isinstance(name, str) else f"{type(value).__name__} {mark(value)[:6]}"
 
 
 def read_cell(

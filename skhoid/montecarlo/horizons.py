@@ -12,6 +12,7 @@ from ..arx.recursive_cv import HORIZONS
 from ..simulation.physics import operator_response
 from ..simulation.task import CompensatoryTask
 from .blocks import Block
+from .declared import identified_as
 from .vectorised import FORMS, delay_losses, least_squares, trade_off
 
 KEPT = 1.0  # s kept of the run-in, so that shifted signals have a past; more for long delays
@@ -21,6 +22,7 @@ EARLIER, LATER = 0.13, 0.20  # s: n_k / f_s from so much below tau_e to so much 
 SETTING = ["form", "memory_horizon"]
 
 
+@identified_as("skhoid: forgetting VAF", version=1)
 def forgetting_vaf(
     block: Block,
     *,

@@ -7,7 +7,9 @@ import hashlib
 import inspect
 import json
 from collections.abc import Mapping
+from copyreg import dispatch_table
 from dataclasses import fields, is_dataclass
+from enum import Enum
 from types import CodeType
 from typing import Any
 
@@ -15,16 +17,22 @@ import joblib
 import numpy as np
 import pandas as pd
 
+from .declared import BEFORE, declared_identity
+
+FORMAT = 2  # of descriptions; those before it have no number, and hold names of modules
 PLAIN = (bool, int, float, str, bytes, tuple, type(None))
+OF_MODULE = ("__name__", "__file__", "__cached__", "__package__", "__doc__")
 
 
-def described(value: Any, within: tuple[int, ...] = ()) -> Any:
+def described(value: Any, within: tuple[int, ...] = (), *, before: bool = False) -> Any:
     """A value as JSON can hold it; equal values give equal descriptions, in any process.
 
     Numbers and text stand for themselves, dataclasses and mappings for their parts, functions for
-    their name and source with what they enclose, estimators for their parameters and what they
-    learned, arrays and all else for a digest of what they hold. ``within`` are the objects around
-    it, so that what refers to itself comes to an end.
+    the identity they declare, or else their name and source with what they enclose, estimators for
+    their parameters and what they learned, arrays and all else for a digest of what they hold. The
+    module that something is in is no part of it. ``within`` are the objects around it, so that what
+    refers to itself comes to an end. With ``before`` the words are those of folders that were made
+    when modules were part of it.
     """
     if value is None or isinstance(value, (bool, str)):
         return value
@@ -37,7 +45,7 @@ def described(value: Any, within: tuple[int, ...] = ()) -> Any:
         return int(number) if number.is_integer() else repr(number)
     if id(value) in within:
         return "itself"
-    part = functools.partial(described, within=(*within, id(value)))
+    part = functools.partial(described, within=(*within, id(value)), before=before)
     if isinstance(value, Mapping):
         return {str(key): part(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -56,11 +64,11 @@ def described(value: Any, within: tuple[int, ...] = ()) -> Any:
     if isinstance(value, functools.partial):
         return ["partial", part(value.func), part(value.args), part(value.keywords)]
     if inspect.ismethod(value):
-        return [_of_function(value.__func__, part), part(value.__self__)]
+        return [_of_function(value.__func__, part, before), part(value.__self__)]
     if inspect.isfunction(value):
-        return _of_function(value, part)
+        return _of_function(value, part, before)
     if inspect.isclass(value):
-        return [f"{value.__module__}.{value.__qualname__}", digest(_source(value))]
+        return [_name(value, before), digest(_source(value))]
     kind = type(value).__qualname__
     if is_dataclass(value):
         return [kind, {field.name: part(getattr(value, field.name)) for field in fields(value)}]
@@ -68,8 +76,13 @@ def described(value: Any, within: tuple[int, ...] = ()) -> Any:
         parameters = value.get_params(deep=False)
         learned = {key: item for key, item in vars(value).items() if key not in parameters}
         return [kind, part(parameters), *([part(learned)] if learned else [])]
+    if isinstance(value, Enum) and not before:
+        return [kind, value.name]
     source = [digest(_source(type(value)))] if callable(value) else []
     try:
+        if not before and _is_plain(type(value)):
+            _, made_with, state, *_ = value.__reduce_ex__(2)
+            return [kind, *source, part([made_with[1:], state])]
         return [kind, *source, joblib.hash(value)]
     except Exception as error:
         raise TypeError(
@@ -79,8 +92,13 @@ def described(value: Any, within: tuple[int, ...] = ()) -> Any:
         ) from error
 
 
-def _of_function(function: Any, part: Any) -> list[Any]:
+def _of_function(function: Any, part: Any, before: bool) -> list[Any]:
     """Name, source, defaults, what it encloses, and the plain values and helpers of its module."""
+    declared = declared_identity(function)
+    if declared is not None and not before:
+        return [declared[0], f"version {declared[1]}"]
+    if declared in BEFORE:
+        return BEFORE[declared]
     code = function.__code__
     # The source of a lambda is a line, which may hold several.
     source = "" if function.__name__ == "<lambda>" else _source(function)
@@ -91,16 +109,23 @@ def _of_function(function: Any, part: Any) -> list[Any]:
         except ValueError:  # not assigned yet
             continue
     for name in sorted(_names(code)):
-        if name not in function.__globals__:
+        if name not in function.__globals__ or (name in OF_MODULE and not before):
             continue
         found = function.__globals__[name]
         helper = inspect.isfunction(found) and found.__module__ == function.__module__
         if helper or isinstance(found, PLAIN):
             held[f"global {name}"] = found
-    return [
-        f"{function.__module__}.{function.__qualname__}",
-        digest([source or _of_code(code), part(held)]),
-    ]
+    return [_name(function, before), digest([source or _of_code(code), part(held)])]
+
+
+def _name(thing: Any, before: bool) -> str:
+    return f"{thing.__module__}.{thing.__qualname__}" if before else thing.__qualname__
+
+
+def _is_plain(kind: type) -> bool:
+    """Whether its objects are what their attributes say; others pickle in a way of their own."""
+    own = (kind.__reduce__, kind.__reduce_ex__) != (object.__reduce__, object.__reduce_ex__)
+    return not own and kind not in dispatch_table
 
 
 def _source(thing: Any) -> str:

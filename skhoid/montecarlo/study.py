@@ -6,6 +6,7 @@ import contextlib
 import os
 import warnings
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from ..simulation.tracking_runs import check_channel_names
 from ..simulation.tuning import tune_remnant
 from .blocks import ERROR, REPLICATION, DataSet, Job, compute, joined
 from .cells import labels_of, read_cell, rows_of
-from .identity import described, digest, key_words
+from .identity import FORMAT, described, digest, key_words
 from .store import Store, read_manifest, uniform
 from .workers import progress_bar, results_of
 
@@ -131,19 +132,25 @@ class MonteCarloStudy:
         self.channels = tuple(channels)
         rows = rows_of(conditions)
         self._cells = [read_cell(row, shared, function) for row in rows]
-        self.cells = uniform(pd.DataFrame(labels_of(rows)))
-        self._labels = self.cells.to_dict("records")
+        self._describe(before=False)
         if self.cells.duplicated().any():
             twice = self.cells[self.cells.duplicated()].iloc[0].to_dict()
             raise ValueError(f"conditions: the cell {twice} is there twice.")
 
+    def _describe(self, before: bool) -> None:
+        """Take the words, and with them the labels and seeds, of folders of now or of before."""
+        self._before = before
+        self.cells = uniform(pd.DataFrame(labels_of([cell["row"] for cell in self._cells], before)))
+        self._labels = self.cells.to_dict("records")
+
     @property
     def description(self) -> dict[str, Any]:
         """What the study is; two studies of one description give the same table."""
-        return {
-            "function": described(self.function),
-            "cells": [described(cell["row"]) for cell in self._cells],
-            "simulation": described(self._cells[0]["shared"]),
+        in_words = partial(described, before=self._before)
+        return ({} if self._before else {"identity": FORMAT}) | {
+            "function": in_words(self.function),
+            "cells": [in_words(cell["row"]) for cell in self._cells],
+            "simulation": in_words(self._cells[0]["shared"]),
             "channels": list(self.channels),
             "n_replications": self.n_replications,
             "n_runs": self.n_runs,
@@ -198,13 +205,15 @@ class MonteCarloStudy:
         """
         store, finished = None, {}
         if out is not None:
-            drawn, there = self.entropy, read_manifest(out)
+            drawn, before, there = self.entropy, self._before, read_manifest(out)
             if self._drawn and there is not None:
                 self.entropy = int(there["entropy"])
             try:
+                self._describe(before=there is not None and "identity" not in there)
                 store = Store(out, self.description)
             except Exception:
                 self.entropy = drawn
+                self._describe(before)
                 raise
             finished = store.finished()
         ranges = self._ranges()
@@ -259,7 +268,8 @@ class MonteCarloStudy:
     def _entropy_of(self, cell: int) -> int:
         if self.common_noise:
             return self.entropy
-        words = key_words(described(self._cells[cell]["row"] | self._cells[cell]["shared"]))
+        row, shared = self._cells[cell]["row"], self._cells[cell]["shared"]
+        words = key_words(described(row | shared, before=self._before))
         sequence = np.random.SeedSequence(self.entropy, spawn_key=words)
         return int.from_bytes(sequence.generate_state(4).tobytes(), "little")
 

@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from ..human.discretisation import delay_samples, zoh_parameters
 from ..interpret.conversion import FROM_POLES, arx_to_operator
 from ..montecarlo.blocks import Block
+from ..montecarlo.declared import identified_as
 from ..montecarlo.horizons import KEPT, candidate_delays, shifted, succeeded
 from ..montecarlo.study import MonteCarloStudy
 from ..montecarlo.vectorised import delay_losses, least_squares
@@ -36,6 +37,7 @@ NEGLIGIBLE = 0.5  # VAF points
 CELL = ["condition", "remnant_order", "remnant_intensity", "sampling_rate", "open_loop"]
 
 
+@identified_as("skhoid: delays and bias", version=1)
 def delays_and_bias(block: Block) -> pd.DataFrame:
     """Batch models with the true and the estimated delay, for a :class:`MonteCarloStudy`."""
     task, rate = block.task, block.task.sampling_rate

@@ -13,6 +13,7 @@ import pandas as pd
 from ..arx.recursive import RecursiveARX
 from ..interpret.conversion import FROM_POLES, arx_to_operator
 from ..montecarlo.blocks import Block
+from ..montecarlo.declared import identified_as
 from ..montecarlo.horizons import FIRST_PART, KEPT, candidate_delays, shifted, succeeded
 from ..montecarlo.study import MonteCarloStudy
 from ..montecarlo.vectorised import delay_losses, least_squares
@@ -25,6 +26,7 @@ TRANSITION = (T_M - 10.24, T_M + 10.24)  # s
 ENDS = ("ini", "fin")
 
 
+@identified_as("skhoid: parameter paths", version=1)
 def parameter_paths(
     block: Block, *, memory_horizon: float = 256.0, step: float = 0.32
 ) -> pd.DataFrame:

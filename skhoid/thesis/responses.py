@@ -16,6 +16,7 @@ from ..arx.searches import DelaySearchCV
 from ..interpret import FrequencyResponse, arx_response, arx_response_covariance
 from ..interpret.fourier import fourier_coefficients
 from ..montecarlo.blocks import DataSet
+from ..montecarlo.declared import identified_as
 from ..montecarlo.horizons import candidate_delays, succeeded
 from ..montecarlo.study import MonteCarloStudy
 from ..simulation.tracking_runs import task_of
@@ -25,6 +26,7 @@ CELL = ["condition", "remnant_intensity"]
 METHODS = ("fc", "batch", "recursive")
 
 
+@identified_as("skhoid: frequency responses", version=1)
 def responses_of(data: DataSet) -> pd.DataFrame:
     """Responses at the lines of the target, by three methods, for a :class:`MonteCarloStudy`."""
     task, target = data.task, data.task.target
