@@ -22,6 +22,7 @@ from .runs import DecimationMark, check_alignment, input_columns
 from .summaries import Summary
 
 NOTED_JITTER = 0.01  # of a sampling time
+STILL = 1e-9  # relative to the norm of a channel
 
 
 class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
@@ -232,3 +233,17 @@ def segments(grid: ModelGrid) -> list[tuple[int, int]]:
     """Begin and end of runs, cut at gaps but not at the end of a run-in."""
     begin = np.unique(grid.past)
     return list(pairwise([*begin.tolist(), int(grid.end[-1])]))
+
+
+def still(what: str, values: np.ndarray) -> str | None:
+    """Say that a channel is zero or constant, if it is."""
+    size = np.abs(values).max()
+    if size == 0:
+        return f"{what} is zero in all rows"
+    return f"{what} is constant ({values[0]:g})" if np.ptp(values) <= STILL * size else None
+
+
+def bad_output(output: str, y: np.ndarray) -> str | None:
+    """What is wrong with an output that does not move."""
+    found = still(f"The output {output!r}", y)
+    return None if found is None else f"{found}; is it the right column?"

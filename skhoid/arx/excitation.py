@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..exceptions import RankDeficiencyError
+from ..regression import STILL, bad_output, still
 from .orders import Orders
-
-_ZERO = 1e-9  # relative to the norm of a channel
 
 
 def rank_error(
@@ -47,20 +46,6 @@ def _bad_channel(channels: list[str], X: np.ndarray, orders: Orders) -> str | No
     return None
 
 
-def still(what: str, values: np.ndarray) -> str | None:
-    """Say that a channel is zero or constant, if it is."""
-    size = np.abs(values).max()
-    if size == 0:
-        return f"{what} is zero in all rows"
-    return f"{what} is constant ({values[0]:g})" if np.ptp(values) <= _ZERO * size else None
-
-
-def bad_output(output: str, y: np.ndarray) -> str | None:
-    """What is wrong with an output that does not move."""
-    found = still(f"The output {output!r}", y)
-    return None if found is None else f"{found}; is it the right column?"
-
-
 def _linear_relation(channels: list[str], X: np.ndarray) -> str | None:
     """Find a channel that is a combination of the others, such as e = f_t - x."""
     if len(channels) < 2:
@@ -70,7 +55,7 @@ def _linear_relation(channels: list[str], X: np.ndarray) -> str | None:
         others = [i for i in range(len(channels)) if i != position]
         weights = np.linalg.lstsq(X[:, others] / norms[others], X[:, position], rcond=1e-10)[0]
         misfit = X[:, position] - (X[:, others] / norms[others]) @ weights
-        if np.sqrt(np.mean(misfit**2)) > _ZERO * norms[position]:
+        if np.sqrt(np.mean(misfit**2)) > STILL * norms[position]:
             continue
         weights = weights / norms[others]
         terms = [

@@ -16,9 +16,9 @@ from ..arx.searches import DelaySearchCV
 from ..diagnosis.scores import performance_scores
 from ..interpret.conversion import FROM_POLES, arx_to_operator
 from ..interpret.references import reference_fits
+from ..montecarlo.vectorised import PARAMETERS as ARX
 from ..preprocessing import DelayShift
 from ..runs import RUN, TIME
-from ..thesis.study_result import PARAMETERS as ARX
 from .read import CONDITION, RECORDING, SUBJECT, Cell
 
 PARAMETERS = (*ARX, *FROM_POLES)

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..arx.excitation import bad_output, still
 from ..effects.composition import Effects
 from ..effects.record import Record
 from ..exceptions import RankDeficiencyError, ShortRunError
 from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
-from ..regression import RunRegressor
+from ..regression import RunRegressor, bad_output, still
 from ..runs import run_column
 from ..summaries import Summary
 from .cores import Core

@@ -23,6 +23,7 @@ FORMS = ("lambda", "Lambda")
 TRANSITION = (3072, 5120)  # samples of the window, 30.72 to 51.20 s
 FIRST_FORGOTTEN = {"lambda": 0, "Lambda": 2}  # parameter from which on a form forgets
 ORDERS = Orders.of(2, 2, 0, 1, False)
+PARAMETERS = ("a1", "a2", "b0", "b1")
 N_PARAMS = ORDERS.n_params
 
 

@@ -17,10 +17,9 @@ from ..montecarlo.blocks import Block
 from ..montecarlo.declared import identified_as
 from ..montecarlo.horizons import KEPT, candidate_delays, shifted, succeeded
 from ..montecarlo.study import MonteCarloStudy
-from ..montecarlo.vectorised import delay_losses, least_squares
+from ..montecarlo.vectorised import PARAMETERS, delay_losses, least_squares
 from .study_result import (
     INTENSITIES,
-    PARAMETERS,
     STATES,
     Claim,
     StudyResult,

@@ -16,10 +16,10 @@ from ..montecarlo.blocks import Block
 from ..montecarlo.declared import identified_as
 from ..montecarlo.horizons import FIRST_PART, KEPT, candidate_delays, shifted, succeeded
 from ..montecarlo.study import MonteCarloStudy
-from ..montecarlo.vectorised import delay_losses, least_squares
+from ..montecarlo.vectorised import PARAMETERS, delay_losses, least_squares
 from ..simulation.conditions import T_M
 from ..simulation.tracking_runs import task_of, truth_of
-from .study_result import PARAMETERS, STATES, Claim, StudyResult, gains_of, span
+from .study_result import STATES, Claim, StudyResult, gains_of, span
 
 CELL = ["condition", "remnant_intensity"]
 TRANSITION = (T_M - 10.24, T_M + 10.24)  # s

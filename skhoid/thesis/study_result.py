@@ -18,7 +18,6 @@ from ..simulation.remnant import ORDERS
 CONDITIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
 STATES = ("C1", "C2")  # constant dynamics
 INTENSITIES = (0.0, 0.05, 0.10, 0.15, 0.20, 0.25, 0.30)  # P_n
-PARAMETERS = ("a1", "a2", "b0", "b1")
 
 
 @dataclass(frozen=True)
