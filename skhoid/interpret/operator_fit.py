@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..human.discretisation import check_dt, check_order, held_filter, pade
-from .gradients import response_and_gradient
+from .arx_responses import response_and_gradient
 
 NAMES = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
 N_FREQUENCIES = 60
