@@ -62,14 +62,19 @@ def described(name: str) -> dict[str, Any]:
         "neutral": [v.neutral for v in variants],
     }
     found["simulated"] = simulated(variants[0], record)
-    X, y = channels()
+    runs = found["simulated"]
     delay = 0.26 if name == "wrong_delay" else None
     models = {
-        "operator": OperatorRegressor(delay, effects=name, inputs=["e"]),
-        "arx": ARXRegressor(nk=NK, effects=name, inputs=["e"]),
+        "operator": (OperatorRegressor(delay, effects=name, inputs=["e"]), channels()),
+        "arx": (ARXRegressor(nk=NK, effects=name, inputs=["e"]), channels()),
     }
-    for core, model in models.items():
-        fitted = errors_as_items(lambda model=model: model.fit(X, y))
+    if not isinstance(runs, str):
+        models["operator that has it"] = (
+            OperatorRegressor(delay, effects=name, inputs=["e"]),
+            runs,
+        )
+    for core, (model, (X, y)) in models.items():
+        fitted = errors_as_items(lambda model=model, X=X, y=y: model.fit(X, y))
         if isinstance(fitted, str):
             found[core] = fitted
         else:
