@@ -35,6 +35,8 @@ def main() -> int:
     parser.add_argument("--only", default="", metavar="PREFIX", help="items whose name begins so")
     parser.add_argument("--times", action="store_true", help="say how long each case takes")
     options = parser.parse_args()
+    if not options.write and not STORED.exists():
+        parser.error(f"{STORED} is not there; --write makes it")
     group, prefix = store.split(options.only)
     found: dict[str, list[str]] = {}
     broken: list[str] = []
@@ -53,7 +55,8 @@ def main() -> int:
             if options.times:
                 print(f"{time.perf_counter() - begun:6.2f} s  {name}")
     if not (found or broken):
-        parser.error(f"no item begins with {options.only!r}; the cases are {', '.join(CASES)}")
+        rooms = ", ".join(dict.fromkeys(name.split("/")[0] for name in CASES))
+        parser.error(f"no item begins with {options.only!r}; the first words are {rooms}")
     if options.write:
         return store.write(STORED, found, group, prefix)
     return store.compare(STORED, found, group, prefix, broken)

@@ -94,6 +94,7 @@ def channels() -> dict[str, Any]:
     faults = {
         "none": (X, y),
         "rate unit": (X.assign(x_rate=rate * np.pi / 180), y),
+        "rate gain": (X.assign(x_rate=1.3 * rate), y),
         "copy": (X.assign(again=X["e"]), y),
         "late copy": (X.assign(again=X["x"].shift(5).fillna(0.0)), y),
         "constant": (X.assign(still=1.0), y),
@@ -167,6 +168,22 @@ for _name, _search, _world in [
         "two",
         EffectSearchCV(OPERATOR, ["dead_zone", "bias", "asym_gain"]),
         {"inner": lambda e: e - e.clip(-0.3, 0.3), "outer": lambda u: u + 0.25},
+    ),
+    (
+        "weak",
+        EffectSearchCV(OPERATOR, ["dead_zone", "cubic_gain", "extra_lag"]),
+        {"inner": lambda e: e + 0.041 * e**3, "n_runs": 2},
+    ),
+    (
+        "alike",
+        EffectSearchCV(OPERATOR, ["dead_zone", "cubic_gain", "saturation", "hardening_stiffness"]),
+        {"inner": np.tanh, "n_runs": 2},
+    ),
+    ("all", EffectSearchCV(OPERATOR), {"outer": lambda u: 0.6 * np.round(u / 0.6), "n_runs": 2}),
+    (
+        "all, arx",
+        EffectSearchCV(ARX, max_effects=1),
+        {"outer": lambda u: u.clip(-0.3, 0.3), "n_runs": 2},
     ),
     ("one run", EffectSearchCV(OPERATOR, ["bias", "drift"]), {"n_runs": 1}),
     (

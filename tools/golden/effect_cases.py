@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from cases import case, errors_as_items, model_items
 from scipy.signal import lfilter
+from sklearn.base import clone
 from worlds import CHANNELS, NK, bent, loop
 
 import skhoid
@@ -61,15 +62,16 @@ def described(name: str) -> dict[str, Any]:
         "limits": [v.limits(record) for v in variants],
         "neutral": [v.neutral for v in variants],
     }
-    found["simulated"] = simulated(variants[0], record)
-    X, y = channels()
+    runs = found["simulated"] = simulated(variants[0], record)
     delay = 0.26 if name == "wrong_delay" else None
     models = {
-        "operator": OperatorRegressor(delay, effects=name, inputs=["e"]),
-        "arx": ARXRegressor(nk=NK, effects=name, inputs=["e"]),
+        "operator": (OperatorRegressor(delay, effects=name, inputs=["e"]), channels()),
+        "arx": (ARXRegressor(nk=NK, effects=name, inputs=["e"]), channels()),
     }
-    for core, model in models.items():
-        fitted = errors_as_items(lambda model=model: model.fit(X, y))
+    if not isinstance(runs, str):
+        models["operator that has it"] = (clone(models["operator"][0]), runs)
+    for core, (model, (X, y)) in models.items():
+        fitted = errors_as_items(lambda model=model, X=X, y=y: model.fit(X, y))
         if isinstance(fitted, str):
             found[core] = fitted
         else:
