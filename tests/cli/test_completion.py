@@ -66,7 +66,7 @@ def test_a_missing_package_is_named(capsys, monkeypatch):
 
 
 def test_names_are_those_of_the_package():
-    assert names.EFFECTS == tuple(BY_NAME)
-    assert names.HIDDEN == tuple(HIDDEN)
+    assert tuple(BY_NAME) == names.EFFECTS
+    assert tuple(HIDDEN) == names.HIDDEN
     assert names.CONDITIONS == CONDITIONS
-    assert names.STUDIES == ("list", *OTHERS, *PAPER_STUDIES)
+    assert ("list", *OTHERS, *PAPER_STUDIES) == names.STUDIES
