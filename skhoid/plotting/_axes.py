@@ -86,30 +86,25 @@ def legend_entries(panels: Any) -> dict[str, Any]:
     return entries
 
 
-def legend_of_all(figure: Any, panels: Sequence[Axes], own: bool) -> None:
-    """What panels show, each once: below a figure of one's own, else in the first panel."""
-    entries = legend_entries(panels)
-    if own:
-        columns = legend_columns(entries)
-        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
-    elif entries:
-        panels[0].legend(entries.values(), entries.keys(), loc="best", fontsize="small")
+def legend_inside(panel: Axes, handles: Sequence[Any], labels: Sequence[str]) -> None:
+    """A small legend in a panel, where it hides least; none without labels."""
+    if labels:
+        panel.legend(handles, labels, loc="best", fontsize="small")
 
 
-def given_axes(ax: Any, allowed: Sequence[int], what: str) -> list[Axes]:
-    """The Axes of ``ax`` (one, or a sequence or array of them) in order, as many as allowed."""
-    axes = [ax] if isinstance(ax, Axes) else list(np.asarray(ax, dtype=object).ravel())
-    wrong = [a for a in axes if not isinstance(a, Axes)]
-    if wrong:
-        raise TypeError(
-            f"ax must be matplotlib Axes, or a sequence of them; got {type(wrong[0]).__name__}."
-        )
-    if len(axes) not in allowed:
-        numbers = " or ".join(str(n) for n in dict.fromkeys(allowed))
-        raise ValueError(
-            f"ax holds {len(axes)} Axes; this picture needs {numbers}: {what}. ax=None makes them."
-        )
-    return axes
+def legend_above(panel: Axes, columns: int | None = None) -> None:
+    """A legend above the right end of a panel, in one row unless told otherwise."""
+    handles, labels = panel.get_legend_handles_labels()
+    panel.legend(
+        handles,
+        labels,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=columns or len(labels),
+        frameon=False,
+        fontsize="small",
+        borderaxespad=0.2,
+    )
 
 
 def check_search(search: Any, expected: type, display: str) -> None:

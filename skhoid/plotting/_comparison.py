@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import inspect
 import textwrap
+from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
@@ -13,7 +13,8 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from ..diagnosis.comparison import Comparison, compare
-from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_columns, legend_entries, with_unit
+from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_entries, with_unit
+from ._display import Display
 
 # One meaning a colour on every picture of a comparison.
 MEASURED = BLACK
@@ -28,7 +29,8 @@ CLOSED_LOOP = "closed loop: not a test"
 CHANNELS = {"f_t": "target $f_t$", "dist": "disturbance $f_d$", "e": "error e", "x": "output x"}
 
 
-class ComparisonPicture:
+@dataclass(kw_only=True, eq=False, repr=False)
+class ComparisonBaseDisplay(Display):
     """A picture whose constructor takes what it draws, by its names in a Comparison."""
 
     @classmethod
@@ -52,8 +54,8 @@ class ComparisonPicture:
                 f"{cls.__name__}.from_comparison draws a result of skhoid.compare; got "
                 f"{type(comparison).__name__}. from_estimator(model, X, y) compares first."
             )
-        names = inspect.signature(cls).parameters
-        return cls(**{name: getattr(comparison, name) for name in names}).plot(ax)
+        drawn = {field.name: getattr(comparison, field.name) for field in fields(cls)}
+        return cls(**drawn).plot(ax)
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any, y: Any, *, ax: Any = None, **options: Any) -> Self:
@@ -78,9 +80,6 @@ class ComparisonPicture:
             Of the class that this is called on.
         """
         return cls.from_comparison(compare(model, X, y, **options), ax=ax)
-
-    def plot(self, ax: Any = None) -> Self:
-        raise NotImplementedError
 
 
 def is_of_all_runs(table: pd.DataFrame) -> np.ndarray:
@@ -154,20 +153,3 @@ def legend_below(panel: Axes, columns: int, pad: float, **options: Any) -> Any:
         fontsize="small",
         **options,
     )
-
-
-def explain(panels: Any, *, own: bool) -> None:
-    """One legend for the panels: below a figure of our own, else in the first."""
-    entries = legend_entries(panels)
-    if not entries:
-        return
-    if own:
-        panels[0].figure.legend(
-            entries.values(),
-            entries.keys(),
-            loc="outside lower center",
-            ncols=legend_columns(entries),
-            frameon=False,
-        )
-    else:
-        panels[0].legend(entries.values(), entries.keys(), loc="best", fontsize="small")

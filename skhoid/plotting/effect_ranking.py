@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ._axes import BLACK, BLUE, ORANGE, SKY, given_axes
+from ._axes import BLACK, BLUE, ORANGE, SKY
 from ._comparison import legend_below, say_instead, wrapped
+from ._display import Display
 from ._effects import attributes_of
 
 TAKEN = ("ranking_",)
@@ -23,7 +24,8 @@ WORDS = 0.5  # of the width, for the words at the ends of the bars
 BELOW_TICKS = 3.6
 
 
-class EffectRankingDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class EffectRankingDisplay(Display):
     """Candidates of one step of a search by what they gain on held-out runs.
 
     Bars are VAF points on runs that were held out of the fit; at their ends these points and by
@@ -79,9 +81,8 @@ class EffectRankingDisplay:
     3.5
     """
 
-    def __init__(self, *, ranking: pd.DataFrame, step: int) -> None:
-        self.ranking = ranking
-        self.step = step
+    ranking: pd.DataFrame
+    step: int
 
     @classmethod
     def from_estimator(
@@ -134,11 +135,8 @@ class EffectRankingDisplay:
         """
         refused = (self.ranking["status"] == REFUSED).to_numpy()
         table = pd.concat([self.ranking[~refused], self.ranking[refused]])
-        if ax is None:
-            size = 7.6, max(2.6, 1.5 + ROW * len(table))
-            _, ax = plt.subplots(figsize=size, layout="constrained")
-        (self.ax_,) = given_axes(ax, (1,), "the bars")
-        self.figure_ = self.ax_.figure
+        size = 7.6, max(2.6, 1.5 + ROW * len(table))
+        (self.ax_,) = self._take_axes(ax, "the bars", figsize=size)
         self.bars_: dict[str, Any] = {}
         self.words_: dict[str, Any] = {}
         self.margin_ = np.nan

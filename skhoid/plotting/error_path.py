@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, given_axes, with_unit
+from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_above, with_unit
 from ._comparison import percent, say_instead, wrapped
+from ._display import Display
 from ._effects import UNKNOWN, attributes_of, broken, step_labels, unit_of
 
 TAKEN = ("error_path_", "best_effects_", "verdict_", "predictions_")
@@ -22,7 +23,8 @@ LEAST_SPAN = 10.0  # points of VAF, so that a small gap looks small
 ROOM = 0.24  # of the height, for the words about the gap
 
 
-class ErrorPathDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class ErrorPathDisplay(Display):
     """Held-out VAF and RMSE as a staircase: one step for each effect that is added.
 
     Above the VAF, below the RMSE of runs that were held out of the fit. The dashed line is the
@@ -85,18 +87,10 @@ class ErrorPathDisplay:
     [76.1, 86.8]
     """
 
-    def __init__(
-        self,
-        *,
-        error_path: pd.DataFrame,
-        best_effects: list[str],
-        verdict: str,
-        unit: str | None = None,
-    ) -> None:
-        self.error_path = error_path
-        self.best_effects = best_effects
-        self.verdict = verdict
-        self.unit = unit
+    error_path: pd.DataFrame
+    best_effects: list[str]
+    verdict: str
+    unit: str | None = None
 
     @classmethod
     def from_estimator(cls, search: Any, *, ax: Any = None) -> Self:
@@ -130,11 +124,8 @@ class ErrorPathDisplay:
         """
         # Structure that no effect explains is no step: nothing was added.
         path = self.error_path[self.error_path["effect"] != UNKNOWN]
-        if ax is None:
-            size = max(6.4, 1.4 + WIDTH * (len(path) + BESIDE)), 5.2
-            _, ax = plt.subplots(2, sharex=True, figsize=size, layout="constrained")
-        self.axes_ = np.array(given_axes(ax, (2,), "VAF and RMSE"))
-        self.figure_ = self.axes_[0].figure
+        size = max(6.4, 1.4 + WIDTH * (len(path) + BESIDE)), 5.2
+        self.axes_ = self._take_axes(ax, "VAF and RMSE", (2, 1), sharex=True, figsize=size)
         self.stairs_: dict[str, Any] = {}
         self.ceilings_: dict[str, Any] = {}
         self.labels_: dict[str, list[Any]] = {}
@@ -164,17 +155,7 @@ class ErrorPathDisplay:
             panel.set_xticks(range(len(path)), labels)
             panel.grid(alpha=0.3, axis="y")
             panel.set_axisbelow(True)
-        handles, names = top.get_legend_handles_labels()
-        top.legend(
-            handles,
-            names,
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=3,
-            frameon=False,
-            fontsize="small",
-            borderaxespad=0.2,
-        )
+        legend_above(top, columns=3)
         top.set_title(top.get_title(), fontsize="medium", pad=24)
         return self
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,7 @@ ONE_COLUMN = 5  # panels below each other, before there are two columns
 UNEVEN = 3  # panels that one of the columns may have more than the other
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class ParameterPathDisplay(EstimatesDisplay):
     """ARX parameters over time, a panel each (Figs. 14, 16, 5.14 and 5.16).
 
@@ -40,14 +42,14 @@ class ParameterPathDisplay(EstimatesDisplay):
     frames : dict of DataFrame
         Estimates by label: a column for each parameter and, where known, one of standard
         deviations (``sd_a1``), over the index ``time`` in s, or in one row of a batch model.
-    runs : dict of ndarray of shape (n_runs, n_instants, n_params), or None, default=None
-        Estimates of single runs by label, for the parameters and instants of the frame.
     truth : DataFrame or None, default=None
         True values in the same columns, over ``time`` or in one row.
     references : DataFrame or None, default=None
         Result of :func:`skhoid.reference_fits`, drawn as green levels over its windows.
     transition_time : float or None, default=None
         Instant to mark, in s.
+    runs : dict of ndarray of shape (n_runs, n_instants, n_params), or None, default=None
+        Estimates of single runs by label, for the parameters and instants of the frame.
 
     Attributes
     ----------
@@ -91,19 +93,7 @@ class ParameterPathDisplay(EstimatesDisplay):
     ['a1', 'a2', 'b0', 'b1']
     """
 
-    def __init__(
-        self,
-        *,
-        frames: Mapping[str, pd.DataFrame],
-        runs: Mapping[str, np.ndarray] | None = None,
-        truth: pd.DataFrame | None = None,
-        references: pd.DataFrame | None = None,
-        transition_time: float | None = None,
-    ) -> None:
-        super().__init__(
-            frames=frames, truth=truth, references=references, transition_time=transition_time
-        )
-        self.runs = runs
+    runs: Mapping[str, np.ndarray] | None = None
 
     @classmethod
     def from_estimator(
@@ -114,7 +104,7 @@ class ParameterPathDisplay(EstimatesDisplay):
         *,
         transition_time: float | None = None,
         ax: Any = None,
-    ) -> ParameterPathDisplay:
+    ) -> Self:
         """Draw fitted recursive models.
 
         Parameters
@@ -171,7 +161,7 @@ class ParameterPathDisplay(EstimatesDisplay):
         )
         return display.plot(ax)
 
-    def plot(self, ax: Any = None) -> ParameterPathDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -200,7 +190,7 @@ class ParameterPathDisplay(EstimatesDisplay):
             panel.grid(alpha=0.3)
         for panel in self._bottom:
             panel.set_xlabel("time, s")
-        self._explain()
+        self._legend_of_panels()
         return self
 
     def _draw_runs(

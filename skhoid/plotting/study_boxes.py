@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.cbook import boxplot_stats
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
-from ._axes import BLACK, COLOURS, GREY, given_axes, legend_columns, note_outside
+from ._axes import BLACK, COLOURS, GREY, note_outside
+from ._display import Display
 from ._study import (
     REPLICATION,
     SAID,
@@ -37,7 +38,8 @@ STATISTICS = {"low": "whislo", "q1": "q1", "median": "med", "q3": "q3", "high": 
 SCALES = ("auto", "linear", "symlog")
 
 
-class StudyBoxDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class StudyBoxDisplay(Display):
     """Box plots of a study: a box for each group beside the other, over remnant intensity.
 
     Boxes hold the middle half of the replications, with the median as a line; whiskers reach the
@@ -106,22 +108,12 @@ class StudyBoxDisplay:
     'delay $n_k$, samples'
     """
 
-    def __init__(
-        self,
-        *,
-        boxes: pd.DataFrame,
-        group: str = "remnant_order",
-        x: str = "remnant_intensity",
-        by: Sequence[str] = (),
-        difference: tuple[str, Any, Any] | None = None,
-        reference: Any = None,
-    ) -> None:
-        self.boxes = boxes
-        self.group = group
-        self.x = x
-        self.by = by
-        self.difference = difference
-        self.reference = reference
+    boxes: pd.DataFrame
+    group: str = "remnant_order"
+    x: str = "remnant_intensity"
+    by: Sequence[str] = ()
+    difference: tuple[str, Any, Any] | None = None
+    reference: Any = None
 
     @classmethod
     def from_table(
@@ -136,7 +128,7 @@ class StudyBoxDisplay:
         reference: Any = None,
         scale: str = "auto",
         ax: Any = None,
-    ) -> StudyBoxDisplay:
+    ) -> Self:
         """Draw the table of a study.
 
         Parameters
@@ -197,7 +189,7 @@ class StudyBoxDisplay:
         )
         return display.plot(ax, scale=scale)
 
-    def plot(self, ax: Any = None, *, scale: str = "auto") -> StudyBoxDisplay:
+    def plot(self, ax: Any = None, *, scale: str = "auto") -> Self:
         """Draw.
 
         Parameters
@@ -215,17 +207,11 @@ class StudyBoxDisplay:
             raise ValueError(f"scale must be one of {', '.join(map(repr, SCALES))}; got {scale!r}.")
         rows, columns = self._grid()
         shape = len(rows), len(columns)
-        own = ax is None
-        if own:
-            width = 6.4 if shape[1] == 1 else 1.4 + min(3.8 * shape[1], 12.0)
-            height = 4.2 if shape[0] == 1 else 1.2 + 1.9 * shape[0]
-            _, ax = plt.subplots(
-                *shape, figsize=(width, height), squeeze=False, layout="constrained"
-            )
-        given = given_axes(ax, (shape[0] * shape[1],), f"{shape[0]} rows of {shape[1]} panels")
-        self.axes_ = np.array(given, dtype=object).reshape(shape)
-        self.ax_ = given[0]
-        self.figure_ = self.ax_.figure
+        width = 6.4 if shape[1] == 1 else 1.4 + min(3.8 * shape[1], 12.0)
+        height = 4.2 if shape[0] == 1 else 1.2 + 1.9 * shape[0]
+        shows = f"{shape[0]} rows of {shape[1]} panels"
+        self.axes_ = self._take_axes(ax, shows, shape, figsize=(width, height)).reshape(shape)
+        self.ax_ = self.axes_[0, 0]
         self._groups = ordered(self.boxes[self.group])
         self._places = ordered(self.boxes[self.x])
         self.panels_ = [{**row, **column} for row in rows for column in columns]
@@ -247,7 +233,7 @@ class StudyBoxDisplay:
                 self._colour_flat_boxes(panel)
                 every = np.concatenate([*boxes["values"], np.empty(0)])
                 self.notes_.append(note_outside(panel, every, ("top", "right")))
-        self._label(rows, columns, own)
+        self._label(columns)
         return self
 
     def _grid(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -360,7 +346,7 @@ class StudyBoxDisplay:
             for edge in (-bend, bend):
                 panel.axhline(edge, color=GREY, lw=0.6, alpha=0.6, zorder=1)
 
-    def _label(self, rows: Sequence[Any], columns: Sequence[Any], own: bool) -> None:
+    def _label(self, columns: Sequence[Any]) -> None:
         for panels in self.axes_:
             for panel in panels:
                 panel.set_xlim(-0.5, len(self._places) - 0.5)
@@ -370,10 +356,10 @@ class StudyBoxDisplay:
                 for border in np.arange(len(self._places) - 1) + 0.5:
                     panel.axvline(border, color=GREY, lw=0.5, alpha=0.4, zorder=0.5)
                 panel.grid(axis="y", alpha=0.3)
-        for panels in self.axes_[:, 1:].T if own else []:
+        for panels in self.axes_[:, 1:].T if self._own else []:
             for panel in panels:
                 panel.tick_params(labelleft=False)
-        for panel in self.axes_[:-1].flat if own else []:
+        for panel in self.axes_[:-1].flat if self._own else []:
             panel.tick_params(labelbottom=False)
         for panel in self.axes_[-1]:
             panel.set_xlabel(quantity(self.x))
@@ -390,12 +376,9 @@ class StudyBoxDisplay:
             only_delays = all(panel["value"] == "nk" for panel in self.panels_)
             zero = all(line.get_ydata()[0] == 0 for line in lines)
             labels.append("true delay $n_k^0$" if only_delays else "zero" if zero else "reference")
-        if own:
-            columns_ = legend_columns(labels) if self.axes_.shape[1] == 1 else len(labels)
-            self.figure_.legend(handles, labels, loc="outside lower center", ncols=columns_)
+        self._legend(handles, labels, columns=None if self.axes_.shape[1] == 1 else len(labels))
+        if self._own:
             self.figure_.align_ylabels(self.axes_[:, 0])
-        else:
-            self.ax_.legend(handles, labels, loc="best", fontsize="small")
 
     def _quantity(self, value: str) -> str:
         if self.difference is None:

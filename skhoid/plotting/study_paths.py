@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREEN, GREY, VERMILION, given_axes, legend_of_all, note_outside
+from ._axes import BLACK, GREEN, GREY, VERMILION, note_outside
+from ._display import Display
 from ._study import (
     OPERATOR,
     REPLICATION,
@@ -37,7 +38,8 @@ MARGIN = 0.1
 PREFIXES = ("low_", "high_", "n_")
 
 
-class StudyPathDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class StudyPathDisplay(Display):
     """Estimates of a study over time beside the truth (Figs. 14, 15 and Appendices K and L).
 
     A row of panels for each parameter and a column for each remnant intensity, of one condition and
@@ -127,26 +129,14 @@ class StudyPathDisplay:
     [0.0, 3.0, 0.09, 0.08, 0.1]
     """
 
-    def __init__(
-        self,
-        *,
-        paths: pd.DataFrame,
-        ranges: dict[str, tuple[float, float]],
-        singles: pd.DataFrame | None = None,
-        batch: pd.DataFrame | None = None,
-        truth: pd.DataFrame | None = None,
-        transition_time: float | None = None,
-        average: str = "mean",
-        title: str | None = None,
-    ) -> None:
-        self.paths = paths
-        self.ranges = ranges
-        self.singles = singles
-        self.batch = batch
-        self.truth = truth
-        self.transition_time = transition_time
-        self.average = average
-        self.title = title
+    paths: pd.DataFrame
+    ranges: dict[str, tuple[float, float]]
+    singles: pd.DataFrame | None = None
+    batch: pd.DataFrame | None = None
+    truth: pd.DataFrame | None = None
+    transition_time: float | None = None
+    average: str = "mean"
+    title: str | None = None
 
     @classmethod
     def from_table(
@@ -163,7 +153,7 @@ class StudyPathDisplay:
         average: str = "mean",
         n_singles: int = 3,
         ax: Any = None,
-    ) -> StudyPathDisplay:
+    ) -> Self:
         """Draw the table of a study of paths.
 
         Parameters
@@ -244,7 +234,7 @@ class StudyPathDisplay:
         )
         return display.plot(ax)
 
-    def plot(self, ax: Any = None) -> StudyPathDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -259,16 +249,11 @@ class StudyPathDisplay:
         self.names_ = list(self.ranges)
         self.intensities_ = ordered(self.paths["remnant_intensity"])
         shape = len(self.names_), len(self.intensities_)
-        own = ax is None
-        if own:
-            size = max(6.4, 1.2 + 2.7 * shape[1]), 1.4 + 1.5 * shape[0]
-            _, ax = plt.subplots(
-                *shape, figsize=size, sharex=True, squeeze=False, layout="constrained"
-            )
-        panels = given_axes(ax, (shape[0] * shape[1],), "one for each parameter and intensity")
-        self.axes_ = np.array(panels, dtype=object).reshape(shape)
+        size = max(6.4, 1.2 + 2.7 * shape[1]), 1.4 + 1.5 * shape[0]
+        shows = "one for each parameter and intensity"
+        panels = self._take_axes(ax, shows, shape, figsize=size, sharex=True)
+        self.axes_ = panels.reshape(shape)
         self.ax_ = panels[0]
-        self.figure_ = self.ax_.figure
         self.lines_: dict[tuple[str, float], Any] = {}
         self.bands_: dict[tuple[str, float], Any] = {}
         self.singles_: dict[tuple[str, float], list[Any]] = {}
@@ -283,7 +268,7 @@ class StudyPathDisplay:
                 panel.set_ylim(self.ranges[name])
                 self._note(panel, name, P_n, frame)
                 panel.grid(alpha=0.3)
-                panel.tick_params(labelleft=not own or column == 0)
+                panel.tick_params(labelleft=not self._own or column == 0)
             number = int(frame["n"].max())
             title = f"{in_words('remnant_intensity', P_n)}, {number} run{'s' * (number != 1)}"
             self.axes_[0, column].set_title(title, fontsize="medium")
@@ -291,7 +276,11 @@ class StudyPathDisplay:
             panel.set_ylabel(quantity(name))
         for panel in self.axes_[-1]:
             panel.set_xlabel("time, s")
-        self._explain(own)
+        if self._own:
+            if self.title:
+                self.figure_.suptitle(self.title, fontsize="medium")
+            self.figure_.align_ylabels(self.axes_[:, 0])
+        self._legend_of_panels()
         return self
 
     def _draw(self, panel: Any, name: str, P_n: float, frame: pd.DataFrame) -> None:
@@ -357,13 +346,6 @@ class StudyPathDisplay:
                 fontsize="small",
                 bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
             )
-
-    def _explain(self, own: bool) -> None:
-        if own:
-            if self.title:
-                self.figure_.suptitle(self.title, fontsize="medium")
-            self.figure_.align_ylabels(self.axes_[:, 0])
-        legend_of_all(self.figure_, list(self.axes_.flat), own)
 
 
 def _names(table: pd.DataFrame, parameters: str | Sequence[str]) -> list[str]:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
-from ._axes import BLACK, COLOURS, given_axes, legend_columns
+from ._axes import BLACK, COLOURS
+from ._display import Display
 from ._study import REPLICATION, check_table, chosen, in_words, ordered, refuse_mixtures
 
 NAME = "StudyResponseDisplay"
@@ -38,7 +39,8 @@ STEP = 0.16  # of the smallest distance of lines, between what stands beside eac
 Truth = Callable[[np.ndarray], Any]
 
 
-class StudyResponseDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class StudyResponseDisplay(Display):
     """Bode plots of a study: estimates of each method, with found and stated spread (Appendix I).
 
     A column of panels for each method, of one condition. Markers in the upper two, magnitude and
@@ -114,16 +116,9 @@ class StudyResponseDisplay:
     ['fc']
     """
 
-    def __init__(
-        self,
-        *,
-        responses: pd.DataFrame,
-        truth: pd.DataFrame | None = None,
-        title: str | None = None,
-    ) -> None:
-        self.responses = responses
-        self.truth = truth
-        self.title = title
+    responses: pd.DataFrame
+    truth: pd.DataFrame | None = None
+    title: str | None = None
 
     @classmethod
     def from_table(
@@ -134,7 +129,7 @@ class StudyResponseDisplay:
         remnant_intensity: float | Sequence[float] | None = None,
         truth: Truth | pd.DataFrame | None = None,
         ax: Any = None,
-    ) -> StudyResponseDisplay:
+    ) -> Self:
         """Draw the table of a study of frequency responses.
 
         Parameters
@@ -185,7 +180,7 @@ class StudyResponseDisplay:
         )
         return display.plot(ax)
 
-    def plot(self, ax: Any = None) -> StudyResponseDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -201,18 +196,15 @@ class StudyResponseDisplay:
         self.methods_ = [m for m in METHODS if m in methods]
         self.methods_ += [m for m in methods if m not in METHODS]
         columns = len(self.methods_)
-        own = ax is None
-        if own:
-            size = max(6.4, 1.4 + 3.2 * columns), 9.6
-            _, ax = plt.subplots(
-                4, columns, figsize=size, sharex=True, squeeze=False, layout="constrained"
-            )
-        panels = given_axes(
-            ax, (4 * columns,), "magnitude, phase, and their standard deviations, of each method"
+        panels = self._take_axes(
+            ax,
+            "magnitude, phase, and their standard deviations, of each method",
+            (4, columns),
+            figsize=(max(6.4, 1.4 + 3.2 * columns), 9.6),
+            sharex=True,
         )
-        self.axes_ = np.array(panels, dtype=object).reshape(4, columns)
+        self.axes_ = panels.reshape(4, columns)
         self.ax_ = panels[0]
-        self.figure_ = self.ax_.figure
         self.magnitude_: dict[tuple[str, float], Any] = {}
         self.phase_: dict[tuple[str, float], Any] = {}
         self.spread_: dict[tuple[str, float], tuple[Any, Any]] = {}
@@ -244,7 +236,7 @@ class StudyResponseDisplay:
                     self._draw_deviations(four[2:], rows, (method, P_n), position)
             four[0].set_title(in_words("method", method), fontsize="medium")
         self._limit()
-        self._label(own)
+        self._label()
         return self
 
     def _draw(
@@ -344,14 +336,14 @@ class StudyResponseDisplay:
                     bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
                 )
 
-    def _label(self, own: bool) -> None:
+    def _label(self) -> None:
         self.axes_[0, 0].set_ylabel("magnitude")
         self.axes_[1, 0].set_ylabel("phase, deg")
         self.axes_[2, 0].set_ylabel("sd of magnitude, %")
         self.axes_[3, 0].set_ylabel("sd of phase, deg")
         for panel in self.axes_[-1]:
             panel.set_xlabel("frequency, rad/s")
-        for panel in self.axes_[:, 1:].flat if own else []:
+        for panel in self.axes_[:, 1:].flat if self._own else []:
             panel.tick_params(labelleft=False, which="both")
         handles: list[Any] = [
             Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=SYMBOLS[i % len(SYMBOLS)], ls="")
@@ -369,14 +361,11 @@ class StudyResponseDisplay:
         if self.truth_:
             handles.append(self.truth_[0])
             labels.append("true")
-        if own:
+        if self._own:
             if self.title:
                 self.figure_.suptitle(self.title, fontsize="medium")
             self.figure_.align_ylabels(self.axes_[:, 0])
-            columns = legend_columns(labels)
-            self.figure_.legend(handles, labels, loc="outside lower center", ncols=columns)
-        else:
-            self.ax_.legend(handles, labels, loc="best", fontsize="small")
+        self._legend(handles, labels)
 
 
 def _cell(table: pd.DataFrame, method: str, P_n: float) -> pd.DataFrame:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 
-from ._axes import BLACK, COLOURS, GREY, given_axes, legend_columns, note_outside
+from ._axes import BLACK, COLOURS, GREY, note_outside
+from ._display import Display
 from ._horizons import MARKERS, horizon_axis, near_best
 from ._study import REPLICATION, check_table, in_words, ordered, refuse_mixtures
 
@@ -32,7 +33,8 @@ MARGIN = 0.08
 EDGE: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
 
 
-class StudyTradeOffDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class StudyTradeOffDisplay(Display):
     """Tracking ability against noise sensitivity in all cells of a study (Figs. 13, J.1-J.5).
 
     A panel for each condition and form of forgetting, a line for each remnant intensity: means over
@@ -102,13 +104,10 @@ class StudyTradeOffDisplay:
     ([8.0, 11.0, 5.0, 0.0], {'lambda': 256.0})
     """
 
-    def __init__(self, *, means: pd.DataFrame) -> None:
-        self.means = means
+    means: pd.DataFrame
 
     @classmethod
-    def from_table(
-        cls, table: pd.DataFrame, *, kind: str = "gain", ax: Any = None
-    ) -> StudyTradeOffDisplay:
+    def from_table(cls, table: pd.DataFrame, *, kind: str = "gain", ax: Any = None) -> Self:
         """Draw the table of a study of forgetting.
 
         Parameters
@@ -143,7 +142,7 @@ class StudyTradeOffDisplay:
         refuse_mixtures(table, KEYS, NAME)
         return cls(means=_means(table)).plot(ax, kind=kind)
 
-    def plot(self, ax: Any = None, *, kind: str = "gain") -> StudyTradeOffDisplay:
+    def plot(self, ax: Any = None, *, kind: str = "gain") -> Self:
         """Draw.
 
         Parameters
@@ -168,20 +167,19 @@ class StudyTradeOffDisplay:
         self.panels_ = [(condition, form) for condition in conditions for form in forms]
         beside = 2 if len(conditions) > FEW else 1  # conditions in a row
         shape = -(-len(conditions) // beside), beside * len(forms)
-        own = ax is None
-        if own:
-            width, height = max(6.4, 2.0 + 2.4 * shape[1]), 1.4 + 2.2 * shape[0]
-            _, self.axes_ = plt.subplots(
-                *shape, figsize=(width, height), squeeze=False, layout="constrained"
-            )
-            for spare in self.axes_.flat[len(self.panels_) :]:
-                spare.remove()
-            panels = list(self.axes_.flat[: len(self.panels_)])
-        else:
-            panels = given_axes(ax, (len(self.panels_),), "one for each condition and form")
-            self.axes_ = np.array(panels, dtype=object)
+        self.axes_ = self._take_axes(
+            ax,
+            "one for each condition and form",
+            shape,
+            allowed=(len(self.panels_),),
+            figsize=(max(6.4, 2.0 + 2.4 * shape[1]), 1.4 + 2.2 * shape[0]),
+        )
+        panels, spare = np.split(self.axes_, [len(self.panels_)])
+        for panel in spare:
+            panel.remove()
+        if self._own:
+            self.axes_ = self.axes_.reshape(shape)
         self.ax_ = panels[0]
-        self.figure_ = self.ax_.figure
         self.lines_: dict[tuple[Any, Any, Any], Any] = {}
         self.best_: dict[tuple[Any, Any, Any], Any] = {}
         self.best_overall_ = {form: _best_overall(self.means, form) for form in forms}
@@ -201,9 +199,9 @@ class StudyTradeOffDisplay:
                 # Worse values leave at the bottom, or at the top; the note stands there.
                 corner = ("top" if kind in LOWER_IS_BETTER else "bottom", "left")
                 self.notes_.append(note_outside(panel, shown, corner))
-                panel.tick_params(labelleft=not own or form == forms[0])
-        self._label(panels, shape, len(forms), kind, own)
-        self._explain(intensities, own)
+                panel.tick_params(labelleft=not self._own or form == forms[0])
+        self._label(panels, shape, len(forms), kind)
+        self._explain(intensities)
         return self
 
     def _cell(self, condition: Any, form: Any) -> pd.DataFrame:
@@ -238,7 +236,7 @@ class StudyTradeOffDisplay:
                     at[best], value[best], color=colour, marker="*", ms=11, zorder=4, **EDGE
                 )
 
-    def _limit(self, panels: list[Any], condition: Any, kind: str) -> None:
+    def _limit(self, panels: np.ndarray, condition: Any, kind: str) -> None:
         """One range for a condition, which holds what is not far worse than usual."""
         sign = -1.0 if kind in LOWER_IS_BETTER else 1.0
         held = [WITHOUT[kind]] if kind in WITHOUT else []
@@ -255,20 +253,18 @@ class StudyTradeOffDisplay:
             for panel in panels:
                 panel.set_ylim(low - margin, high + margin)
 
-    def _label(
-        self, panels: list[Any], shape: tuple[int, int], n_forms: int, kind: str, own: bool
-    ) -> None:
+    def _label(self, panels: np.ndarray, shape: tuple[int, int], n_forms: int, kind: str) -> None:
         last = len(panels) - shape[1]
         for number, panel in enumerate(panels):
-            if own and number < last:
+            if self._own and number < last:
                 panel.set_xlabel("")
                 panel.tick_params(labelbottom=False)
-            if number % (shape[1] if own else n_forms) == 0:
+            if number % (shape[1] if self._own else n_forms) == 0:
                 panel.set_ylabel(LABELS[kind])
-        if own:
+        if self._own:
             self.figure_.align_ylabels(panels)
 
-    def _explain(self, intensities: list[Any], own: bool) -> None:
+    def _explain(self, intensities: list[Any]) -> None:
         handles = [
             Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=MARKERS[i % len(MARKERS)], ms=4)
             for i in range(len(intensities))
@@ -282,12 +278,8 @@ class StudyTradeOffDisplay:
             values = {form: "∞" if np.isinf(N0) else f"{N0:g}" for form, N0 in known.items()}
             each = ", ".join(f"{v} ({in_words('form', form)})" for form, v in values.items())
             labels.append(f"best of all cells: $N_0$ = {each}")
-        if own:
-            wide = self.figure_.get_figwidth() > 8
-            columns = -(-len(labels) // 2) if wide else legend_columns(labels)
-            self.figure_.legend(handles, labels, loc="outside lower center", ncols=columns)
-        else:
-            self.ax_.legend(handles, labels, loc="best", fontsize="small")
+        wide = self.figure_.get_figwidth() > 8
+        self._legend(handles, labels, columns=-(-len(labels) // 2) if wide else None)
 
 
 def _means(table: pd.DataFrame) -> pd.DataFrame:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from ..arx.searches import OrderSearchCV
-from ._axes import BLACK, BLUE, VERMILION, check_search, given_axes
+from ._axes import BLACK, BLUE, VERMILION, check_search
+from ._display import Display
 
 MAX_PANELS = 12
 MAX_TICKS = 10
@@ -21,7 +22,8 @@ MARGIN = 0.3  # of an order, room for the marks at the edge
 LEAST_RANGE = 5.0  # percent; finer contours would show what the VAF cannot tell apart
 
 
-class VAFContourDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class VAFContourDisplay(Display):
     """Contours of the cross-validated VAF over ``na`` and ``nb``, one panel per delay.
 
     Areas are empty where the VAF is not positive or a candidate could not be fitted; a candidate
@@ -86,26 +88,14 @@ class VAFContourDisplay:
     ['$n_k$ = 6 (0.1 s)', '$n_k$ = 7 (0.117 s)']
     """
 
-    def __init__(
-        self,
-        *,
-        na: Sequence[int],
-        nb: Sequence[Any],
-        nk: Sequence[Any],
-        vaf: np.ndarray,
-        delay: np.ndarray,
-        factor: int = 1,
-        chosen: tuple[int, int, int] | None = None,
-        n_nk_searched: int | None = None,
-    ) -> None:
-        self.na = na
-        self.nb = nb
-        self.nk = nk
-        self.vaf = vaf
-        self.delay = delay
-        self.factor = factor
-        self.chosen = chosen
-        self.n_nk_searched = n_nk_searched
+    na: Sequence[int]
+    nb: Sequence[Any]
+    nk: Sequence[Any]
+    vaf: np.ndarray
+    delay: np.ndarray
+    factor: int = 1
+    chosen: tuple[int, int, int] | None = None
+    n_nk_searched: int | None = None
 
     @classmethod
     def from_estimator(
@@ -116,7 +106,7 @@ class VAFContourDisplay:
         nk: Any = None,
         levels: Any = None,
         ax: Any = None,
-    ) -> VAFContourDisplay:
+    ) -> Self:
         """Draw a fitted search.
 
         Parameters
@@ -173,7 +163,7 @@ class VAFContourDisplay:
         )
         return display.plot(ax, levels=levels)
 
-    def plot(self, ax: Any = None, *, levels: Any = None) -> VAFContourDisplay:
+    def plot(self, ax: Any = None, *, levels: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -192,20 +182,18 @@ class VAFContourDisplay:
         n_panels = len(self.nk)
         columns = n_panels if n_panels <= 3 else min(math.ceil(math.sqrt(n_panels)), 4)
         rows = -(-n_panels // columns)
-        if ax is None:
-            size = (max(4.8, 0.8 + 2.8 * columns), 1.2 + 2.5 * rows)
-            figure = plt.figure(figsize=size, layout="constrained")
-            grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-            panels = list(grid.ravel()[:n_panels])
-            if self.factor != 1:
-                figure.suptitle(f"Decimation factor {self.factor}", fontsize="medium")
-            for spare in grid.ravel()[n_panels:]:
-                spare.remove()
-        else:
-            panels = given_axes(ax, (n_panels,), "one per delay n_k")
-        self.axes_ = np.array(panels, dtype=object)
-        self.ax_ = panels[0]
-        self.figure_ = self.ax_.figure
+        self.axes_ = self._take_axes(
+            ax,
+            "one per delay n_k",
+            (rows, columns),
+            used=range(n_panels),
+            figsize=(max(4.8, 0.8 + 2.8 * columns), 1.2 + 2.5 * rows),
+            sharex=True,
+            sharey=True,
+        )
+        if self._own and self.factor != 1:
+            self.figure_.suptitle(f"Decimation factor {self.factor}", fontsize="medium")
+        self.ax_ = self.axes_[0]
         self.contours_: list[Any] = []
         self.single_: list[Any] = []
         self.lines_: list[Any] = []
@@ -217,15 +205,15 @@ class VAFContourDisplay:
             self._draw_contours(positive, _levels(positive) if levels is None else levels)
         else:
             self._draw_lines(positive)
-        for i, panel in enumerate(panels):
+        for i, panel in enumerate(self.axes_):
             panel.set_title(f"$n_k$ = {self.nk[i]} ({self.delay[i]:.3g} s)", fontsize="medium")
             below = i + columns >= n_panels
-            if ax is not None or below:
+            if not self._own or below:
                 panel.set_xlabel(self._labels[0])
                 panel.tick_params(labelbottom=True)
-            if ax is not None or i % columns == 0:
+            if not self._own or i % columns == 0:
                 panel.set_ylabel(self._labels[1])
-        self._explain(own_figure=ax is None)
+        self._explain()
         return self
 
     def _draw_contours(self, vaf: np.ndarray, levels: Any) -> None:
@@ -297,14 +285,14 @@ class VAFContourDisplay:
             at = column if over_na else row
             self.chosen_ = _ring(self.axes_[number], x[at], vaf[number].ravel()[at])
 
-    def _explain(self, *, own_figure: bool) -> None:
+    def _explain(self) -> None:
         several = "highest of each panel" if len(self.nk) > 1 else "highest"
         entries = {several: next((m for m in self.highest_ if m is not None), None)}
         if self.chosen is not None:
             entries["chosen model"] = self.chosen_
         handles = {name: mark for name, mark in entries.items() if mark is not None}
         note = self._note()
-        if own_figure:
+        if self._own:
             if note:
                 handles[note] = Line2D([], [], ls="none")
             self.figure_.legend(

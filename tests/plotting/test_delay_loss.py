@@ -158,7 +158,7 @@ def test_given_axes(data):
     assert display.ax_ is left
     assert display.plot(right, kind="path") is display
     assert display.ax_ is right
-    with pytest.raises(ValueError, match="ax holds 2 Axes; this picture needs 1"):
+    with pytest.raises(ValueError, match="ax holds 2 Axes; this plot needs 1"):
         display.plot([left, right])
 
 
