@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from sklearn.utils.validation import check_is_fitted
+from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
 # Okabe and Ito's colours, which people with any colour vision tell apart.
 BLACK = "#000000"
@@ -25,6 +26,7 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
 
 LETTERS = 88  # in a row of a legend, of which each handle takes
 HANDLE = 9
+FEW_DECADES = 300.0  # from one end of an axis to the other
 
 
 def with_unit(quantity: str, unit: str | None) -> str:
@@ -65,16 +67,44 @@ def note_outside(panel: Axes, values: np.ndarray, corner: tuple[str, str]) -> An
     outside = int(np.sum((shown < low) | (shown > high)))
     if not outside:
         return None
+    return corner_note(panel, f"{outside} of {shown.size} outside", corner)
+
+
+def corner_note(panel: Axes, text: str, corner: tuple[str, str], edge: float = 0.04) -> Any:
+    """Small text in a corner of the panel, on white."""
     return panel.text(
         {"left": 0.01, "right": 0.99}[corner[1]],
-        {"bottom": 0.04, "top": 0.96}[corner[0]],
-        f"{outside} of {shown.size} outside",
+        {"bottom": edge, "top": 1.0 - edge}[corner[0]],
+        text,
         transform=panel.transAxes,
         ha=corner[1],
         va=corner[0],
         fontsize="small",
         bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
     )
+
+
+def limits_of(
+    inner: Any, outer: Any, much: float, margin: float, least: float = 1e-12
+) -> tuple[float, float]:
+    """Limits that hold ``outer``, or where that takes ``much`` times its range, ``inner`` alone.
+
+    The ``margin`` above and below is a share of the range, which is taken as ``least`` at least.
+    """
+    held = outer if np.ptp(outer) <= much * np.ptp(inner) else inner
+    low, high = float(np.min(held)), float(np.max(held))
+    beyond = margin * max(high - low, 0.02 * abs(high), least)
+    return low - beyond, high + beyond
+
+
+def plain_logarithmic(axis: Axis, few: float = FEW_DECADES, *, minor_ticks: bool = True) -> None:
+    """Plain numbers on a logarithmic axis, at 1, 2 and 5 where its ends are a few decades apart."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < few * low else (1.0,)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+    if not minor_ticks:
+        axis.set_minor_locator(NullLocator())
 
 
 def legend_entries(panels: Any) -> dict[str, Any]:
@@ -105,16 +135,6 @@ def legend_above(panel: Axes, columns: int | None = None) -> None:
         fontsize="small",
         borderaxespad=0.2,
     )
-
-
-def check_search(search: Any, expected: type, display: str) -> None:
-    """Refuse anything but a fitted search of the expected class."""
-    if not isinstance(search, expected):
-        raise TypeError(
-            f"{display}.from_estimator draws a fitted {expected.__name__}; got "
-            f"{type(search).__name__}."
-        )
-    check_is_fitted(search, "best_estimator_")
 
 
 def names_as_they_are(figure: Figure, names: Iterable[str]) -> None:

@@ -9,8 +9,6 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from ..diagnosis.comparison import Comparison, compare
 from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_entries, with_unit
@@ -23,7 +21,6 @@ RESIDUAL = PURPLE
 NOISE = GREY
 EXCEEDING = VERMILION
 
-FEW_DECADES = 300.0  # from one end of an axis to the other
 ALL_RUNS = "all"  # the name in by_time of all validation runs together
 CLOSED_LOOP = "closed loop: not a test"
 CHANNELS = {"f_t": "target $f_t$", "dist": "disturbance $f_d$", "e": "error e", "x": "output x"}
@@ -129,14 +126,6 @@ def say_instead(panel: Axes, text: str, width: int = 46) -> None:
         color="0.35",
         fontsize="small",
     )
-
-
-def plain_logarithmic(axis: Axis) -> None:
-    """Plain numbers on a logarithmic axis, at 1, 2 and 5 where it spans few decades."""
-    low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < FEW_DECADES * low else (1.0,)))
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_formatter(NullFormatter())
 
 
 def legend_below(panel: Axes, columns: int, pad: float, **options: Any) -> Any:

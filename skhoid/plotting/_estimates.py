@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, COLOURS, GREEN, GREY, note_outside
+from ._axes import BLACK, COLOURS, GREEN, GREY, limits_of, note_outside
+from ._checks import check_some_column
 from ._display import Display
 
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that limits always hold
@@ -131,15 +132,12 @@ class EstimatesDisplay(Display):
             if finite.size == 0:
                 continue
             typical = float(np.median(deviation)) if deviation.size else 0.0
-            low, high = _typical_range(finite)
+            low, high = typical_range(finite)
             inner += [low - typical, high + typical]
             outer += [finite.min() - typical, finite.max() + typical]
         if not inner:
             return
-        held = outer if np.ptp(outer) <= MUCH * np.ptp(inner) else inner
-        low, high = min(held), max(held)
-        margin = MARGIN * max(high - low, 0.02 * abs(high))
-        low, high = low - margin, high + margin
+        low, high = limits_of(inner, outer, MUCH, MARGIN, least=0.0)
         if low < high:
             panel.set_ylim(low, high)
             varying = [is_over_time(table) for table in tables]
@@ -171,7 +169,7 @@ def in_one_row(truth: pd.DataFrame) -> pd.DataFrame:
     return truth
 
 
-def _typical_range(values: np.ndarray) -> tuple[float, float]:
+def typical_range(values: np.ndarray) -> tuple[float, float]:
     """Percentiles that are values themselves: between two, an outlier would pull them."""
     if values.size < FEW:
         return float(values.min()), float(values.max())
@@ -193,11 +191,7 @@ def check_references(references: Any, names: Sequence[str], *, varying: bool) ->
             f"references has no column {missing[0]!r}: each of its rows is an estimate from the "
             "window from start to stop, in s."
         )
-    if not any(name in references for name in names):
-        raise ValueError(
-            f"references has none of the columns {', '.join(names)}; it has "
-            f"{', '.join(map(str, references.columns))}."
-        )
+    check_some_column(references, names, "references")
     if not varying:
         raise ValueError(
             "references stand at times, and no estimate varies in time: draw batch models among "

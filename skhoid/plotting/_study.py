@@ -104,6 +104,18 @@ def chosen(table: pd.DataFrame, cells: Mapping[str, Any], display: str) -> pd.Da
     return table
 
 
+def chosen_panels(
+    table: pd.DataFrame, condition: str | None, remnant_intensity: Any, display: str
+) -> pd.DataFrame:
+    """The rows of a condition and of some remnant intensities, in their order; None for all."""
+    if condition is not None:
+        table = chosen(table, {"condition": condition}, display)
+    if remnant_intensity is not None:
+        wanted = np.atleast_1d(np.asarray(remnant_intensity, dtype=float)).tolist()
+        table = pd.concat([chosen(table, {"remnant_intensity": P}, display) for P in wanted])
+    return table
+
+
 def ordered(values: pd.Series) -> list[Any]:
     """The different values: numbers by size, then words as they come, then what is missing."""
     different = values.drop_duplicates().tolist()
@@ -119,7 +131,7 @@ def listed(values: pd.Series) -> str:
     return ", ".join(different[:LISTED]) + ", ..." * (len(different) > LISTED)
 
 
-def in_words(name: str, value: Any) -> str:
+def cell_text(name: str, value: Any) -> str:
     """A value of a column that names cells, as titles and legends say it."""
     if pd.isna(value):
         return "no remnant" if name == "remnant_order" else f"no {name.replace('_', ' ')}"

@@ -24,7 +24,7 @@ from ._comparison import (
     say_instead,
     wrapped,
 )
-from .noise_ceiling import ceiling_in_words, draw_ceiling_bar
+from .noise_ceiling import ceiling_text, draw_ceiling_bar
 from .operating_point import draw_bins
 from .residual_frequency import draw_spectra
 from .residual_time import (
@@ -155,19 +155,19 @@ class ComparisonDisplay(ComparisonBaseDisplay):
         self.parts_, _ = draw_ceiling_bar(bar, self, columns=4)
         where = self.axes_[1:4]
         if own:
-            self.figure_.suptitle(self._in_words())
+            self.figure_.suptitle(self._title_text())
             _explain_in(legend, where)
         else:
-            traces.set_title(self._in_words(), fontsize="small")
+            traces.set_title(self._title_text(), fontsize="small")
             for panel in where:
                 entries = legend_entries([panel])
                 legend_inside(panel, list(entries.values()), list(entries))
         return self
 
-    def _in_words(self) -> str:
-        lines = [f"{self.model_name}: {ceiling_in_words(self)}"]
+    def _title_text(self) -> str:
+        lines = [f"{self.model_name}: {ceiling_text(self)}"]
         if len(lines[0]) > LETTERS:
-            lines = [self.model_name, ceiling_in_words(self)]
+            lines = [self.model_name, ceiling_text(self)]
         lines += [finding.title for finding in self.findings[:1]]
         return "\n".join(wrapped(line, LETTERS) for line in lines)
 

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from ..arx.searches import DelaySearchCV
-from ._axes import BLACK, BLUE, VERMILION, check_search, with_unit
+from ._axes import BLACK, BLUE, VERMILION, with_unit
+from ._checks import check_search
 from ._display import Display
 
 WORTHLESS = 100.0  # percent; with more, the model is worse than none at all
@@ -165,7 +166,7 @@ class DelayLossDisplay(Display):
             self.samples_ax_ = self.ax_.secondary_xaxis("top", functions=self._to_samples())
             self.samples_ax_.set_xlabel("delay, samples")
             self.samples_ax_.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
-        self.ax_.set_title(self._best_in_words())
+        self.ax_.set_title(self._best_text())
         return self
 
     def _delays_in_samples(self) -> np.ndarray | None:
@@ -248,7 +249,7 @@ class DelayLossDisplay(Display):
     def _to_samples(self) -> tuple[Any, Any]:
         return (lambda seconds: seconds / self.dt), (lambda samples: samples * self.dt)
 
-    def _best_in_words(self) -> str:
+    def _best_text(self) -> str:
         nk = self.nk[self.best_index]
         if not isinstance(nk, tuple):
             return f"Best delay: {nk * self.dt:.3g} s, {nk} sample{'s' * (nk != 1)}"

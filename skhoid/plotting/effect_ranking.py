@@ -148,7 +148,7 @@ class EffectRankingDisplay(Display):
             self._finish(table)
         else:
             say_instead(self.ax_, f"No candidate was tried in step {self.step}.")
-        self.ax_.set_title(wrapped(self._in_words(tried), 84), fontsize="medium")
+        self.ax_.set_title(wrapped(self._title_text(tried), 84), fontsize="medium")
         return self
 
     def _draw_bars(self, tried: pd.DataFrame) -> None:
@@ -231,7 +231,7 @@ class EffectRankingDisplay(Display):
         if self.bars_:
             legend_below(panel, 3, BELOW_TICKS)
 
-    def _in_words(self, tried: pd.DataFrame) -> str:
+    def _title_text(self, tried: pd.DataFrame) -> str:
         added = tried[tried["status"] == ADDED]
         if tried.empty:
             return f"Step {self.step}: no candidate applies"

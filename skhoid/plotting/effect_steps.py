@@ -181,7 +181,7 @@ class EffectStepsDisplay(Display):
         rows = np.flatnonzero(inside[begin:end]) + begin
         self._draw(layout, rows, shown)
         top, bottom = self.axes_
-        top.set_title(self._in_words(shown, chosen), fontsize="medium")
+        top.set_title(self._title_text(shown, chosen), fontsize="medium")
         top.set_ylabel(with_unit("output", self.unit))
         bottom.set_ylabel(with_unit("residual", self.unit))
         bottom.set_xlabel(f"time in run {self.run_}, s")
@@ -223,7 +223,7 @@ class EffectStepsDisplay(Display):
         names = [name for name in self.predictions if name != "measured"]
         return dict(zip(names, path["vaf"].astype(float), strict=False))
 
-    def _in_words(self, shown: list[str], chosen: bool) -> str:
+    def _title_text(self, shown: list[str], chosen: bool) -> str:
         span = f"Run {self.run_}, {self.window_[0]:.4g} to {self.window_[1]:.4g} s"
         if shown == [BASELINE]:
             more = ", where the baseline is worst" if chosen else ""

@@ -17,10 +17,10 @@ from ._effects import UNKNOWN, attributes_of, broken, step_labels, unit_of
 TAKEN = ("error_path_", "best_effects_", "verdict_", "predictions_")
 LOWEST = -20.0  # percent; lower steps are cut and written
 WIDTH = 1.25  # inches for each step
-BESIDE = 0.9  # of a step, for the words beside the last
+BESIDE = 0.9  # of a step, for the text beside the last
 SMALL_GAP = 0.05  # points, below which nothing is left
 LEAST_SPAN = 10.0  # points of VAF, so that a small gap looks small
-ROOM = 0.24  # of the height, for the words about the gap
+ROOM = 0.24  # of the height, for the text about the gap
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -131,7 +131,7 @@ class ErrorPathDisplay(Display):
         self.labels_: dict[str, list[Any]] = {}
         self.train_: Any = None
         self.gap_: Any = None
-        self.axes_[0].set_title(wrapped(self._in_words(), 72), fontsize="medium")
+        self.axes_[0].set_title(wrapped(self._title_text(), 72), fontsize="medium")
         if not np.isfinite(path["vaf"].to_numpy(dtype=float)).any():
             for panel, what in zip(self.axes_, ("VAF", "RMSE"), strict=True):
                 say_instead(panel, f"Held-out {what}: not available.")
@@ -159,15 +159,15 @@ class ErrorPathDisplay(Display):
         top.set_title(top.get_title(), fontsize="medium", pad=24)
         return self
 
-    def _in_words(self) -> str:
+    def _title_text(self) -> str:
         found = [name for name in self.best_effects if name != UNKNOWN]
         added = [name for name in self.error_path["effect"][1:] if name != UNKNOWN]
         if not found:
             verdict = self.verdict[:1].upper() + self.verdict[1:]
             # Effects may be added without being named: none explains enough.
             return f"{verdict}; stand-ins: {', '.join(added)}" if added else verdict
-        words = f"Found: {', '.join(found)}"
-        return f"{words}; {self.verdict}" if len(found) < len(self.best_effects) else words
+        text = f"Found: {', '.join(found)}"
+        return f"{text}; {self.verdict}" if len(found) < len(self.best_effects) else text
 
     def _ceiling(self) -> str:
         # Remnant that passes a nonlinearity lowers the ceiling seen by a model without it.
@@ -227,23 +227,23 @@ class ErrorPathDisplay(Display):
         edge = n_steps - 0.5
         at = vaf
         if np.isnan(ceiling):
-            words = "ceiling not\nknown"
+            text = "ceiling not\nknown"
         elif gap < SMALL_GAP:
-            words = "nothing left"
+            text = "nothing left"
         else:
-            words = f"{gap:.1f} points\nleft"
+            text = f"{gap:.1f} points\nleft"
             at = (max(vaf, LOWEST) + ceiling) / 2
             (self.gap_,) = panel.plot(
                 [edge + 0.08] * 2, [vaf, ceiling], color=colour, lw=3.0, solid_capstyle="butt"
             )
         if left:
-            words += "\nnot in the\ncatalogue"
+            text += "\nnot in the\ncatalogue"
         low, high = panel.get_ylim()
         height = np.clip((at - low) / (high - low), ROOM, 1.0 - ROOM)
         panel.text(
             edge + 0.16,
             height,
-            words,
+            text,
             transform=panel.get_xaxis_transform(),
             va="center",
             color=colour,

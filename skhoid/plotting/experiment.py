@@ -14,12 +14,13 @@ from ._axes import (
     COLOURS,
     GREEN,
     GREY,
+    limits_of,
     note_outside,
     parameter_symbol,
     with_unit,
 )
 from ._display import Display
-from ._estimates import FEW, MARGIN, MUCH, SHOWN
+from ._estimates import MARGIN, MUCH, typical_range
 from .operator_parameters import SYMBOLS
 
 if TYPE_CHECKING:
@@ -284,12 +285,5 @@ class ExperimentDisplay(Display):
         known = levels[np.isfinite(levels)].to_numpy(dtype=float)
         if values.size + known.size == 0:
             return 0.0, 1.0
-        inner = values
-        if values.size >= FEW:
-            low = np.percentile(values, SHOWN[0], method="higher")
-            inner = np.array([low, np.percentile(values, SHOWN[1], method="lower")])
-        inner, outer = np.append(inner, known), np.append(values, known)
-        held = outer if np.ptp(outer) <= MUCH * np.ptp(inner) else inner
-        low, high = held.min(), held.max()
-        margin = MARGIN * max(high - low, 0.02 * abs(high), 1e-12)
-        return float(low - margin), float(high + margin)
+        inner = np.append(typical_range(values) if values.size else values, known)
+        return limits_of(inner, np.append(values, known), MUCH, MARGIN)

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
-from ..pipelines import taken_apart
 from ._axes import BLACK, COLOURS, GREY, parameter_symbol, seconds_axis
+from ._checks import fitted_end
 from ._display import Display
 
 STYLES = ("-", "--", "-.", ":")
@@ -170,7 +169,7 @@ class ForgettingProfileDisplay(Display):
             seen = max(seen, len(getattr(fitted, "coef_path_", ())))
             for name, factor in _by_parameter(path, names).items():
                 prefix = ", ".join(filter(None, (str(label), name)))
-                text = _in_words(factor)
+                text = _factor_text(factor)
                 factors[f"{prefix}: {text}" if prefix else text] = factor
         if n_samples is None:
             horizons = np.concatenate([np.atleast_1d(_horizon(f)) for f in factors.values()])
@@ -292,7 +291,7 @@ def _horizon(path: Any) -> np.ndarray:
     return np.where(gone * LONGEST > 1, 1 / np.maximum(gone, 1 / LONGEST), np.inf)
 
 
-def _in_words(factor: Any) -> str:
+def _factor_text(factor: Any) -> str:
     """The factor in words, for the legend."""
     if np.ndim(factor):
         return f"λ = {np.min(factor):.4g} to {np.max(factor):.4g}"
@@ -303,9 +302,7 @@ def _in_words(factor: Any) -> str:
 
 def _recursive(estimator: Any) -> Any:
     """The fitted recursive model at the end of searches and pipelines."""
-    _, model = taken_apart(estimator)
-    if hasattr(model, "fit"):
-        check_is_fitted(model)
+    model = fitted_end(estimator)
     if not hasattr(model, "forgetting_"):
         raise TypeError(
             "ForgettingProfileDisplay.from_estimator draws fitted RecursiveARX models, or "

@@ -12,8 +12,8 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.record import Record
 from ..greybox.estimates import parameter_text
 from ..greybox.side_by_side import build_record
-from ._axes import BLACK, COLOURS, GREY
-from ._comparison import plain_logarithmic, wrapped
+from ._axes import BLACK, COLOURS, GREY, plain_logarithmic
+from ._comparison import wrapped
 from ._display import Display
 from ._effect_bench import Bench, EffectCurves
 from ._effect_curves import effect_curves
@@ -182,7 +182,7 @@ class IdentifiedEffectDisplay(Display):
         if with_density and len(self.axes_) == 2:
             self._draw_density(self.axes_[1])
         self.axes_[-1].set_xlabel(found.xlabel)
-        self.ax_.set_title(self._in_words(), fontsize="medium")
+        self.ax_.set_title(self._title_text(), fontsize="medium")
         self._legend_of_panels(frameon=False)
         return self
 
@@ -229,7 +229,7 @@ class IdentifiedEffectDisplay(Display):
         panel.set_yticks([])
         panel.set_ylabel("density\nin the runs", fontsize="small")
 
-    def _in_words(self) -> str:
+    def _title_text(self) -> str:
         lines = [f"{self.name}: {self.physics}" if self.physics else self.name]
         # A parameter stays in one line with its deviation and unit.
         together = self.parameters.replace(" ", "\xa0").replace(",\xa0", ", ")

@@ -11,10 +11,9 @@ import pandas as pd
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, LogLocator, NullLocator, StrMethodFormatter
-from sklearn.utils.validation import check_is_fitted
 
-from ..pipelines import taken_apart
 from ._axes import BLACK, COLOURS, GREY, note_outside, seconds_axis
+from ._checks import check_option, fitted_end
 from ._display import Display
 from ._horizons import MARKERS, horizon_axis, near_best
 
@@ -47,13 +46,13 @@ class MemoryHorizonDisplay(Display):
     ----------
     results : DataFrame
         One row per setting: ``label``, ``memory_horizon`` (the shortest of the parameters),
-        ``ratios`` (those of the others to it, in words; "" where there is only one), ``best``,
+        ``ratios`` (those of the others to it, in text; "" where there is only one), ``best``,
         and ``gain``, ``score``, ``overfit_difference``, ``overfit_ratio`` with their standard
         deviations over splits (``sd_gain``).
     n_splits : int, default=1
         Number of splits; with one there are no deviations.
     n_runs : str or None, default=None
-        Number of runs that each model pools, in words.
+        Number of runs that each model pools, in text.
     dt : float or None, default=None
         Sampling time of the fitted grid in s, for an axis in seconds.
 
@@ -151,8 +150,7 @@ class MemoryHorizonDisplay(Display):
         -------
         self : MemoryHorizonDisplay
         """
-        if kind not in LABELS:
-            raise ValueError(f"kind must be one of {', '.join(map(repr, LABELS))}; got {kind!r}.")
+        check_option("kind", kind, LABELS)
         if self.results[kind].isna().all():
             raise ValueError(
                 f"There is no value of {kind!r} to draw. A gain is one over no forgetting: put "
@@ -245,25 +243,23 @@ class MemoryHorizonDisplay(Display):
             handles.append(Rectangle((0, 0), 1, 1, color=GREY, alpha=0.4, lw=0))
             labels.append(over)
         handles.append(Line2D([], [], color="white", marker="*", ms=13, ls="none", **EDGE))
-        labels.append(self._best_in_words())
+        labels.append(self._best_text())
         self._legend(handles, labels)
 
-    def _best_in_words(self) -> str:
+    def _best_text(self) -> str:
         chosen = self.results[self.results["best"]]
-        words = "best"
+        text = "best"
         if len(chosen) == 1:
             horizon = float(chosen["memory_horizon"].iloc[0])
-            words += f": $N_0$ = {'∞' if np.isinf(horizon) else f'{horizon:g}'}"
+            text += f": $N_0$ = {'∞' if np.isinf(horizon) else f'{horizon:g}'}"
         if self.n_runs:
-            words += f" ({self.n_runs} run{'s' * (self.n_runs != '1')} per model)"
-        return words
+            text += f" ({self.n_runs} run{'s' * (self.n_runs != '1')} per model)"
+        return text
 
 
 def _fitted_search(estimator: Any) -> Any:
     """The fitted search at the end of a pipeline."""
-    _, search = taken_apart(estimator)
-    if hasattr(search, "fit"):
-        check_is_fitted(search)
+    search = fitted_end(estimator)
     results = getattr(search, "cv_results_", {})
     if "memory_horizon" not in results or "gain" not in results:
         raise TypeError(

@@ -92,11 +92,11 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
         self.parts_, self.interval_ = draw_ceiling_bar(
             self.ax_, self, columns=2, note=wrapped(f"Noise ceiling {self.ceiling_note}", 88)
         )
-        self.ax_.set_title(ceiling_in_words(self), fontsize="medium")
+        self.ax_.set_title(ceiling_text(self), fontsize="medium")
         return self
 
 
-def ceiling_in_words(comparison: Any) -> str:
+def ceiling_text(comparison: Any) -> str:
     """VAF and ceiling, for a title; of a comparison or whatever has its attributes."""
     found = f"VAF {percent(comparison.vaf)}"
     if np.isnan(comparison.noise_ceiling):

@@ -8,11 +8,10 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from sklearn.utils.validation import check_is_fitted
 
 from ..interpret.channel import is_arx
-from ..pipelines import taken_apart
 from ._axes import parameter_symbol
+from ._checks import check_some_column, fitted_end
 from ._estimates import DEVIATION, EstimatesDisplay, check_references, in_one_row, times_of
 
 MOST_LINES = 10  # single runs that are drawn one by one
@@ -210,9 +209,7 @@ class ParameterPathDisplay(EstimatesDisplay):
 
 def _arx_model(estimator: Any) -> Any:
     """The fitted ARX model at the end of searches and pipelines."""
-    _, model = taken_apart(estimator)
-    if hasattr(model, "fit"):
-        check_is_fitted(model)
+    model = fitted_end(estimator)
     if not is_arx(model):
         raise TypeError(
             "ParameterPathDisplay draws fitted ARX models, or pipelines and searches that end in "
@@ -284,12 +281,8 @@ def _truth(
         truth = pd.DataFrame([dict(truth)])
     if not isinstance(truth, pd.DataFrame):
         truth = _named(truth, names, frames)
+    check_some_column(truth, names, "truth")
     known = [name for name in names if name in truth]
-    if not known:
-        raise ValueError(
-            f"truth has none of the columns {', '.join(names)}; it has "
-            f"{', '.join(map(str, truth.columns))}."
-        )
     truth = in_one_row(truth[known].astype(float))
     return truth.rename_axis("time") if len(truth) > 1 else truth
 

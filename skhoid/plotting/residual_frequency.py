@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from scipy.stats import norm
 
+from ._axes import plain_logarithmic
 from ._comparison import (
     EXCEEDING,
     MEASURED,
@@ -20,7 +21,6 @@ from ._comparison import (
     ComparisonBaseDisplay,
     beyond,
     exceeding,
-    plain_logarithmic,
     say_instead,
 )
 

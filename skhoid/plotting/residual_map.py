@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK
-from ._comparison import ComparisonBaseDisplay, beyond, plain_logarithmic, say_instead
+from ._axes import BLACK, plain_logarithmic
+from ._comparison import ComparisonBaseDisplay, beyond, say_instead
 
 LEAST = 6.0  # dB; chance alone does not use the whole scale
 MOST = 20.0

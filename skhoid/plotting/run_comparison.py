@@ -109,7 +109,7 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         self._draw_runs(table, at)
         self._name_runs(table, at)
         self.ax_.set_ylabel("free-run VAF, %")
-        self.ax_.set_title(self._in_words(table), fontsize="medium")
+        self.ax_.set_title(self._title_text(table), fontsize="medium")
         self.ax_.grid(alpha=0.3, axis="y")
         self._legend_of_panels(frameon=False)
         return self
@@ -184,7 +184,7 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         self.ax_.set_xlim(at[0] - 0.7, at[-1] + 0.7)
         self.ax_.set_xlabel("run")
 
-    def _in_words(self, table: pd.DataFrame) -> str:
+    def _title_text(self, table: pd.DataFrame) -> str:
         if table["p"].isna().all():
             return "Too few runs to test one against the others"
         raised = table.loc[exceeding(table), "run"].tolist()

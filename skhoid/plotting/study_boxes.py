@@ -9,23 +9,22 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from matplotlib.cbook import boxplot_stats
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
-from ._axes import BLACK, COLOURS, GREY, note_outside
+from ._axes import BLACK, COLOURS, GREY, limits_of, note_outside
+from ._checks import check_option
 from ._display import Display
 from ._study import (
     REPLICATION,
     SAID,
-    cells_of,
+    cell_text,
     check_table,
-    in_words,
-    listed,
     ordered,
     quantity,
     refuse_mixtures,
 )
+from ._study_tables import STATISTICS, boxes_of_cells, differences
 
 NAME = "StudyBoxDisplay"
 FILLED = 0.84  # of the distance of intensities that boxes take
@@ -34,7 +33,6 @@ LINEAR = 1.5  # decades that half of the linear part is as high as
 MUCH = 2.5  # times the range of the whiskers, up to which limits hold the outliers too
 MARGIN = 0.06
 FLAT = 2.5  # points
-STATISTICS = {"low": "whislo", "q1": "q1", "median": "med", "q3": "q3", "high": "whishi"}
 SCALES = ("auto", "linear", "symlog")
 
 
@@ -178,9 +176,9 @@ class StudyBoxDisplay(Display):
         check_table(table, [*keys, *column, *values, REPLICATION], NAME)
         refuse_mixtures(table, [*keys, *column], NAME)
         if difference is not None:
-            table = _subtracted(table, values, keys, difference)
+            table = differences(table, values, keys, difference, NAME)
         display = cls(
-            boxes=_boxes(table, values, keys),
+            boxes=boxes_of_cells(table, values, keys),
             group=group,
             x=x,
             by=panels,
@@ -203,8 +201,7 @@ class StudyBoxDisplay(Display):
         -------
         self : StudyBoxDisplay
         """
-        if scale not in SCALES:
-            raise ValueError(f"scale must be one of {', '.join(map(repr, SCALES))}; got {scale!r}.")
+        check_option("scale", scale, SCALES)
         rows, columns = self._grid()
         shape = len(rows), len(columns)
         width = 6.4 if shape[1] == 1 else 1.4 + min(3.8 * shape[1], 12.0)
@@ -305,7 +302,7 @@ class StudyBoxDisplay(Display):
         boxes = boxes[boxes["n"] > 0]
         label = self._quantity(row["value"])
         if len(self.by) == 2 and len(row) > 1:
-            label = f"{in_words(self.by[0], row[self.by[0]])}\n{label}"
+            label = f"{cell_text(self.by[0], row[self.by[0]])}\n{label}"
         if boxes.empty:
             panels[0].set_ylabel(label)
             return
@@ -321,11 +318,9 @@ class StudyBoxDisplay(Display):
             self._bend(panels, bend, every)
         else:
             whiskers = [boxes["low"].min(), boxes["high"].max(), *levels]
-            held = every if np.ptp(every) <= MUCH * np.ptp(whiskers) else whiskers
-            low, high = float(np.min(held)), float(np.max(held))
-            margin = MARGIN * max(high - low, 0.02 * abs(high), 1e-12)
+            limits = limits_of(whiskers, every, MUCH, MARGIN)
             for panel in panels:
-                panel.set_ylim(low - margin, high + margin)
+                panel.set_ylim(limits)
                 if (every == np.rint(every)).all():
                     panel.yaxis.set_major_locator(MaxNLocator(6, integer=True))
         panels[0].set_ylabel(label)
@@ -364,12 +359,12 @@ class StudyBoxDisplay(Display):
         for panel in self.axes_[-1]:
             panel.set_xlabel(quantity(self.x))
         for panel, column in zip(self.axes_[0], columns, strict=True):
-            words = ", ".join(in_words(name, level) for name, level in column.items())
+            words = ", ".join(cell_text(name, level) for name, level in column.items())
             panel.set_title(words, fontsize="medium")
         handles: list[Any] = [
             Patch(facecolor=COLOURS[i % len(COLOURS)], alpha=0.75) for i in range(len(self._groups))
         ]
-        labels = [in_words(self.group, group) for group in self._groups]
+        labels = [cell_text(self.group, group) for group in self._groups]
         lines = [line for line in self.references_ if line is not None]
         if lines:
             handles.append(lines[0])
@@ -388,38 +383,6 @@ class StudyBoxDisplay(Display):
         of, _, unit = quantity(value).partition(", ")
         unit = ", points" if unit == "%" else f", {unit}" if unit else ""
         return f"{of}{unit}:\n{first} − {second}"
-
-
-def _subtracted(
-    table: pd.DataFrame, values: list[str], keys: list[str], difference: tuple[str, Any, Any]
-) -> pd.DataFrame:
-    """Results at one level of a column less those at another, replication by replication."""
-    name, first, second = difference
-    index = [c for c in dict.fromkeys([*cells_of(table), *keys]) if c != name] + [REPLICATION]
-    # Cells without a remnant filter are cells too: their order may be NaN.
-    sides = [table.loc[table[name] == level, [*index, *values]] for level in (first, second)]
-    for level, side in zip((first, second), sides, strict=True):
-        if side.empty:
-            known = listed(table[name])
-            raise ValueError(f"{NAME}: no row has {name} = {level}; the table has {known}.")
-    both = sides[0].merge(sides[1], on=index, suffixes=("", "_other"))
-    others = both[[f"{value}_other" for value in values]].to_numpy()
-    both[values] = both[values].to_numpy() - others
-    return both[[*index, *values]]
-
-
-def _boxes(table: pd.DataFrame, values: list[str], keys: list[str]) -> pd.DataFrame:
-    """Box and whiskers of each cell, as the constructor takes them."""
-    rows = []
-    for value in values:
-        for key, part in table.groupby(keys, sort=False, dropna=False):
-            found = part[value].to_numpy(dtype=float)
-            found = found[np.isfinite(found)]
-            (known,) = boxplot_stats(found) if found.size else ({},)
-            row = {"value": value, **dict(zip(keys, key, strict=True)), "n": found.size}
-            row |= {ours: known.get(theirs, np.nan) for ours, theirs in STATISTICS.items()}
-            rows.append(row | {"values": found})
-    return pd.DataFrame(rows)
 
 
 def _statistics(box: Mapping[Any, Any]) -> dict[str, Any]:

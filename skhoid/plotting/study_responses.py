@@ -9,14 +9,21 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
+from matplotlib.ticker import MaxNLocator
 
-from ._axes import BLACK, COLOURS
+from ._axes import BLACK, COLOURS, corner_note, plain_logarithmic
 from ._display import Display
-from ._study import REPLICATION, check_table, chosen, in_words, ordered, refuse_mixtures
+from ._study import (
+    REPLICATION,
+    cell_text,
+    check_table,
+    chosen_panels,
+    ordered,
+    refuse_mixtures,
+)
+from ._study_tables import RESPONSE_KEYS, ensembles
 
 NAME = "StudyResponseDisplay"
-KEYS = ["remnant_intensity", "method", "omega"]
 COMPLEX = ["H_real", "H_imag"]
 STATED = ["magnitude_sd", "phase_sd"]
 METHODS = ("fc", "batch", "recursive")
@@ -162,19 +169,15 @@ class StudyResponseDisplay(Display):
         ValueError
             If a column is missing, cells would be mixed, or a choice is not in the table.
         """
-        check_table(table, ["condition", *KEYS, REPLICATION, *COMPLEX, *STATED], NAME)
-        if condition is not None:
-            table = chosen(table, {"condition": condition}, NAME)
-        if remnant_intensity is not None:
-            wanted = np.atleast_1d(np.asarray(remnant_intensity, dtype=float)).tolist()
-            table = pd.concat([chosen(table, {"remnant_intensity": P}, NAME) for P in wanted])
-        refuse_mixtures(table, KEYS, NAME)
+        check_table(table, ["condition", *RESPONSE_KEYS, REPLICATION, *COMPLEX, *STATED], NAME)
+        table = chosen_panels(table, condition, remnant_intensity, NAME)
+        refuse_mixtures(table, RESPONSE_KEYS, NAME)
         omega = np.unique(table["omega"].to_numpy(dtype=float))
         if not (omega > 0).all():
             raise ValueError(f"{NAME}: omega is in rad/s and positive; got {omega.min():g}.")
         true = None if truth is None else _truth(truth, omega)
         display = cls(
-            responses=_ensembles(table, true),
+            responses=ensembles(table, true),
             truth=true,
             title=str(table["condition"].iloc[0]),
         )
@@ -234,7 +237,7 @@ class StudyResponseDisplay(Display):
                 if not rows.empty:
                     self._draw(four[:2], rows, (method, P_n), position, shift, wide)
                     self._draw_deviations(four[2:], rows, (method, P_n), position)
-            four[0].set_title(in_words("method", method), fontsize="medium")
+            four[0].set_title(cell_text("method", method), fontsize="medium")
         self._limit()
         self._label()
         return self
@@ -319,22 +322,15 @@ class StudyResponseDisplay(Display):
                 for panel in panels:
                     panel.set_ylim(lowest / 1.4, known.max() * 1.4)
         for panel in self.axes_[[0, 2, 3]].flat:
-            _plain_numbers(panel.yaxis)
+            plain_logarithmic(panel.yaxis, CROWDED, minor_ticks=False)
         for panel in self.axes_.flat:
-            _plain_numbers(panel.xaxis)
+            plain_logarithmic(panel.xaxis, CROWDED, minor_ticks=False)
         for column, method in enumerate(self.methods_):
             cut = int(np.sum(lows[(table["method"] == method).to_numpy()] < bottom))
             if cut:
-                self.note_[method] = self.axes_[0, column].text(
-                    0.99,
-                    0.03,
-                    f"{cut} bar{'s' * (cut > 1)} cut",
-                    transform=self.axes_[0, column].transAxes,
-                    ha="right",
-                    va="bottom",
-                    fontsize="small",
-                    bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
-                )
+                text = f"{cut} bar{'s' * (cut > 1)} cut"
+                corner = ("bottom", "right")
+                self.note_[method] = corner_note(self.axes_[0, column], text, corner, 0.03)
 
     def _label(self) -> None:
         self.axes_[0, 0].set_ylabel("magnitude")
@@ -349,7 +345,7 @@ class StudyResponseDisplay(Display):
             Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=SYMBOLS[i % len(SYMBOLS)], ls="")
             for i in range(len(self._intensities))
         ]
-        labels = [f"{in_words('remnant_intensity', P)}: mean" for P in self._intensities]
+        labels = [f"{cell_text('remnant_intensity', P)}: mean" for P in self._intensities]
         colour = COLOURS[0]
         if self.responses["magnitude_sd"].notna().any():
             handles.append(Line2D([], [], color=colour, lw=2.4))
@@ -373,15 +369,6 @@ def _cell(table: pd.DataFrame, method: str, P_n: float) -> pd.DataFrame:
     return rows.sort_values("omega")
 
 
-def _plain_numbers(axis: Any) -> None:
-    """Numbers without powers along a logarithmic axis, as many as there is room for."""
-    low, high = axis.get_view_interval()
-    steps = (1.0, 2.0, 5.0) if high / low < CROWDED else (1.0,)
-    axis.set_major_locator(LogLocator(subs=steps))
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_locator(NullLocator())
-
-
 def _bars(
     panel: Any, at: np.ndarray, rows: pd.DataFrame, name: str, sd: str, style: dict[str, Any]
 ) -> Any:
@@ -392,54 +379,6 @@ def _bars(
         low = np.where(low > 0, low, 1e-9 * middle)
     known = np.isfinite(half)
     return panel.vlines(at[known], low[known], (middle + half)[known], **style)
-
-
-def _ensembles(table: pd.DataFrame, truth: pd.DataFrame | None) -> pd.DataFrame:
-    """Means over the replications, their spread, and what single estimates state."""
-    H = table["H_real"].to_numpy(dtype=float) + 1j * table["H_imag"].to_numpy(dtype=float)
-    rows = table[KEYS].assign(
-        re=H.real,
-        im=H.imag,
-        size=np.abs(H),
-        stated_size=table["magnitude_sd"].to_numpy(dtype=float) ** 2,
-        stated_angle=table["phase_sd"].to_numpy(dtype=float) ** 2,
-    )
-    groups = rows.groupby(KEYS, sort=True)
-    mean = groups[["re", "im"]].mean()
-    centre = (mean["re"] + 1j * mean["im"]).to_numpy()
-    # Angles to the mean, which do not wrap unless they are half a turn off.
-    own = mean["re"].index.get_indexer(pd.MultiIndex.from_frame(rows[KEYS]))
-    angle = np.degrees(np.angle(H * np.conj(centre[own])))
-    angles = rows[KEYS].assign(angle=angle).groupby(KEYS, sort=True)["angle"]
-    total = np.sqrt(groups[["re", "im"]].var(ddof=1).sum(axis=1, skipna=False))
-    size = np.abs(centre)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = total.to_numpy() / size
-    total_phase = np.where(ratio > 1, 180.0, np.degrees(np.arctan(ratio)))  # NaN stays NaN
-    stated = np.sqrt(groups[["stated_size", "stated_angle"]].mean())
-    found = pd.DataFrame(
-        {
-            "n": groups.size(),
-            "magnitude": size,
-            "phase": np.degrees(np.angle(centre)),
-            "magnitude_sd": groups["size"].std(ddof=1),
-            "phase_sd": angles.std(ddof=1),
-            "total_sd": total,
-            "total_phase_sd": total_phase,
-            "stated_magnitude_sd": stated["stated_size"],
-            "stated_phase_sd": np.degrees(stated["stated_angle"]),
-        },
-        index=mean.index,
-    ).reset_index()
-    for _, rows_of in found.groupby(KEYS[:2], sort=False):
-        phase = rows_of["phase"].to_numpy(dtype=float)
-        if truth is None:
-            phase = np.degrees(np.unwrap(np.radians(phase)))
-        else:
-            near = np.interp(np.log(rows_of["omega"]), np.log(truth["omega"]), truth["phase"])
-            phase = phase - 360 * np.round((phase - near) / 360)
-        found.loc[rows_of.index, "phase"] = phase
-    return found
 
 
 def _truth(truth: Any, omega: np.ndarray) -> pd.DataFrame:

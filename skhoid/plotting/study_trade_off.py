@@ -10,13 +10,13 @@ import pandas as pd
 from matplotlib.lines import Line2D
 
 from ._axes import BLACK, COLOURS, GREY, note_outside
+from ._checks import check_option
 from ._display import Display
 from ._horizons import MARKERS, horizon_axis, near_best
-from ._study import REPLICATION, check_table, in_words, ordered, refuse_mixtures
+from ._study import REPLICATION, cell_text, check_table, ordered, refuse_mixtures
+from ._study_tables import TRADE_OFF_KEYS, VAF, best_horizon, trade_off_means
 
 NAME = "StudyTradeOffDisplay"
-KEYS = ["condition", "form", "remnant_intensity", "memory_horizon"]
-VAF = ["vaf_estimation", "vaf_validation"]
 LABELS = {
     "gain": "gain in VAF of validation\nover no forgetting, points",
     "vaf_validation": "VAF of validation, %",
@@ -138,9 +138,9 @@ class StudyTradeOffDisplay(Display):
             If a column is missing, cells would be mixed, ``kind`` is not known, or there is no
             value of it.
         """
-        check_table(table, [*KEYS, *VAF, REPLICATION], NAME)
-        refuse_mixtures(table, KEYS, NAME)
-        return cls(means=_means(table)).plot(ax, kind=kind)
+        check_table(table, [*TRADE_OFF_KEYS, *VAF, REPLICATION], NAME)
+        refuse_mixtures(table, TRADE_OFF_KEYS, NAME)
+        return cls(means=trade_off_means(table)).plot(ax, kind=kind)
 
     def plot(self, ax: Any = None, *, kind: str = "gain") -> Self:
         """Draw.
@@ -156,8 +156,7 @@ class StudyTradeOffDisplay(Display):
         -------
         self : StudyTradeOffDisplay
         """
-        if kind not in LABELS:
-            raise ValueError(f"kind must be one of {', '.join(map(repr, LABELS))}; got {kind!r}.")
+        check_option("kind", kind, LABELS)
         if not np.isfinite(self.means[kind]).any():
             raise ValueError(
                 f"There is no value of {kind!r} to draw: it compares with no forgetting, and the "
@@ -182,7 +181,7 @@ class StudyTradeOffDisplay(Display):
         self.ax_ = panels[0]
         self.lines_: dict[tuple[Any, Any, Any], Any] = {}
         self.best_: dict[tuple[Any, Any, Any], Any] = {}
-        self.best_overall_ = {form: _best_overall(self.means, form) for form in forms}
+        self.best_overall_ = {form: best_horizon(self.means, form) for form in forms}
         self.notes_: list[Any] = []
         intensities = ordered(self.means["remnant_intensity"])
         horizons = self.means["memory_horizon"].to_numpy(dtype=float)
@@ -190,7 +189,7 @@ class StudyTradeOffDisplay(Display):
         for (condition, form), panel in zip(self.panels_, panels, strict=True):
             self.infinite_ = horizon_axis(panel, horizons, most_ticks)
             self._draw(panel, condition, form, intensities, kind)
-            panel.set_title(f"{condition}, {in_words('form', form)}", fontsize="medium")
+            panel.set_title(f"{condition}, {cell_text('form', form)}", fontsize="medium")
         for number, condition in enumerate(conditions):
             beside_each_other = panels[number * len(forms) : (number + 1) * len(forms)]
             self._limit(beside_each_other, condition, kind)
@@ -269,43 +268,14 @@ class StudyTradeOffDisplay(Display):
             Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=MARKERS[i % len(MARKERS)], ms=4)
             for i in range(len(intensities))
         ]
-        labels = [in_words("remnant_intensity", P_n) for P_n in intensities]
+        labels = [cell_text("remnant_intensity", P_n) for P_n in intensities]
         handles.append(Line2D([], [], color="white", marker="*", ms=11, ls="none", **EDGE))
         labels.append("best $N_0$ of the line")
         known = {form: N0 for form, N0 in self.best_overall_.items() if N0 is not None}
         if known:
             handles.append(Line2D([], [], color=BLACK, ls="--", lw=1.0))
             values = {form: "∞" if np.isinf(N0) else f"{N0:g}" for form, N0 in known.items()}
-            each = ", ".join(f"{v} ({in_words('form', form)})" for form, v in values.items())
+            each = ", ".join(f"{v} ({cell_text('form', form)})" for form, v in values.items())
             labels.append(f"best of all cells: $N_0$ = {each}")
         wide = self.figure_.get_figwidth() > 8
         self._legend(handles, labels, columns=-(-len(labels) // 2) if wide else None)
-
-
-def _means(table: pd.DataFrame) -> pd.DataFrame:
-    """Means over the replications, and what follows from them."""
-    groups = table.groupby(KEYS, sort=False)
-    means = groups[VAF].mean().assign(n=groups.size()).reset_index()
-    cell = KEYS[:3]
-    without = means.loc[np.isinf(means["memory_horizon"]), [*cell, "vaf_validation"]]
-    base = means[cell].merge(without, on=cell, how="left")["vaf_validation"].to_numpy(dtype=float)
-    estimation, validation = (means[name].to_numpy(dtype=float) for name in VAF)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # The ratio to a VAF of 0 says nothing.
-        ratio = np.where(validation > 0, estimation / validation, np.nan)
-        to_base = np.where(base > 0, validation / base, np.nan)
-    return means.assign(
-        gain=validation - base,
-        overfit_difference=estimation - validation,
-        overfit_ratio=ratio,
-        tradeoff_ratio=to_base,
-    )
-
-
-def _best_overall(means: pd.DataFrame, form: Any) -> float | None:
-    """The horizon with the best mean over the cells of a form, of those that all cells have."""
-    cells = means[means["form"] == form].pivot_table(
-        index="memory_horizon", columns=["condition", "remnant_intensity"], values="vaf_validation"
-    )
-    complete = cells.dropna()
-    return None if complete.empty else float(complete.mean(axis=1).idxmax())

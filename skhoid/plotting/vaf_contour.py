@@ -12,7 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from ..arx.searches import OrderSearchCV
-from ._axes import BLACK, BLUE, VERMILION, check_search
+from ._axes import BLACK, BLUE, VERMILION
+from ._checks import check_search
 from ._display import Display
 
 MAX_PANELS = 12
