@@ -1,4 +1,7 @@
-"""Colours, labels and the Axes that a caller hands in."""
+"""Colours, labels, limits, notes and legends of single panels.
+
+Open it for what is drawn the same way in plots that have nothing else in common.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
+from matplotlib.ticker import (
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    NullLocator,
+    StrMethodFormatter,
+)
 
 # Okabe and Ito's colours, which people with any colour vision tell apart.
 BLACK = "#000000"
@@ -26,6 +35,8 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
 
 LETTERS = 88  # in a row of a legend, of which each handle takes
 HANDLE = 9
+MARKERS = "os^Dv<>"
+OUTLINED: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
 FEW_DECADES = 300.0  # from one end of an axis to the other
 
 
@@ -105,6 +116,11 @@ def plain_logarithmic(axis: Axis, few: float = FEW_DECADES, *, minor_ticks: bool
     axis.set_minor_formatter(NullFormatter())
     if not minor_ticks:
         axis.set_minor_locator(NullLocator())
+
+
+def phase_ticks(axis: Axis) -> None:
+    """Ticks of a phase in degrees, at parts of a turn."""
+    axis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
 
 
 def legend_entries(panels: Any) -> dict[str, Any]:

@@ -1,4 +1,7 @@
-"""What pictures of a comparison share: how they are made, and what they say of missing parts."""
+"""What plots of a comparison share: how they are made, and what they say of missing parts.
+
+Open it for the colours, names and labels of measured, predicted and residual signals.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from ..diagnosis.comparison import Comparison, compare
 from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_entries, with_unit
 from ._display import Display
 
-# One meaning a colour on every picture of a comparison.
+# One meaning a colour on every plot of a comparison.
 MEASURED = BLACK
 PREDICTED = BLUE
 RESIDUAL = PURPLE
@@ -28,7 +31,7 @@ CHANNELS = {"f_t": "target $f_t$", "dist": "disturbance $f_d$", "e": "error e", 
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class ComparisonBaseDisplay(Display):
-    """A picture whose constructor takes what it draws, by its names in a Comparison."""
+    """A Display whose fields are attributes of a Comparison, by the same names."""
 
     @classmethod
     def from_comparison(cls, comparison: Comparison, *, ax: Any = None) -> Self:

@@ -1,4 +1,7 @@
-"""What pictures of estimates share: bands, true values, references, limits and the legend."""
+"""What plots of estimates share: bands, true values, references and limits.
+
+Open it to change how parameters over time are drawn, whether ARX parameters or the operator's.
+"""
 
 from __future__ import annotations
 

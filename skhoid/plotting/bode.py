@@ -9,12 +9,11 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import MaxNLocator
 from scipy.stats import t as student
 
 from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
-from ._axes import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, with_unit
+from ._axes import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, phase_ticks, with_unit
 from ._display import Display
 
 COLOURS = (BLACK, VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY)
@@ -216,7 +215,7 @@ class BodeDisplay(Display):
             panel.set_xscale("log")
             panel.grid(alpha=0.3)
         top.set_yscale("log")
-        bottom.yaxis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
+        phase_ticks(bottom.yaxis)
         if self.view == "open_loop":
             top.axhline(1.0, color=GREY, lw=0.8)
             bottom.axhline(-180.0, color=GREY, lw=0.8)

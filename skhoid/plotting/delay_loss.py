@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from ..arx.searches import DelaySearchCV
-from ._axes import BLACK, BLUE, VERMILION, with_unit
+from ._axes import BLUE, OUTLINED, VERMILION, with_unit
 from ._checks import check_search
 from ._display import Display
 
@@ -200,9 +200,8 @@ class DelayLossDisplay(Display):
             ms=15,
             ls="none",
             label="best",
-            markeredgecolor=BLACK,
-            markeredgewidth=0.6,
             zorder=3,
+            **OUTLINED,
         )
         if self.criterion == "vaf":
             self.ax_.set_ylabel("100 − cross-validated VAF, %")

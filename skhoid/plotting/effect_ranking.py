@@ -20,7 +20,7 @@ DIM = "0.45"
 ROW = 0.235  # inches for each candidate
 LEAST = 1.0  # points on the axis, so that small gains look small
 FURTHEST_LEFT = 0.35  # of the largest gain; bars that lose more are cut
-WORDS = 0.5  # of the width, for the words at the ends of the bars
+TEXT_ROOM = 0.5  # of the width, for the text at the ends of the bars
 BELOW_TICKS = 3.6
 
 
@@ -161,7 +161,7 @@ class EffectRankingDisplay(Display):
         largest = max(float(np.nanmax(gain, initial=0.0)), LEAST)
         least = float(np.nanmin(gain, initial=0.0))
         left = max(least, -FURTHEST_LEFT * largest)
-        width = (largest - left) * (1 + WORDS)
+        width = (largest - left) * (1 + TEXT_ROOM)
         self.ax_.set_xlim(left - 0.02 * width * (left < 0), left + width)
         for i, row in enumerate(tried.to_dict("records")):
             self._draw_bar(i, row, left)

@@ -292,7 +292,7 @@ def _horizon(path: Any) -> np.ndarray:
 
 
 def _factor_text(factor: Any) -> str:
-    """The factor in words, for the legend."""
+    """The factor as the legend shows it."""
     if np.ndim(factor):
         return f"λ = {np.min(factor):.4g} to {np.max(factor):.4g}"
     horizon = float(_horizon(factor)[0])

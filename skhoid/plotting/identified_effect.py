@@ -47,7 +47,7 @@ class IdentifiedEffectDisplay(Display):
     physics : str, default=""
         The effect in a sentence.
     parameters : str, default=""
-        Its parameters in words.
+        Its parameters as text.
 
     Attributes
     ----------

@@ -12,10 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, LogLocator, NullLocator, StrMethodFormatter
 
-from ._axes import BLACK, COLOURS, GREY, note_outside, seconds_axis
+from ._axes import COLOURS, GREY, MARKERS, OUTLINED, note_outside, seconds_axis
 from ._checks import check_option, fitted_end
 from ._display import Display
-from ._horizons import MARKERS, horizon_axis, near_best
+from ._horizons import horizon_axis, near_best
 
 LABELS = {
     "gain": "gain in VAF over $\\lambda$ = 1, points",
@@ -23,7 +23,6 @@ LABELS = {
     "overfit_difference": "VAF of training − validation, points",
     "overfit_ratio": "VAF of training / validation",
 }
-EDGE: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
 MARGIN = 0.08  # of the range, above and below
 
 
@@ -46,13 +45,13 @@ class MemoryHorizonDisplay(Display):
     ----------
     results : DataFrame
         One row per setting: ``label``, ``memory_horizon`` (the shortest of the parameters),
-        ``ratios`` (those of the others to it, in text; "" where there is only one), ``best``,
+        ``ratios`` (those of the others to it, as text; "" where there is only one), ``best``,
         and ``gain``, ``score``, ``overfit_difference``, ``overfit_ratio`` with their standard
         deviations over splits (``sd_gain``).
     n_splits : int, default=1
         Number of splits; with one there are no deviations.
     n_runs : str or None, default=None
-        Number of runs that each model pools, in text.
+        Number of runs that each model pools, as text.
     dt : float or None, default=None
         Sampling time of the fitted grid in s, for an axis in seconds.
 
@@ -205,7 +204,7 @@ class MemoryHorizonDisplay(Display):
             rows["label"][rows["best"]], at[rows["best"]], value[rows["best"]], strict=True
         ):
             (self.best_[label],) = self.ax_.plot(
-                x, y, color=colour, marker="*", ms=15, ls="none", zorder=4, **EDGE
+                x, y, color=colour, marker="*", ms=15, ls="none", zorder=4, **OUTLINED
             )
 
     def _limit(self, kind: str) -> None:
@@ -242,7 +241,7 @@ class MemoryHorizonDisplay(Display):
             over = f"± 1 standard deviation over {self.n_splits} splits"
             handles.append(Rectangle((0, 0), 1, 1, color=GREY, alpha=0.4, lw=0))
             labels.append(over)
-        handles.append(Line2D([], [], color="white", marker="*", ms=13, ls="none", **EDGE))
+        handles.append(Line2D([], [], color="white", marker="*", ms=13, ls="none", **OUTLINED))
         labels.append(self._best_text())
         self._legend(handles, labels)
 

@@ -29,7 +29,7 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
 
     Blue is what the model explains (its VAF), red what a better model could explain beyond it
     (up to the noise ceiling), grey what no model driven by the measured error can. Without a
-    ceiling the bar has two parts, and the picture says why. A VAF below zero leaves no blue.
+    ceiling the bar has two parts, and the figure says why. A VAF below zero leaves no blue.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 

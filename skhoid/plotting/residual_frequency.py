@@ -8,10 +8,9 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 from scipy.stats import norm
 
-from ._axes import plain_logarithmic
+from ._axes import phase_ticks, plain_logarithmic
 from ._comparison import (
     EXCEEDING,
     MEASURED,
@@ -220,7 +219,7 @@ def _draw_phase(panel: Axes, measured: pd.DataFrame) -> dict[str, Any]:
     spread = norm.ppf(0.5 + CONFIDENCE / 2) * np.minimum(measured["sd_phase"], 180.0)
     phase = measured["measured_phase"]
     lines = _draw_response(panel, measured, "phase", (phase - spread, phase + spread))
-    panel.yaxis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
+    phase_ticks(panel.yaxis)
     panel.set_ylabel("response, phase, deg")
     return lines
 

@@ -115,7 +115,7 @@ class SimulationDisplay(Display):
         y : Series or array of shape (n_rows,)
             Measured output; its unit is read from ``y.attrs["units"]``.
         runs : label, list of labels or None, default=None
-            Runs to show. None means all, but no more than the first five; the picture says so.
+            Runs to show. None means all, but no more than the first five; the figure says so.
         window : (float, float) or None, default=None
             Show, and score, only rows with ``window[0] <= time < window[1]``, in seconds.
         centered : bool, default=False
@@ -170,7 +170,7 @@ class SimulationDisplay(Display):
         y_pred : array-like of shape (n_rows,)
             Simulated output, row by row, such as that of ``cross_val_predict``.
         runs : label, list of labels or None, default=None
-            Runs to show. None means all, but no more than the first five; the picture says so.
+            Runs to show. None means all, but no more than the first five; the figure says so.
         window : (float, float) or None, default=None
             Show, and score, only rows with ``window[0] <= time < window[1]``, in seconds.
         centered : bool, default=False

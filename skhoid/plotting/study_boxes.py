@@ -10,9 +10,10 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodFormatter
+from matplotlib.ticker import MaxNLocator
 
 from ._axes import BLACK, COLOURS, GREY, limits_of, note_outside
+from ._bent_axis import bend_axes, round_up
 from ._checks import check_option
 from ._display import Display
 from ._study import (
@@ -29,7 +30,6 @@ from ._study_tables import STATISTICS, boxes_of_cells, differences
 NAME = "StudyBoxDisplay"
 FILLED = 0.84  # of the distance of intensities that boxes take
 APART = 5.0  # times the others' reach, from which a group asks for a logarithmic axis
-LINEAR = 1.5  # decades that half of the linear part is as high as
 MUCH = 2.5  # times the range of the whiskers, up to which limits hold the outliers too
 MARGIN = 0.06
 FLAT = 2.5  # points
@@ -309,13 +309,13 @@ class StudyBoxDisplay(Display):
         reach = boxes[["low", "high"]].abs().max(axis=1)
         reaches = reach.groupby(boxes[self.group], dropna=False, sort=False).max()
         near = reaches[reaches <= APART * reaches.median()]
-        bend = _round_up(float(near.max()))
+        bend = round_up(float(near.max()))
         levels = [x for x in (self._level(row, column) for column in columns) if x is not None]
         every = np.concatenate([*boxes["values"], levels])
         if scale == "symlog" or (scale == "auto" and near.size < reaches.size and bend > 0):
             bend = bend or 1.0
             label += f"\n(log beyond ±{bend:g})"
-            self._bend(panels, bend, every)
+            bend_axes(panels, bend, every)
         else:
             whiskers = [boxes["low"].min(), boxes["high"].max(), *levels]
             limits = limits_of(whiskers, every, MUCH, MARGIN)
@@ -324,22 +324,6 @@ class StudyBoxDisplay(Display):
                 if (every == np.rint(every)).all():
                     panel.yaxis.set_major_locator(MaxNLocator(6, integer=True))
         panels[0].set_ylabel(label)
-
-    def _bend(self, panels: Any, bend: float, every: np.ndarray) -> None:
-        """Axes that are linear within ``bend`` of zero."""
-        low, high = min(every.min(), -0.5 * bend), max(every.max(), 0.5 * bend)
-        bottom, top = _further(low, bend), _further(high, bend)
-        inner = bend * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
-        ticks = np.array([*-_beyond(-bottom, bend)[::-1], *inner, *_beyond(top, bend)])
-        ticks = ticks[(ticks >= bottom) & (ticks <= top)]
-        for panel in panels:
-            panel.set_yscale("symlog", linthresh=bend, linscale=LINEAR)
-            panel.set_ylim(bottom, top)
-            panel.yaxis.set_major_locator(FixedLocator(ticks.tolist()))
-            panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-            panel.yaxis.set_minor_locator(NullLocator())
-            for edge in (-bend, bend):
-                panel.axhline(edge, color=GREY, lw=0.6, alpha=0.6, zorder=1)
 
     def _label(self, columns: Sequence[Any]) -> None:
         for panels in self.axes_:
@@ -401,24 +385,3 @@ def _rows_of(boxes: pd.DataFrame, cell: Mapping[str, Any]) -> pd.DataFrame:
 
 def _index(values: Sequence[Any], wanted: Any) -> int:
     return next(i for i, v in enumerate(values) if v == wanted or (pd.isna(v) and pd.isna(wanted)))
-
-
-def _round_up(value: float) -> float:
-    """The next of 1, 2, 5, 10 ... that is not below."""
-    if value <= 0:
-        return 0.0
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= 0.999 * value))
-
-
-def _further(value: float, bend: float) -> float:
-    """A limit a little beyond a value of a bent axis."""
-    return 1.25 * value if abs(value) > bend else value + 0.15 * float(np.sign(value)) * bend
-
-
-def _beyond(limit: float, bend: float) -> np.ndarray:
-    """Ticks of the logarithmic part: its decades, or one where there is none."""
-    decades = bend * 10.0 ** np.arange(1, 12)
-    if (decades <= limit).any():
-        return decades[decades <= limit]
-    return bend * np.array([step for step in (5.0, 2.0) if step * bend <= limit][:1])

@@ -9,9 +9,8 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
-from ._axes import BLACK, COLOURS, corner_note, plain_logarithmic
+from ._axes import BLACK, COLOURS, MARKERS, corner_note, phase_ticks, plain_logarithmic
 from ._display import Display
 from ._study import (
     REPLICATION,
@@ -36,7 +35,6 @@ SDS = {
     },
     "phase": {"spread": "phase_sd", "total": "total_phase_sd", "stated": "stated_phase_sd"},
 }
-SYMBOLS = "os^Dv<>"
 N_POINTS = 300
 LEAST = 0.3  # of the smallest mean, below which magnitudes are cut
 SPAN = 100.0  # from the lowest standard deviation on an axis to the median
@@ -257,7 +255,7 @@ class StudyResponseDisplay(Display):
         at, beside = omega * np.exp(shift), omega * np.exp(shift + wide)
         means, spread, total, stated = [], [], [], []
         for panel, name in zip(pair, PARTS, strict=True):
-            marker = SYMBOLS[position % len(SYMBOLS)]
+            marker = MARKERS[position % len(MARKERS)]
             means += panel.plot(
                 at, rows[name], color=colour, marker=marker, ms=3.5, ls="none", zorder=3
             )
@@ -277,7 +275,7 @@ class StudyResponseDisplay(Display):
     ) -> None:
         """Standard deviations over frequency."""
         colour, omega = COLOURS[position % len(COLOURS)], rows["omega"]
-        marker = SYMBOLS[position % len(SYMBOLS)]
+        marker = MARKERS[position % len(MARKERS)]
         styles: dict[str, dict[str, Any]] = {
             "spread": {"ls": "-", "marker": marker, "ms": 3.5, "lw": 1.4},
             "total": {"ls": ":", "lw": 1.0},
@@ -312,7 +310,7 @@ class StudyResponseDisplay(Display):
         for magnitude, phase in self.axes_[:2].T:
             magnitude.set_ylim(bottom, 1.3 * np.nanmax(tops))
             phase.set_ylim(every.min() - 15, every.max() + 15)
-            phase.yaxis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
+            phase_ticks(phase.yaxis)
         for panels in self.axes_[2:]:
             values = [np.asarray(a.get_ydata(), dtype=float) for p in panels for a in p.lines]
             known = np.concatenate(values)
@@ -342,7 +340,7 @@ class StudyResponseDisplay(Display):
         for panel in self.axes_[:, 1:].flat if self._own else []:
             panel.tick_params(labelleft=False, which="both")
         handles: list[Any] = [
-            Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=SYMBOLS[i % len(SYMBOLS)], ls="")
+            Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=MARKERS[i % len(MARKERS)], ls="")
             for i in range(len(self._intensities))
         ]
         labels = [f"{cell_text('remnant_intensity', P)}: mean" for P in self._intensities]

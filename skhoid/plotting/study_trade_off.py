@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 
-from ._axes import BLACK, COLOURS, GREY, note_outside
+from ._axes import BLACK, COLOURS, GREY, MARKERS, OUTLINED, note_outside
 from ._checks import check_option
 from ._display import Display
-from ._horizons import MARKERS, horizon_axis, near_best
+from ._horizons import horizon_axis, near_best
 from ._study import REPLICATION, cell_text, check_table, ordered, refuse_mixtures
 from ._study_tables import TRADE_OFF_KEYS, VAF, best_horizon, trade_off_means
 
@@ -30,7 +30,6 @@ WITHOUT = {"gain": 0.0, "tradeoff_ratio": 1.0}  # values of no forgetting
 FEW = 3  # conditions, up to which each has a row
 MOST_TICKS = (8, 5)  # along the axis of a wide panel and of a narrow one
 MARGIN = 0.08
-EDGE: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -232,7 +231,7 @@ class StudyTradeOffDisplay(Display):
             if rows["vaf_validation"].notna().any():
                 best = int(np.nanargmax(rows["vaf_validation"]))
                 (self.best_[key],) = panel.plot(
-                    at[best], value[best], color=colour, marker="*", ms=11, zorder=4, **EDGE
+                    at[best], value[best], color=colour, marker="*", ms=11, zorder=4, **OUTLINED
                 )
 
     def _limit(self, panels: np.ndarray, condition: Any, kind: str) -> None:
@@ -269,7 +268,7 @@ class StudyTradeOffDisplay(Display):
             for i in range(len(intensities))
         ]
         labels = [cell_text("remnant_intensity", P_n) for P_n in intensities]
-        handles.append(Line2D([], [], color="white", marker="*", ms=11, ls="none", **EDGE))
+        handles.append(Line2D([], [], color="white", marker="*", ms=11, ls="none", **OUTLINED))
         labels.append("best $N_0$ of the line")
         known = {form: N0 for form, N0 in self.best_overall_.items() if N0 is not None}
         if known:

@@ -21,6 +21,15 @@ MAX_TICKS = 10
 N_LEVELS = 10
 MARGIN = 0.3  # of an order, room for the marks at the edge
 LEAST_RANGE = 5.0  # percent; finer contours would show what the VAF cannot tell apart
+ASTERISK = {"marker": "*", "ms": 13, "color": "white", "markeredgecolor": BLACK, "zorder": 4}
+RING = {
+    "marker": "o",
+    "ms": 17,
+    "color": "none",
+    "markeredgecolor": VERMILION,
+    "markeredgewidth": 2.2,
+    "zorder": 5,
+}
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -118,7 +127,7 @@ class VAFContourDisplay(Display):
             Decimation factor to show; None means the chosen one.
         nk : sequence of int or tuple, or None, default=None
             Delays to show, in samples. None means all, but no more than the twelve with the
-            highest VAF; the picture says so.
+            highest VAF; the figure says so.
         levels : array-like or None, default=None
             Contour levels, see :meth:`plot`.
         ax : Axes, sequence of Axes or None, default=None
@@ -238,10 +247,10 @@ class VAFContourDisplay(Display):
             self.highest_.append(None)
             if field.count():
                 row, column = divmod(int(np.nanargmax(vaf[i])), len(self.na))
-                self.highest_[-1] = _asterisk(panel, x[column], y[row])
+                self.highest_[-1] = _mark(panel, x[column], y[row], ASTERISK)
         if self.chosen is not None:
             number, row, column = self.chosen
-            self.chosen_ = _ring(self.axes_[number], x[column], y[row])
+            self.chosen_ = _mark(self.axes_[number], x[column], y[row], RING)
         if some:
             self.colorbar_ = self.figure_.colorbar(
                 self.contours_[0], ax=list(self.axes_), label="VAF, %", ticks=levels
@@ -280,11 +289,11 @@ class VAFContourDisplay(Display):
             self.highest_.append(None)
             if not np.isnan(values).all():
                 best = int(np.nanargmax(values))
-                self.highest_[-1] = _asterisk(panel, x[best], values[best])
+                self.highest_[-1] = _mark(panel, x[best], values[best], ASTERISK)
         if self.chosen is not None:
             number, row, column = self.chosen
             at = column if over_na else row
-            self.chosen_ = _ring(self.axes_[number], x[at], vaf[number].ravel()[at])
+            self.chosen_ = _mark(self.axes_[number], x[at], vaf[number].ravel()[at], RING)
 
     def _explain(self) -> None:
         several = "highest of each panel" if len(self.nk) > 1 else "highest"
@@ -379,32 +388,7 @@ def _name_ticks(axis: Any, orders: Sequence[Any]) -> None:
         axis.set_ticks(range(len(orders)), [str(order) for order in orders])
 
 
-def _asterisk(panel: Any, x: float, y: float) -> Line2D:
-    (mark,) = panel.plot(
-        x,
-        y,
-        marker="*",
-        ms=13,
-        color="white",
-        markeredgecolor=BLACK,
-        ls="none",
-        zorder=4,
-        clip_on=False,
-    )
-    return mark
-
-
-def _ring(panel: Any, x: float, y: float) -> Line2D:
-    (mark,) = panel.plot(
-        x,
-        y,
-        marker="o",
-        ms=17,
-        color="none",
-        markeredgecolor=VERMILION,
-        markeredgewidth=2.2,
-        ls="none",
-        zorder=5,
-        clip_on=False,
-    )
+def _mark(panel: Any, x: float, y: float, style: dict[str, Any]) -> Line2D:
+    """A mark that may reach over the edge of the panel."""
+    (mark,) = panel.plot(x, y, ls="none", clip_on=False, **style)
     return mark

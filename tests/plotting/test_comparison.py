@@ -1,4 +1,4 @@
-"""The pictures of a comparison show its tables, and say what is not available."""
+"""The plots of a comparison show its tables, and say what is not available."""
 
 import matplotlib as mpl
 

@@ -1,4 +1,4 @@
-"""The pictures of a search for effects show its tables."""
+"""The plots of a search for effects show its tables."""
 
 import matplotlib as mpl
 
