@@ -1,4 +1,4 @@
-"""What an identified effect does, as curves with their uncertainty: one picture for each place."""
+"""What an identified effect does, as curves with their uncertainty: one plot for each place."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def effect_curves(bench: Bench, n_draws: int, seed: Any) -> EffectCurves:
 
 
 def response_plot(bench: Bench) -> Response:
-    """The picture that shows most of an effect, by its place and what it answers."""
+    """The plot that shows most of an effect, by its place and what it answers."""
     place = bench.effect.place
     if bench.effect.noise:
         return realisation(bench)
