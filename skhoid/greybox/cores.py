@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from .. import _kernels
-from ..effects.base import Parameter
+from ..effects.core_kind import CoreKind
+from ..effects.dimension import ONE, RAD, E, S, U
 from ..effects.operator_signals import Command, Gains, Spring
+from ..effects.parameter import Parameter
 from ..effects.record import Record
 
 BOUND = 1e9  # of simulated outputs
@@ -21,7 +23,7 @@ SLOWEST, FASTEST = 0.02, 1.0  # rad per sample, of what an ARX model describes
 class Core(Protocol):
     """What a simulation needs to know of the linear core."""
 
-    kind: str
+    kind: CoreKind
     parameters: tuple[Parameter, ...]
     sizes: Mapping[str, float]
 
@@ -49,22 +51,22 @@ class OperatorCore:
     ``fixed_delay`` in seconds, or None to estimate it.
     """
 
-    kind = "operator"
+    kind = CoreKind.OPERATOR
 
     def __init__(self, fixed_delay: float | None):
         self.fixed_delay = fixed_delay
         self.sizes: Mapping[str, float] = {}
         free = (
-            Parameter("K_e", "{u}/{e}", -50.0, 50.0, (0.5,), "u/e", "gain on the error"),
-            Parameter("K_edot", "{u} s/{e}", 0.0, 50.0, (0.2,), "u/e", "gain on the error rate"),
-            Parameter("omega_nm", "rad/s", 1.5, 60.0, (10.0,), "", "neuromuscular frequency"),
-            Parameter("zeta_nm", "-", 0.02, 3.0, (0.4,), "", "neuromuscular damping ratio"),
+            Parameter("K_e", U / E, -50.0, 50.0, (0.5,), "gain on the error"),
+            Parameter("K_edot", U * S / E, 0.0, 50.0, (0.2,), "gain on the error rate"),
+            Parameter("omega_nm", RAD / S, 1.5, 60.0, (10.0,), "neuromuscular frequency"),
+            Parameter("zeta_nm", ONE, 0.02, 3.0, (0.4,), "neuromuscular damping ratio"),
         )
-        delay = Parameter("tau_e", "s", 0.0, 1.5, (0.25,), "", "effective time delay")
+        delay = Parameter("tau_e", S, 0.0, 1.5, (0.25,), "effective time delay")
         self.parameters: tuple[Parameter, ...] = free
         if fixed_delay is None:
             self.parameters = (*free, delay)
-            self.kind = "operator, free delay"
+            self.kind = CoreKind.OPERATOR_FREE_DELAY
 
     def on(self, record: Record) -> Record:
         return record
@@ -108,7 +110,7 @@ class ARXCore:
     nothing.
     """
 
-    kind = "arx"
+    kind = CoreKind.ARX
 
     def __init__(
         self,
@@ -121,15 +123,15 @@ class ARXCore:
         self.na, self.nb, self.nk, self.intercept = na, nb, nk, intercept
         self.sizes: Mapping[str, float] = sizes or {}
         self.parameters: tuple[Parameter, ...] = (
-            *(Parameter(f"a{i + 1}", "-", meaning="of the output") for i in range(na)),
-            *(Parameter(f"b{i}", "{u}/{e}", meaning="of the input") for i in range(nb)),
-            *[Parameter("intercept", "{u}", meaning="constant")] * intercept,
+            *(Parameter(f"a{i + 1}", ONE, meaning="of the output") for i in range(na)),
+            *(Parameter(f"b{i}", U / E, meaning="of the input", scale=ONE) for i in range(nb)),
+            *[Parameter("intercept", U, meaning="constant", scale=ONE)] * intercept,
         )
 
     def on(self, record: Record) -> Record:
         return replace(
             record,
-            core="arx",
+            core=self.kind,
             time_unit=OPERATORS_MOVE / pace(record),
             criterion_rate=np.inf,
             ahead=self.nk * record.dt,
@@ -181,7 +183,3 @@ def neutral_gains() -> Gains:
     """No effect on any gain."""
     one = np.ones((1, 1))
     return Gains(one, one, one, one)
-
-
-def names_of(parameters: Sequence[Parameter]) -> list[str]:
-    return [p.name for p in parameters]

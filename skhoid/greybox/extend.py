@@ -10,6 +10,7 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
+from ..effects.core_kind import CoreKind
 from ..effects.record import Record
 from .arx_starts import arx_starts
 from .fitting import Criterion, Fit, minimise
@@ -55,7 +56,7 @@ def extended(
         scan = Scan(parent, name, variant, coarse)
         values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
         starts = [start_beside(parent, simulator, name, v) for v in values]
-        if core.kind == "arx" and effect.place == "delay":
+        if core.kind == CoreKind.ARX and effect.place == "delay":
             starts = [restarted(simulator, coarse, start) for start in starts]
         if parent.other_core is not None:
             starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..effects.dimension import U
 from .fitting import Fit
 from .simulator import Simulator
 
@@ -23,7 +24,7 @@ class Tied(Simulator):
             f"{name}__{p.name}"
             for name, effect in self.effects
             for p in effect.free
-            if effect.place == "command" and p.scale == "u"
+            if effect.place == "command" and p.dimension == U
         ]
         self.gain = self.names.index("K_e") if "K_e" in self.names else 0
         known = "K_e" in self.names and abs(reference) > 0.0

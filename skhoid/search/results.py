@@ -10,8 +10,8 @@ import pandas as pd
 
 from ..diagnosis.ceiling import noise_ceiling
 from ..diagnosis.run_signals import read_signals
-from ..effects.catalogue import effect as effect_of
 from ..effects.record import Record
+from ..effects.registry import effect as effect_of
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.model import without

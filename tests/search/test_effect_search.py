@@ -30,7 +30,7 @@ class Compressed(Effect):
     place = "input"
     physics = "Large errors are answered less than in proportion."
     formula = "e' = knee asinh(e / knee)"
-    parameters = (Parameter("knee", "{e}", 0.05, 10.0, (0.5,), "e", "where the answer bends"),)
+    parameters = (Parameter("knee", Dimension(e=1), 0.05, 10.0, (0.5,), "where the answer bends"),)
 
     def __init__(self, *, knee=None):
         self.knee = knee
