@@ -18,6 +18,7 @@ from skhoid.effects import (
     CrossAxis,
     CubicGain,
     DeadZone,
+    Dimension,
     Disturbance,
     Drift,
     Effect,

@@ -23,6 +23,7 @@ from skhoid.effects import (
     CrossAxis,
     CubicGain,
     DeadZone,
+    Dimension,
     Disturbance,
     Drift,
     Effect,

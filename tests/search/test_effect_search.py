@@ -11,7 +11,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import KFold, LeaveOneGroupOut
 
 from skhoid import EffectSearchCV, OperatorRegressor, RunCutWarning, run_labels, vaf_score
-from skhoid.effects import Bias, DeadZone, Effect, Effects, Parameter, catalogue
+from skhoid.effects import Bias, DeadZone, Dimension, Effect, Effects, Parameter, catalogue
 from skhoid.greybox.estimates import parameter_text
 from skhoid.greybox.model import Model, without
 from skhoid.search import effect_search
