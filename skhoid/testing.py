@@ -83,7 +83,6 @@ def check_effect(
     """
     if core not in (CoreKind.OPERATOR, CoreKind.ARX):
         raise ValueError(f'core must be "operator" or "arx"; got {core!r}.')
-    kind = CoreKind(core)
     _expect(
         isinstance(effect, Effect),
         f"{effect!r} is no instance of skhoid.effects.Effect"
@@ -92,7 +91,7 @@ def check_effect(
     record = synthetic_record(channels)
     _check_description(effect)
     _check_estimator(effect)
-    reason = effect.refusal(record, kind)
+    reason = effect.refusal(record, CoreKind(core))
     _expect(
         reason is None,
         f"{_name(effect)} does not apply to the runs that it is checked on: {reason}. They have "
@@ -114,9 +113,9 @@ def check_effect(
         _check_apply(variant, record)
         _check_neutral(variant, record)
         _check_symmetries(variant, record)
-        _check_simulation(variant, record, kind)
+        _check_simulation(variant, record, CoreKind(core))
     if recovers is not None:
-        _check_recovery(variants[0], record, kind, dict(recovers))
+        _check_recovery(variants[0], record, CoreKind(core), dict(recovers))
 
 
 def synthetic_record(channels: Sequence[str] = (), seed: int = 0) -> Record:
@@ -191,10 +190,7 @@ def _check_description(effect: Effect) -> None:
         f"scripts; got {name!r}.",
     )
     place = getattr(effect, "place", None)
-    _expect(
-        place in PLACES,
-        f"{who}.place must be one of {', '.join(PLACES)}; got {place!r}.",
-    )
+    _expect(place in PLACES, f"{who}.place must be one of {', '.join(PLACES)}; got {place!r}.")
     for attribute in ("physics", "formula"):
         text = getattr(effect, attribute)
         _expect(
@@ -212,8 +208,7 @@ def _check_description(effect: Effect) -> None:
     for p in effect.parameters:
         _expect(
             p.meaning.strip(),
-            f"Parameter {p.name!r} of {who} has no meaning: say in some words what it is, for "
-            "tables.",
+            f"Parameter {p.name!r} of {who} has no meaning: say what it is, for tables.",
         )
         _expect(
             p.low < p.high,
@@ -234,12 +229,11 @@ def _check_estimator(effect: Effect) -> None:
             p.name in params,
             f"{who}.__init__ must take {p.name} as a keyword argument with the default None.",
         )
-    for argument, options in effect.choices.items():
-        _expect(
-            argument in params and isinstance(options, tuple) and len(options) > 0,
-            f"{who}.choices must give arguments of __init__ tuples of what there is to choose "
-            f'from, such as {{"form": ("soft", "hard")}}; got {argument!r}: {options!r}.',
-        )
+    _expect(
+        all(k in params and isinstance(v, tuple) and v for k, v in effect.choices.items()),
+        f"{who}.choices must give arguments of __init__ tuples of what there is to choose from, "
+        f'such as {{"form": ("soft", "hard")}}; got {effect.choices}.',
+    )
     try:
         type(effect)()
     except TypeError as error:
@@ -551,9 +545,7 @@ def _check_simulation(effect: Effect, record: Record, core: CoreKind) -> None:
         )
 
 
-def _check_recovery(
-    effect: Effect, record: Record, core: CoreKind, truth: dict[str, float]
-) -> None:
+def _check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) -> None:
     """Simulate, estimate, compare."""
     from .arx.batch import ARXRegressor
     from .greybox.operator_regressor import OperatorRegressor
@@ -577,9 +569,8 @@ def _check_recovery(
         model: Any = ARXRegressor(2, 2, 10, effects=effect, controlled_element=element)
     else:
         free = effect.refusal(record, CoreKind.OPERATOR_FREE_DELAY) is None
-        model = OperatorRegressor(
-            None if free else DELAY, effects=effect, controlled_element=element
-        )
+        delay = None if free else DELAY
+        model = OperatorRegressor(delay, effects=effect, controlled_element=element)
     fitted = model.fit(X, y)
     for key, value in truth.items():
         row = fitted.parameters_.loc[f"{effect.name}__{key}"]

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skhoid.effects import CoreKind, Dimension, HardeningStiffness, Parameter
+from skhoid.effects import CoreKind, Dimension, HardeningStiffness, Parameter, catalogue
 from skhoid.effects.dimension import HZ, ONE, RAD, E, S, T, U
+from skhoid.effects.operator_signals import Command, Spring
 from skhoid.effects.registry import effect
-from skhoid.testing import synthetic_record
+from skhoid.testing import _parts, _signal_at, synthetic_record
 
 X = Dimension.of_channel("x")
 
@@ -134,6 +135,53 @@ def test_limits_grow_with_the_signals_as_the_dimension_says():
             by = 2.0**p.dimension.u * 4.0**p.dimension.inputs
             expected = np.array(one.limits(record)[p.name]) * by
             assert np.array(one.limits(larger)[p.name]) == pytest.approx(expected, rel=1e-12)
+
+
+FACTORS = {"u": 2.0, "e": 4.0, "x": 4.0, "f_t": 4.0, "motion_acc": 8.0, "dist": 16.0, "speed": 32.0}
+
+
+def in_other_units(record):
+    K_c, omega_b = record.controlled_element
+    return replace(
+        record,
+        y=FACTORS["u"] * record.y,
+        prediction=FACTORS["u"] * record.prediction,
+        channels={name: FACTORS[name] * values for name, values in record.channels.items()},
+        controlled_element=(K_c * FACTORS["x"] / FACTORS["u"], omega_b),
+        _derived={},
+    )
+
+
+def signal_in_other_units(signal, place):
+    """What effects of a place get and return; powers of two change no digit."""
+    u, e = FACTORS["u"], FACTORS["e"]
+    if place in ("path", "command"):
+        return Command(u * signal.position, u * signal.rate, e * signal.error, signal.delay)
+    if place == "spring":
+        return Spring(signal.cubic / u**2, signal.square / u)
+    return (
+        signal * {"input": e, "sum": u, "output": u}.get(place, 1.0) if place != "gain" else signal
+    )
+
+
+@pytest.mark.parametrize("name", catalogue().index)
+def test_dimensions_of_the_catalogue_are_right(name):
+    """In other units, with numbers as their dimensions say, the answer is the same."""
+    record = synthetic_record()
+    other = in_other_units(record)
+    pairs = zip(effect(name).variants(record), effect(name).variants(other), strict=True)
+    for one, same in pairs:
+        start = one.starts(record)[-1]
+        values = {p.name: start[p.name] for p in one.free} | one.fixed
+        changed = {}
+        for p in one.parameters:
+            powers = {"u": p.dimension.u, "e": p.dimension.e, **dict(p.dimension.channels)}
+            changed[p.name] = values[p.name] * np.prod([FACTORS[n] ** k for n, k in powers.items()])
+        signal = _signal_at(one.place, record)
+        expected = signal_in_other_units(one.apply(signal, record, **values), one.place)
+        found = same.apply(signal_in_other_units(signal, one.place), other, **changed)
+        for a, b in zip(_parts(found).values(), _parts(expected).values(), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
 
 
 def test_kinds_of_cores_are_words_too():
