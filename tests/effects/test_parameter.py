@@ -159,9 +159,9 @@ def signal_in_other_units(signal, place):
         return Command(u * signal.position, u * signal.rate, e * signal.error, signal.delay)
     if place == "spring":
         return Spring(signal.cubic / u**2, signal.square / u)
-    return (
-        signal * {"input": e, "sum": u, "output": u}.get(place, 1.0) if place != "gain" else signal
-    )
+    if place in ("delay", "gain"):
+        return signal
+    return signal * (e if place == "input" else u)
 
 
 @pytest.mark.parametrize("name", catalogue().index)
