@@ -13,10 +13,12 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from .effects.base import PLACES, Effect, Parameter
-from .effects.composition import Effects
+from .effects.base import Effect
+from .effects.composition import PLACES, Effects
+from .effects.core_kind import CoreKind
 from .effects.offsets import Bias
 from .effects.operator_signals import Command, Gains, Spring
+from .effects.parameter import Parameter
 from .effects.record import OTHER, Record, differentiated
 from .greybox.cores import ARXCore, OperatorCore, neutral_gains
 from .greybox.simulator import Simulator
@@ -39,7 +41,7 @@ CLOSE = 0.03  # of its value that it may be off however small its standard error
 def check_effect(
     effect: Effect,
     *,
-    core: str = "operator",
+    core: CoreKind | str = CoreKind.OPERATOR,
     channels: Sequence[str] = (),
     recovers: Mapping[str, float] | None = None,
 ) -> None:
@@ -55,7 +57,7 @@ def check_effect(
     ----------
     effect : Effect
         An instance.
-    core : {"operator", "arx"}, default="operator"
+    core : {"operator", "arx"} or CoreKind, default="operator"
         Model that it is to act in.
     channels : sequence of str, default=()
         Columns that the effect needs besides e, x, f_t, motion_acc, dist and speed.
@@ -79,7 +81,7 @@ def check_effect(
     >>> from skhoid.testing import check_effect
     >>> check_effect(DeadZone(form="gap"), recovers={"width": 0.4})
     """
-    if core not in ("operator", "arx"):
+    if core not in (CoreKind.OPERATOR, CoreKind.ARX):
         raise ValueError(f'core must be "operator" or "arx"; got {core!r}.')
     _expect(
         isinstance(effect, Effect),
@@ -89,7 +91,7 @@ def check_effect(
     record = synthetic_record(channels)
     _check_description(effect)
     _check_estimator(effect)
-    reason = effect.refusal(record, core)
+    reason = effect.refusal(record, CoreKind(core))
     _expect(
         reason is None,
         f"{_name(effect)} does not apply to the runs that it is checked on: {reason}. They have "
@@ -111,9 +113,9 @@ def check_effect(
         _check_apply(variant, record)
         _check_neutral(variant, record)
         _check_symmetries(variant, record)
-        _check_simulation(variant, record, core)
+        _check_simulation(variant, record, CoreKind(core))
     if recovers is not None:
-        _check_recovery(variants[0], record, core, dict(recovers))
+        _check_recovery(variants[0], record, CoreKind(core), dict(recovers))
 
 
 def synthetic_record(channels: Sequence[str] = (), seed: int = 0) -> Record:
@@ -188,10 +190,7 @@ def _check_description(effect: Effect) -> None:
         f"scripts; got {name!r}.",
     )
     place = getattr(effect, "place", None)
-    _expect(
-        place in PLACES,
-        f"{who}.place must be one of {', '.join(PLACES)}; got {place!r}.",
-    )
+    _expect(place in PLACES, f"{who}.place must be one of {', '.join(PLACES)}; got {place!r}.")
     for attribute in ("physics", "formula"):
         text = getattr(effect, attribute)
         _expect(
@@ -209,8 +208,7 @@ def _check_description(effect: Effect) -> None:
     for p in effect.parameters:
         _expect(
             p.meaning.strip(),
-            f"Parameter {p.name!r} of {who} has no meaning: say in some words what it is, for "
-            "tables.",
+            f"Parameter {p.name!r} of {who} has no meaning: say what it is, for tables.",
         )
         _expect(
             p.low < p.high,
@@ -231,6 +229,11 @@ def _check_estimator(effect: Effect) -> None:
             p.name in params,
             f"{who}.__init__ must take {p.name} as a keyword argument with the default None.",
         )
+    _expect(
+        all(k in params and isinstance(v, tuple) and v for k, v in effect.choices.items()),
+        f"{who}.choices must give arguments of __init__ tuples of what there is to choose from, "
+        f'such as {{"form": ("soft", "hard")}}; got {effect.choices}.',
+    )
     try:
         type(effect)()
     except TypeError as error:
@@ -304,7 +307,7 @@ def _check_starts(effect: Effect, record: Record) -> None:
                 f"{who}.starts gives {key} = {value:.4g}, which is not within its limits, "
                 f"{low:.4g} to {high:.4g}.",
             )
-    unknown = set(effect.neutral) - names
+    unknown = effect.neutral.keys() - names
     _expect(not unknown, f"{who}.neutral names {sorted(unknown)}, which are no parameters.")
 
 
@@ -449,7 +452,7 @@ def _check_neutral(effect: Effect, record: Record) -> None:
         return
     for start in effect.starts(record):
         values = {k: v for k, v in start.items() if not k.startswith("+")}
-        values |= effect.fixed | effect.neutral
+        values |= {**effect.fixed, **effect.neutral}
         given = _signal_at(effect.place, record)
         out = _whole(_applied(effect, record, values), record)
         for name, expected in _whole(given, record).items():
@@ -505,13 +508,13 @@ def _later(record: Record, shift: int) -> Record:
     )
 
 
-def _core(core: str) -> tuple[Any, list[float]]:
-    if core == "arx":
+def _core(core: CoreKind) -> tuple[Any, list[float]]:
+    if core == CoreKind.ARX:
         return ARXCore(2, 2, 10), list(ARX.values())
     return OperatorCore(DELAY), list(OPERATOR.values())
 
 
-def _simulated(steps: Effects, values: Mapping[str, float], record: Record, core: str) -> Any:
+def _simulated(steps: Effects, values: Mapping[str, float], record: Record, core: CoreKind) -> Any:
     """Output of a core with effects, at values of the parameters of one of them."""
     model, own = _core(core)
     simulator = Simulator(model, steps, record)
@@ -519,7 +522,7 @@ def _simulated(steps: Effects, values: Mapping[str, float], record: Record, core
     return simulator.run(np.array(theta))
 
 
-def _check_simulation(effect: Effect, record: Record, core: str) -> None:
+def _check_simulation(effect: Effect, record: Record, core: CoreKind) -> None:
     who = _name(effect)
     alone, beside = Effects.of(effect), Bias(level=0.1) + effect + Bias(level=0.2)
     _expect(
@@ -542,7 +545,7 @@ def _check_simulation(effect: Effect, record: Record, core: str) -> None:
         )
 
 
-def _check_recovery(effect: Effect, record: Record, core: str, truth: dict[str, float]) -> None:
+def _check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) -> None:
     """Simulate, estimate, compare."""
     from .arx.batch import ARXRegressor
     from .greybox.operator_regressor import OperatorRegressor
@@ -562,13 +565,12 @@ def _check_recovery(effect: Effect, record: Record, core: str, truth: dict[str, 
     X, y = _table(record, output)
     assert record.controlled_element is not None
     element = ControlledElement(*record.controlled_element)
-    if core == "arx":
+    if core == CoreKind.ARX:
         model: Any = ARXRegressor(2, 2, 10, effects=effect, controlled_element=element)
     else:
-        free = effect.refusal(record, "operator, free delay") is None
-        model = OperatorRegressor(
-            None if free else DELAY, effects=effect, controlled_element=element
-        )
+        free = effect.refusal(record, CoreKind.OPERATOR_FREE_DELAY) is None
+        delay = None if free else DELAY
+        model = OperatorRegressor(delay, effects=effect, controlled_element=element)
     fitted = model.fit(X, y)
     for key, value in truth.items():
         row = fitted.parameters_.loc[f"{effect.name}__{key}"]

@@ -1,15 +1,19 @@
 """Named physical effects, which models take and searches try."""
 
 from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
-from .base import Effect, Parameter
-from .catalogue import catalogue, effect
+from .base import Effect
+from .catalogue import catalogue  # which fills the registry of ids
 from .composition import Effects
+from .core_kind import CoreKind
+from .dimension import Dimension
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .error_scan import ErrorScan
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
 from .intermittent import Intermittent
 from .offsets import Bias, Drift, Integral
+from .parameter import Parameter
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
+from .registry import effect
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
 from .timing import TimeVaryingDelay, WrongDelay
 from .traces import Signature
@@ -20,9 +24,11 @@ __all__ = [
     "AsymmetricGain",
     "Backlash",
     "Bias",
+    "CoreKind",
     "CrossAxis",
     "CubicGain",
     "DeadZone",
+    "Dimension",
     "Disturbance",
     "Drift",
     "Effect",

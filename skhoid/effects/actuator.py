@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.special import ndtr
 
 from .. import _kernels
-from .base import Effect, Parameter
+from .base import Effect
+from .dimension import ONE, S, U
 from .error_scan import ErrorScan
 from .operator_signals import Spring
+from .parameter import Parameter
 from .record import Record
 from .traces import stop_of
 
@@ -54,6 +58,7 @@ class Saturation(Effect):
     physics = "The stick reaches its stop, or the hand its greatest deflection."
     formula = "u' = min(max(u, -limit), limit), or limit tanh(u / limit)"
     source = "Gelb and Vander Velde (1968)"
+    choices = {"form": ("hard", "soft", "unequal", "behind")}
 
     def __init__(
         self,
@@ -70,20 +75,19 @@ class Saturation(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        limit = Parameter("limit", "{u}", 0.1, 4.0, (0.8, 1.6), "u", "greatest deflection")
+        limit = Parameter("limit", U, 0.1, 4.0, (0.8, 1.6), "greatest deflection")
         if self.form == "unequal":
-            skew = Parameter("skew", "-", -0.95, 0.95, (-0.3, 0.3), "", "of the stops")
+            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "of the stops")
             return (limit, skew)
         if self.form != "behind":
             return (limit,)
-        return (limit, Parameter("remnant", "{u}", 0.01, 2.0, (0.3,), "u", "before the stop"))
+        return (limit, Parameter("remnant", U, 0.01, 2.0, (0.3,), "before the stop"))
 
     def variants(self, record: Record) -> list[Effect]:
+        made: list[Any] = super().variants(record)
         # Behind the remnant a stop shows in the output itself.
-        forms: tuple[str, ...] = ("hard", "soft", "unequal")
-        if stop_of(record):
-            forms += ("behind",)
-        return self.one_of_each("form", forms)
+        possible = self.form == "behind" or stop_of(record)
+        return [v for v in made if v.form != "behind" or possible]
 
     def apply(
         self,
@@ -130,7 +134,7 @@ class RateLimit(Effect):
     physics = "Hand or actuator cannot move faster."
     formula = "|du'/dt| <= limit"
     source = "Duda (1997)"
-    parameters = (Parameter("limit", "{u}/s", 0.1, 30.0, (1.0, 2.0, 4.0), "u", "greatest rate"),)
+    parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "greatest rate"),)
 
     def __init__(self, *, limit: float | None = None):
         self.limit = limit
@@ -163,14 +167,11 @@ class Backlash(Effect):
     physics = "There is play between hand and stick, or in the linkage."
     formula = "u' stays while |u - u'| < gap, and follows at that distance"
     source = "Gelb and Vander Velde (1968)"
-    parameters = (Parameter("gap", "{u}", 0.01, 2.0, (0.1, 0.3), "u", "half-width of the play"),)
+    parameters = (Parameter("gap", U, 0.01, 2.0, (0.1, 0.3), "half-width of the play"),)
+    neutral = {"gap": 0.0}
 
     def __init__(self, *, gap: float | None = None):
         self.gap = gap
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gap": 0.0}
 
     def apply(self, signal: np.ndarray, record: Record, gap: float) -> np.ndarray:
         return _kernels.greybox.stuck(_kernels.gate(signal), gap, gap, True)
@@ -209,11 +210,12 @@ class Stiction(Effect):
     formula = "u' stays while |u - u'| < breakaway, then follows kinetic * breakaway behind"
     source = "Armstrong-Helouvry et al. (1994)"
     parameters = (
-        Parameter("breakaway", "{u}", 0.01, 2.0, (0.1, 0.2, 0.4, 0.7), "u", "static friction"),
-        Parameter("kinetic", "-", 0.0, 0.95, (0.2, 0.6), "", "kinetic by static friction"),
+        Parameter("breakaway", U, 0.01, 2.0, (0.1, 0.2, 0.4, 0.7), "static friction"),
+        Parameter("kinetic", ONE, 0.0, 0.95, (0.2, 0.6), "kinetic by static friction"),
     )
     smooth = False
     shades = True
+    choices = {"form": ("slide", "jump")}
 
     def __init__(
         self,
@@ -225,9 +227,6 @@ class Stiction(Effect):
         self.breakaway = breakaway
         self.kinetic = kinetic
         self.form = form
-
-    def variants(self, record: Record) -> list[Effect]:
-        return self.one_of_each("form", ("slide", "jump"))
 
     def scanned_beside(
         self, error_of: ErrorScan, values: dict[str, float]
@@ -294,6 +293,8 @@ class Quantised(Effect):
     formula = "u' = step round(u / step - offset)"
     source = "Widrow and Kollar (2008)"
     shades = True
+    # The smooth form comes first: the others start from what it finds as well.
+    choices = {"form": ("behind", "sharp", "uneven")}
 
     def __init__(
         self,
@@ -313,13 +314,13 @@ class Quantised(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         steps = (0.5, 1.0, 2.0)
-        offset = Parameter("offset", "-", -0.5, 0.5, (0.0, 0.5), "", "of thresholds, in steps")
-        step = Parameter("step", "{u}", 0.05, 6.0, steps, "u", "of levels")
+        offset = Parameter("offset", ONE, -0.5, 0.5, (0.0, 0.5), "of thresholds, in steps")
+        step = Parameter("step", U, 0.05, 6.0, steps, "of levels")
         if self.form == "behind":
-            remnant = Parameter("remnant", "-", 0.15, 0.35, (0.2,), "", "before levels, in steps")
+            remnant = Parameter("remnant", ONE, 0.15, 0.35, (0.2,), "before levels, in steps")
             return (step, offset, remnant)
         if self.form == "uneven":
-            return (step, Parameter("power", "-", 0.5, 2.0, (0.8, 1.25), "", "of uneven levels"))
+            return (step, Parameter("power", ONE, 0.5, 2.0, (0.8, 1.25), "of uneven levels"))
         return (step, offset)
 
     softness = 0.0  # of corners, in steps
@@ -332,10 +333,6 @@ class Quantised(Effect):
         soft = self.with_choices()
         soft.softness = amount
         return soft
-
-    def variants(self, record: Record) -> list[Effect]:
-        # The smooth form comes first: the others start from what it finds as well.
-        return self.one_of_each("form", ("behind", "sharp", "uneven"))
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Steps as close as the minima of the squares, which are some percent wide."""
@@ -408,6 +405,8 @@ class HardeningStiffness(Effect):
     formula = "u + stiffness u^3, or u + stiffness u |u|, in place of u in the spring"
     source = "Wigren and Schoukens (2013)"
     shades = True
+    neutral = {"stiffness": 0.0}
+    choices = {"form": ("cubic", "square")}
 
     def __init__(self, *, stiffness: float | None = None, form: str | None = None):
         self.stiffness = stiffness
@@ -415,15 +414,8 @@ class HardeningStiffness(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        unit, scale = ("1/{u}", "1/u") if self.form == "square" else ("1/{u}^2", "1/u*u")
-        return (Parameter("stiffness", unit, 0.0, 20.0, (0.02, 0.3), scale, "of the spring"),)
-
-    def variants(self, record: Record) -> list[Effect]:
-        return self.one_of_each("form", ("cubic", "square"))
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"stiffness": 0.0}
+        dimension = ONE / U if self.form == "square" else ONE / U**2
+        return (Parameter("stiffness", dimension, 0.0, 20.0, (0.02, 0.3), "of the spring"),)
 
     def apply(self, signal: Spring, record: Record, stiffness: float) -> Spring:
         return signal.stiffer(**{self.form or "cubic": stiffness})

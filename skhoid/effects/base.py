@@ -2,69 +2,22 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import BaseEstimator, clone
 
+from .composition import Composable
+from .core_kind import CoreKind
+from .dimension import Dimension
 from .error_scan import ErrorScan
+from .parameter import Parameter
 from .record import Record
 from .traces import Signature
 
-PLACES = ("input", "delay", "gain", "path", "command", "spring", "sum", "output")
 
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an effect.
-
-    Parameters
-    ----------
-    name : str
-        Name of the constructor argument; None there means that it is estimated.
-    unit : str
-        Unit, in which ``{e}`` and ``{u}`` stand for those of input and output.
-    low, high : float
-        Physical bounds, times ``scale``.
-    starts : tuple of float
-        Values to start estimation from, times ``scale``; one of each parameter at a time.
-    scale : str
-        ``"e"``, ``"u"`` or a product like ``"u/e"``: bounds and starts are in standard deviations
-        of input and output; ``"T"`` in durations of a run; ``""`` as they are.
-    meaning : str
-        What it is, for tables.
-
-    Examples
-    --------
-    >>> from skhoid.effects import Parameter
-    >>> Parameter("width", "{e}", 0.0, 3.0, starts=(0.3, 1.0), scale="e").name
-    'width'
-    """
-
-    name: str
-    unit: str = "-"
-    low: float = -np.inf
-    high: float = np.inf
-    starts: tuple[float, ...] = (1.0,)
-    scale: str = ""
-    meaning: str = ""
-
-    def scale_of(self, record: Record) -> float:
-        """The unit that bounds and starts are in."""
-        value = 1.0
-        if not self.scale:
-            return value
-        for i, factor in enumerate(self.scale.split("/")):
-            for name in factor.split("*"):
-                size = {"T": record.duration, "1": 1.0, "{s}": record.time_unit}.get(name)
-                value *= (record.sd(name) if size is None else size) ** (1 if i == 0 else -1)
-        return value
-
-
-class Effect(BaseEstimator):
+class Effect(Composable, BaseEstimator):
     """Base of all effects; a subclass is an effect of your own.
 
     A subclass names its ``parameters``, takes each as a keyword argument of ``__init__`` with the
@@ -100,9 +53,16 @@ class Effect(BaseEstimator):
         What it adds to the output, in words such as "a sine", where that is noise to a free run,
         since no input explains it; "" for all other effects. Noise is not fitted by a search but
         recognised by its ``signature``, and has a ``realisation`` for pictures.
+    choices : dict of str to tuple of str
+        Arguments that are choices, such as ``form``, with what there is to choose from. One that
+        is None is open, and all are tried.
+    neutral : dict of str to float
+        Values of parameters at which it does nothing, where there are such.
 
     See Also
     --------
+    Parameter : One number of an effect.
+    CoreKind : What ``refusal`` is told.
     skhoid.testing.check_effect : Checks of an effect of your own.
 
     Examples
@@ -110,16 +70,14 @@ class Effect(BaseEstimator):
     A response that grows ever more slowly with the error:
 
     >>> import numpy as np
-    >>> from skhoid.effects import Effect, Parameter
+    >>> from skhoid.effects import Dimension, Effect, Parameter
     >>> class Compressed(Effect):
     ...     name = "compressed"
     ...     place = "input"
     ...     physics = "Large errors are answered less than in proportion."
     ...     formula = "e' = knee asinh(e / knee)"
     ...     parameters = (
-    ...         Parameter(
-    ...             "knee", "{e}", 0.01, 10.0, starts=(1.0,), scale="e", meaning="of the answer"
-    ...         ),
+    ...         Parameter("knee", Dimension(e=1), 0.01, 10.0, (1.0,), meaning="of the answer"),
     ...     )
     ...
     ...     def __init__(self, *, knee=None):
@@ -141,24 +99,32 @@ class Effect(BaseEstimator):
     shades: ClassVar[bool] = False
     n_hidden: int = 0
     noise: ClassVar[str] = ""
+    choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    neutral: Mapping[str, float] = {}
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """What comes out of the effect when ``signal`` goes in, at values of the parameters."""
         raise NotImplementedError(f"{type(self).__name__} must implement apply.")
 
-    def refusal(self, record: Record, core: str) -> str | None:
-        """Why the effect does not apply to a record and a core ("operator" or "arx"), or None."""
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        """Why the effect does not apply to a record and a kind of core, or None."""
         return None
 
     def variants(self, record: Record) -> list[Effect]:
-        """The effect with each choice that is open (form, channel) made: one object a choice."""
-        return [self]
+        """The effect with each choice that is open made: one object a choice.
+
+        Those of ``choices`` are; a subclass makes others, which depend on the record.
+        """
+        made: list[Effect] = [self]
+        for argument, options in self.choices.items():
+            made = [variant for one in made for variant in one.one_of_each(argument, options)]
+        return made
 
     def starts(self, record: Record) -> list[dict[str, float]]:
         """Values of the parameters to start estimation from, in the units of the data."""
         found: list[dict[str, float]] = [{}]
-        for p in self.parameters_on(record):
-            scale = p.scale_of(record)
+        for p in self.parameters:
+            scale = p.scale_of(record, self.place)
             found = [{**f, p.name: s * scale} for f in found for s in p.starts]
         return found
 
@@ -203,22 +169,13 @@ class Effect(BaseEstimator):
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
         """Bounds of the parameters in the units of the data."""
         bounds = {}
-        for p in self.parameters_on(record):
-            scale = p.scale_of(record)
+        for p in self.parameters:
+            scale = p.scale_of(record, self.place)
             bounds[p.name] = (p.low * scale, p.high * scale)
         return bounds
 
-    def parameters_on(self, record: Record) -> tuple[Parameter, ...]:
-        """The parameters in the units that the core of a record gives them."""
-        return tuple(on_core(p, self.place, record) for p in self.parameters)
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        """Values at which the effect does nothing, where there are such."""
-        return {}
-
-    def derived(self, values: dict[str, float]) -> dict[str, tuple[float, str, str]]:
-        """Further numbers of a fitted effect: value, unit and meaning by name.
+    def derived(self, values: dict[str, float]) -> dict[str, tuple[float, Dimension, str]]:
+        """Further numbers of a fitted effect: value, dimension and meaning by name.
 
         ``values`` holds the parameters of the core and, by their plain names, those of the effect.
         """
@@ -247,37 +204,3 @@ class Effect(BaseEstimator):
         given = getattr(self, argument)
         chosen = options if given is None else (given,)
         return [self.with_choices(**{argument: option}) for option in chosen]
-
-    def __add__(self, other: Any) -> Any:
-        from .composition import Effects
-
-        return Effects.of(self) + other
-
-
-def on_core(p: Parameter, place: str, record: Record) -> Parameter:
-    """A parameter as the core of a record has it.
-
-    Written for operators, whose command has the unit of the output. The command of an ARX model
-    has that of its input; and what is slow or fast there, the output tells.
-    """
-    if record.core != "arx":
-        return p
-    unit, scale = p.unit, p.scale
-    if place in ("path", "command"):
-        unit = unit.replace("{u}", "{e}")
-        unit = {"{e}/{e}": "-", "{e}/({e} s)": "1/s"}.get(unit, unit)
-        scale = re.sub(r"(?<![\w.])u(?![\w.])", "e", scale)
-    elif place == "spring":
-        unit = {"1/{u}^2": "{e}/{u}^3", "1/{u}": "{e}/{u}^2"}.get(unit, unit)
-        scale = f"e*{scale or 1}/u"
-    if "T" not in re.split("[/*]", scale):
-        power = power_of_seconds(p.unit)
-        scale = "*".join(["{s}"] * max(power, 0) + [scale] * bool(scale)) or "1"
-        scale += "/{s}" * max(-power, 0)
-    return replace(p, unit=unit, scale=scale)
-
-
-def power_of_seconds(unit: str) -> int:
-    """Power of the second in a unit like ``{u} s/{e}`` or ``Hz``."""
-    over, *under = (re.findall(r"[^\s()]+", part) for part in unit.split("/"))
-    return over.count("s") - over.count("Hz") - sum(part.count("s") for part in under)

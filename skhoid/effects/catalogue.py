@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pandas as pd
 
-from ..exceptions import did_you_mean
 from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
 from .base import Effect
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
@@ -12,6 +11,7 @@ from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rect
 from .intermittent import Intermittent
 from .offsets import Bias, Drift, Integral
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
+from .registry import register
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
 from .timing import TimeVaryingDelay, WrongDelay
 from .tremor import Tremor
@@ -50,33 +50,7 @@ CLASSES: tuple[type[Effect], ...] = (
     HigherOrder,
     Tremor,
 )
-BY_NAME = {c.name: c for c in CLASSES}
-
-
-def effect(name: str) -> Effect:
-    """The effect of an id, with everything to be estimated.
-
-    Parameters
-    ----------
-    name : str
-        Id, such as ``"dead_zone"``.
-
-    Returns
-    -------
-    effect : Effect
-
-    Examples
-    --------
-    >>> from skhoid.effects import effect
-    >>> effect("dead_zone")
-    DeadZone()
-    """
-    if name not in BY_NAME:
-        raise ValueError(
-            f"No effect is called {name!r}. There are: {', '.join(BY_NAME)}."
-            f"{did_you_mean(name, BY_NAME)}"
-        )
-    return BY_NAME[name]()
+BY_NAME = register(CLASSES)
 
 
 def catalogue() -> pd.DataFrame:

@@ -3,10 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from .._sklearn import BaseComposition
-from .base import PLACES, Effect
+from .registry import effect
+
+if TYPE_CHECKING:
+    from .base import Effect
+
+PLACES = ("input", "delay", "gain", "path", "command", "spring", "sum", "output")
+
+
+class Composable:
+    """What ``+`` puts together: the part of an effect that compositions are made of."""
+
+    name: ClassVar[str]
+    place: ClassVar[str]
+
+    def __add__(self, other: Any) -> Effects:
+        return Effects.of(self) + other
 
 
 class Effects(BaseComposition):
@@ -65,22 +80,20 @@ class Effects(BaseComposition):
             for item in listed:
                 steps = [*steps, *cls.of(item).steps] if _is_many(item) else [*steps, _named(item)]
         named: list[tuple[str, Effect]] = []
-        for name, effect in steps:
-            if not isinstance(effect, Effect):
-                raise TypeError(
-                    f"An effect is an instance of skhoid.effects.Effect; got {effect!r}."
-                )
-            if effect.place not in PLACES:
+        for name, one in steps:
+            if not isinstance(one, Composable):
+                raise TypeError(f"An effect is an instance of skhoid.effects.Effect; got {one!r}.")
+            if one.place not in PLACES:
                 raise ValueError(
-                    f"{type(effect).__name__}.place must be one of {', '.join(PLACES)}; got "
-                    f"{effect.place!r}."
+                    f"{type(one).__name__}.place must be one of {', '.join(PLACES)}; got "
+                    f"{one.place!r}."
                 )
             taken = {n for n, _ in named}
             base, number, unique = name, 1, name
             while unique in taken:
                 number += 1
                 unique = f"{base}-{number}"
-            named.append((unique, effect))
+            named.append((unique, one))
         return cls(named)
 
     @property
@@ -133,8 +146,6 @@ def _is_many(item: Any) -> bool:
 
 def _named(item: Any) -> tuple[str, Effect]:
     if isinstance(item, str):
-        from .catalogue import effect
-
         item = effect(item)
     if isinstance(item, type):
         raise TypeError(f"Pass an instance, {item.__name__}(), not the class {item.__name__}.")

@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
-from .base import Effect, Parameter
+from .base import Effect
+from .core_kind import CoreKind
+from .dimension import ONE, RAD, S
+from .parameter import Parameter
 from .record import Record, differentiated
 
 
@@ -35,14 +38,11 @@ class ExtraLag(Effect):
     physics = "The operator smooths what is seen."
     formula = "1 / (time s + 1)"
     source = "McRuer and Krendel (1974)"
-    parameters = (Parameter("time", "s", 0.0, 20.0, (0.1, 1.0), "", "lag time constant T_I"),)
+    parameters = (Parameter("time", S, 0.0, 20.0, (0.1, 1.0), "lag time constant T_I"),)
+    neutral = {"time": 0.0}
 
     def __init__(self, *, time: float | None = None):
         self.time = time
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"time": 0.0}
 
     def apply(self, signal: Any, record: Record, time: float) -> Any:
         return shaped(signal, record, [0.0, 0.0, 1.0], [0.0, time, 1.0])
@@ -72,17 +72,14 @@ class ExtraLead(Effect):
     physics = "The operator answers the acceleration of the error too."
     formula = "time s + 1"
     source = "McRuer and Krendel (1974)"
-    parameters = (Parameter("time", "s", 0.0, 2.0, (0.05, 0.3), "", "second lead"),)
+    parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "second lead"),)
+    neutral = {"time": 0.0}
 
     def __init__(self, *, time: float | None = None):
         self.time = time
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"time": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
-        return "an ARX model has zeros of its own: raise nb" if core == "arx" else None
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        return "an ARX model has zeros of its own: raise nb" if core == CoreKind.ARX else None
 
     def apply(self, signal: Any, record: Record, time: float) -> Any:
         faster = signal.position + differentiated(signal.rate, record.dt)
@@ -116,16 +113,16 @@ class NeuromuscularMode(Effect):
     formula = "omega^2 / (s^2 + 2 zeta omega s + omega^2)"
     source = "Magdaleno and McRuer (1971)"
     parameters = (
-        Parameter("omega", "rad/s", 4.0, 60.0, (15.0, 25.0), "", "frequency of the mode"),
-        Parameter("zeta", "-", 0.03, 2.0, (0.3,), "", "its damping ratio"),
+        Parameter("omega", RAD / S, 4.0, 60.0, (15.0, 25.0), "frequency of the mode"),
+        Parameter("zeta", ONE, 0.03, 2.0, (0.3,), "its damping ratio"),
     )
 
     def __init__(self, *, omega: float | None = None, zeta: float | None = None):
         self.omega = omega
         self.zeta = zeta
 
-    def refusal(self, record: Record, core: str) -> str | None:
-        if core == "arx":
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if core == CoreKind.ARX:
             return "an ARX model has no neuromuscular system; higher_order adds poles and zeros"
         return None
 
@@ -159,10 +156,10 @@ class HigherOrder(Effect):
     formula = "(s^2/w_z^2 + 2 z_z s/w_z + 1) / (s^2/w_p^2 + 2 z_p s/w_p + 1)"
     source = "Ljung (1999)"
     parameters = (
-        Parameter("zero_frequency", "rad/s", 0.3, 40.0, (1.5, 6.0, 15.0), "", "of the zeros"),
-        Parameter("zero_damping", "-", 0.0, 5.0, (0.6,), "", "of the zeros"),
-        Parameter("pole_frequency", "rad/s", 0.3, 40.0, (1.5, 6.0, 15.0), "", "of the poles"),
-        Parameter("pole_damping", "-", 0.02, 5.0, (0.6,), "", "of the poles"),
+        Parameter("zero_frequency", RAD / S, 0.3, 40.0, (1.5, 6.0, 15.0), "of the zeros"),
+        Parameter("zero_damping", ONE, 0.0, 5.0, (0.6,), "of the zeros"),
+        Parameter("pole_frequency", RAD / S, 0.3, 40.0, (1.5, 6.0, 15.0), "of the poles"),
+        Parameter("pole_damping", ONE, 0.02, 5.0, (0.6,), "of the poles"),
     )
 
     def __init__(
@@ -189,7 +186,7 @@ class HigherOrder(Effect):
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
         """Wider for an ARX model: machines ring longer than people, and over more octaves."""
         limits = super().limits(record)
-        if record.core != "arx":
+        if record.core != CoreKind.ARX:
             return limits
         for name in ("zero_frequency", "pole_frequency"):
             low, high = limits[name]

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from .base import Effect, Parameter
+from .base import Effect
+from .dimension import ONE, E, S, U
+from .parameter import Parameter
 from .record import Record
 
 
@@ -40,17 +42,13 @@ class DeadZone(Effect):
     physics = "Errors below a threshold are not seen, or not answered."
     formula = "e' = sign(e) max(|e| - width, 0), or e where |e| > width"
     source = "McRuer and Krendel (1974)"
-    parameters = (
-        Parameter("width", "{e}", 0.02, 3.0, (0.25, 0.7), "e", "half-width of the threshold"),
-    )
+    parameters = (Parameter("width", E, 0.02, 3.0, (0.25, 0.7), "half-width of the threshold"),)
     shades = True
+    choices = {"form": ("gap", "smooth", "jump")}
 
     def __init__(self, *, width: float | None = None, form: str | None = None):
         self.width = width
         self.form = form
-
-    def variants(self, record: Record) -> list[Effect]:
-        return self.one_of_each("form", ("gap", "smooth", "jump"))
 
     def apply(self, signal: np.ndarray, record: Record, width: float) -> np.ndarray:
         if self.form == "jump":
@@ -94,6 +92,8 @@ class AsymmetricGain(Effect):
     formula = "e' = e + asymmetry |e|, or e + asymmetry max(|e| - level, 0)"
     source = "McRuer and Krendel (1974)"
     shades = True
+    neutral = {"asymmetry": 0.0}
+    choices = {"form": ("all", "large")}
 
     def __init__(
         self,
@@ -111,17 +111,10 @@ class AsymmetricGain(Effect):
         meaning = "positive errors stronger"
         if self.form == "large":
             return (
-                Parameter("asymmetry", "-", -0.95, 0.95, (-0.3, 0.3), "", meaning),
-                Parameter("level", "{e}", 0.05, 2.0, (0.3, 0.8), "e", "above which gains differ"),
+                Parameter("asymmetry", ONE, -0.95, 0.95, (-0.3, 0.3), meaning),
+                Parameter("level", E, 0.05, 2.0, (0.3, 0.8), "above which gains differ"),
             )
-        return (Parameter("asymmetry", "-", -0.7, 0.7, (-0.2, 0.2), "", meaning),)
-
-    def variants(self, record: Record) -> list[Effect]:
-        return self.one_of_each("form", ("all", "large"))
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"asymmetry": 0.0}
+        return (Parameter("asymmetry", ONE, -0.7, 0.7, (-0.2, 0.2), meaning),)
 
     def apply(
         self, signal: np.ndarray, record: Record, asymmetry: float, level: float = 0.0
@@ -164,6 +157,7 @@ class Rectified(Effect):
     formula = "e' = max(e, leak e), or min(e, leak e)"
     source = "Young (1973)"
     shades = True
+    choices = {"form": ("sharp", "soft"), "side": ("positive", "negative")}
 
     def __init__(
         self,
@@ -181,12 +175,8 @@ class Rectified(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         if self.form == "soft":
-            return (Parameter("width", "{e}", 0.02, 1.0, (0.3,), "e", "of the bend"),)
-        return (Parameter("leak", "-", 0.0, 0.18, (0.05,), "", "gain of the other side"),)
-
-    def variants(self, record: Record) -> list[Effect]:
-        formed = self.one_of_each("form", ("sharp", "soft"))
-        return [v for f in formed for v in f.one_of_each("side", ("positive", "negative"))]
+            return (Parameter("width", E, 0.02, 1.0, (0.3,), "of the bend"),)
+        return (Parameter("leak", ONE, 0.0, 0.18, (0.05,), "gain of the other side"),)
 
     def apply(
         self, signal: np.ndarray, record: Record, leak: float = 0.0, width: float = 0.0
@@ -231,6 +221,8 @@ class CubicGain(Effect):
     formula = "e' = e + hardening e^3, e + hardening e |e|, or sign(e) |e|^(1 + hardening)"
     source = "Hammerstein models, Ljung (1999)"
     shades = True
+    choices = {"form": ("cubic", "square", "power")}
+    neutral = {"hardening": 0.0}
 
     def __init__(
         self,
@@ -247,19 +239,14 @@ class CubicGain(Effect):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         meaning = "growth of the gain with amplitude"
         if self.form == "power":
-            return (Parameter("hardening", "-", -0.7, 2.5, (-0.3, 0.3), "", meaning),)
+            return (Parameter("hardening", ONE, -0.7, 2.5, (-0.3, 0.3), meaning),)
         if self.form == "square":
-            return (Parameter("hardening", "1/{e}", -0.25, 20.0, (-0.1, 0.3), "1/e", meaning),)
-        return (Parameter("hardening", "1/{e}^2", -0.08, 20.0, (-0.02, 0.1), "1/e*e", meaning),)
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"hardening": 0.0}
+            return (Parameter("hardening", ONE / E, -0.25, 20.0, (-0.1, 0.3), meaning),)
+        return (Parameter("hardening", ONE / E**2, -0.08, 20.0, (-0.02, 0.1), meaning),)
 
     def variants(self, record: Record) -> list[Effect]:
         reference = record.sd("e") if self.reference is None else self.reference
-        referred = self.with_choices(reference=reference)
-        return referred.one_of_each("form", ("cubic", "square", "power"))
+        return [v.with_choices(reference=reference) for v in super().variants(record)]
 
     def apply(self, signal: np.ndarray, record: Record, hardening: float) -> np.ndarray:
         size = np.abs(signal)
@@ -306,6 +293,8 @@ class AbsoluteValue(Effect):
     formula = "command + gain |e(t - tau_e - later)|"
     source = "McRuer and Krendel (1974)"
     shades = True
+    neutral = {"gain": 0.0}
+    choices = {"form": ("together", "apart")}
 
     def __init__(
         self, *, gain: float | None = None, later: float | None = None, form: str | None = None
@@ -316,17 +305,10 @@ class AbsoluteValue(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = Parameter("gain", "{u}/{e}", -5.0, 5.0, (-0.3, 0.3), "u/e", "answer to the size")
+        gain = Parameter("gain", U / E, -5.0, 5.0, (-0.3, 0.3), "answer to the size")
         if self.form != "apart":
             return (gain,)
-        return (gain, Parameter("later", "s", -0.3, 0.6, (-0.1, 0.1), "", "than the error"))
-
-    def variants(self, record: Record) -> list[Effect]:
-        return self.one_of_each("form", ("together", "apart"))
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gain": 0.0}
+        return (gain, Parameter("later", S, -0.3, 0.6, (-0.1, 0.1), "than the error"))
 
     def apply(self, signal: Any, record: Record, gain: float, later: float = 0.0) -> Any:
         size = np.abs(signal.error)

@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
-from .base import Effect, Parameter
+from .base import Effect
+from .core_kind import CoreKind
+from .dimension import E, S, U
 from .error_scan import ErrorScan
+from .parameter import Parameter
 from .record import Record, differentiated
 
 HOLDS_CLOCK = tuple(np.arange(0.1, 0.9, 0.1).round(2).tolist())
@@ -67,6 +70,7 @@ class Intermittent(Effect):
     formula = "command(t_i) for t_i <= t < t_(i+1)"
     source = "Gawthrop et al. (2011)"
     smooth = False
+    choices = {"trigger": ("clock", "event", "error")}
 
     def __init__(
         self,
@@ -84,19 +88,16 @@ class Intermittent(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         if self.trigger in ("event", "error"):
-            unit = "e" if self.trigger == "error" else "u"
+            watched = E if self.trigger == "error" else U
             thresholds = tuple(np.geomspace(0.05, 1.2, 9).tolist())
             return (
-                Parameter("hold_time", "s", 0.0, 1.2, STARTS_EVENT, "", "refractory time"),
-                Parameter("threshold", f"{{{unit}}}", 0.01, 4.0, thresholds, unit, "that triggers"),
+                Parameter("hold_time", S, 0.0, 1.2, STARTS_EVENT, "refractory time"),
+                Parameter("threshold", watched, 0.01, 4.0, thresholds, "that triggers"),
             )
         return (
-            Parameter("hold_time", "s", 0.04, 1.2, HOLDS_CLOCK, "", "between decisions"),
-            Parameter("phase", "s", 0.0, 1.2, (0.0,), "", "of the first decision"),
+            Parameter("hold_time", S, 0.04, 1.2, HOLDS_CLOCK, "between decisions"),
+            Parameter("phase", S, 0.0, 1.2, (0.0,), "of the first decision"),
         )
-
-    def variants(self, record: Record) -> list[Effect]:
-        return self.one_of_each("trigger", ("clock", "event", "error"))
 
     def starts(self, record: Record) -> list[dict[str, float]]:
         """A grid, on which the delay is shorter by what the hold delays on average."""
@@ -109,7 +110,7 @@ class Intermittent(Effect):
     def _is_scanned(self, record: Record) -> bool:
         if self.trigger == "clock":
             return self.hold_time is None
-        return record.core == "operator" and not self.fixed
+        return record.core != CoreKind.ARX and not self.fixed
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         if not self._is_scanned(record):
@@ -122,7 +123,7 @@ class Intermittent(Effect):
         """Times between ticks, ever finer: over a run they must be right to a share of a tick."""
         unit = record.time_unit
         duration = record.duration / unit
-        operator = record.core == "operator"
+        operator = record.core != CoreKind.ARX
         # Of a fast system the settling can be longer than a scan.
         settled = record.dt * int(record.known.any(axis=1).argmax())
         begin = 0.0 if operator else settled

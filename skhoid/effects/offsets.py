@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
-from .base import Effect, Parameter
+from .base import Effect
+from .dimension import ONE, E, S, T, U
+from .parameter import Parameter
 from .record import Record
 
 
@@ -35,14 +37,11 @@ class Bias(Effect):
     physics = "The output is off its zero: trim, or a sensor's offset."
     formula = "u + level"
     source = "Ljung (1999)"
-    parameters = (Parameter("level", "{u}", -20.0, 20.0, (0.1,), "u", "offset"),)
+    parameters = (Parameter("level", U, -20.0, 20.0, (0.1,), "offset"),)
+    neutral = {"level": 0.0}
 
     def __init__(self, *, level: float | None = None):
         self.level = level
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"level": 0.0}
 
     def apply(self, signal: np.ndarray, record: Record, level: float) -> np.ndarray:
         return signal + level
@@ -84,6 +83,7 @@ class Drift(Effect):
     physics = "The output drifts away steadily, or settles from the start on."
     formula = "u + rate (t - reference), or u + level - rate tau exp(-(t - reference) / tau)"
     source = "Ljung (1999)"
+    choices = {"form": ("linear", "settling")}
 
     def __init__(
         self,
@@ -102,20 +102,21 @@ class Drift(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        rate = Parameter("rate", "{u}/s", -20.0, 20.0, (0.5,), "u/T", "of the drift")
+        rate = Parameter("rate", U / S, -20.0, 20.0, (0.5,), "of the drift", U / T)
         if self.form != "settling":
             return (rate,)
-        steep = Parameter("rate", "{u}/s", -100.0, 100.0, (2.0, -2.0), "u/T", "at the start")
-        level = Parameter("level", "{u}", -20.0, 20.0, (0.0,), "u", "where it comes to rest")
-        return (steep, Parameter("tau", "s", 0.05, 1.0, (0.15, 0.4), "T", "time constant"), level)
+        steep = Parameter("rate", U / S, -100.0, 100.0, (2.0, -2.0), "at the start", U / T)
+        level = Parameter("level", U, -20.0, 20.0, (0.0,), "where it comes to rest")
+        return (steep, Parameter("tau", S, 0.05, 1.0, (0.15, 0.4), "time constant", T), level)
 
     @property
-    def neutral(self) -> dict[str, float]:
+    def neutral(self) -> dict[str, float]:  # type: ignore[override]
         return {"rate": 0.0, "level": 0.0} if self.form == "settling" else {"rate": 0.0}
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Effect] = []
-        for chosen in self.one_of_each("form", ("linear", "settling")):
+        formed: list[Any] = super().variants(record)
+        for chosen in formed:
             if chosen.form == "settling" and self.reference is None:
                 chosen.set_params(reference=float(record.t[0].mean()))
             made.append(with_middle(chosen, record))
@@ -165,6 +166,8 @@ class Integral(Effect):
     physics = "A standing error is trimmed away slowly."
     formula = "command + gain * integral of e(t - tau_e)"
     source = "McRuer and Krendel (1974)"
+    neutral = {"gain": 0.0}
+    choices = {"form": ("pure", "leaky")}
 
     def __init__(
         self, *, gain: float | None = None, leak: float | None = None, form: str | None = None
@@ -175,17 +178,10 @@ class Integral(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = Parameter("gain", "{u}/({e} s)", 0.0, 20.0, (0.1, 0.5), "u/e", "of the integral")
+        gain = Parameter("gain", U / (E * S), 0.0, 20.0, (0.1, 0.5), "of the integral")
         if self.form != "leaky":
             return (gain,)
-        return (gain, Parameter("leak", "1/s", 0.001, 0.6, (0.1,), "", "rate of forgetting"))
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gain": 0.0}
-
-    def variants(self, record: Record) -> list[Effect]:
-        return self.one_of_each("form", ("pure", "leaky"))
+        return (gain, Parameter("leak", ONE / S, 0.001, 0.6, (0.1,), "rate of forgetting"))
 
     def apply(self, signal: Any, record: Record, gain: float, leak: float = 0.0) -> Any:
         dt = record.dt

@@ -7,12 +7,16 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
-from .base import Effect, Parameter
+from .base import Effect
+from .core_kind import CoreKind
+from .dimension import ONE, Dimension, E, S, U
 from .dynamics import bilinear
 from .error_scan import ErrorScan
+from .parameter import Parameter
 from .record import OTHER, Record, differentiated
 from .time_variation import needs_channel
 
+X = Dimension.of_channel("x")  # is the target less the error: sized like the error
 SCAN_STEP = 0.06  # s, of the time of an answer to the target
 FASTEST = 0.06  # s; a faster answer to what the loop moves is the loop itself
 
@@ -21,21 +25,18 @@ class _AnswerToTarget(Effect):
     """What answers to the target share: a gain, and a form."""
 
     form: str | None
+    neutral = {"gain": 0.0}
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gain": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_target(record, self.form)
 
-    forms: tuple[str, ...] = ("inverse", "rate", "gain")
+    choices = {"form": ("inverse", "rate", "gain")}
     ahead = -1.0  # sign of the parameter that is a time, as time looked ahead
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Times as close as the minima of the squares, with all gains solved for at each."""
         gain, time = self.parameters[:2]
-        if record.core != "operator" or self.fixed or self.form == "spread":
+        if record.core == CoreKind.ARX or self.fixed or self.form == "spread":
             return []
         times = np.arange(time.low, time.high + SCAN_STEP / 2, SCAN_STEP)
         target = shaped_target(record, self.form)
@@ -44,7 +45,7 @@ class _AnswerToTarget(Effect):
         left = error_of.left([*columns, np.stack(answers, axis=2)], np.inf)
         # Of neighbours the best, which leaves room for another minimum.
         best = [i for i in np.argsort(left) if left[i] <= left[max(i - 1, 0) : i + 2].min()]
-        scale = gain.scale_of(record)
+        scale = gain.scale_of(record, self.place)
         return [
             {gain.name: start * scale, time.name: float(times[i])}
             for i in best[:2]
@@ -52,8 +53,9 @@ class _AnswerToTarget(Effect):
         ]
 
     def variants(self, record: Record) -> list[Effect]:
-        known = record.controlled_element is not None
-        return self.one_of_each("form", tuple(f for f in self.forms if known or not of_inverse(f)))
+        made: list[Any] = super().variants(record)
+        possible = self.form is not None or record.controlled_element is not None
+        return [v for v in made if possible or not of_inverse(v.form)]
 
 
 class Feedforward(_AnswerToTarget):
@@ -101,7 +103,7 @@ class Feedforward(_AnswerToTarget):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         return (
             gain_of_target(self.form),
-            Parameter("delay", "s", 0.0, 0.8, (0.05, 0.3), "", "of the answer to the target"),
+            Parameter("delay", S, 0.0, 0.8, (0.05, 0.3), "of the answer to the target"),
         )
 
     def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
@@ -142,7 +144,7 @@ class Preview(_AnswerToTarget):
     formula = "command + gain f_t(t + time) / H_CE"
     source = "Van der El et al. (2016)"
     ahead = 1.0
-    forms = ("inverse", "rate", "gain", "spread")
+    choices = {"form": ("inverse", "rate", "gain", "spread")}
 
     def __init__(
         self,
@@ -161,11 +163,11 @@ class Preview(_AnswerToTarget):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         both = (
             gain_of_target(self.form),
-            Parameter("time", "s", 0.0, 1.5, (0.2, 0.6), "", "looked ahead"),
+            Parameter("time", S, 0.0, 1.5, (0.2, 0.6), "looked ahead"),
         )
         if self.form != "spread":
             return both
-        return (*both, Parameter("stretch", "s", 0.05, 1.5, (0.3,), "", "of the target answered"))
+        return (*both, Parameter("stretch", S, 0.05, 1.5, (0.3,), "of the target answered"))
 
     def apply(
         self, signal: Any, record: Record, gain: float, time: float, stretch: float = 0.0
@@ -207,10 +209,11 @@ class OutputFeedback(Effect):
     formula = "command - gain x(t - delay) - rate_gain dx/dt(t - delay)"
     source = "Wasicko et al. (1966)"
     parameters = (
-        Parameter("gain", "{u}/[x]", 0.0, 20.0, (0.05,), "u/e", "on x"),
-        Parameter("rate_gain", "{u} s/[x]", 0.0, 20.0, (0.05,), "u/e", "on the rate of x"),
-        Parameter("delay", "s", FASTEST, 0.8, (0.12, 0.3), "", "of the answer to x"),
+        Parameter("gain", U / X, 0.0, 20.0, (0.05,), "on x", U / E),
+        Parameter("rate_gain", U * S / X, 0.0, 20.0, (0.05,), "on the rate of x", U / E),
+        Parameter("delay", S, FASTEST, 0.8, (0.12, 0.3), "of the answer to x"),
     )
+    neutral = {"gain": 0.0, "rate_gain": 0.0}
 
     def __init__(
         self,
@@ -223,11 +226,7 @@ class OutputFeedback(Effect):
         self.rate_gain = rate_gain
         self.delay = delay
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gain": 0.0, "rate_gain": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(None, record, "x", "column of role x, the controlled output")
 
     def apply(
@@ -271,6 +270,8 @@ class MotionFeedback(Effect):
     physics = "The operator feels the vehicle's motion and answers it."
     formula = "command - gain motion(t - delay)"
     source = "Hosman and Stassen (1999)"
+    neutral = {"gain": 0.0}
+    choices = {"form": ("direct", "canal", "feedthrough")}
 
     def __init__(
         self,
@@ -291,34 +292,29 @@ class MotionFeedback(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        unit, scale = f"{{u}}/[{self.channel}]", f"u/{self.channel}"
+        gain = U / Dimension.of_channel(self.channel)
         if self.form == "feedthrough":
             return (
-                Parameter("gain", unit, -20.0, 20.0, (0.1, -0.1), scale, "of the feedthrough"),
-                Parameter("delay", "s", 0.0, 0.06, (0.0,), "", "of the feedthrough"),
+                Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "of the feedthrough"),
+                Parameter("delay", S, 0.0, 0.06, (0.0,), "of the feedthrough"),
             )
         return (
-            Parameter("gain", unit, 0.0, 20.0, (0.1,), scale, "on the motion"),
-            Parameter("delay", "s", FASTEST, 0.6, (0.1, 0.25), "", "of the answer to motion"),
+            Parameter("gain", gain, 0.0, 20.0, (0.1,), "on the motion"),
+            Parameter("delay", S, FASTEST, 0.6, (0.1, 0.25), "of the answer to motion"),
         )
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gain": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, "motion", "column of role motion")
 
     def variants(self, record: Record) -> list[Effect]:
         names = record.with_role("motion") if self.channel is None else [self.channel]
-        forms = ("direct", "canal", "feedthrough") if self.form is None else (self.form,)
-        made = [(n, f) for n in names for f in forms]
+        formed: list[Any] = super().variants(record)
+        made = [v.with_choices(channel=n) for n in names for v in formed]
+        if self.form == "feedthrough" or not record.with_role("x"):
+            return made
         # What u itself moves at once (acceleration of the controlled element) would give u back.
-        closed = bool(record.with_role("x"))
         return [
-            self.with_choices(channel=n, form=f)
-            for n, f in made
-            if f != "feedthrough" or self.form == f or not (closed and moved_by_output(record, n))
+            v for v in made if v.form != "feedthrough" or not moved_by_output(record, v.channel)
         ]
 
     def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
@@ -359,6 +355,7 @@ class Disturbance(Effect):
     physics = "The operator sees or feels the disturbance and answers it before the error shows."
     formula = "command - gain dist(t - delay)"
     source = "Pool et al. (2011)"
+    neutral = {"gain": 0.0}
 
     def __init__(
         self,
@@ -373,17 +370,13 @@ class Disturbance(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        unit, scale = f"{{u}}/[{self.channel}]", f"u/{self.channel}"
+        gain = U / Dimension.of_channel(self.channel)
         return (
-            Parameter("gain", unit, -20.0, 20.0, (0.1,), scale, "on the disturbance"),
-            Parameter("delay", "s", 0.0, 0.8, (0.1, 0.3), "", "of the answer"),
+            Parameter("gain", gain, -20.0, 20.0, (0.1,), "on the disturbance"),
+            Parameter("delay", S, 0.0, 0.8, (0.1, 0.3), "of the answer"),
         )
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gain": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, "dist", "column of role dist")
 
     def variants(self, record: Record) -> list[Effect]:
@@ -425,6 +418,8 @@ class CrossAxis(Effect):
     physics = "The error of another axis leaks into this hand."
     formula = "e' = e + gain channel, or command + gain channel"
     source = "Barendswaard et al. (2019)"
+    neutral = {"gain": 0.0}
+    choices = {"form": ("error", "command")}
 
     def __init__(
         self, *, gain: float | None = None, channel: str | None = None, form: str | None = None
@@ -439,23 +434,20 @@ class CrossAxis(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        of = "u" if self.form == "command" else "e"
-        unit, scale = f"{{{of}}}/[{self.channel}]", f"{of}/{self.channel}"
-        return (Parameter("gain", unit, -20.0, 20.0, (0.1, -0.1), scale, "of the crossfeed"),)
+        answered = U if self.form == "command" else E
+        gain = answered / Dimension.of_channel(self.channel)
+        return (Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "of the crossfeed"),)
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"gain": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, OTHER, "channel without role")
 
     def variants(self, record: Record) -> list[Effect]:
         names = record.with_role(OTHER) if self.channel is None else [self.channel]
-        # An ARX model has no lead of its own that the two could differ in.
-        forms = ("error", "command") if record.core == "operator" else ("error",)
-        formed = self.one_of_each("form", forms)
-        return [f.with_choices(channel=name) for f in formed for name in names]
+        formed: list[Any] = super().variants(record)
+        if self.form is None and record.core == CoreKind.ARX:
+            # It has no lead of its own that the two could differ in.
+            formed = [v for v in formed if v.form == "error"]
+        return [v.with_choices(channel=name) for v in formed for name in names]
 
     def apply(self, signal: Any, record: Record, gain: float) -> Any:
         answered = record.channel(self.channel)
@@ -467,9 +459,10 @@ class CrossAxis(Effect):
 def gain_of_target(form: str | None) -> Parameter:
     """The gain on a target in one of the three forms."""
     if of_inverse(form):
-        return Parameter("gain", "-", 0.0, 3.0, (0.3,), "", "of the inverse controlled element")
-    unit, scale = ("{u} s/[f_t]", "u/f_t") if form == "rate" else ("{u}/[f_t]", "u/f_t")
-    return Parameter("gain", unit, 0.0, 20.0, (0.1,), scale, "on the target")
+        return Parameter("gain", ONE, 0.0, 3.0, (0.3,), "of the inverse controlled element")
+    gain = U / Dimension.of_channel("f_t")
+    dimension = gain * S if form == "rate" else gain
+    return Parameter("gain", dimension, 0.0, 20.0, (0.1,), "on the target")
 
 
 def of_inverse(form: str | None) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
+from .core_kind import CoreKind
 
 OTHER = ""  # role of a channel that has none
 
@@ -40,9 +41,9 @@ class Record:
         K_c and omega_b.
     prediction : ndarray of shape (n_samples, n_runs) or None
         What a model without the effect predicts.
-    core : {"operator", "arx"}
-        What effects act on. The command of an operator is in units of the output, that of an ARX
-        model in units of its input.
+    core : CoreKind
+        What effects act on: OPERATOR, whether its delay is given or not, or ARX. The command of an
+        operator is in units of the output, that of an ARX model in units of its input.
     time_unit : float
         Seconds in which bounds and starts of times are meant: 1 for operators.
     criterion_rate : float
@@ -60,7 +61,7 @@ class Record:
     y: np.ndarray | None = None
     controlled_element: tuple[float, float] | None = None
     prediction: np.ndarray | None = None
-    core: str = "operator"
+    core: CoreKind = CoreKind.OPERATOR
     time_unit: float = 1.0
     criterion_rate: float = 25.0  # operators do not answer faster than half of it
     ahead: float = np.inf
@@ -154,7 +155,7 @@ class Record:
         """A signal some seconds ago; negative delays look ahead."""
         samples = np.atleast_2d(np.asarray(delay, dtype=float)) / self.dt
         late = _kernels.greybox.delayed(_kernels.gate(signal), _kernels.gate(samples))
-        if self.core == "arx":  # zero before the recording, as its lags are
+        if self.core == CoreKind.ARX:  # zero before the recording, as its lags are
             late *= np.clip(1.0 + np.arange(late.shape[0])[:, None] - samples, 0.0, 1.0)
         return late
 

@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from .base import Effect, Parameter
+from .base import Effect
+from .core_kind import CoreKind
+from .dimension import ONE, RAD, Dimension, E, S, T, U
 from .offsets import with_middle
 from .operator_signals import Gains
+from .parameter import Parameter
 from .record import OTHER, Record, differentiated
 
 EDGE_STEPS = (0.2, 0.1, 0.05, 0.02)  # s, of the ends of lapses
@@ -57,6 +60,13 @@ class TimeVaryingGain(Effect):
     physics = "The operator adapts: gain and lead change in the run."
     formula = "K (1 + change / (1 + exp(-rate (t - time))))"
     source = "Thesis, Eqs. 2, 3 and 5"
+    neutral = {
+        "K_e_change": 0.0,
+        "K_edot_change": 0.0,
+        "omega_nm_change": 0.0,
+        "zeta_nm_change": 0.0,
+    }
+    choices = {"form": ("sigmoid", "ramp")}
 
     def __init__(
         self,
@@ -78,36 +88,27 @@ class TimeVaryingGain(Effect):
         self.form = form
 
     parameters = (
-        Parameter("K_e_change", "-", -0.98, 10.0, (0.0,), "", "relative change of K_e"),
-        Parameter("K_edot_change", "-", -0.98, 10.0, (0.0,), "", "relative change of K_edot"),
-        Parameter("rate", "1/s", 0.03, 100.0, (0.4, 2.0), "", "steepness G"),
-        Parameter("time", "s", 0.0, 1.0, (0.15, 0.32, 0.5, 0.68, 0.85), "T", "middle t_M"),
-        Parameter("omega_nm_change", "-", -0.8, 4.0, (0.0,), "", "relative change of omega_nm"),
-        Parameter("zeta_nm_change", "-", -0.8, 4.0, (0.0,), "", "relative change of zeta_nm"),
+        Parameter("K_e_change", ONE, -0.98, 10.0, (0.0,), "relative change of K_e"),
+        Parameter("K_edot_change", ONE, -0.98, 10.0, (0.0,), "relative change of K_edot"),
+        Parameter("rate", ONE / S, 0.03, 100.0, (0.4, 2.0), "steepness G"),
+        Parameter("time", S, 0.0, 1.0, (0.15, 0.32, 0.5, 0.68, 0.85), "middle t_M", T),
+        Parameter("omega_nm_change", ONE, -0.8, 4.0, (0.0,), "relative change of omega_nm"),
+        Parameter("zeta_nm_change", ONE, -0.8, 4.0, (0.0,), "relative change of zeta_nm"),
     )
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {
-            "K_e_change": 0.0,
-            "K_edot_change": 0.0,
-            "omega_nm_change": 0.0,
-            "zeta_nm_change": 0.0,
-        }
-
     def variants(self, record: Record) -> list[Effect]:
-        made = self.one_of_each("form", ("sigmoid", "ramp"))
-        if record.core == "arx" and self.K_edot_change is None:
+        made: list[Any] = super().variants(record)
+        if record.core == CoreKind.ARX and self.K_edot_change is None:
             return [variant.with_choices(K_edot_change=0.0) for variant in made]
         return made
 
-    def derived(self, values: dict[str, float]) -> dict[str, tuple[float, str, str]]:
+    def derived(self, values: dict[str, float]) -> dict[str, tuple[float, Dimension, str]]:
         found = {}
-        units = {"K_e": "{u}/{e}", "K_edot": "{u} s/{e}", "omega_nm": "rad/s", "zeta_nm": "-"}
-        for name, unit in units.items():
+        known = {"K_e": U / E, "K_edot": U * S / E, "omega_nm": RAD / S, "zeta_nm": ONE}
+        for name, dimension in known.items():
             if name in values and getattr(self, f"{name}_change") is None:
                 after = values[name] * (1 + values[f"{name}_change"])
-                found[f"{name}_after"] = (after, unit, f"{name} after the change")
+                found[f"{name}_after"] = (after, dimension, f"{name} after the change")
         return found
 
     def apply(
@@ -164,15 +165,14 @@ class GainDrift(Effect):
     physics = "The operator's gain falls (fatigue) or grows steadily."
     formula = "K (1 + rate (t - reference))"
     source = "Thesis, Section II"
-    parameters = (Parameter("rate", "1/s", -1.9, 1.9, (0.4, -0.4), "1/T", "relative, per second"),)
+    parameters = (
+        Parameter("rate", ONE / S, -1.9, 1.9, (0.4, -0.4), "relative, per second", ONE / T),
+    )
+    neutral = {"rate": 0.0}
 
     def __init__(self, *, rate: float | None = None, reference: float | None = None):
         self.rate = rate
         self.reference = reference
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"rate": 0.0}
 
     def variants(self, record: Record) -> list[Effect]:
         return [with_middle(self, record)]
@@ -209,6 +209,7 @@ class ScheduledGain(Effect):
     physics = "The operator adapts the gain to a measured condition, such as speed."
     formula = "K (1 + slope (channel - reference))"
     source = "Toth (2010)"
+    neutral = {"slope": 0.0}
 
     def __init__(
         self,
@@ -223,15 +224,10 @@ class ScheduledGain(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        unit = f"1/[{self.channel}]"
-        scale = f"1/{self.channel}"
-        return (Parameter("slope", unit, -3.0, 3.0, (0.15, -0.15), scale, "relative change"),)
+        dimension = ONE / Dimension.of_channel(self.channel)
+        return (Parameter("slope", dimension, -3.0, 3.0, (0.15, -0.15), "relative change"),)
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"slope": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, OTHER, "channel without role to follow")
 
     def variants(self, record: Record) -> list[Effect]:
@@ -281,9 +277,11 @@ class Lapses(Effect):
     formula = "command (1 - depth) within the intervals"
     source = "Viterbi (1967)"
     parameters = (
-        Parameter("depth", "-", 0.0, 1.0, (0.95,), "", "share not answered"),
-        Parameter("shift", "s", -0.8, 0.4, (-0.15,), "", "of the intervals"),
+        Parameter("depth", ONE, 0.0, 1.0, (0.95,), "share not answered"),
+        Parameter("shift", S, -0.8, 0.4, (-0.15,), "of the intervals"),
     )
+    neutral = {"depth": 0.0}
+    choices = {"form": ("command", "gain")}
 
     def __init__(
         self,
@@ -299,17 +297,14 @@ class Lapses(Effect):
         self.intervals = intervals
 
     @property
-    def neutral(self) -> dict[str, float]:
-        return {"depth": 0.0}
-
-    @property
     def n_hidden(self) -> int:  # type: ignore[override]
         """Ends of the intervals."""
         return 2 * len(self.intervals or ())
 
     def variants(self, record: Record) -> list[Effect]:
         found = silent_stretches(record) if self.intervals is None else self.intervals
-        return self.with_choices(intervals=found).one_of_each("form", ("command", "gain"))
+        formed: list[Any] = super().variants(record)
+        return [v.with_choices(intervals=found) for v in formed]
 
     def adjusted(self, error_of: Callable[[Effect], float], record: Record) -> Effect:
         """Each end of an interval moved where that is better."""

@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from .base import Effect, Parameter
+from .base import Effect
+from .core_kind import CoreKind
+from .dimension import ONE, S, T
 from .error_scan import ErrorScan
+from .parameter import Parameter
 from .record import Record
 from .time_variation import sigmoid
 
@@ -43,17 +46,14 @@ class WrongDelay(Effect):
     physics = "The answer comes earlier or later than the model assumes."
     formula = "e(t - delay - extra)"
     source = "Thesis, Section V"
-    parameters = (Parameter("extra", "s", -0.4, 0.6, (-0.08, 0.08), "", "longer than assumed"),)
+    parameters = (Parameter("extra", S, -0.4, 0.6, (-0.08, 0.08), "longer than assumed"),)
+    neutral = {"extra": 0.0}
 
     def __init__(self, *, extra: float | None = None):
         self.extra = extra
 
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"extra": 0.0}
-
-    def refusal(self, record: Record, core: str) -> str | None:
-        if core == "operator, free delay":
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if core == CoreKind.OPERATOR_FREE_DELAY:
             return "the model estimates its delay already (delay=None)"
         return None
 
@@ -63,7 +63,7 @@ class WrongDelay(Effect):
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Whole samples of an ARX model, whose input may be rough between them."""
-        if record.core != "arx" or self.extra is not None:
+        if record.core != CoreKind.ARX or self.extra is not None:
             return []
         low, high = (round(limit / record.dt) for limit in self.limits(record)["extra"])
         samples = np.unique(np.linspace(low, high, SCANNED_DELAYS).round())
@@ -102,10 +102,11 @@ class TimeVaryingDelay(Effect):
     formula = "tau_e + change / (1 + exp(-rate (t - time)))"
     source = "Thesis, Eq. 2"
     parameters = (
-        Parameter("change", "s", -0.5, 0.5, (0.05, -0.05), "", "of the delay"),
-        Parameter("rate", "1/s", 0.05, 20.0, (0.5,), "", "steepness"),
-        Parameter("time", "s", 0.02, 0.98, (0.3, 0.7), "T", "middle of the change"),
+        Parameter("change", S, -0.5, 0.5, (0.05, -0.05), "of the delay"),
+        Parameter("rate", ONE / S, 0.05, 20.0, (0.5,), "steepness"),
+        Parameter("time", S, 0.02, 0.98, (0.3, 0.7), "middle of the change", T),
     )
+    neutral = {"change": 0.0}
 
     def __init__(
         self,
@@ -117,10 +118,6 @@ class TimeVaryingDelay(Effect):
         self.change = change
         self.rate = rate
         self.time = time
-
-    @property
-    def neutral(self) -> dict[str, float]:
-        return {"change": 0.0}
 
     def apply(self, signal: Any, record: Record, change: float, rate: float, time: float) -> Any:
         return signal + change * sigmoid(record, rate, time)

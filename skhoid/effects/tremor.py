@@ -6,7 +6,9 @@ import numpy as np
 from scipy import fft
 from scipy.special import chdtrc
 
-from .base import Effect, Parameter
+from .base import Effect
+from .dimension import HZ, U
+from .parameter import Parameter
 from .record import Record
 from .traces import Signature
 
@@ -49,8 +51,8 @@ class Tremor(Effect):
     source = "Elble and Randall (1978)"
     noise = "a sine"
     parameters = (
-        Parameter("frequency", "Hz", 5.0, 15.0, (9.0,), "", "of the tremor"),
-        Parameter("amplitude", "{u}", 0.0, 5.0, (0.1,), "u", "of the tremor"),
+        Parameter("frequency", HZ, 5.0, 15.0, (9.0,), "of the tremor"),
+        Parameter("amplitude", U, 0.0, 5.0, (0.1,), "of the tremor"),
     )
 
     def __init__(self, *, frequency: float | None = None, amplitude: float | None = None):

@@ -9,6 +9,7 @@ import numpy as np
 from sklearn.base import clone
 
 from ..effects.composition import Effects
+from ..effects.core_kind import CoreKind
 from ..effects.record import Record
 from ..exceptions import RankDeficiencyError, ShortRunError
 from ..human.controlled_element import ControlledElement
@@ -26,7 +27,11 @@ from .operator_summary import simulated_summary
 from .side_by_side import SegmentColumns, build_record, roles_of
 from .simulator import Simulator
 
-N_LIKELIHOOD = {"operator": 12, "arx": 2}  # rounds of noise model and refinement, at most
+# Rounds of noise model and refinement, at most.
+N_LIKELIHOOD = {
+    CoreKind.OPERATOR: 12,
+    CoreKind.ARX: 2,
+}
 WORSE = 1.01  # squares of the simulation error by those of the round before, at most
 SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
 
@@ -161,7 +166,7 @@ class GreyBox(RunRegressor):
         self._theta, self._chosen = model.theta, model.effects
         self._duration = record.duration
         self._spread = {name: record.sd(name) for name in (*record.channels, "u")}
-        if record.core == "operator":
+        if record.core != CoreKind.ARX:
             covariance = covariance_of(model.simulator, criterion, model.fit)
         else:
             covariance = model.covariance()

@@ -9,8 +9,10 @@ from typing import Protocol
 import numpy as np
 
 from .. import _kernels
-from ..effects.base import Parameter
+from ..effects.core_kind import CoreKind
+from ..effects.dimension import ONE, RAD, Dimension, E, S, U
 from ..effects.operator_signals import Command, Gains, Spring
+from ..effects.parameter import Parameter
 from ..effects.record import Record
 from .arx_starts import arx_starts
 
@@ -27,7 +29,7 @@ class Ratio:
     name: str
     over: str
     under: str
-    unit: str
+    dimension: Dimension
     meaning: str
 
 
@@ -36,7 +38,7 @@ class Core(Protocol):
 
     Attributes
     ----------
-    kind : str
+    kind : CoreKind
         Which core it is, for ``Effect.refusal``.
     parameters : tuple of Parameter
         What is estimated. What is neither of ``gains`` nor of ``delays`` belongs to the response.
@@ -55,7 +57,7 @@ class Core(Protocol):
         themselves do not tell.
     """
 
-    kind: str
+    kind: CoreKind
     parameters: tuple[Parameter, ...]
     gains: tuple[str, ...]
     delays: tuple[str, ...]
@@ -96,27 +98,27 @@ class OperatorCore:
     ``fixed_delay`` in seconds, or None to estimate it.
     """
 
-    kind = "operator"
+    kind = CoreKind.OPERATOR
     gains: tuple[str, ...] = ("K_e", "K_edot")
     delays: tuple[str, ...] = ()
     ordinary: Mapping[str, float] = {"omega_nm": 11.0, "zeta_nm": 0.35}
-    ratios: tuple[Ratio, ...] = (Ratio("T_L", "K_edot", "K_e", "s", "lead time constant"),)
+    ratios: tuple[Ratio, ...] = (Ratio("T_L", "K_edot", "K_e", S, "lead time constant"),)
 
     def __init__(self, fixed_delay: float | None):
         self.fixed_delay = fixed_delay
         self.sizes: Mapping[str, float] = {}
         free = (
-            Parameter("K_e", "{u}/{e}", -50.0, 50.0, (0.5,), "u/e", "gain on the error"),
-            Parameter("K_edot", "{u} s/{e}", 0.0, 50.0, (0.2,), "u/e", "gain on the error rate"),
-            Parameter("omega_nm", "rad/s", 1.5, 60.0, (10.0,), "", "neuromuscular frequency"),
-            Parameter("zeta_nm", "-", 0.02, 3.0, (0.4,), "", "neuromuscular damping ratio"),
+            Parameter("K_e", U / E, -50.0, 50.0, (0.5,), "gain on the error"),
+            Parameter("K_edot", U * S / E, 0.0, 50.0, (0.2,), "gain on the error rate"),
+            Parameter("omega_nm", RAD / S, 1.5, 60.0, (10.0,), "neuromuscular frequency"),
+            Parameter("zeta_nm", ONE, 0.02, 3.0, (0.4,), "neuromuscular damping ratio"),
         )
-        delay = Parameter("tau_e", "s", 0.0, 1.5, (0.25,), "", "effective time delay")
+        delay = Parameter("tau_e", S, 0.0, 1.5, (0.25,), "effective time delay")
         self.parameters: tuple[Parameter, ...] = free
         if fixed_delay is None:
             self.parameters = (*free, delay)
             self.delays = (delay.name,)
-            self.kind = "operator, free delay"
+            self.kind = CoreKind.OPERATOR_FREE_DELAY
 
     def on(self, record: Record) -> Record:
         return record
@@ -171,7 +173,7 @@ class ARXCore:
     nothing.
     """
 
-    kind = "arx"
+    kind = CoreKind.ARX
     gains: tuple[str, ...] = ()
     delays: tuple[str, ...] = ()
     ordinary: Mapping[str, float] = {}
@@ -188,15 +190,15 @@ class ARXCore:
         self.na, self.nb, self.nk, self.intercept = na, nb, nk, intercept
         self.sizes: Mapping[str, float] = sizes or {}
         self.parameters: tuple[Parameter, ...] = (
-            *(Parameter(f"a{i + 1}", "-", meaning="of the output") for i in range(na)),
-            *(Parameter(f"b{i}", "{u}/{e}", meaning="of the input") for i in range(nb)),
-            *[Parameter("intercept", "{u}", meaning="constant")] * intercept,
+            *(Parameter(f"a{i + 1}", ONE, meaning="of the output") for i in range(na)),
+            *(Parameter(f"b{i}", U / E, meaning="of the input", scale=ONE) for i in range(nb)),
+            *[Parameter("intercept", U, meaning="constant", scale=ONE)] * intercept,
         )
 
     def on(self, record: Record) -> Record:
         return replace(
             record,
-            core="arx",
+            core=self.kind,
             time_unit=OPERATORS_MOVE / pace(record),
             criterion_rate=np.inf,
             ahead=self.nk * record.dt,

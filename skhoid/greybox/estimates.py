@@ -7,21 +7,11 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..effects.composition import Effects
+from ..effects.dimension import Dimension, S, checked
 from .model import Model
 from .simulator import Simulator
 
 NORMAL_95 = 1.96
-
-
-def with_unit(unit: str, units: dict[str, str | None]) -> str:
-    """A unit with those of the data put in; names of channels stay where units are not known."""
-    text = unit
-    for name in ("e", "u"):
-        text = text.replace(f"{{{name}}}", units.get(name) or f"[{name}]")
-    for name, known in units.items():
-        if known and name.startswith("["):
-            text = text.replace(name, known)
-    return text
 
 
 def parameter_table(
@@ -36,13 +26,12 @@ def parameter_table(
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     ratios = {ratio.over: ratio for ratio in simulator.core.ratios}
 
-    def add(name: str, value: float, s: float, unit: str, meaning: str) -> None:
+    def add(name: str, value: float, s: float, dimension: Dimension, meaning: str) -> None:
         low, high = value - NORMAL_95 * s, value + NORMAL_95 * s
-        text = with_unit(unit, units)
-        rows.append((name, value, s, low, high, text, meaning))
+        rows.append((name, value, s, low, high, dimension.label(units), meaning))
 
     for i, p in enumerate(simulator.parameters):
-        add(p.name, float(theta[i]), float(sd[i]), p.spec.unit, p.spec.meaning)
+        add(p.name, float(theta[i]), float(sd[i]), p.dimension, p.spec.meaning)
         ratio = ratios.get(p.name)
         if ratio is not None:
             k = simulator.names.index(ratio.under)
@@ -51,15 +40,16 @@ def parameter_table(
                 slope = np.array([-over / under**2, 1 / under])
                 block = covariance[np.ix_([k, i], [k, i])]
                 s = np.sqrt(max(float(slope @ block @ slope), 0.0))
-                add(ratio.name, over / under, s, ratio.unit, ratio.meaning)
+                add(ratio.name, over / under, s, ratio.dimension, ratio.meaning)
     for name, value in fixed.items():
-        add(name, value, 0.0, "s", "given")
+        add(name, value, 0.0, S, "given")
     for name, effect in simulator.effects:
-        spec = {p.name: p for p in effect.parameters_on(simulator.record)}
+        spec = {p.name: p for p in effect.parameters}
         for key, value in effect.fixed.items():
-            add(f"{name}__{key}", value, 0.0, spec[key].unit, f"{spec[key].meaning} (given)")
-        for key, (value, s, unit, meaning) in derived(simulator, theta, covariance, name).items():
-            add(f"{name}__{key}", value, s, unit, meaning)
+            dimension = spec[key].dimension_on(simulator.record, effect.place)
+            add(f"{name}__{key}", value, 0.0, dimension, f"{spec[key].meaning} (given)")
+        for key, number in derived(simulator, theta, covariance, name).items():
+            add(f"{name}__{key}", *number)
     table = pd.DataFrame(
         rows, columns=["parameter", "value", "sd", "low", "high", "unit", "meaning"]
     )
@@ -68,11 +58,11 @@ def parameter_table(
 
 def derived(
     simulator: Simulator, theta: np.ndarray, covariance: np.ndarray, name: str
-) -> dict[str, tuple[float, float, str, str]]:
+) -> dict[str, tuple[float, float, Dimension, str]]:
     """Numbers that follow from those of an effect, with standard errors by linearisation."""
     effect = dict(simulator.effects.steps)[name]
 
-    def at(point: np.ndarray) -> dict[str, tuple[float, str, str]]:
+    def at(point: np.ndarray) -> dict[str, tuple[float, Dimension, str]]:
         values = dict(zip(simulator.names, point.tolist(), strict=True))
         own = {k.split("__", 1)[1]: v for k, v in values.items() if k.startswith(f"{name}__")}
         return effect.derived({**values, **effect.fixed, **own})
@@ -87,10 +77,11 @@ def derived(
         for key, (value, _, _) in at(moved).items():
             slopes[key][i] = (value - here[key][0]) / h
     found = {}
-    for key, (value, unit, meaning) in here.items():
+    for key, (value, given, meaning) in here.items():
+        dimension = checked(given, f"{type(effect).__name__}.derived, {key}: the dimension")
         slope = slopes[key][known]
         variance = float(slope @ covariance[np.ix_(known, known)] @ slope)
-        found[key] = (value, float(np.sqrt(max(variance, 0.0))), unit, meaning)
+        found[key] = (value, float(np.sqrt(max(variance, 0.0))), dimension, meaning)
     return found
 
 

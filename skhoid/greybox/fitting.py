@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -213,23 +212,13 @@ def rescaled(
     power, product = float(table[0] @ table[0]), float(table[0] @ table[1])
     if product <= 0.0 or (power - product) ** 2 <= WORTHWHILE * sse * power:
         return theta, output, sse
-    powers = np.array([power_of_output(p.spec.unit) for p in simulator.parameters])
+    powers = np.array([p.dimension.u for p in simulator.parameters])
     trial = np.clip(theta * (product / power) ** powers, simulator.low, simulator.high)
     new_output = simulator.run(trial)
     new = criterion.sse(new_output)
     if new < sse:
         return trial, new_output, new
     return theta, simulator.run(theta), sse
-
-
-def power_of_output(unit: str) -> int:
-    """Power of the output's unit in a unit like ``{u} s/{e}`` or ``1/{u}^2``."""
-    over, _, under = unit.partition("/")
-
-    def power(part: str) -> int:
-        return sum(int(number or 1) for number in re.findall(r"\{u\}(?:\^(\d+))?", part))
-
-    return power(over) - power(under)
 
 
 def normal_equations(

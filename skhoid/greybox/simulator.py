@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..effects.base import PLACES, Effect, Parameter
-from ..effects.composition import Effects
+from ..effects.base import Effect
+from ..effects.composition import PLACES, Effects
+from ..effects.dimension import Dimension
 from ..effects.operator_signals import Command, Gains, Spring
+from ..effects.parameter import Parameter
 from ..effects.record import Record
 from .cores import Core, neutral_gains
 
@@ -40,6 +42,7 @@ class FreeParameter:
 
     name: str
     spec: Parameter
+    dimension: Dimension
     low: float
     high: float
     scale: float
@@ -57,15 +60,16 @@ class Simulator:
         self.parameters: list[FreeParameter] = []
         for p in core.parameters:
             scale = p.scale_of(record)
-            self._add(p.name, p, p.low * scale, p.high * scale, scale)
+            low, high = p.low * scale, p.high * scale
+            self.parameters.append(FreeParameter(p.name, p, p.dimension, low, high, scale))
         for name, effect in effects:
             limits = effect.limits(record)
-            free = {p.name for p in effect.free}
-            for p in effect.parameters_on(record):
-                if p.name not in free:
-                    continue
-                low, high = limits[p.name]
-                self._add(f"{name}__{p.name}", p, low, high, p.scale_of(record))
+            for p in effect.free:
+                dimension = p.dimension_on(record, effect.place)
+                scale = p.scale_of(record, effect.place)
+                self.parameters.append(
+                    FreeParameter(f"{name}__{p.name}", p, dimension, *limits[p.name], scale)
+                )
         self.names = [p.name for p in self.parameters]
         self.low = np.array([p.low for p in self.parameters])
         self.high = np.array([p.high for p in self.parameters])
@@ -81,9 +85,6 @@ class Simulator:
 
     def __reduce__(self) -> tuple:
         return Simulator, (self.core, self.effects, self.record)
-
-    def _add(self, name: str, p: Parameter, low: float, high: float, scale: float) -> None:
-        self.parameters.append(FreeParameter(name, p, low, high, scale))
 
     def _build(self) -> list[Stage]:
         core, record = self.core, self.record

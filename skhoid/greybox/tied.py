@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..effects.dimension import U
 from .fitting import Fit
 from .simulator import Simulator
 
@@ -23,7 +24,7 @@ class Tied(Simulator):
             f"{name}__{p.name}"
             for name, effect in self.effects
             for p in effect.free
-            if effect.place == "command" and p.scale == "u"
+            if effect.place == "command" and p.dimension == U
         ]
         gains = self.core.gains
         self.gain = self.names.index(gains[0]) if gains else 0

@@ -192,7 +192,7 @@ def _parameter_response(
             x,
             lambda values, theta: _parameters(bench, record, values, theta),
             xlabel,
-            "delay, s" if bench.core.kind != "arx" else "delay beside nk, s",
+            "delay, s" if bench.core.kind.is_operator else "delay beside nk, s",
             without=Curve(x, np.full(x.size, core_delay(bench, bench.theta))),
             measured=real,
         )
@@ -324,7 +324,7 @@ def spring(bench: Bench) -> Response:
     record = bench.made_up(np.arange(2.0))
 
     def linear(theta: np.ndarray) -> float:
-        if bench.core.kind != "arx":
+        if bench.core.kind.is_operator:
             return 1.0
         a = np.array([n.startswith("a") for n in bench.core_names])
         return float((1.0 + theta[a].sum()) / theta[~a].sum())
@@ -333,7 +333,7 @@ def spring(bench: Bench) -> Response:
         further = bench.effect.apply(Spring(), record, **values)
         return {"with the effect": linear(theta) * x + further.force(x)}
 
-    unit = bench.unit("u") if bench.core.kind != "arx" else bench.unit(bench.error)
+    unit = bench.unit("u") if bench.core.kind.is_operator else bench.unit(bench.error)
     return Response(
         "spring",
         x,
@@ -384,4 +384,4 @@ def realisation(bench: Bench) -> Response:
 
 def _answered(bench: Bench) -> str:
     """What the core answers, in words."""
-    return "input" if bench.core.kind == "arx" else "error"
+    return "error" if bench.core.kind.is_operator else "input"

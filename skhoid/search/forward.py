@@ -384,7 +384,7 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
     """
     found: dict[str, tuple[float, float, float]] = {}
     names = [n for n, e in path.model.effects if e.name == "tv_gain"]
-    if not names or not search.core.kind.startswith("operator"):
+    if not names or not search.core.kind.is_operator:
         return found
     criterion = Criterion(search.record)
     criterion.set_noise(criterion.remnant_model(path.model.output))

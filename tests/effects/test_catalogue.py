@@ -18,6 +18,7 @@ from skhoid.effects import (
     CrossAxis,
     CubicGain,
     DeadZone,
+    Dimension,
     Disturbance,
     Drift,
     Effect,
@@ -148,7 +149,7 @@ class Compressed(Effect):
     place = "input"
     physics = "Large errors are answered less than in proportion."
     formula = "e' = knee asinh(e / knee)"
-    parameters = (Parameter("knee", "{e}", 0.05, 10.0, (0.5,), "e", "where the answer bends"),)
+    parameters = (Parameter("knee", Dimension(e=1), 0.05, 10.0, (0.5,), "where the answer bends"),)
 
     def __init__(self, *, knee=None):
         self.knee = knee
@@ -351,6 +352,36 @@ def test_an_own_effect_keeps_the_rules_and_is_recovered():
     check_effect(Compressed(), core="arx")
 
 
+def test_choices_that_are_open_are_all_tried():
+    class Chosen(Compressed):
+        choices = {"form": ("soft", "hard"), "side": ("left", "right")}
+
+        def __init__(self, *, knee=None, form=None, side=None):
+            self.knee, self.form, self.side = knee, form, side
+
+    record = synthetic_record()
+    check_effect(Chosen())
+    made = [(v.form, v.side) for v in Chosen().variants(record)]
+    assert made == [("soft", "left"), ("soft", "right"), ("hard", "left"), ("hard", "right")]
+    assert [v.side for v in Chosen(form="hard").variants(record)] == ["left", "right"]
+
+
+def test_derived_numbers_have_dimensions(runs):
+    class Told(Compressed):
+        unit: object = Dimension(e=2)
+
+        def derived(self, values):
+            return {"square": (values["knee"] ** 2, self.unit, "of the knee")}
+
+    class Worded(Told):
+        unit = "deg^2"
+
+    table = OperatorRegressor(effects=Told()).fit(*runs).parameters_
+    assert table.loc["compressed__square", "unit"] == "deg^2"
+    with pytest.raises(TypeError, match=r"Worded.derived, square: the dimension must be a Dimens"):
+        OperatorRegressor(effects=Worded()).fit(*runs)
+
+
 def test_a_class_defined_on_the_spot_passes_too():
     class Halved(Compressed):
         name = "halved"
@@ -419,6 +450,8 @@ BROKEN = [
     ({"place": "path"}, "must return Command"),
     ({"place": "gain"}, "must return Gains"),
     ({"variants": lambda self, record: []}, "variants must return a list"),
+    ({"choices": {"form": ("soft", "hard")}}, "choices must give arguments"),
+    ({"choices": {"knee": "soft"}}, "choices must give arguments"),
     ({"starts": lambda self, record: [{"knee": 99.0}]}, "not within its limits"),
     ({"starts": lambda self, record: [{}]}, "must give each parameter"),
     ({"limits": lambda self, record: {}}, "limits must have each parameter"),

@@ -36,7 +36,7 @@ from skhoid.effects import (
     Quantised,
     WrongDelay,
 )
-from skhoid.greybox.fitting import Criterion, power_of_output, rescaled
+from skhoid.greybox.fitting import Criterion, rescaled
 from skhoid.greybox.simulator import Simulator
 
 # Table II and Appendix D.
@@ -532,11 +532,6 @@ def test_without_remnant_the_sampling_time_limits_what_is_known():
     assert (sd[0] > 1e-5).any()
     for name in ("T_L", "omega_nm", "zeta_nm", "tau_e"):  # the simulation is of second order
         assert sd[1][name] / sd[0][name] == pytest.approx(4, rel=0.15)
-
-
-def test_powers_of_the_output_are_read_from_units():
-    powers = {"{u}/{e}": 1, "{u} s/{e}": 1, "{u}": 1, "1/{u}^2": -2, "{e}/{u}^3": -3, "rad/s": 0}
-    assert {unit: power_of_output(unit) for unit in powers} == powers
 
 
 def test_the_scale_of_a_jagged_response_is_solved_for(runs):

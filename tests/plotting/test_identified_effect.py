@@ -23,6 +23,7 @@ from skhoid.effects import (
     CrossAxis,
     CubicGain,
     DeadZone,
+    Dimension,
     Disturbance,
     Drift,
     Effect,
@@ -104,7 +105,7 @@ class SquareRoot(Effect):
     name = "square_root"
     place = "input"
     physics = "Large errors are answered less than in proportion."
-    parameters = (Parameter("knee", "{e}", 0.01, 10.0, starts=(1.0,), scale="e"),)
+    parameters = (Parameter("knee", Dimension(e=1), 0.01, 10.0),)
 
     def __init__(self, *, knee=None):
         self.knee = knee
@@ -118,7 +119,7 @@ class AwakeByError(Effect):
 
     name = "awake"
     place = "gain"
-    parameters = (Parameter("slope", "1/{e}", -1.0, 1.0, (0.1,), "1/e"),)
+    parameters = (Parameter("slope", Dimension(e=-1), -1.0, 1.0, (0.1,)),)
 
     def __init__(self, *, slope=None):
         self.slope = slope

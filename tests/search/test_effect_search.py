@@ -11,7 +11,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import KFold, LeaveOneGroupOut
 
 from skhoid import EffectSearchCV, OperatorRegressor, RunCutWarning, run_labels, vaf_score
-from skhoid.effects import Bias, DeadZone, Effect, Effects, Parameter, catalogue
+from skhoid.effects import Bias, DeadZone, Dimension, Effect, Effects, Parameter, catalogue
 from skhoid.greybox.estimates import parameter_text
 from skhoid.greybox.model import Model, without
 from skhoid.search import effect_search
@@ -30,7 +30,7 @@ class Compressed(Effect):
     place = "input"
     physics = "Large errors are answered less than in proportion."
     formula = "e' = knee asinh(e / knee)"
-    parameters = (Parameter("knee", "{e}", 0.05, 10.0, (0.5,), "e", "where the answer bends"),)
+    parameters = (Parameter("knee", Dimension(e=1), 0.05, 10.0, (0.5,), "where the answer bends"),)
 
     def __init__(self, *, knee=None):
         self.knee = knee

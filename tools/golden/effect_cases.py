@@ -48,6 +48,15 @@ def simulated(variant: Any, record: Any) -> Any:
     return tried
 
 
+def scale_of(parameter: Any) -> str:
+    """What its bounds are in, as it was written when the golden file was."""
+    scale = parameter.dimension if parameter.scale is None else parameter.scale
+    powers = [("u", scale.u), ("e", scale.e), *scale.channels, ("T", scale.T)]
+    over = "*".join(name for name, power in powers for _ in range(power))
+    under = "*".join(name for name, power in powers for _ in range(-power))
+    return f"{over or 1}/{under}" if under else over
+
+
 def described(name: str) -> dict[str, Any]:
     known, record = effect(name), synthetic_record()
     variants = known.variants(record)
@@ -56,7 +65,7 @@ def described(name: str) -> dict[str, Any]:
         "description": [known.name, known.place, known.physics, known.formula, known.source],
         "kind": [known.smooth, known.shades],
         "parameters": [[p.name, p.low, p.high, p.starts, p.meaning] for p in own],
-        "units": [[p.unit, p.scale] for p in own],
+        "units": [[p.dimension.label({"u": "{u}", "e": "{e}"}), scale_of(p)] for p in own],
         "variants": variants,
         "starts": [v.starts(record) for v in variants],
         "limits": [v.limits(record) for v in variants],

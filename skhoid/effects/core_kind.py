@@ -1,0 +1,36 @@
+"""The kinds of linear cores that effects act in; open it to add one."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class CoreKind(StrEnum):
+    """What kind of linear core an effect acts in, as ``Effect.refusal`` is told.
+
+    Attributes
+    ----------
+    OPERATOR
+        A human operator whose delay is given.
+    OPERATOR_FREE_DELAY
+        A human operator whose delay is estimated with the other parameters.
+    ARX
+        An ARX model.
+
+    Examples
+    --------
+    >>> from skhoid.effects import CoreKind
+    >>> [kind.is_operator for kind in CoreKind]
+    [True, True, False]
+    >>> CoreKind("arx")
+    <CoreKind.ARX: 'arx'>
+    """
+
+    OPERATOR = "operator"
+    OPERATOR_FREE_DELAY = "operator, free delay"
+    ARX = "arx"
+
+    @property
+    def is_operator(self) -> bool:
+        """Whether it is a human operator, its delay given or not."""
+        return self is not CoreKind.ARX
