@@ -52,7 +52,7 @@ from .exceptions import (
     UnstableLoopError,
     WorkersLostError,
 )
-from .experiment.people import analyse_experiment, simulate_experiment
+from .experiment import analyse_experiment, simulate_experiment
 from .experiment.recommend import recommend_forgetting
 from .greybox import OperatorRegressor
 from .human import (

@@ -233,7 +233,7 @@ def _recommend(options: argparse.Namespace) -> int:
 
 
 def _experiment(options: argparse.Namespace) -> int:
-    from ..experiment.people import analyse_experiment, simulate_experiment
+    from ..experiment import analyse_experiment, simulate_experiment
 
     last = options.last or 5
     if options.files:

@@ -87,7 +87,7 @@ class ExperimentResult:
 
     Examples
     --------
-    >>> from skhoid.experiment.people import analyse_experiment, simulate_experiment
+    >>> from skhoid.experiment import analyse_experiment, simulate_experiment
     >>> result = analyse_experiment(*simulate_experiment(2, "C4", random_state=0))
     >>> result.verdicts[["subject", "condition", "adapts", "Lambda"]]
       subject condition  adapts     Lambda

@@ -87,7 +87,7 @@ class ExperimentDisplay:
 
     Examples
     --------
-    >>> from skhoid.experiment.people import analyse_experiment, simulate_experiment
+    >>> from skhoid.experiment import analyse_experiment, simulate_experiment
     >>> from skhoid.plotting.experiment import ExperimentDisplay
     >>> result = analyse_experiment(*simulate_experiment(2, "C4", random_state=0))
     >>> display = ExperimentDisplay.from_result(result, form="Lambda")
@@ -121,7 +121,7 @@ class ExperimentDisplay:
         subjects: Any = None,
         ax: Any = None,
     ) -> ExperimentDisplay:
-        """Draw what :func:`skhoid.experiment.people.analyse_experiment` found.
+        """Draw what :func:`skhoid.experiment.analyse_experiment` found.
 
         Parameters
         ----------
