@@ -15,7 +15,6 @@ from .read import Cell, read_cells
 from .result import ExperimentResult, verdicts
 
 
-
 def analyse_experiment(
     X: pd.DataFrame,
     y: Any,

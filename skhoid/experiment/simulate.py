@@ -19,7 +19,6 @@ from ..simulation.engine import entropy_of
 from .subjects import STANDARD, RecordingSetup, draw_participant, physics_of
 
 
-
 def simulate_experiment(
     subjects: int = 3,
     conditions: str | Sequence[str] = "C1-C6",
