@@ -251,12 +251,13 @@ def compare(
         raise ValueError(f"false_alarm is a rate between 0 and 0.5; got {false_alarm!r}.")
     options = {"roles": roles, "run_in": run_in, "dt": dt, "run": run}
     signals = read_signals(model, X, y, repeats=repeats, **options)
+    fitted = None
     if estimation is not None:
         if not isinstance(estimation, (tuple, list)) or len(estimation) != 2:
             raise TypeError(
                 "estimation is the pair (X, y) of the runs that the model was fitted on."
             )
-        estimation = read_signals(model, *estimation, repeats=False, **options)
+        fitted = read_signals(model, *estimation, repeats=False, **options)
     ceiling = noise_ceiling(signals)
     vaf = _pooled(signals, signals.predicted)
     known = np.isfinite(signals.one_step)
@@ -271,24 +272,24 @@ def compare(
         vaf=vaf,
         one_step_vaf=_pooled(signals, signals.one_step, known) if known.any() else np.nan,
         rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
-        **_overfit(vaf, estimation),
+        **_overfit(vaf, fitted),
         noise_ceiling=vaf + ceiling.gap,
         noise_ceiling_interval=(low, high),
         explainable_gap=ceiling.gap,
         ceiling_route=ceiling.route,
         ceiling_note=ceiling.note,
-        **_tables(signals, ceiling, estimation, false_alarm),
+        **_tables(signals, ceiling, fitted, false_alarm),
         findings=[],
         notes=signals.notes,
     )
     return replace(found, findings=advise(found, signals, check_channels(X, y, dt=dt, run=run)))
 
 
-def _overfit(vaf: float, estimation: Signals | None) -> dict[str, Any]:
+def _overfit(vaf: float, fitted: Signals | None) -> dict[str, Any]:
     """The verdict on overfit, from the runs that the model was fitted on."""
     own, ratio = np.nan, np.nan
-    if estimation is not None:
-        own = _pooled(estimation, estimation.predicted)
+    if fitted is not None:
+        own = _pooled(fitted, fitted.predicted)
         # Both relative to their output's power, as runs differ in what is to be explained.
         ratio = (100 - vaf) / (100 - own) if own < 100 else np.nan
     verdict = None if np.isnan(ratio) else bool(ratio > OVERFIT)
@@ -296,14 +297,14 @@ def _overfit(vaf: float, estimation: Signals | None) -> dict[str, Any]:
 
 
 def _tables(
-    signals: Signals, ceiling: Ceiling, estimation: Signals | None, false_alarm: float
+    signals: Signals, ceiling: Ceiling, fitted: Signals | None, false_alarm: float
 ) -> dict[str, Any]:
     """Where the residual is, and every test of it."""
     runs = by_run(signals, "validation")
     p, of_runs = tests_over_runs(signals, ceiling)
     runs["p"], runs["exceeds"] = p, p < false_alarm
-    if estimation is not None:
-        runs = pd.concat([runs, by_run(estimation, "estimation")], ignore_index=True)
+    if fitted is not None:
+        runs = pd.concat([runs, by_run(fitted, "estimation")], ignore_index=True)
     correlation, of_correlation = correlations(signals, ceiling, false_alarm)
     amplitude, of_amplitude = by_operating_point(signals, ceiling, false_alarm)
     sums = BlockSums.of(signals, ceiling)
