@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from ..runs import check_alignment, input_columns
-from .lines import Lines, Windows, all_bins, as_frame, read_lines
+from .lines import Lines, Windows, all_bins, read_lines, signal_table
 from .phase import aligning_delay, unwrapped
 from .response import FrequencyResponse
 
@@ -107,7 +107,7 @@ def fourier_coefficients(
     """
     check_consistent_length(X, y)
     check_alignment(X, y)
-    frame = as_frame(X)
+    frame = signal_table(X)
     names = list(frame.columns)
     windows = Windows.of(frame, window, dt, run)
     label = windows.layout.run_column if run is None else run
