@@ -127,12 +127,7 @@ def analyse_experiment(
     >>> analyse_experiment(X, y, measurement_time=81.92).summary()  # doctest: +SKIP
     """
     _check_options(last, region, step, run_in, measurement_time)
-    span: dict[str, Any] = {
-        "run_in": run_in,
-        "measurement_time": measurement_time,
-        "region": region,
-    }
-    cells, dt, notes = read_cells(X, y, last=last, input=input, **span)
+    cells, dt, notes = read_cells(X, y, last, input, run_in, measurement_time, region)
     horizon = _in_samples(memory_horizon, memory_time, dt)
     plan = AnalysisPlan(horizon, delay, input, region, fit_intercept, step, dt)
     times = _transition_times(transition_time, [cell.condition for cell in cells])
