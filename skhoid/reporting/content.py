@@ -55,13 +55,13 @@ class Results:
     """
 
     baseline: Any
-    final: Any
-    search: EffectSearchCV | None
-    no_search: str
-    fitted_here: bool
-    comparison: Comparison | None
-    no_comparison: str
-    after: Comparison | None
+    final: Any = None
+    search: EffectSearchCV | None = None
+    no_search: str = ""
+    fitted_here: bool = False
+    comparison: Comparison | None = None
+    no_comparison: str = ""
+    after: Comparison | None = None
 
 
 def content_of(

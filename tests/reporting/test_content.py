@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from support.page import parse
 
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs, report
-from skhoid.reporting.content import _facts, _next_steps, _verdict, _why
+from skhoid.reporting.content import Results, _facts, _next_steps, _verdict, _why
 from skhoid.reporting.plots import Gallery
 
 
@@ -62,7 +62,7 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
 
 @pytest.mark.parametrize(("name", "known"), [("dead_zone-2", True), ("myoffset", False)])
 def test_code_is_printed_only_where_it_runs(name: str, known: bool) -> None:
-    (step,) = _next_steps(OperatorRegressor(), a_search("bias", name), "", None, None)
+    (step,) = _next_steps(Results(baseline=OperatorRegressor(), search=a_search("bias", name)))
     assert step["why"].startswith("It is search.best_estimator_")
     assert ('.with_effect("dead_zone")' in step["code"]) == bool(step["code"]) == known
 
