@@ -15,14 +15,18 @@ PUBLIC_MODULES = [
     "skhoid.diagnosis",
     "skhoid.effects",
     "skhoid.exceptions",
-    "skhoid.interpret",
+    "skhoid.experiment",
     "skhoid.human",
+    "skhoid.interpret",
     "skhoid.io",
     "skhoid.montecarlo",
     "skhoid.plotting",
+    "skhoid.recordings",
     "skhoid.reporting",
+    "skhoid.search",
     "skhoid.simulation",
     "skhoid.testing",
+    "skhoid.thesis",
 ]
 
 

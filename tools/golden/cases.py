@@ -15,7 +15,6 @@ HOMES = (
     "skhoid.experiment",
     "skhoid.montecarlo",
     "skhoid.interpret",
-    "skhoid.frequency",
     "skhoid.plotting",
 )
 
