@@ -89,7 +89,7 @@ def test_the_headline_claims_no_more_than_was_tried(verdict: str, rest: str, adv
     assert _verdict(search, None)["headline"] == f"Missing: bias, and something {rest}."
     search.best_effects_ = ["unknown"]
     assert _verdict(search, None)["headline"] == f"Something is missing {rest}."
-    *_, step = _next_steps(OperatorRegressor(), search, "", None, None)
+    *_, step = _next_steps(Results(baseline=OperatorRegressor(), search=search))
     for other in ("an effect of your own", 'effects="all"', "a larger max_effects"):
         assert (other in step["why"]) == (other == advice)
 
