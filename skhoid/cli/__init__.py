@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from typing import Any
 
 from .output import note
@@ -47,11 +48,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(words)
     options.words = words
     if options.debug:
-        return int(options.action(options))
+        return _run(options)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning(options)
-            code = int(options.action(options))
+            code = _run(options)
             sys.stdout.flush()
             return code
     except KeyboardInterrupt:
@@ -64,6 +65,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         raise
     except Exception as error:
         return _explain(error, options)
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Import the module of the command, and NumPy with it, now that the words are understood."""
+    module = import_module(f".{options.command}", __package__)
+    return int(getattr(module, options.command)(options))
 
 
 def _nobody_reads() -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import shutil
 import textwrap
-from collections.abc import Callable
 from typing import Any
 
 
@@ -31,12 +30,10 @@ class Parser(argparse.ArgumentParser):
 def add_command(
     commands: Any,
     name: str,
-    action: Callable[[argparse.Namespace], int],
     help: str,
     description: str,
     examples: str,
 ) -> Parser:
     """Add a command to the parser; returns its own."""
     command: Parser = commands.add_parser(name, help=help, description=description, epilog=examples)
-    command.set_defaults(action=action)
     return command

@@ -6,62 +6,25 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from .commands import add_command
+from ..effects import Effects
+from ..exceptions import did_you_mean
+from ..greybox import OperatorRegressor
+from ..search.story import HIDDEN
+from ..simulation import make_tracking_runs
 from .files import check_folders
-from .options import at_least_one, refuse
-from .output import add_output_options, check_tables, print_wrapped
-from .telling import add_picture_options, add_search_options, leave, tell
+from .options import refuse
+from .output import print_wrapped
+from .tables import check_tables
+from .telling import leave, tell
 
-EXAMPLES = """\
-examples:
-  skhoid demo                              a person with a dead zone and an offset
-  skhoid demo --effect saturation --remnant 0.2 --seed 3
-  skhoid demo --effect none                nothing is hidden: does it say so?
-"""
 NEXT = """
 Next: skhoid diagnose                      the same on recordings of a real person
       skhoid diagnose run*.csv --input e --x x --target f_t --output u --time t --report out.html
                                            and on your own"""
 
 
-def add_demo(commands: Any) -> None:
-    """Add the command to the parser."""
-    from ..search.story import HIDDEN
-
-    command = add_command(
-        commands,
-        "demo",
-        demo,
-        "hide an effect in a simulated person, and find it",
-        "Simulate runs of a person who tracks a target, with effects hidden in them, "
-        "fit a model that knows nothing of them, and find out which are missing: the whole way, "
-        "with numbers at each step, and a report in the end.",
-        EXAMPLES,
-    )
-    add = command.add_argument
-    add(
-        "--effect",
-        nargs="+",
-        default=["dead_zone", "bias"],
-        metavar="HIDDEN",
-        help=f"hidden in the person: none, or of {', '.join(HIDDEN)} (default: dead_zone bias)",
-    )
-    add("--runs", type=at_least_one, default=4, metavar="N", help="number of runs (default: 4)")
-    add("--remnant", type=float, default=0.1, metavar="P", help="P_n (default: 0.1)")
-    add("--seed", type=int, default=0, metavar="N", help="of the simulation (default: 0)")
-    add_search_options(add)
-    add_picture_options(add, "skhoid-demo")
-    add("--no-report", action="store_true", help="do not write report.html into that folder")
-    add_output_options(add)
-
-
 def demo(options: argparse.Namespace) -> int:
     """Hide effects and find them."""
-    from .. import OperatorRegressor, make_tracking_runs
-    from ..effects import Effects
-    from ..exceptions import did_you_mean
-    from ..search.story import HIDDEN
-
     names = [] if options.effect == ["none"] else options.effect
     if "none" in names:
         raise ValueError("--effect none hides nothing, and takes no other names.")

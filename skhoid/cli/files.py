@@ -4,63 +4,24 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from .options import not_negative, pairs, positive, refuse
+from ..io import read_runs
+from ..io._table import split_header
+from ..io.figures import save_figure
+from ..preprocessing import resample_runs
+from ..regression import units_of
+from .options import pairs, refuse
+from .output import note
 
 ABOUT_FILES = ["time", "dt", "run", "unit", "resample"]
 ABOUT_FILES += ["input", "instruments", "output", "x", "target", "role", "display"]
 
 
-def add_file_options(add: Callable[..., Any]) -> None:
-    """Options that say which files, and what is in them."""
-    add(
-        "files",
-        nargs="*",
-        default=(),
-        metavar="FILES",
-        help="CSV, Parquet or MAT files, or patterns",
-    )
-    add("--output", metavar="NAME", help="output channel (default: u)")
-    add("--time", metavar="NAME", help="time channel, in seconds")
-    add("--run", metavar="NAME", help="column with run labels (default: one file is one run)")
-    add(
-        "--dt",
-        type=positive,
-        metavar="S",
-        help="sampling time: of files without a time channel, or to resample to",
-    )
-    add(
-        "--unit",
-        action="append",
-        default=[],
-        metavar="NAME=UNIT",
-        help="unit of a channel; 'ms' for time converts it; may be repeated",
-    )
-    add(
-        "--resample",
-        action="store_true",
-        help="bring an irregular clock onto a regular grid by interpolation first",
-    )
-
-
-def add_run_in(add: Callable[..., Any]) -> None:
-    """The option of the time in which a run has not begun yet."""
-    add(
-        "--run-in",
-        type=not_negative,
-        metavar="S",
-        help="discard this much at the start of each run",
-    )
-
-
 def read_files(options: argparse.Namespace, inputs: list[str]) -> tuple[Any, Any]:
     """X and y of the files that the options name."""
-    from .. import read_runs, resample_runs
-    from .output import note
-
     if options.time is None and options.dt is None:
         raise ValueError("Say where time comes from: --time NAME, or --dt SECONDS.")
     if options.time is None:
@@ -88,8 +49,6 @@ def read_files(options: argparse.Namespace, inputs: list[str]) -> tuple[Any, Any
 
 def column_of(X: Any, asked: str) -> str:
     """Column of X that was asked for by its header, with its unit, or as a field of a struct."""
-    from ..io._table import split_header
-
     name = asked if asked in X else split_header(asked)[0]
     return name if name in X else name.rpartition(".")[2]
 
@@ -166,7 +125,6 @@ def save_figures(
     Of the ``others`` those go that the same command has drawn into the folder before. ``named``
     is X and y, whose names appear in the figures.
     """
-    from ..io.figures import save_figure
     from ..plotting._axes import names_as_they_are
 
     software = f"skhoid {command}"
@@ -191,8 +149,6 @@ def _is_drawn_by(path: Path, software: str) -> bool:
 
 def _names(X: Any, y: Any) -> list[str]:
     """Names in the data that figures may show."""
-    from ..regression import units_of
-
     names = [*X.columns, y.name, *units_of(X).values(), *units_of(y).values()]
     for level in getattr(X.index, "levels", []):
         if level.name != "time":

@@ -5,128 +5,30 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from .commands import add_command
-from .files import (
-    add_file_options,
-    add_run_in,
-    check_no_files,
-    read_files,
-    save_figures,
-    without_screen,
-)
-from .options import at_least_one, positive, refuse
-from .output import (
-    add_output_options,
-    check_tables,
-    make_console,
-    print_json,
-    save_tables,
-    say_files,
-)
-from .telling import add_picture_options, picture_folder
+from rich.console import Console
+from rich.table import Table
+from sklearn.callback import ProgressBar
 
-if TYPE_CHECKING:
-    from ..arx.identification import Identification
+from .._version import __version__
+from ..arx.identification import Identification, ModelChoice
+from ..arx.identification import identify as identify_runs
+from ..io import load_human_tracking
+from ..summaries import counted
+from .arguments.identify import LONGEST_DELAY
+from .files import check_no_files, read_files, save_figures, without_screen
+from .options import refuse
+from .output import WIDTH, print_json, say_files
+from .tables import check_tables, save_tables
+from .telling import picture_folder
 
-EXAMPLES = """\
-examples:
-  skhoid identify                          identify a bundled recording of a human tracker
-  skhoid identify run*.csv --input e --output u --time t
-  skhoid identify runs.mat --input data.e --output data.u --dt 0.01 --run-in 8.08
-  skhoid identify all.parquet --input e --output u --time t --run trial --validate 7 --json
-  skhoid identify run*.csv --input e --time t --na 2 --nb 2 --nk 29        nothing is searched
-  skhoid identify run*.csv --input e --time t --method iv --instruments f_t
-  skhoid identify run*.csv --input e --time t --memory-time 2.56           an operator who adapts
-"""
 PICTURES = ["simulation.png", "delay.png", "delay-vaf.png", "orders.png", "parameters.png"]
-LONGEST_DELAY = 0.5  # s
 CRITERIA = {"one_step": "lowest one-step error", "vaf": "highest cross-validated VAF"}
-
-
-def add_identify(commands: Any) -> None:
-    """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "identify",
-        identify,
-        "find delay and orders, fit, and validate on held-out data",
-        "Discard the run-in, find the delay and the orders, fit an ARX model and "
-        "validate its free run on held-out data: the last run, or the second half of a single "
-        "run. Without files it uses a bundled recording of a person tracking a target.",
-        EXAMPLES,
-    )
-    add = command.add_argument
-    add_file_options(add)
-    add("--input", nargs="+", metavar="NAME", help="input channels (default: e)")
-    add_run_in(add)
-    add(
-        "--decimate",
-        type=at_least_one,
-        default=1,
-        metavar="D",
-        help="decimation factor (default: 1)",
-    )
-    add(
-        "--longest-delay",
-        type=positive,
-        metavar="S",
-        help=f"longest delay to try (default: {LONGEST_DELAY})",
-    )
-    add(
-        "--criterion",
-        choices=["one_step", "vaf"],
-        help="which delay to go on with (default: one_step); both are printed",
-    )
-    several = "; one number, or one per input"
-    add("--nk", type=int, nargs="+", metavar="N", help=f"delay in samples, not searched{several}")
-    add("--na", type=int, metavar="N", help="order, not searched (nb: 2, or as given)")
-    add(
-        "--nb",
-        type=int,
-        nargs="+",
-        metavar="N",
-        help=f"order, not searched (na: 2, or as given){several}",
-    )
-    add(
-        "--method",
-        choices=["ols", "iv"],
-        default="ols",
-        help="least squares, or instrumental variables, which remnant does not bias "
-        "(default: ols); searches use least squares",
-    )
-    add(
-        "--instruments",
-        nargs="+",
-        metavar="NAME",
-        help="of iv: channels from outside the loop (default: f_t)",
-    )
-    memory = command.add_mutually_exclusive_group()
-    memory.add_argument(
-        "--memory-time",
-        type=positive,
-        metavar="S",
-        help="also fit a model that follows changes, with a memory of this length",
-    )
-    memory.add_argument(
-        "--memory-horizon", type=positive, metavar="N", help="the same in samples of the model"
-    )
-    add("--validate", nargs="+", metavar="RUN", help="runs to hold out (default: the last)")
-    add(
-        "--keep-means",
-        action="store_true",
-        help="no intercept, and VAF with the means kept, as the thesis does",
-    )
-    add_picture_options(add, "skhoid-identify")
-    add_output_options(add)
 
 
 def identify(options: argparse.Namespace) -> int:
     """Identify, and say, draw and write what is found."""
-    from ..arx.identification import ModelChoice
-    from ..arx.identification import identify as identify_runs
-
     folder = picture_folder(options, "skhoid-identify")
     check_tables(options)
     if options.nk is not None:
@@ -175,8 +77,6 @@ def _one_or_each(numbers: list[int] | None) -> Any:
 
 
 def _progress() -> tuple[Any, ...]:
-    from sklearn.callback import ProgressBar
-
     return (ProgressBar(max_propagation_depth=0),)
 
 
@@ -197,8 +97,6 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
                 ) from error
             raise
         return X, y, ", ".join(options.files)
-    from .. import load_human_tracking
-
     check_no_files(options)
     X, y = load_human_tracking("difficulty 80")
     return (
@@ -241,8 +139,6 @@ def _draw(found: Identification, folder: Path) -> list[str]:
 
 
 def _as_dict(found: Identification, source: str) -> dict[str, Any]:
-    from .._version import __version__
-
     layout = found.layout
     return {
         "skhoid": __version__,
@@ -274,18 +170,21 @@ def _clock(found: Identification) -> str:
     return text + (f", {gaps} gaps at which the free run restarts from zero" if gaps else "")
 
 
+def _console() -> Console:
+    """A console that prints tables, and names as they are."""
+    # Piped output has no width of its own.
+    width = None if sys.stdout.isatty() else WIDTH
+    return Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=width)
+
+
 def _print(found: Identification, source: str, criterion: str) -> None:
-    from rich.table import Table
-
-    from ..summaries import counted
-
     layout, best = found.layout, found.best.model
     units = found.units
 
     def named(channel: str) -> str:
         return f"{channel} ({units[channel]})" if channel in units else channel
 
-    console = make_console()
+    console = _console()
     runs = counted(len(layout.labels), "run")
     console.print(source)
     console.print(

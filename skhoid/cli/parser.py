@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 
 from .._version import __version__
+from .arguments.completion import add_completion
+from .arguments.demo import add_demo
+from .arguments.diagnose import add_diagnose
+from .arguments.identify import add_identify
+from .arguments.report import add_report
+from .arguments.simulate import add_simulate
+from .arguments.study import add_study
 from .commands import Parser
-from .completion import add_completion
-from .demo import add_demo
-from .diagnose import add_diagnose
-from .identify import add_identify
-from .report import add_report
-from .simulate import add_simulate
-from .study import add_study
 
 EXAMPLES = """\
 examples:

@@ -3,59 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from typing import Any
 
-from .files import add_file_options, add_run_in, check_no_files, column_of, read_files
-from .options import not_negative, pairs, refuse
+from ..arx.batch import ARXRegressor
+from ..arx.searches import DelaySearchCV
+from ..greybox import OperatorRegressor
+from ..io import load_human_tracking
+from ..preprocessing import RunInTrimmer
+from .arguments.shared import OF_CORE
+from .files import check_no_files, column_of, read_files
+from .options import pairs, refuse
 
 BUNDLED = ["phase-size 2b", "phase-size 2c", "phase-size 2d", "phase-size 2e"]
-OF_CORE = {"operator": ["delay"], "arx": ["na", "nb", "nk"]}
-
-
-def add_recording_options(add: Callable[..., Any]) -> None:
-    """Options of files, their channels, and the model."""
-    add_file_options(add)
-    add("--input", metavar="NAME", help="input channel, the error (default: e)")
-    add("--x", metavar="NAME", help="channel with the controlled element's output")
-    add("--target", metavar="NAME", help="channel with the target f_t")
-    add(
-        "--role",
-        action="append",
-        default=[],
-        metavar="NAME=ROLE",
-        help="another channel: its role begins with motion or dist, or is empty; may be repeated",
-    )
-    add_run_in(add)
-    add(
-        "--remove-means",
-        action="store_true",
-        help="subtract the mean of each channel first, for positions far from zero",
-    )
-    add(
-        "--core",
-        choices=list(OF_CORE),
-        default="operator",
-        help="what the model is: the operator's physics, or ARX (default: operator)",
-    )
-    add(
-        "--delay", type=not_negative, metavar="S", help="delay of the operator (default: estimated)"
-    )
-    add("--na", type=int, metavar="N", help="order of the ARX core (default: 2)")
-    add("--nb", type=int, metavar="N", help="order of the ARX core (default: 2)")
-    add("--nk", type=int, metavar="N", help="delay of the ARX core in samples (default: found)")
-    add(
-        "--display",
-        choices=["compensatory", "pursuit", "preview"],
-        help="what the operator could see (default: compensatory)",
-    )
-    add(
-        "--controlled-element",
-        nargs=2,
-        type=float,
-        metavar=("K_C", "OMEGA_B"),
-        help="K_c / (s (s + omega_b)) (default: estimated where x is given)",
-    )
 
 
 def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
@@ -65,8 +24,6 @@ def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
             refuse(options, names, f"needs --core {core}.")
     X, y, roles, source = _own(options) if options.files else _bundled(options)
     if options.run_in:
-        from .. import RunInTrimmer
-
         X = RunInTrimmer(run_in=options.run_in).fit_transform(X)
     if options.remove_means:
         X, y = _about_means(X), _about_means(y)
@@ -99,8 +56,6 @@ def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
 
 
 def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
-    from .. import load_human_tracking
-
     check_no_files(options)
     X, y = load_human_tracking(BUNDLED)
     options.display, options.remove_means = "pursuit", True
@@ -120,8 +75,6 @@ def _about_means(data: Any) -> Any:
 
 
 def _estimator(options: argparse.Namespace, X: Any, y: Any, roles: dict[str, str]) -> Any:
-    from .. import ARXRegressor, DelaySearchCV, OperatorRegressor
-
     inputs = [column_of(X, options.input)]
     shared: dict[str, Any] = {"inputs": inputs, "roles": roles or None}
     if options.core == "operator":

@@ -6,50 +6,19 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from .commands import add_command
+import pandas as pd
+
+from .._version import __version__
+from ..search.story import comparison_dict, parameter_line
 from .files import new_file
 from .options import refuse
-from .output import (
-    add_output_options,
-    check_tables,
-    print_json,
-    print_wrapped,
-    save_tables,
-    say_files,
-)
-from .recordings import add_recording_options, read_recordings
-from .telling import add_search_options, leave, tables_of_comparison, tell, write_report
+from .output import print_json, print_wrapped, say_files
+from .recordings import read_recordings
+from .tables import check_tables, save_tables
+from .telling import leave, tables_of_comparison, tell, write_report
 from .wording import reworded
 
-EXAMPLES = """\
-examples:
-  skhoid report                            about bundled recordings of a human tracker
-  skhoid report run*.csv --input e --x x --target f_t --output u --time t --out monday.html
-  skhoid report run*.csv --input e --time t --effects none         the model as it is, no search
-  skhoid report run*.csv --input e --time t --title "Subject 3" --overwrite --tables tables
-"""
 OF_SEARCH = ["display", "max_effects", "controlled_element"]
-
-
-def add_report(commands: Any) -> None:
-    """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "report",
-        report,
-        "write a report on a model of your recordings, one HTML file",
-        "Do what `skhoid diagnose` does, and write it down in one HTML file that needs "
-        "no network: data, model, comparison, ranking, error, parameters, and what to do next. "
-        "Without files it uses four bundled recordings of a person tracking a target.",
-        EXAMPLES,
-    )
-    add = command.add_argument
-    add_recording_options(add)
-    add_search_options(add, "; none: no search")
-    add("--title", metavar="TEXT", help="title of the report")
-    add("--out", default="report.html", metavar="FILE", help="the file (default: report.html)")
-    add("--overwrite", action="store_true", help="replace FILE if it exists")
-    add_output_options(add)
 
 
 def report(options: argparse.Namespace) -> int:
@@ -73,11 +42,6 @@ def report(options: argparse.Namespace) -> int:
 def _without_search(
     options: argparse.Namespace, path: Path, X: Any, y: Any, estimator: Any, source: str
 ) -> int:
-    import pandas as pd
-
-    from .._version import __version__
-    from ..search.story import comparison_dict, parameter_line
-
     model = estimator.fit(X, y)
     page = write_report(options, path, model, X, y, source, effects=None)
     compared = page.comparison

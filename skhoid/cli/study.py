@@ -8,22 +8,17 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from .commands import add_command
-from .files import add_file_options, check_folders, read_files, save_figures, without_screen
-from .options import at_least_one, positive, refuse
-from .output import add_output_options, add_table_format, print_json, say_files, write_tables
+from ..exceptions import did_you_mean
+from ..experiment import analyse_experiment, recommend_forgetting, simulate_experiment
+from ..io.tables import check_table_format
+from ..simulation import CompensatoryTask
+from ..thesis import PAPER_STUDIES, paper_study
+from .arguments.study import TABLES
+from .files import check_folders, read_files, save_figures, without_screen
+from .options import refuse
+from .output import print_json, say_files
+from .tables import write_tables
 
-EXAMPLES = """\
-examples:
-  skhoid study list
-  skhoid study fig13 --replications 20 --jobs 2
-  skhoid study fig13 --replications 100 --jobs 2 --out studies
-                                           kept as it goes; the same command goes on where it was
-  skhoid study fig9 --conditions C1 --intensities 0 0.15 0.3
-  skhoid study recommend --conditions C4 --intensities 0.15 --rate 50
-  skhoid study experiment                  three simulated subjects, six conditions, seven runs
-  skhoid study experiment s1_*.csv --input e --output u --time t --measurement-time 81.92
-"""
 OF_EXPERIMENT = ("paths", "batch", "scores", "validation", "changes", "delays", "verdicts")
 OTHERS = {
     "experiment": "subjects, conditions and runs: Figs. 16-17, App. M, Table VI",
@@ -47,52 +42,11 @@ APPLY = {
     "experiment": ["subjects", "conditions", "runs", "last", "seed", *KEPT],
     "experiment with files": [*OF_FILES, "last", *KEPT],
 }
-TABLES = "csv"
 WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # these have the cells of all others
-
-
-def add_study(commands: Any) -> None:
-    """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "study",
-        study,
-        "Monte-Carlo studies: the paper's figures, an experiment, a memory horizon",
-        "Simulate many runs, fit them all, and say how it compares with the thesis: "
-        "'list' names the studies; 'all' makes every one of the paper; 'experiment' analyses "
-        "subjects, conditions and runs (simulated, or your files of one subject and condition); "
-        "'recommend' finds the memory horizon for an experiment to come.",
-        EXAMPLES,
-    )
-    add = command.add_argument
-    add(
-        "name", metavar="NAME", help="fig9, fig10, fig12 ... (see list), all, experiment, recommend"
-    )
-    add_file_options(add)
-    add("--replications", type=at_least_one, metavar="M", help="runs of each cell (default: 100)")
-    add("--validation", type=at_least_one, metavar="V", help="validation runs (default: 10)")
-    add("--conditions", nargs="+", metavar="C", help="such as C1 C4")
-    add("--intensities", nargs="+", type=float, metavar="P", help="P_n, such as 0 0.15")
-    add("--orders", nargs="+", metavar="M", help="of the remnant filter: 1 2 3 4 nm")
-    add("--rate", type=positive, metavar="HZ", help="of recommend (default: 100)")
-    add("--gains", choices=["table", "tuned"], help="K_n: Table G.1, or found (default: table)")
-    add("--subjects", type=at_least_one, metavar="N", help="of experiment (default: 3)")
-    add("--runs", type=at_least_one, metavar="N", help="of experiment (default: 7)")
-    add("--last", type=at_least_one, metavar="N", help="runs used (default: 5)")
-    add("--input", metavar="NAME", help="input channel of files (default: e)")
-    add("--measurement-time", type=positive, metavar="S", help="keep the end of runs of files")
-    add("--seed", type=int, metavar="N", help="of the simulation (default: 0)")
-    add("--jobs", type=int, metavar="N", help="workers (default: 1; -1: all processors)")
-    add("--out", metavar="FOLDER", help="keep blocks, tables and pictures in FOLDER/NAME")
-    add("--no-pictures", action="store_true", help="draw nothing")
-    add_table_format(add, TABLES)
-    add_output_options(add, tables=False)
 
 
 def study(options: argparse.Namespace) -> int:
     """Run one study, or all of the paper."""
-    from ..thesis.studies import PAPER_STUDIES
-
     _check(options)
     if options.name == "list":
         studies = {name: one.what for name, one in PAPER_STUDIES.items()} | OTHERS
@@ -114,10 +68,6 @@ def study(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     """Say what hinders a study before the work begins."""
-    from ..exceptions import did_you_mean
-    from ..io.tables import check_table_format
-    from ..thesis.studies import PAPER_STUDIES
-
     name, known = options.name, ["list", *OTHERS, *PAPER_STUDIES]
     if name not in known:
         raise ValueError(
@@ -149,14 +99,10 @@ def _applying(options: argparse.Namespace) -> tuple[str, list[str]]:
 
 
 def _parameters(name: str) -> set[str]:
-    from ..thesis.studies import PAPER_STUDIES
-
     return set(signature(PAPER_STUDIES[name].function).parameters)
 
 
 def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
-    from ..thesis.studies import paper_study
-
     given = {key: getattr(options, part) for part, key in PARTS.items()}
     has = _parameters(name)
     given = {key: value for key, value in given.items() if value is not None and key in has}
@@ -199,9 +145,6 @@ def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
 
 
 def _recommend(options: argparse.Namespace) -> int:
-    from ..experiment.recommend import recommend_forgetting
-    from ..simulation import CompensatoryTask
-
     conditions = options.conditions or ["C4"]
     if len(conditions) > 1:
         raise ValueError("recommend takes one condition; an average over tasks suits none of them.")
@@ -233,8 +176,6 @@ def _recommend(options: argparse.Namespace) -> int:
 
 
 def _experiment(options: argparse.Namespace) -> int:
-    from ..experiment import analyse_experiment, simulate_experiment
-
     last = options.last or 5
     if options.files:
         channel = options.input or "e"

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
+
+from .._version import __version__
+from ..diagnosis import Comparison
+from ..effects import Effects
+from ..effects.catalogue import BY_NAME
+from ..human import ControlledElement
+from ..reporting import Report, report
+from ..search import EffectSearchCV
+from ..search.story import Story
+from .arguments.shared import MAX_EFFECTS
 from .files import check_folders, save_figures, without_screen
 from .options import refuse
-from .output import print_json, print_wrapped, save_tables, say_files
+from .output import print_json, print_wrapped, say_files
+from .tables import save_tables
 from .wording import reworded
-
-if TYPE_CHECKING:
-    from ..diagnosis.comparison import Comparison
-    from ..reporting import Report
-    from ..search.story import Story
 
 OF_COMPARISON = (
     "by_run",
@@ -29,19 +35,6 @@ OF_COMPARISON = (
     "time_frequency",
     "remnant_spectrum",
 )
-MAX_EFFECTS = 4
-
-
-def add_search_options(add: Callable[..., Any], more: str = "") -> None:
-    """Options of the search."""
-    add("--effects", nargs="+", metavar="ID", help=f"effects to search for (default: all{more})")
-    add("--max-effects", type=int, metavar="N", help=f"to add at most (default: {MAX_EFFECTS})")
-
-
-def add_picture_options(add: Callable[..., Any], folder: str) -> None:
-    """Options of the pictures."""
-    add("--out", metavar="FOLDER", help=f"for the pictures (default: {folder})")
-    add("--no-pictures", action="store_true", help="draw nothing")
 
 
 def picture_folder(options: argparse.Namespace, default: str) -> Path | None:
@@ -56,8 +49,6 @@ def picture_folder(options: argparse.Namespace, default: str) -> Path | None:
 
 def wanted_effects(options: argparse.Namespace) -> Any:
     """The effects to search for, known by name."""
-    from ..effects import Effects
-
     names = options.effects or ["all"]
     if names == ["all"]:
         return "all"
@@ -76,9 +67,6 @@ def tell(
     options: argparse.Namespace, estimator: Any, X: Any, y: Any, source: str, *, aloud: bool = True
 ) -> Story:
     """Search, and tell the story meanwhile."""
-    from .. import ControlledElement, EffectSearchCV
-    from ..search.story import Story
-
     element = getattr(options, "controlled_element", None)
     search = EffectSearchCV(
         estimator,
@@ -107,8 +95,6 @@ def leave(
     head: dict[str, Any] | None = None,
 ) -> None:
     """Write the report, the pictures and the tables, and say where; or print all as JSON."""
-    from .._version import __version__
-
     if report is not None:
         write_report(options, report, story.search_, story.X, story.y, source)
     pictures = draw(story, folder, options.command) if folder else []
@@ -133,8 +119,6 @@ def write_report(
     **more: Any,
 ) -> Report:
     """Make the report and write it."""
-    from .. import report
-
     made_with = {"command": shlex.join(["skhoid", *options.words])}
     if getattr(options, "seed", None) is not None:
         made_with["seed"] = str(options.seed)
@@ -161,8 +145,6 @@ def tables_of(story: Story) -> dict[str, Any]:
 
 def tables_of_comparison(found: Comparison | None) -> dict[str, Any]:
     """Tables of a comparison, if there is one."""
-    import pandas as pd
-
     if found is None:
         return {}
     tables = {name: getattr(found, name) for name in OF_COMPARISON}
@@ -171,8 +153,6 @@ def tables_of_comparison(found: Comparison | None) -> dict[str, Any]:
 
 def draw(story: Story, folder: Path, command: str) -> list[str]:
     """Draw what the story tells into a folder; returns the paths."""
-    from ..effects.catalogue import BY_NAME
-
     without_screen()
     from ..plotting import (
         EffectRankingDisplay,

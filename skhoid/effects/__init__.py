@@ -5,12 +5,15 @@ from .base import Effect, Parameter
 from .catalogue import catalogue, effect
 from .composition import Effects
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
+from .error_scan import ErrorScan
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
 from .intermittent import Intermittent
-from .offsets import Bias, Drift, Integral, Tremor
+from .offsets import Bias, Drift, Integral
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
 from .timing import TimeVaryingDelay, WrongDelay
+from .traces import Signature
+from .tremor import Tremor
 
 __all__ = [
     "AbsoluteValue",
@@ -24,6 +27,7 @@ __all__ = [
     "Drift",
     "Effect",
     "Effects",
+    "ErrorScan",
     "ExtraLag",
     "ExtraLead",
     "Feedforward",
@@ -43,6 +47,7 @@ __all__ = [
     "Rectified",
     "Saturation",
     "ScheduledGain",
+    "Signature",
     "Stiction",
     "TimeVaryingDelay",
     "TimeVaryingGain",

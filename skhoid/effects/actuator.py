@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from scipy.special import ndtr
 
 from .. import _kernels
 from .base import Effect, Parameter
+from .error_scan import ErrorScan
 from .operator_signals import Spring
 from .record import Record
 from .traces import stop_of
@@ -231,7 +229,9 @@ class Stiction(Effect):
     def variants(self, record: Record) -> list[Effect]:
         return self.one_of_each("form", ("slide", "jump"))
 
-    def scanned_beside(self, error_of: Any, values: dict[str, float]) -> list[dict[str, float]]:
+    def scanned_beside(
+        self, error_of: ErrorScan, values: dict[str, float]
+    ) -> list[dict[str, float]]:
         """Jumps of the same mean distance from the command, which is found first, and nearly."""
         if self.form != "jump" or self.fixed:
             return []
@@ -337,7 +337,7 @@ class Quantised(Effect):
         # The smooth form comes first: the others start from what it finds as well.
         return self.one_of_each("form", ("behind", "sharp", "uneven"))
 
-    def scanned(self, error_of: Callable[..., float], record: Record) -> list[dict[str, float]]:
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Steps as close as the minima of the squares, which are some percent wide."""
         if self.form != "behind" or self.step is not None:
             return []

@@ -10,7 +10,9 @@ from typing import Any, ClassVar
 import numpy as np
 from sklearn.base import BaseEstimator, clone
 
+from .error_scan import ErrorScan
 from .record import Record
+from .traces import Signature
 
 PLACES = ("input", "delay", "gain", "path", "command", "spring", "sum", "output")
 
@@ -91,6 +93,13 @@ class Effect(BaseEstimator):
     shades : bool
         Whether the choices of ``form`` are shades of the first: a search tries the others only
         where that explains something.
+    n_hidden : int
+        How many numbers it finds in the data besides its parameters, such as the ends of
+        intervals. They count in the BIC as parameters do.
+    noise : str
+        What it adds to the output, in words such as "a sine", where that is noise to a free run,
+        since no input explains it; "" for all other effects. Noise is not fitted by a search but
+        recognised by its ``signature``, and has a ``realisation`` for pictures.
 
     See Also
     --------
@@ -130,6 +139,8 @@ class Effect(BaseEstimator):
     parameters: tuple[Parameter, ...] = ()
     smooth: bool = True
     shades: ClassVar[bool] = False
+    n_hidden: int = 0
+    noise: ClassVar[str] = ""
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """What comes out of the effect when ``signal`` goes in, at values of the parameters."""
@@ -151,15 +162,17 @@ class Effect(BaseEstimator):
             found = [{**f, p.name: s * scale} for f in found for s in p.starts]
         return found
 
-    def scanned(self, error_of: Callable[..., float], record: Record) -> list[dict[str, float]]:
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Starts found by a search of the effect's own, none by default.
 
         ``error_of(values, seconds)`` is what the best multiple of the simulated output leaves of
-        the first seconds of the runs; it can do more, see ``greybox.scan``.
+        the first seconds of the runs; see :class:`ErrorScan` for what else it tells.
         """
         return []
 
-    def scanned_beside(self, error_of: Any, values: dict[str, float]) -> list[dict[str, float]]:
+    def scanned_beside(
+        self, error_of: ErrorScan, values: dict[str, float]
+    ) -> list[dict[str, float]]:
         """Starts near values that were found, where the response is not smooth; none by default."""
         return []
 
@@ -176,6 +189,16 @@ class Effect(BaseEstimator):
         A search follows it where the effect itself is not smooth.
         """
         return None
+
+    def signature(self, residual: np.ndarray, record: Record) -> Signature | None:
+        """What the residual of a model (n_samples, n_runs) shows of ``noise``; None if nothing."""
+        return None
+
+    def realisation(
+        self, values: dict[str, float], t: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Times in seconds, by default such as show it well, and a course of ``noise`` at them."""
+        raise NotImplementedError(f"{type(self).__name__} is noise and must implement realisation.")
 
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
         """Bounds of the parameters in the units of the data."""

@@ -10,10 +10,11 @@ from .base import Effect
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
 from .intermittent import Intermittent
-from .offsets import Bias, Drift, Integral, Tremor
+from .offsets import Bias, Drift, Integral
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
 from .timing import TimeVaryingDelay, WrongDelay
+from .tremor import Tremor
 
 CLASSES: tuple[type[Effect], ...] = (
     WrongDelay,

@@ -8,6 +8,7 @@ import numpy as np
 
 from .. import _kernels
 from .base import Effect, Parameter
+from .error_scan import ErrorScan
 from .record import Record, differentiated
 
 HOLDS_CLOCK = tuple(np.arange(0.1, 0.9, 0.1).round(2).tolist())
@@ -110,14 +111,14 @@ class Intermittent(Effect):
             return self.hold_time is None
         return record.core == "operator" and not self.fixed
 
-    def scanned(self, error_of: Any, record: Record) -> list[dict[str, float]]:
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         if not self._is_scanned(record):
             return []
         if self.trigger == "clock":
             return self._scanned_clock(error_of, record)
         return self._scanned_events(error_of, record)
 
-    def _scanned_clock(self, error_of: Any, record: Record) -> list[dict[str, float]]:
+    def _scanned_clock(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Times between ticks, ever finer: over a run they must be right to a share of a tick."""
         unit = record.time_unit
         duration = record.duration / unit
@@ -132,7 +133,7 @@ class Intermittent(Effect):
         tried = [(hold, share * hold) for hold in holds for share in phases]
         for i, seconds in enumerate(SCANS):
             if operator:
-                errors = self._of_clocks(tried, error_of, seconds)
+                errors = self._of_clocks(tried, error_of, record.dt, seconds)
             else:
                 starts = [self._ticking(one, error_of, unit) for one in tried]
                 errors = np.array([error_of(v, begin + seconds * unit) for v in starts])
@@ -146,36 +147,38 @@ class Intermittent(Effect):
         values = [self._ticking(one, error_of, unit) for one in best[:2]]
         return [error_of.fitted(v)[1] for v in values] if operator else values
 
-    def _ticking(self, one: tuple[float, float], error_of: Any, unit: float) -> dict[str, float]:
+    def _ticking(
+        self, one: tuple[float, float], error_of: ErrorScan, unit: float
+    ) -> dict[str, float]:
         hold, phase = one
         phase = phase if self.phase is None else self.phase / unit
         core = error_of.earlier(hold * unit / 2)
         return {**core, "hold_time": hold * unit, "phase": phase * unit}
 
-    def _of_clocks(self, tried: Any, error_of: Any, seconds: float) -> np.ndarray:
+    def _of_clocks(self, tried: Any, error_of: ErrorScan, dt: float, seconds: float) -> np.ndarray:
         """Squares left by clocks of (hold time, phase)."""
-        held, dt = _kernels.greybox.held, error_of.coarse.record.dt
+        held = _kernels.greybox.held
         own = 0.0 if self.phase is None else self.phase
         columns = []
         for part in (0, 1):
             answers = []
             for hold, phase in tried:
-                x = error_of.parts(seconds, LAG_STEP * round(hold / 2 / LAG_STEP))[part]
+                x = error_of.commands(seconds, LAG_STEP * round(hold / 2 / LAG_STEP))[part]
                 answers.append(held(x, x, hold / dt, 0.0, (phase + own) / dt))
             columns.append(np.stack(answers, axis=2))
         return np.asarray(error_of.left(columns, seconds))
 
-    def _of_continuous(self, error_of: Any, seconds: float) -> float:
+    def _of_continuous(self, error_of: ErrorScan, seconds: float) -> float:
         """Squares left by the command as it is."""
-        return float(error_of.left([x[:, :, None] for x in error_of.parts(seconds)], seconds)[0])
+        return float(error_of.left([x[:, :, None] for x in error_of.commands(seconds)], seconds)[0])
 
-    def _scanned_events(self, error_of: Any, record: Record) -> list[dict[str, float]]:
+    def _scanned_events(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Refractory times, thresholds and ratios of the gains on a grid, then beside its best.
 
         Ratios, because the events of a command depend on them.
         """
         of_error = self.trigger == "error"
-        parent, ordinary = error_of.cores[0], error_of.cores[-1]
+        parent, ordinary = error_of.parameters, error_of.ordinary
         if not parent["K_e"] > 0 or not ordinary["K_e"] > 0:
             return []
         ratio = max(parent["K_edot"] / parent["K_e"], LEAST_RATIO)
@@ -183,7 +186,7 @@ class Intermittent(Effect):
         ratios = RATIOS_OF_ERROR if of_error else RATIOS
         mesh = np.meshgrid(HOLDS_EVENT, THRESHOLDS, ratios, indexing="ij")
         points = np.stack([m.ravel() for m in mesh], axis=1) * np.array([1.0, scale, ratio])
-        whole, slope = error_of.parts(SCANS_EVENT[-1])
+        whole, slope = error_of.commands(SCANS_EVENT[-1])
         powers = [np.mean(whole * whole), np.mean(whole * slope), np.mean(slope * slope)]
 
         def factor(ratio: Any) -> Any:
@@ -224,12 +227,14 @@ class Intermittent(Effect):
         found.sort(key=lambda item: item[0])
         return [values for _, values in found[:2]]
 
-    def scanned_beside(self, error_of: Any, values: dict[str, float]) -> list[dict[str, float]]:
-        core = error_of.cores[0]
+    def scanned_beside(
+        self, error_of: ErrorScan, values: dict[str, float]
+    ) -> list[dict[str, float]]:
+        core = error_of.parameters
         both = core.get("K_edot", 0.0) * core.get("K_e", 0.0)
         if self.trigger == "clock" or self.fixed or not both > 0.0:
             return []
-        if error_of.coarse.rate < error_of.coarse.record.criterion_rate:  # has other events
+        if error_of.explores:  # has other events
             return []
         of_error = self.trigger == "error"
         hold, threshold = values["hold_time"], values["threshold"]

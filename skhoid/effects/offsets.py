@@ -1,4 +1,4 @@
-"""Offsets, trim and tremor."""
+"""Offsets and trim."""
 
 from __future__ import annotations
 
@@ -192,51 +192,6 @@ class Integral(Effect):
         b, a = np.array([dt, 0.0, 0.0]), np.array([leak * dt - 1.0, 0.0])
         total = _kernels.greybox.filtered(_kernels.gate(signal.error), b, a)
         return signal.plus(gain * total)
-
-
-class Tremor(Effect):
-    """A periodic movement of the hand, of unknown phase: noise, which no input explains.
-
-    Parameters
-    ----------
-    frequency : float or None, default=None
-        In Hz; None estimates it.
-    amplitude : float or None, default=None
-        In units of the output; None estimates it.
-
-    Notes
-    -----
-    Its phase is not known beforehand: it is named and measured, and the free run stays as it is.
-
-    References
-    ----------
-    Elble and Randall, Mechanistic components of normal hand tremor (1978): 8-12 Hz.
-
-    Examples
-    --------
-    >>> from skhoid.effects import Tremor
-    >>> Tremor(frequency=9.0).name
-    'tremor'
-    """
-
-    name = "tremor"
-    place = "sum"
-    physics = "The hand trembles at a steady frequency."
-    formula = "u + amplitude sin(2 pi frequency t + phase), the phase unknown"
-    source = "Elble and Randall (1978)"
-    parameters = (
-        Parameter("frequency", "Hz", 5.0, 15.0, (9.0,), "", "of the tremor"),
-        Parameter("amplitude", "{u}", 0.0, 5.0, (0.1,), "u", "of the tremor"),
-    )
-
-    def __init__(self, *, frequency: float | None = None, amplitude: float | None = None):
-        self.frequency = frequency
-        self.amplitude = amplitude
-
-    def apply(
-        self, signal: np.ndarray, record: Record, frequency: float, amplitude: float
-    ) -> np.ndarray:
-        return signal
 
 
 def with_middle(effect: Any, record: Record) -> Any:

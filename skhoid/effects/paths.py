@@ -9,6 +9,7 @@ import numpy as np
 from .. import _kernels
 from .base import Effect, Parameter
 from .dynamics import bilinear
+from .error_scan import ErrorScan
 from .record import OTHER, Record, differentiated
 from .time_variation import needs_channel
 
@@ -31,7 +32,7 @@ class _AnswerToTarget(Effect):
     forms: tuple[str, ...] = ("inverse", "rate", "gain")
     ahead = -1.0  # sign of the parameter that is a time, as time looked ahead
 
-    def scanned(self, error_of: Any, record: Record) -> list[dict[str, float]]:
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Times as close as the minima of the squares, with all gains solved for at each."""
         gain, time = self.parameters[:2]
         if record.core != "operator" or self.fixed or self.form == "spread":
@@ -39,7 +40,7 @@ class _AnswerToTarget(Effect):
         times = np.arange(time.low, time.high + SCAN_STEP / 2, SCAN_STEP)
         target = shaped_target(record, self.form)
         answers = [record.delayed(target, -self.ahead * float(t)) for t in times]
-        columns = [np.repeat(x[:, :, None], times.size, axis=2) for x in error_of.parts(np.inf)]
+        columns = [np.repeat(x[:, :, None], times.size, axis=2) for x in error_of.commands(np.inf)]
         left = error_of.left([*columns, np.stack(answers, axis=2)], np.inf)
         # Of neighbours the best, which leaves room for another minimum.
         best = [i for i in np.argsort(left) if left[i] <= left[max(i - 1, 0) : i + 2].min()]

@@ -303,8 +303,8 @@ class Lapses(Effect):
         return {"depth": 0.0}
 
     @property
-    def n_hidden(self) -> int:
-        """Numbers that were found beside the parameters."""
+    def n_hidden(self) -> int:  # type: ignore[override]
+        """Ends of the intervals."""
         return 2 * len(self.intervals or ())
 
     def variants(self, record: Record) -> list[Effect]:

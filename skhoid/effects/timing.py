@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from .base import Effect, Parameter
+from .error_scan import ErrorScan
 from .record import Record
 from .time_variation import sigmoid
 
@@ -61,7 +61,7 @@ class WrongDelay(Effect):
         low, high = super().limits(record)["extra"]
         return {"extra": (max(low, -record.ahead), high)}
 
-    def scanned(self, error_of: Callable[..., float], record: Record) -> list[dict[str, float]]:
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Whole samples of an ARX model, whose input may be rough between them."""
         if record.core != "arx" or self.extra is not None:
             return []

@@ -1,6 +1,8 @@
-"""What an output alone shows of effects that act behind the remnant."""
+"""What an output or a residual alone shows of effects, without a fit of them."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +12,38 @@ PILED = 0.02  # of the samples, at least, lie at a stop
 PILED_RATES = 0.10  # of the rates lie at the greatest rate
 RECURRING = 0.02  # as many distinct values as this share of the samples, at most, are levels
 COARSE = 0.1  # standard deviations of the output, at least, is a step
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What a residual shows of an effect that is noise to the free run.
+
+    Parameters
+    ----------
+    where : str
+        Over what it shows, such as ``"frequency"``.
+    share : float
+        Of the output's variance.
+    words : str
+        What is seen, for tables.
+    parameters : str
+        Values of the effect's parameters with their units, for tables.
+
+    See Also
+    --------
+    Effect : Its ``signature`` returns one.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Signature
+    >>> Signature("frequency", 0.02, "a line at 9.0 Hz", "frequency = 9.00 Hz").share
+    0.02
+    """
+
+    where: str
+    share: float
+    words: str
+    parameters: str
 
 
 def step_of(record: Record) -> float | None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -12,17 +12,55 @@ from .. import _kernels
 from ..effects.base import Parameter
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.record import Record
+from .arx_starts import arx_starts
 
 BOUND = 1e9  # of simulated outputs
 OPERATORS_MOVE = 3.0  # rad/s, half of the output's power below it: what times are written for
 SLOWEST, FASTEST = 0.02, 1.0  # rad per sample, of what an ARX model describes
+N_ROUNDS = 2  # of least squares for an ARX model behind an effect
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A number that tables show beside its parameters: ``over`` divided by ``under``."""
+
+    name: str
+    over: str
+    under: str
+    unit: str
+    meaning: str
 
 
 class Core(Protocol):
-    """What a simulation needs to know of the linear core."""
+    """What simulation, search and tables need to know of the linear core.
+
+    Attributes
+    ----------
+    kind : str
+        Which core it is, for ``Effect.refusal``.
+    parameters : tuple of Parameter
+        What is estimated. What is neither of ``gains`` nor of ``delays`` belongs to the response.
+    gains : tuple of str
+        Names of the parameters that ``command`` takes. Thresholds of the command grow with the
+        first.
+    delays : tuple of str
+        Names of the parameters that ``delay`` takes.
+    ordinary : mapping of str to float
+        Usual values of the response's parameters, which a search starts from where what is missing
+        has bent the estimates; empty where nothing is usual.
+    ratios : tuple of Ratio
+        What tables show beside the parameters.
+    sizes : mapping of str to float
+        Changes of parameters that change the output by its own size, where the parameters
+        themselves do not tell.
+    """
 
     kind: str
     parameters: tuple[Parameter, ...]
+    gains: tuple[str, ...]
+    delays: tuple[str, ...]
+    ordinary: Mapping[str, float]
+    ratios: tuple[Ratio, ...]
     sizes: Mapping[str, float]
 
     def on(self, record: Record) -> Record:
@@ -42,6 +80,15 @@ class Core(Protocol):
     ) -> np.ndarray:
         """Output for a command."""
 
+    def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
+        """Changes of parameters by which the answer comes that much earlier; none, if it cannot."""
+
+    def second_order(self, values: dict[str, float]) -> tuple[float, float] | None:
+        """Natural frequency and damping ratio of the response; None if it is another system."""
+
+    def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
+        """Parameters by least squares for what reaches the core; none where they are not linear."""
+
 
 class OperatorCore:
     """Human operator: K_e e + K_edot de/dt, delayed, through the neuromuscular system (Eqs. 3-5).
@@ -50,6 +97,10 @@ class OperatorCore:
     """
 
     kind = "operator"
+    gains: tuple[str, ...] = ("K_e", "K_edot")
+    delays: tuple[str, ...] = ()
+    ordinary: Mapping[str, float] = {"omega_nm": 11.0, "zeta_nm": 0.35}
+    ratios: tuple[Ratio, ...] = (Ratio("T_L", "K_edot", "K_e", "s", "lead time constant"),)
 
     def __init__(self, fixed_delay: float | None):
         self.fixed_delay = fixed_delay
@@ -64,6 +115,7 @@ class OperatorCore:
         self.parameters: tuple[Parameter, ...] = free
         if fixed_delay is None:
             self.parameters = (*free, delay)
+            self.delays = (delay.name,)
             self.kind = "operator, free delay"
 
     def on(self, record: Record) -> Record:
@@ -99,6 +151,17 @@ class OperatorCore:
             BOUND,
         )
 
+    def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
+        if self.fixed_delay is None:
+            return {"tau_e": -seconds}
+        return {"K_edot": values["K_e"] * seconds}
+
+    def second_order(self, values: dict[str, float]) -> tuple[float, float]:
+        return values["omega_nm"], values["zeta_nm"]
+
+    def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
+        return []
+
 
 class ARXCore:
     """A(q) y = B(q) x(t - nk) + c with orders of one input (Eq. 6), c only with ``intercept``.
@@ -109,6 +172,10 @@ class ARXCore:
     """
 
     kind = "arx"
+    gains: tuple[str, ...] = ()
+    delays: tuple[str, ...] = ()
+    ordinary: Mapping[str, float] = {}
+    ratios: tuple[Ratio, ...] = ()
 
     def __init__(
         self,
@@ -165,6 +232,15 @@ class ARXCore:
             BOUND,
         )
 
+    def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
+        return {}
+
+    def second_order(self, values: dict[str, float]) -> None:
+        return None
+
+    def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
+        return arx_starts(self, record, command, N_ROUNDS)
+
 
 def pace(record: Record) -> float:
     """Frequency in rad/s below which half of the output's power is."""
@@ -181,7 +257,3 @@ def neutral_gains() -> Gains:
     """No effect on any gain."""
     one = np.ones((1, 1))
     return Gains(one, one, one, one)
-
-
-def names_of(parameters: Sequence[Parameter]) -> list[str]:
-    return [p.name for p in parameters]

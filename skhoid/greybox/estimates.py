@@ -34,7 +34,7 @@ def parameter_table(
     """Values, standard errors and intervals of all parameters, derived and fixed ones too."""
     rows = []
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    position = {name: i for i, name in enumerate(simulator.names)}
+    ratios = {ratio.over: ratio for ratio in simulator.core.ratios}
 
     def add(name: str, value: float, s: float, unit: str, meaning: str) -> None:
         low, high = value - NORMAL_95 * s, value + NORMAL_95 * s
@@ -43,14 +43,15 @@ def parameter_table(
 
     for i, p in enumerate(simulator.parameters):
         add(p.name, float(theta[i]), float(sd[i]), p.spec.unit, p.spec.meaning)
-        if p.name == "K_edot" and "K_e" in position:
-            k = position["K_e"]
-            K_e, K_edot = float(theta[k]), float(theta[i])
-            if K_e != 0.0:
-                slope = np.array([-K_edot / K_e**2, 1 / K_e])
+        ratio = ratios.get(p.name)
+        if ratio is not None:
+            k = simulator.names.index(ratio.under)
+            under, over = float(theta[k]), float(theta[i])
+            if under != 0.0:
+                slope = np.array([-over / under**2, 1 / under])
                 block = covariance[np.ix_([k, i], [k, i])]
-                variance = float(slope @ block @ slope)
-                add("T_L", K_edot / K_e, np.sqrt(max(variance, 0.0)), "s", "lead time constant")
+                s = np.sqrt(max(float(slope @ block @ slope), 0.0))
+                add(ratio.name, over / under, s, ratio.unit, ratio.meaning)
     for name, value in fixed.items():
         add(name, value, 0.0, "s", "given")
     for name, effect in simulator.effects:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
-from .arx_starts import arx_starts
 from .fitting import Criterion, Fit, minimise
 from .jumps import searched
 from .model import Model, best_of, in_order, scaled_sse, start_beside, without
@@ -24,7 +22,6 @@ ALIKE = 0.9  # of the gain of the best variant
 HOPEFUL = 1.0  # times the parent's squares, at most, before a search
 COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
 FINE_SIZES = (0.04, 0.013, 0.004)
-N_ROUNDS = 2  # of least squares beside a delay
 LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
@@ -55,7 +52,7 @@ def extended(
         scan = Scan(parent, name, variant, coarse)
         values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
         starts = [start_beside(parent, simulator, name, v) for v in values]
-        if core.kind == "arx" and effect.place == "delay":
+        if effect.place == "delay":
             starts = [restarted(simulator, coarse, start) for start in starts]
         if parent.other_core is not None:
             starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]
@@ -99,15 +96,15 @@ def extended(
 
 
 def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
-    """Parameters with the ARX coefficients that least squares give for what reaches the core.
+    """Parameters with those of the core that least squares give for what reaches it, if better.
 
-    They make up for a wrong delay, and with another delay lead back to where they come from.
+    The parent's make up for a wrong delay, and with another delay lead back to where they come
+    from.
     """
-    core: Any = simulator.core
+    core = simulator.core
     simulator.run(theta)
-    x = simulator.last_state.command.position
-    rest = theta[len(core.parameters) :]
-    again = [np.r_[own, rest] for own in arx_starts(core, simulator.record, x, N_ROUNDS)]
+    found = core.starts_for(simulator.record, simulator.last_state.command.position)
+    again = [np.r_[own, theta[len(core.parameters) :]] for own in found]
     return min([theta, *again], key=lambda t: scaled_sse(simulator, criterion, t))
 
 

@@ -26,7 +26,7 @@ def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, 
     softer = _followed(model, name, criterion)
     if softer is not None:
         return softer
-    tied = Tied(simulator, dict(zip(simulator.names, model.theta, strict=True)).get("K_e", 0.0))
+    tied = Tied(simulator, model.theta)
     mine = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
     fixed = np.zeros(model.theta.size, dtype=bool)
     fixed[mine] = True
@@ -78,8 +78,7 @@ def _starts_beside(
     plain = Simulator(simulator.core, fewer, simulator.record)
     rest = {n: found[n] for n in plain.names}
     fit = replace(model.fit, theta=np.array(list(rest.values())))
-    scan = Scan(Model(plain, fit), name, variant, criterion)
-    scan.cores = [rest]
+    scan = Scan(Model(plain, fit), name, variant, criterion, bent=False)
     own = {n.split("__")[-1]: v for n, v in found.items() if n not in rest} | variant.fixed
     values = variant.scanned_beside(scan, own)
     return [start_beside(scan.parent, simulator, name, v) for v in values]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..effects.composition import Effects
 from ..effects.record import Record
-from .cores import Core, OperatorCore
+from .cores import Core
 from .fitting import Criterion, Fit, minimise
 from .simulator import Simulator
 
@@ -51,8 +51,7 @@ class Model:
     @property
     def n_parameters(self) -> int:
         """Parameters estimated, counting what effects found beside them."""
-        hidden = sum(getattr(effect, "n_hidden", 0) for _, effect in self.effects)
-        return self.theta.size + hidden
+        return self.theta.size + sum(effect.n_hidden for _, effect in self.effects)
 
     def values(self) -> dict[str, float]:
         return dict(zip(self.simulator.names, self.theta.tolist(), strict=True))
@@ -71,43 +70,6 @@ class Model:
 def fit_core(core: Core, record: Record, criterion: Criterion, starts: np.ndarray) -> Model:
     """The core without effects, from the best of some starts."""
     return best_of(Simulator(core, Effects([]), record), criterion, starts)
-
-
-def fit_plain_operator(core: OperatorCore, record: Record, criterion: Criterion) -> Model:
-    """An operator without effects; see ``Model.other_core`` for where it ends at a bound."""
-    starts = operator_starts(core, record, criterion)
-    model = fit_core(core, record, criterion, starts)
-    simulator = model.simulator
-    dynamic = np.array([name in ("omega_nm", "zeta_nm") for name in simulator.names])
-    at_bound = (model.theta <= simulator.low) | (model.theta >= simulator.high)
-    if (at_bound & dynamic).any():
-        plain = minimise(simulator, criterion, starts[0], fixed=dynamic)
-        model.other_core = dict(zip(simulator.names, plain.theta.tolist(), strict=True))
-    return model
-
-
-def operator_starts(core: OperatorCore, record: Record, criterion: Criterion) -> np.ndarray:
-    """Starts of an operator: gains by least squares on a grid of delay and neuromuscular system."""
-    simulator = Simulator(core, Effects([]), record)
-    delays = np.arange(0.06, 0.62, 0.08) if core.fixed_delay is None else np.zeros(1)
-    found = []
-    for delay in delays:
-        for omega in (5.0, 9.0, 15.0):
-            for zeta in (0.25, 0.7):
-                theta = np.array([1.0, 0.0, omega, zeta, delay][: len(core.parameters)])
-                by_gain = []
-                for gains in ((1.0, 0.0), (0.0, 1.0)):
-                    theta[:2] = gains
-                    by_gain.append(simulator.run(theta)[:: criterion.thin])
-                a, b, y = criterion.whitened(np.stack([*by_gain, criterion.y]))
-                solved = np.linalg.lstsq(np.stack([a, b], 1), y, rcond=None)[0]
-                if solved[1] < 0:
-                    solved = np.array([float(a @ y) / max(float(a @ a), 1e-300), 0.0])
-                residual = y - solved[0] * a - solved[1] * b
-                theta[:2] = solved
-                found.append((float(residual @ residual), theta.copy()))
-    found.sort(key=lambda item: item[0])
-    return np.array([theta for _, theta in found[:4]])
 
 
 def best_of(
@@ -156,13 +118,14 @@ def start_beside(
 ) -> np.ndarray:
     """Parameters of the parent and start values of a further effect as one vector.
 
-    A start value called ``+tau_e`` is added to the parent's. ``core`` replaces parameters of it.
+    A start value called ``+`` and the name of a parameter of the parent is added to that, if there
+    is such; see ``effects.error_scan``. ``core`` replaces parameters of the parent.
     """
     known = {**parent.values(), **(core or {})}
     for key, value in values.items():
         if not key.startswith("+"):
             known[f"{name}__{key}"] = value
-        elif key[1:] in known:  # a shift of a parameter of the core
+        elif key[1:] in known:
             known[key[1:]] += value
     return np.clip([known[n] for n in simulator.names], simulator.low, simulator.high)
 

@@ -16,7 +16,8 @@ from ..preprocessing.grid import ModelGrid
 from .base import GreyBox
 from .cores import OperatorCore
 from .fitting import Criterion
-from .model import Model, fit_plain_operator
+from .model import Model
+from .operator_core import fit_plain_operator
 
 
 class OperatorRegressor(GreyBox):

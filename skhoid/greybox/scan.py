@@ -17,44 +17,41 @@ from .model import Model, scaled_sse, start_beside
 from .simulator import Simulator
 from .tied import Tied
 
-ORDINARY = {"omega_nm": 11.0, "zeta_nm": 0.35}  # neuromuscular system of an operator
 FOLLOWED = 3  # iterations from a value that is scanned
 
 
 class Scan:
-    """Error of the first seconds of some runs for values of an effect beside a parent."""
+    """The :class:`~skhoid.effects.ErrorScan` of an effect beside a parent.
 
-    def __init__(self, parent: Model, name: str, variant: Effect, coarse: Criterion):
+    ``bent`` tells whether what is missing may have bent the parent.
+    """
+
+    def __init__(
+        self, parent: Model, name: str, variant: Effect, coarse: Criterion, *, bent: bool = True
+    ):
         self.parent, self.name, self.variant, self.coarse = parent, name, variant, coarse
+        self.bent = bent
+        self.parameters = parent.values()
+        self.explores = coarse.rate < coarse.record.criterion_rate
         self.by_seconds: dict[float, tuple[Simulator, Criterion]] = {}
-        self.commands: dict[tuple[float, float], tuple[np.ndarray, np.ndarray]] = {}
+        self.by_lead: dict[tuple[float, float], tuple[np.ndarray, np.ndarray]] = {}
 
     @cached_property
-    def cores(self) -> list[dict[str, float]]:
-        """Parameters of the parent, and of one with an ordinary neuromuscular system.
-
-        What is missing bends a parent.
-        """
-        values = self.parent.values()
-        found = [values]
-        if "omega_nm" in values:
-            values = values | ORDINARY
-            fixed = np.array([name not in ("K_e", "K_edot", "tau_e") for name in values])
-            start = np.array(list(values.values()))
-            effects, record = self.parent.effects, self.coarse.record
-            simulator = Simulator(self.parent.simulator.core, effects, record)
-            plain = minimise(simulator, self.coarse, start, max_iter=4, tol=1e-3, fixed=fixed)
-            found.append(dict(zip(values, plain.theta.tolist(), strict=True)))
-        return found
+    def ordinary(self) -> dict[str, float]:
+        core = self.parent.simulator.core
+        if not (self.bent and core.ordinary):
+            return self.parameters
+        values = {**self.parameters, **core.ordinary}
+        fixed = np.array([name not in core.gains + core.delays for name in values])
+        start = np.array(list(values.values()))
+        simulator = Simulator(core, self.parent.effects, self.coarse.record)
+        plain = minimise(simulator, self.coarse, start, max_iter=4, tol=1e-3, fixed=fixed)
+        return dict(zip(values, plain.theta.tolist(), strict=True))
 
     def earlier(self, seconds: float) -> dict[str, float]:
-        """Changes of the parent to the last of ``cores``, answering that much earlier."""
-        parent, core = self.parent.values(), self.cores[-1]
-        change = {f"+{name}": core[name] - parent[name] for name in core}
-        if "tau_e" in core:
-            change["+tau_e"] -= seconds
-        elif "K_edot" in core:
-            change["+K_edot"] += core["K_e"] * seconds
+        change = {f"+{name}": self.ordinary[name] - v for name, v in self.parameters.items()}
+        for name, by in self.parent.simulator.core.earlier(self.ordinary, seconds).items():
+            change[f"+{name}"] += by
         return {name: value for name, value in change.items() if value}
 
     def on(self, seconds: float) -> tuple[Simulator, Criterion]:
@@ -71,33 +68,36 @@ class Scan:
         theta = start_beside(self.parent, simulator, self.name, values)
         return scaled_sse(simulator, short, theta)
 
-    def parts(self, seconds: float, ahead: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Command by the error, by the last of ``cores``, and its rate; (n, runs).
-
-        Where the delay is free it is shorter by ``ahead``.
-        """
-        core = dict(self.cores[-1])
-        if "tau_e" not in core:
+    def commands(self, seconds: float, ahead: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        core = self.parent.simulator.core
+        if not core.delays:
             ahead = 0.0
-        if (seconds, ahead) not in self.commands:
+        if (seconds, ahead) not in self.by_lead:
             record = self.coarse.record.beginning(seconds)
-            simulator = Simulator(self.parent.simulator.core, self.parent.effects, record)
+            simulator = Simulator(core, self.parent.effects, record)
+            values = dict(self.ordinary)
             if ahead:
-                core["tau_e"] = max(core["tau_e"] - ahead, 0.0)
-            simulator.run(np.array([core[name] for name in simulator.names]))
+                for name in core.delays:
+                    values[name] = max(values[name] - ahead, 0.0)
+            simulator.run(np.array([values[name] for name in simulator.names]))
             position = np.ascontiguousarray(simulator.last_state.command.position)
-            self.commands[seconds, ahead] = position, differentiated(position, record.dt)
-        return self.commands[seconds, ahead]
+            self.by_lead[seconds, ahead] = position, differentiated(position, record.dt)
+        return self.by_lead[seconds, ahead]
 
     def matrices(self, dt: float) -> tuple[np.ndarray, float]:
-        """The neuromuscular system of the last of ``cores``, and its 2 zeta omega."""
-        omega, zeta = (np.array([self.cores[-1][name]]) for name in ("omega_nm", "zeta_nm"))
+        """The ordinary answer to a held command, and its 2 zeta omega."""
+        found = self.parent.simulator.core.second_order(self.ordinary)
+        if found is None:
+            raise ValueError(
+                f"{type(self.variant).__name__} asks what sums of answers to commands leave, which "
+                "is known of operators only; other cores answer error_of(values, seconds)."
+            )
+        omega, zeta = (np.array([value]) for value in found)
         return _kernels.greybox.held_linearly(omega, zeta, dt), float(2 * zeta[0] * omega[0])
 
     def left_by_events(self, points: np.ndarray, seconds: float, of_error: bool) -> np.ndarray:
-        """What commands held by events leave, at points; see the kernel."""
         simulator, short = self.on(seconds)
-        position, slope = self.parts(seconds)
+        position, slope = self.commands(seconds)
         dt = simulator.record.dt
         matrices, damping = self.matrices(dt)
         return _kernels.greybox.events_scanned(
@@ -113,10 +113,6 @@ class Scan:
         )
 
     def left(self, columns: Sequence[np.ndarray], seconds: float) -> np.ndarray:
-        """Squares that the best sums of answers to commands (n, runs, count) leave.
-
-        Their rates, which count beside them, make up for another neuromuscular system.
-        """
         simulator, short = self.on(seconds)
         matrices, _ = self.matrices(simulator.record.dt)
         n, runs, count = columns[0].shape
@@ -146,13 +142,11 @@ class Scan:
         return np.asarray(y @ y - np.einsum("ki,ki->k", solved, right))
 
     def fitted(self, values: dict[str, float]) -> tuple[float, dict[str, float]]:
-        """Squares on the whole, and values, with the parent's parameters fitted beside them."""
         simulator, coarse = self.on(np.inf)
         theta = start_beside(self.parent, simulator, self.name, values)
         mine = np.array([name.startswith(f"{self.name}__") for name in simulator.names])
-        parent = self.parent.values()
-        tied = Tied(simulator, theta[simulator.names.index("K_e")] if "K_e" in parent else 0.0)
+        tied = Tied(simulator, theta)
         fit = minimise(tied, coarse, tied.to(theta), max_iter=FOLLOWED, tol=1e-3, fixed=mine)
         found = dict(zip(simulator.names, tied.back(fit.theta).tolist(), strict=True))
         own = {k: found.get(f"{self.name}__{k}", v) for k, v in values.items() if k[0] != "+"}
-        return fit.sse, own | {f"+{k}": found[k] - v for k, v in parent.items()}
+        return fit.sse, own | {f"+{k}": found[k] - v for k, v in self.parameters.items()}

@@ -12,7 +12,7 @@ from ..effects.base import PLACES, Effect, Parameter
 from ..effects.composition import Effects
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.record import Record
-from .cores import BOUND, Core, neutral_gains
+from .cores import Core, neutral_gains
 
 
 class StageSignals(NamedTuple):
@@ -88,9 +88,9 @@ class Simulator:
     def _build(self) -> list[Stage]:
         core, record = self.core, self.record
         core_names = [p.name for p in core.parameters]
-        dynamic = tuple(i for i, n in enumerate(core_names) if n not in ("K_e", "K_edot", "tau_e"))
-        gain = tuple(i for i, n in enumerate(core_names) if n in ("K_e", "K_edot"))
-        delay = tuple(i for i, n in enumerate(core_names) if n == "tau_e")
+        gain = tuple(i for i, n in enumerate(core_names) if n in core.gains)
+        delay = tuple(i for i, n in enumerate(core_names) if n in core.delays)
+        dynamic = tuple(i for i in range(len(core_names)) if i not in gain + delay)
 
         def values(theta: dict[int, float], positions: tuple[int, ...]) -> dict[str, float]:
             return {core_names[i]: theta[i] for i in positions}
@@ -174,9 +174,6 @@ class Simulator:
         """How much a parameter may be changed to change the output by its own size."""
         own = self.core.sizes.get(self.names[position])
         return max(abs(value), 0.05 * self.scale[position]) if own is None else own
-
-    def diverged(self, output: np.ndarray) -> bool:
-        return not np.abs(output).max(initial=0.0) < BOUND
 
 
 def gains_of_delayed(gains: Gains, delay: Any, record: Record) -> Gains:

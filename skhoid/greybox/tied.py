@@ -14,10 +14,10 @@ class Tied(Simulator):
     """A simulator whose thresholds of the command follow the gains.
 
     A command and its thresholds that grow by the same factor have the same events. Of vectors
-    theta, thresholds are for a gain of ``reference``.
+    theta, thresholds are for the gain in ``reference``, such a vector too.
     """
 
-    def __init__(self, simulator: Simulator, reference: float):
+    def __init__(self, simulator: Simulator, reference: np.ndarray):
         super().__init__(simulator.core, simulator.effects, simulator.record)
         tied = [
             f"{name}__{p.name}"
@@ -25,10 +25,10 @@ class Tied(Simulator):
             for p in effect.free
             if effect.place == "command" and p.scale == "u"
         ]
-        self.gain = self.names.index("K_e") if "K_e" in self.names else 0
-        known = "K_e" in self.names and abs(reference) > 0.0
-        self.tied = np.array([known and name in tied for name in self.names])
-        self.reference = abs(reference)
+        gains = self.core.gains
+        self.gain = self.names.index(gains[0]) if gains else 0
+        self.reference = abs(float(reference[self.gain])) if gains else 0.0
+        self.tied = np.array([self.reference > 0.0 and name in tied for name in self.names])
 
     def factor(self, theta: np.ndarray) -> float:
         return self.reference / max(abs(theta[self.gain]), 1e-3 * self.reference)

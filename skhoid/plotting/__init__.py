@@ -1,4 +1,8 @@
-"""Every picture: one Display per file, in the pattern of scikit-learn."""
+"""Every plot: one Display per file, in the pattern of scikit-learn.
+
+A new Display is a dataclass on the base in ``_display`` and a name in the list below. What several
+displays share is in the files with an underscore.
+"""
 
 from .bode import BodeDisplay
 from .comparison import ComparisonDisplay

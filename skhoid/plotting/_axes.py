@@ -1,4 +1,7 @@
-"""Colours, labels and the Axes that a caller hands in."""
+"""Colours, labels, limits, notes and legends of single panels.
+
+Open it for what is drawn the same way in plots that have nothing else in common.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,16 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from sklearn.utils.validation import check_is_fitted
+from matplotlib.ticker import (
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    NullLocator,
+    StrMethodFormatter,
+)
 
 # Okabe and Ito's colours, which people with any colour vision tell apart.
 BLACK = "#000000"
@@ -25,6 +35,9 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
 
 LETTERS = 88  # in a row of a legend, of which each handle takes
 HANDLE = 9
+MARKERS = "os^Dv<>"
+OUTLINED: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
+FEW_DECADES = 300.0  # from one end of an axis to the other
 
 
 def with_unit(quantity: str, unit: str | None) -> str:
@@ -65,16 +78,49 @@ def note_outside(panel: Axes, values: np.ndarray, corner: tuple[str, str]) -> An
     outside = int(np.sum((shown < low) | (shown > high)))
     if not outside:
         return None
+    return corner_note(panel, f"{outside} of {shown.size} outside", corner)
+
+
+def corner_note(panel: Axes, text: str, corner: tuple[str, str], edge: float = 0.04) -> Any:
+    """Small text in a corner of the panel, on white."""
     return panel.text(
         {"left": 0.01, "right": 0.99}[corner[1]],
-        {"bottom": 0.04, "top": 0.96}[corner[0]],
-        f"{outside} of {shown.size} outside",
+        {"bottom": edge, "top": 1.0 - edge}[corner[0]],
+        text,
         transform=panel.transAxes,
         ha=corner[1],
         va=corner[0],
         fontsize="small",
         bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
     )
+
+
+def limits_of(
+    inner: Any, outer: Any, much: float, margin: float, least: float = 1e-12
+) -> tuple[float, float]:
+    """Limits that hold ``outer``, or where that takes ``much`` times its range, ``inner`` alone.
+
+    The ``margin`` above and below is a share of the range, which is taken as ``least`` at least.
+    """
+    held = outer if np.ptp(outer) <= much * np.ptp(inner) else inner
+    low, high = float(np.min(held)), float(np.max(held))
+    beyond = margin * max(high - low, 0.02 * abs(high), least)
+    return low - beyond, high + beyond
+
+
+def plain_logarithmic(axis: Axis, few: float = FEW_DECADES, *, minor_ticks: bool = True) -> None:
+    """Plain numbers on a logarithmic axis, at 1, 2 and 5 where its ends are a few decades apart."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < few * low else (1.0,)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+    if not minor_ticks:
+        axis.set_minor_locator(NullLocator())
+
+
+def phase_ticks(axis: Axis) -> None:
+    """Ticks of a phase in degrees, at parts of a turn."""
+    axis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
 
 
 def legend_entries(panels: Any) -> dict[str, Any]:
@@ -86,40 +132,25 @@ def legend_entries(panels: Any) -> dict[str, Any]:
     return entries
 
 
-def legend_of_all(figure: Any, panels: Sequence[Axes], own: bool) -> None:
-    """What panels show, each once: below a figure of one's own, else in the first panel."""
-    entries = legend_entries(panels)
-    if own:
-        columns = legend_columns(entries)
-        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
-    elif entries:
-        panels[0].legend(entries.values(), entries.keys(), loc="best", fontsize="small")
+def legend_inside(panel: Axes, handles: Sequence[Any], labels: Sequence[str]) -> None:
+    """A small legend in a panel, where it hides least; none without labels."""
+    if labels:
+        panel.legend(handles, labels, loc="best", fontsize="small")
 
 
-def given_axes(ax: Any, allowed: Sequence[int], what: str) -> list[Axes]:
-    """The Axes of ``ax`` (one, or a sequence or array of them) in order, as many as allowed."""
-    axes = [ax] if isinstance(ax, Axes) else list(np.asarray(ax, dtype=object).ravel())
-    wrong = [a for a in axes if not isinstance(a, Axes)]
-    if wrong:
-        raise TypeError(
-            f"ax must be matplotlib Axes, or a sequence of them; got {type(wrong[0]).__name__}."
-        )
-    if len(axes) not in allowed:
-        numbers = " or ".join(str(n) for n in dict.fromkeys(allowed))
-        raise ValueError(
-            f"ax holds {len(axes)} Axes; this picture needs {numbers}: {what}. ax=None makes them."
-        )
-    return axes
-
-
-def check_search(search: Any, expected: type, display: str) -> None:
-    """Refuse anything but a fitted search of the expected class."""
-    if not isinstance(search, expected):
-        raise TypeError(
-            f"{display}.from_estimator draws a fitted {expected.__name__}; got "
-            f"{type(search).__name__}."
-        )
-    check_is_fitted(search, "best_estimator_")
+def legend_above(panel: Axes, columns: int | None = None) -> None:
+    """A legend above the right end of a panel, in one row unless told otherwise."""
+    handles, labels = panel.get_legend_handles_labels()
+    panel.legend(
+        handles,
+        labels,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=columns or len(labels),
+        frameon=False,
+        fontsize="small",
+        borderaxespad=0.2,
+    )
 
 
 def names_as_they_are(figure: Figure, names: Iterable[str]) -> None:

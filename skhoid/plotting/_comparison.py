@@ -1,35 +1,37 @@
-"""What pictures of a comparison share: how they are made, and what they say of missing parts."""
+"""What plots of a comparison share: how they are made, and what they say of missing parts.
+
+Open it for the colours, names and labels of measured, predicted and residual signals.
+"""
 
 from __future__ import annotations
 
-import inspect
 import textwrap
+from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from ..diagnosis.comparison import Comparison, compare
-from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_columns, legend_entries, with_unit
+from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_entries, with_unit
+from ._display import Display
 
-# One meaning a colour on every picture of a comparison.
+# One meaning a colour on every plot of a comparison.
 MEASURED = BLACK
 PREDICTED = BLUE
 RESIDUAL = PURPLE
 NOISE = GREY
 EXCEEDING = VERMILION
 
-FEW_DECADES = 300.0  # from one end of an axis to the other
 ALL_RUNS = "all"  # the name in by_time of all validation runs together
 CLOSED_LOOP = "closed loop: not a test"
 CHANNELS = {"f_t": "target $f_t$", "dist": "disturbance $f_d$", "e": "error e", "x": "output x"}
 
 
-class ComparisonPicture:
-    """A picture whose constructor takes what it draws, by its names in a Comparison."""
+@dataclass(kw_only=True, eq=False, repr=False)
+class ComparisonBaseDisplay(Display):
+    """A Display whose fields are attributes of a Comparison, by the same names."""
 
     @classmethod
     def from_comparison(cls, comparison: Comparison, *, ax: Any = None) -> Self:
@@ -52,8 +54,8 @@ class ComparisonPicture:
                 f"{cls.__name__}.from_comparison draws a result of skhoid.compare; got "
                 f"{type(comparison).__name__}. from_estimator(model, X, y) compares first."
             )
-        names = inspect.signature(cls).parameters
-        return cls(**{name: getattr(comparison, name) for name in names}).plot(ax)
+        drawn = {field.name: getattr(comparison, field.name) for field in fields(cls)}
+        return cls(**drawn).plot(ax)
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any, y: Any, *, ax: Any = None, **options: Any) -> Self:
@@ -78,9 +80,6 @@ class ComparisonPicture:
             Of the class that this is called on.
         """
         return cls.from_comparison(compare(model, X, y, **options), ax=ax)
-
-    def plot(self, ax: Any = None) -> Self:
-        raise NotImplementedError
 
 
 def is_of_all_runs(table: pd.DataFrame) -> np.ndarray:
@@ -132,14 +131,6 @@ def say_instead(panel: Axes, text: str, width: int = 46) -> None:
     )
 
 
-def plain_logarithmic(axis: Axis) -> None:
-    """Plain numbers on a logarithmic axis, at 1, 2 and 5 where it spans few decades."""
-    low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < FEW_DECADES * low else (1.0,)))
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_formatter(NullFormatter())
-
-
 def legend_below(panel: Axes, columns: int, pad: float, **options: Any) -> Any:
     """A legend below a panel, so many heights of its letters away: where no data can be."""
     entries = legend_entries([panel])
@@ -154,20 +145,3 @@ def legend_below(panel: Axes, columns: int, pad: float, **options: Any) -> Any:
         fontsize="small",
         **options,
     )
-
-
-def explain(panels: Any, *, own: bool) -> None:
-    """One legend for the panels: below a figure of our own, else in the first."""
-    entries = legend_entries(panels)
-    if not entries:
-        return
-    if own:
-        panels[0].figure.legend(
-            entries.values(),
-            entries.keys(),
-            loc="outside lower center",
-            ncols=legend_columns(entries),
-            frameon=False,
-        )
-    else:
-        panels[0].legend(entries.values(), entries.keys(), loc="best", fontsize="small")

@@ -1,7 +1,8 @@
 """A fitted model with one of its effects, on signals made up to show what the effect does.
 
 All goes through ``Effect.apply`` and the simulator, so that an effect of a user's own is drawn as
-those of the catalogue are: by the place where it acts, and by what it turns out to answer.
+those of the catalogue are: by the place where it acts, and by what it turns out to answer. Open it
+to change the signals; what is drawn from them is in ``_effect_curves``.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class EffectCurves:
 
 @dataclass
 class Response:
-    """A picture before it is computed: abscissa, and lines for values of the parameters."""
+    """A plot before it is computed: abscissa, and lines for values of the parameters."""
 
     kind: str
     x: np.ndarray
@@ -162,7 +163,7 @@ class Bench:
         return [(dict(zip(self.values, row[:k].tolist(), strict=True)), row[k:]) for row in rows]
 
     def amplitude(self, signal: str) -> float:
-        """The largest value that a picture of a map needs: of the runs, or likely by the fit."""
+        """The largest value that the plot of a map needs: of the runs, or likely by the fit."""
         real = self.met("u" if signal == "u" else self.error)
         if real is not None and real.size:
             largest = float(np.quantile(np.abs(real), 0.999))

@@ -1,4 +1,4 @@
-"""What an identified effect does, as curves with their uncertainty: one picture for each place."""
+"""What an identified effect does, as curves with their uncertainty: one plot for each place."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from ..effects.composition import Effects
-from ..effects.offsets import Tremor
 from ..effects.operator_signals import Command, Spring
 from ..effects.record import Record
 from ..greybox.cores import neutral_gains
@@ -61,10 +60,10 @@ def effect_curves(bench: Bench, n_draws: int, seed: Any) -> EffectCurves:
 
 
 def response_plot(bench: Bench) -> Response:
-    """The picture that shows most of an effect, by its place and what it answers."""
+    """The plot that shows most of an effect, by its place and what it answers."""
     place = bench.effect.place
-    if isinstance(bench.effect, Tremor):
-        return tremor(bench)
+    if bench.effect.noise:
+        return realisation(bench)
     if place in ("input", "path", "command", "sum"):
         for channel in bench.record.roles:
             if channel != bench.error and answers(bench, channel):
@@ -365,13 +364,12 @@ def course(bench: Bench) -> Response:
     )
 
 
-def tremor(bench: Bench) -> Response:
-    """A movement whose phase nobody knows: ``apply`` adds nothing."""
-    t = np.linspace(0.0, 4.0 / bench.values["frequency"], N_WAVE)
-    wave = np.sin(2 * np.pi * bench.values["frequency"] * t)
+def realisation(bench: Bench) -> Response:
+    """Noise whose phase nobody knows: ``apply`` adds nothing."""
+    t, _ = bench.effect.realisation(bench.values)
 
     def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
-        return {"with the effect": values["amplitude"] * wave}
+        return {"with the effect": bench.effect.realisation(values, t)[1]}
 
     return Response(
         "course",

@@ -1,4 +1,7 @@
-"""What pictures of a search for effects share: what they take from it, and their words."""
+"""What plots of a search for effects share: what they take from it, colours and names of its steps.
+
+Open it when ``EffectSearchCV`` gets another attribute to draw, or steps another look.
+"""
 
 from __future__ import annotations
 

@@ -1,15 +1,20 @@
-"""What pictures of estimates share: bands, true values, references, limits and the legend."""
+"""What plots of estimates share: bands, true values, references and limits.
+
+Open it to change how parameters over time are drawn, whether ARX parameters or the operator's.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, COLOURS, GREEN, GREY, given_axes, legend_of_all, note_outside
+from ._axes import BLACK, COLOURS, GREEN, GREY, limits_of, note_outside
+from ._checks import check_some_column
+from ._display import Display
 
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that limits always hold
 FEW = 20  # estimates, below which limits hold all
@@ -18,7 +23,8 @@ MARGIN = 0.12  # of the range, above and below
 DEVIATION = "± 1 standard deviation"
 
 
-class EstimatesDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class EstimatesDisplay(Display):
     """Estimates in a panel for each parameter, with what is known of them from elsewhere.
 
     ``frames`` holds, by label, a column and an ``sd_`` column for each parameter, over the index
@@ -26,47 +32,31 @@ class EstimatesDisplay:
     frame like them, ``references`` a result of reference_fits.
     """
 
-    def __init__(
-        self,
-        *,
-        frames: Mapping[str, pd.DataFrame],
-        truth: pd.DataFrame | None = None,
-        references: pd.DataFrame | None = None,
-        transition_time: float | None = None,
-    ) -> None:
-        self.frames = frames
-        self.truth = truth
-        self.references = references
-        self.transition_time = transition_time
+    frames: Mapping[str, pd.DataFrame]
+    truth: pd.DataFrame | None = None
+    references: pd.DataFrame | None = None
+    transition_time: float | None = None
 
     def _begin(self, columns: list[list[str]], ax: Any) -> None:
         """Panels for the parameters, and nothing in them yet."""
-        names = [name for column in columns for name in column]
-        if ax is None:
-            rows = max(map(len, columns))
-            figure, grid = plt.subplots(
-                rows,
-                len(columns),
-                figsize=(6.4, 0.9 + 1.4 * rows),
-                sharex=True,
-                squeeze=False,
-                layout="constrained",
-            )
-            used = [list(grid[: len(column), i]) for i, column in enumerate(columns)]
-            panels = [panel for column in used for panel in column]
-            for spare in set(grid.flat) - set(panels):
-                spare.remove()
-            figure.align_ylabels(panels)
-            self._bottom = [column[-1] for column in used]
+        self.names_ = [name for column in columns for name in column]
+        shape = max(map(len, columns)), len(columns)
+        self.axes_ = self._take_axes(
+            ax,
+            f"one for each of {', '.join(self.names_)}",
+            shape,
+            used=[
+                i + shape[1] * row for i, names in enumerate(columns) for row in range(len(names))
+            ],
+            figsize=(6.4, 0.9 + 1.4 * shape[0]),
+            sharex=True,
+        )
+        self._bottom = self.axes_
+        if self._own:
+            self.figure_.align_ylabels(self.axes_)
+            self._bottom = self.axes_[np.cumsum([len(names) for names in columns]) - 1]
             for panel in self._bottom:
                 panel.tick_params(labelbottom=True)
-        else:
-            panels = given_axes(ax, (len(names),), f"one for each of {', '.join(names)}")
-            self._bottom = panels
-        self._own = ax is None
-        self.names_ = names
-        self.axes_ = np.array(panels)
-        self.figure_ = panels[0].figure
         self.lines_: dict[tuple[str, str], Any] = {}
         self.bands_: dict[tuple[str, str], Any] = {}
         self.truth_: dict[str, Any] = {}
@@ -75,7 +65,7 @@ class EstimatesDisplay:
         if times := times_of(self.frames.values()):
             # All of it and no more, also where a path is NaN at an end.
             first, last = min(t.min() for t in times), max(t.max() for t in times)
-            for panel in panels if first < last else []:
+            for panel in self.axes_ if first < last else []:
                 panel.set_xlim(first, last)
 
     def _colour(self, position: int) -> str:
@@ -145,15 +135,12 @@ class EstimatesDisplay:
             if finite.size == 0:
                 continue
             typical = float(np.median(deviation)) if deviation.size else 0.0
-            low, high = _typical_range(finite)
+            low, high = typical_range(finite)
             inner += [low - typical, high + typical]
             outer += [finite.min() - typical, finite.max() + typical]
         if not inner:
             return
-        held = outer if np.ptp(outer) <= MUCH * np.ptp(inner) else inner
-        low, high = min(held), max(held)
-        margin = MARGIN * max(high - low, 0.02 * abs(high))
-        low, high = low - margin, high + margin
+        low, high = limits_of(inner, outer, MUCH, MARGIN, least=0.0)
         if low < high:
             panel.set_ylim(low, high)
             varying = [is_over_time(table) for table in tables]
@@ -161,10 +148,6 @@ class EstimatesDisplay:
             shown = np.concatenate([e for e, over_time in counted if over_time or not any(varying)])
             if note := note_outside(panel, shown, ("top", "right")):
                 self.notes_[name] = note
-
-    def _explain(self) -> None:
-        """The legend: what the panels show, each once."""
-        legend_of_all(self.figure_, list(self.axes_), self._own)
 
 
 def is_over_time(table: pd.DataFrame) -> bool:
@@ -189,7 +172,7 @@ def in_one_row(truth: pd.DataFrame) -> pd.DataFrame:
     return truth
 
 
-def _typical_range(values: np.ndarray) -> tuple[float, float]:
+def typical_range(values: np.ndarray) -> tuple[float, float]:
     """Percentiles that are values themselves: between two, an outlier would pull them."""
     if values.size < FEW:
         return float(values.min()), float(values.max())
@@ -211,11 +194,7 @@ def check_references(references: Any, names: Sequence[str], *, varying: bool) ->
             f"references has no column {missing[0]!r}: each of its rows is an estimate from the "
             "window from start to stop, in s."
         )
-    if not any(name in references for name in names):
-        raise ValueError(
-            f"references has none of the columns {', '.join(names)}; it has "
-            f"{', '.join(map(str, references.columns))}."
-        )
+    check_some_column(references, names, "references")
     if not varying:
         raise ValueError(
             "references stand at times, and no estimate varies in time: draw batch models among "

@@ -1,4 +1,7 @@
-"""What pictures over memory horizons share: the axis, and which values limits hold."""
+"""What plots over memory horizons share: the axis, and which values limits hold.
+
+Open it to change the axis that ends in infinity.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ from matplotlib.ticker import NullLocator
 
 from ._axes import GREY
 
-MARKERS = "os^Dv<>"
 MOST_TICKS = 14
 AFAR = 1.5  # octaves from the longest horizon to the infinite one
 REACH = 3.0  # times the distance of best and median, within which limits hold the values

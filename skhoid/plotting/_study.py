@@ -1,4 +1,7 @@
-"""What pictures of Monte-Carlo studies share: tables that are checked, and cells in words."""
+"""What plots of Monte-Carlo studies share: checks of tables, and labels of cells and results.
+
+Open it when a study has a new kind of cell or result, to say how it is labelled.
+"""
 
 from __future__ import annotations
 
@@ -61,11 +64,11 @@ def cells_of(table: pd.DataFrame) -> list[str]:
 
 
 def refuse_mixtures(table: pd.DataFrame, drawn: Sequence[str], display: str) -> None:
-    """Refuse cells that differ in something that the picture does not show."""
+    """Refuse cells that differ in something that the plot does not show."""
     mixed = [c for c in cells_of(table) if c not in drawn and _varies(table[c])]
     again = table.duplicated([*drawn, REPLICATION])
     if again.any():
-        words = [
+        others = [
             c
             for c in table
             if c not in (*drawn, *mixed, REPLICATION)
@@ -73,8 +76,8 @@ def refuse_mixtures(table: pd.DataFrame, drawn: Sequence[str], display: str) -> 
             and _varies(table[c])
         ]
         # Integers such as n_k are results as a rule; they are to blame only where nothing else is.
-        kinds = [c for c in words if not pd.api.types.is_integer_dtype(table[c])]
-        mixed += kinds or (words if not mixed else [])
+        kinds = [c for c in others if not pd.api.types.is_integer_dtype(table[c])]
+        mixed += kinds or (others if not mixed else [])
         if not mixed:
             raise ValueError(f"{display}: the table has several rows of one replication.")
     if mixed:
@@ -104,13 +107,25 @@ def chosen(table: pd.DataFrame, cells: Mapping[str, Any], display: str) -> pd.Da
     return table
 
 
+def chosen_panels(
+    table: pd.DataFrame, condition: str | None, remnant_intensity: Any, display: str
+) -> pd.DataFrame:
+    """The rows of a condition and of some remnant intensities, in their order; None for all."""
+    if condition is not None:
+        table = chosen(table, {"condition": condition}, display)
+    if remnant_intensity is not None:
+        wanted = np.atleast_1d(np.asarray(remnant_intensity, dtype=float)).tolist()
+        table = pd.concat([chosen(table, {"remnant_intensity": P}, display) for P in wanted])
+    return table
+
+
 def ordered(values: pd.Series) -> list[Any]:
-    """The different values: numbers by size, then words as they come, then what is missing."""
+    """The different values: numbers by size, then strings as they come, then what is missing."""
     different = values.drop_duplicates().tolist()
     known = [value for value in different if not pd.isna(value)]
     numbers = [value for value in known if isinstance(value, (int, float))]
-    words = [value for value in known if not isinstance(value, (int, float))]
-    return sorted(numbers) + words + [value for value in different if pd.isna(value)][:1]
+    others = [value for value in known if not isinstance(value, (int, float))]
+    return sorted(numbers) + others + [value for value in different if pd.isna(value)][:1]
 
 
 def listed(values: pd.Series) -> str:
@@ -119,8 +134,8 @@ def listed(values: pd.Series) -> str:
     return ", ".join(different[:LISTED]) + ", ..." * (len(different) > LISTED)
 
 
-def in_words(name: str, value: Any) -> str:
-    """A value of a column that names cells, as titles and legends say it."""
+def cell_text(name: str, value: Any) -> str:
+    """A value of a column that names cells, as titles and legends show it."""
     if pd.isna(value):
         return "no remnant" if name == "remnant_order" else f"no {name.replace('_', ' ')}"
     number = f"{value:g}" if isinstance(value, (int, float)) else str(value)

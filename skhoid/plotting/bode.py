@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from matplotlib.ticker import MaxNLocator
 from scipy.stats import t as student
 
 from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
-from ._axes import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, given_axes, with_unit
+from ._axes import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, phase_ticks, with_unit
+from ._display import Display
 
 COLOURS = (BLACK, VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY)
 SYMBOLS = "osD^vPX"
@@ -24,7 +24,8 @@ HIGHEST = 60.0  # rad/s, of continuous-time models
 LOWEST_PHASE = -540.0  # deg; below it a curve is only the delay, which turns without end
 
 
-class BodeDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class BodeDisplay(Display):
     """Magnitude and phase over frequency, of one or several frequency responses.
 
     Responses at no more than 40 lines are markers with error bars, others curves with bands. The
@@ -74,16 +75,9 @@ class BodeDisplay:
     'phase, deg'
     """
 
-    def __init__(
-        self,
-        *,
-        responses: Mapping[str, FrequencyResponse],
-        view: str = "operator",
-        confidence: float = 0.95,
-    ) -> None:
-        self.responses = responses
-        self.view = view
-        self.confidence = confidence
+    responses: Mapping[str, FrequencyResponse]
+    view: str = "operator"
+    confidence: float = 0.95
 
     @classmethod
     def from_responses(
@@ -94,7 +88,7 @@ class BodeDisplay:
         view: str = "operator",
         confidence: float = 0.95,
         ax: Any = None,
-    ) -> BodeDisplay:
+    ) -> Self:
         """Draw frequency responses.
 
         Parameters
@@ -149,7 +143,7 @@ class BodeDisplay:
         compare: Any = None,
         confidence: float = 0.95,
         ax: Any = None,
-    ) -> BodeDisplay:
+    ) -> Self:
         """Draw the frequency response of a fitted ARX model, alone or in a pipeline or search.
 
         Parameters
@@ -194,7 +188,7 @@ class BodeDisplay:
             ax=ax,
         )
 
-    def plot(self, ax: Any = None) -> BodeDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -210,10 +204,9 @@ class BodeDisplay:
             raise ValueError(f"view must be 'operator' or 'open_loop'; got {self.view!r}.")
         if not 0 < self.confidence < 1:
             raise ValueError(f"confidence must lie between 0 and 1; got {self.confidence!r}.")
-        if ax is None:
-            _, ax = plt.subplots(2, 1, sharex=True, figsize=(6.4, 7.0), layout="constrained")
-        self.axes_ = np.array(given_axes(ax, (2,), "magnitude and phase"), dtype=object)
-        self.figure_ = self.axes_[0].figure
+        self.axes_ = self._take_axes(
+            ax, "magnitude and phase", (2, 1), sharex=True, figsize=(6.4, 7.0)
+        )
         self.magnitude_: dict[str, Any] = {}
         self.phase_: dict[str, Any] = {}
         self.intervals_: dict[str, list[Any]] = {}
@@ -222,7 +215,7 @@ class BodeDisplay:
             panel.set_xscale("log")
             panel.grid(alpha=0.3)
         top.set_yscale("log")
-        bottom.yaxis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
+        phase_ticks(bottom.yaxis)
         if self.view == "open_loop":
             top.axhline(1.0, color=GREY, lw=0.8)
             bottom.axhline(-180.0, color=GREY, lw=0.8)
@@ -236,7 +229,7 @@ class BodeDisplay:
         top.set_ylabel(with_unit("magnitude", first.unit))
         bottom.set_ylabel("phase, deg")
         bottom.set_xlabel("frequency, rad/s")
-        if ax is None or top.get_shared_x_axes().joined(top, bottom):
+        if self._own or top.get_shared_x_axes().joined(top, bottom):
             top.tick_params(labelbottom=False)
         # Above the panel, where no error bar runs.
         top.legend(

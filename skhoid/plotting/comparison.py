@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Self
 
 import matplotlib.pyplot as plt
@@ -11,21 +12,19 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..runs import read_layout, run_name
-from ._axes import BLACK, GREY, given_axes, with_unit
+from ._axes import BLACK, GREY, legend_above, legend_entries, legend_inside, with_unit
 from ._comparison import (
     EXCEEDING,
     MEASURED,
     PREDICTED,
-    ComparisonPicture,
+    ComparisonBaseDisplay,
     exceeding,
-    explain,
     is_of_all_runs,
-    legend_entries,
     residual_label,
     say_instead,
     wrapped,
 )
-from .noise_ceiling import ceiling_in_words, draw_ceiling_bar
+from .noise_ceiling import ceiling_text, draw_ceiling_bar
 from .operating_point import draw_bins
 from .residual_frequency import draw_spectra
 from .residual_time import (
@@ -42,7 +41,8 @@ ENTRIES = 5  # in a row of the legend
 LETTERS = 90  # in a line of the title
 
 
-class ComparisonDisplay(ComparisonPicture):
+@dataclass(kw_only=True, eq=False, repr=False)
+class ComparisonDisplay(ComparisonBaseDisplay):
     """How good a model is, where it fails, and how much is left to explain.
 
     From above: the measured and the predicted output around the worst window of the worst run;
@@ -103,40 +103,21 @@ class ComparisonDisplay(ComparisonPicture):
     5
     """
 
-    def __init__(
-        self,
-        *,
-        model_name: str,
-        output: str,
-        unit: str | None,
-        false_alarm: float,
-        vaf: float,
-        noise_ceiling: float,
-        noise_ceiling_interval: tuple[float, float],
-        explainable_gap: float,
-        traces: pd.DataFrame,
-        by_run: pd.DataFrame,
-        by_time: pd.DataFrame,
-        by_frequency: pd.DataFrame,
-        by_operating_point: pd.DataFrame,
-        tests: pd.DataFrame,
-        findings: Sequence[Any],
-    ) -> None:
-        self.model_name = model_name
-        self.output = output
-        self.unit = unit
-        self.false_alarm = false_alarm
-        self.vaf = vaf
-        self.noise_ceiling = noise_ceiling
-        self.noise_ceiling_interval = noise_ceiling_interval
-        self.explainable_gap = explainable_gap
-        self.traces = traces
-        self.by_run = by_run
-        self.by_time = by_time
-        self.by_frequency = by_frequency
-        self.by_operating_point = by_operating_point
-        self.tests = tests
-        self.findings = findings
+    model_name: str
+    output: str
+    unit: str | None
+    false_alarm: float
+    vaf: float
+    noise_ceiling: float
+    noise_ceiling_interval: tuple[float, float]
+    explainable_gap: float
+    traces: pd.DataFrame
+    by_run: pd.DataFrame
+    by_time: pd.DataFrame
+    by_frequency: pd.DataFrame
+    by_operating_point: pd.DataFrame
+    tests: pd.DataFrame
+    findings: Sequence[Any]
 
     def plot(self, ax: Any = None) -> Self:
         """Draw.
@@ -164,10 +145,8 @@ class ComparisonDisplay(ComparisonPicture):
             )
             legend = panels.pop("legend")
             ax = list(panels.values())
-        self.axes_ = np.array(
-            given_axes(ax, (5,), "traces, time, frequency, amplitude and the bar")
-        )
-        self.figure_ = self.axes_[0].figure
+        shows = "traces, time, frequency, amplitude and the bar"
+        self.axes_ = self._take_axes(ax, shows, (5, 1))
         traces, time, frequency, amplitude, bar = self.axes_
         self._draw_traces(traces)
         self._draw_time(time)
@@ -176,18 +155,19 @@ class ComparisonDisplay(ComparisonPicture):
         self.parts_, _ = draw_ceiling_bar(bar, self, columns=4)
         where = self.axes_[1:4]
         if own:
-            self.figure_.suptitle(self._in_words())
+            self.figure_.suptitle(self._title_text())
             _explain_in(legend, where)
         else:
-            traces.set_title(self._in_words(), fontsize="small")
+            traces.set_title(self._title_text(), fontsize="small")
             for panel in where:
-                explain([panel], own=False)
+                entries = legend_entries([panel])
+                legend_inside(panel, list(entries.values()), list(entries))
         return self
 
-    def _in_words(self) -> str:
-        lines = [f"{self.model_name}: {ceiling_in_words(self)}"]
+    def _title_text(self) -> str:
+        lines = [f"{self.model_name}: {ceiling_text(self)}"]
         if len(lines[0]) > LETTERS:
-            lines = [self.model_name, ceiling_in_words(self)]
+            lines = [self.model_name, ceiling_text(self)]
         lines += [finding.title for finding in self.findings[:1]]
         return "\n".join(wrapped(line, LETTERS) for line in lines)
 
@@ -223,7 +203,7 @@ class ComparisonDisplay(ComparisonPicture):
         panel.set_xlabel(f"time in run {self.run_}, s")
         panel.set_ylabel(with_unit(self.output, self.unit))
         panel.grid(alpha=0.3)
-        _legend_above(panel)
+        legend_above(panel)
 
     def _shade(self, panel: Axes, windows: pd.DataFrame, worst: tuple[float, float]) -> None:
         """The worst window, red if the model fails there, and others in which it does."""
@@ -295,18 +275,4 @@ def _explain_in(place: Axes, panels: Any) -> None:
         frameon=False,
         fontsize="small",
         borderaxespad=0,
-    )
-
-
-def _legend_above(panel: Axes) -> None:
-    entries = legend_entries([panel])
-    panel.legend(
-        entries.values(),
-        entries.keys(),
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=len(entries),
-        frameon=False,
-        fontsize="small",
-        borderaxespad=0.2,
     )

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from ..arx.searches import DelaySearchCV
-from ._axes import BLACK, BLUE, VERMILION, check_search, given_axes, with_unit
+from ._axes import BLUE, OUTLINED, VERMILION, with_unit
+from ._checks import check_search
+from ._display import Display
 
 WORTHLESS = 100.0  # percent; with more, the model is worse than none at all
 MAX_NAMED = 25  # candidates that get a tick label of their own
 
 
-class DelayLossDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class DelayLossDisplay(Display):
     """Loss of each candidate delay, or the best delay over time.
 
     The lower axis is in seconds and the upper one in samples. With several inputs whose delays
@@ -71,30 +74,16 @@ class DelayLossDisplay:
     'mean squared one-step error, px²'
     """
 
-    def __init__(
-        self,
-        *,
-        nk: Sequence[Any],
-        loss: np.ndarray,
-        best_index: int,
-        dt: float,
-        criterion: str = "one_step",
-        std: np.ndarray | None = None,
-        n_folds: int = 1,
-        window_time: np.ndarray | None = None,
-        nk_path: np.ndarray | None = None,
-        unit: str | None = None,
-    ) -> None:
-        self.nk = nk
-        self.loss = loss
-        self.best_index = best_index
-        self.dt = dt
-        self.criterion = criterion
-        self.std = std
-        self.n_folds = n_folds
-        self.window_time = window_time
-        self.nk_path = nk_path
-        self.unit = unit
+    nk: Sequence[Any]
+    loss: np.ndarray
+    best_index: int
+    dt: float
+    criterion: str = "one_step"
+    std: np.ndarray | None = None
+    n_folds: int = 1
+    window_time: np.ndarray | None = None
+    nk_path: np.ndarray | None = None
+    unit: str | None = None
 
     @classmethod
     def from_estimator(
@@ -104,7 +93,7 @@ class DelayLossDisplay:
         kind: str = "loss",
         unit: str | None = None,
         ax: Any = None,
-    ) -> DelayLossDisplay:
+    ) -> Self:
         """Draw a fitted search.
 
         Parameters
@@ -140,7 +129,7 @@ class DelayLossDisplay:
         )
         return display.plot(ax, kind=kind)
 
-    def plot(self, ax: Any = None, *, kind: str = "loss") -> DelayLossDisplay:
+    def plot(self, ax: Any = None, *, kind: str = "loss") -> Self:
         """Draw.
 
         Parameters
@@ -161,10 +150,8 @@ class DelayLossDisplay:
                 "kind='path' draws the delay over time, which the search has not estimated: fit "
                 "DelaySearchCV(..., window=<seconds>)."
             )
-        if ax is None:
-            _, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
-        (self.ax_,) = given_axes(ax, (1,), "the loss over the delay, or the delay over time")
-        self.figure_ = self.ax_.figure
+        shows = "the loss over the delay, or the delay over time"
+        (self.ax_,) = self._take_axes(ax, shows, figsize=(6.4, 4.2))
         self.samples_ax_: Any = None
         self.band_: Any = None
         if kind == "path":
@@ -179,7 +166,7 @@ class DelayLossDisplay:
             self.samples_ax_ = self.ax_.secondary_xaxis("top", functions=self._to_samples())
             self.samples_ax_.set_xlabel("delay, samples")
             self.samples_ax_.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
-        self.ax_.set_title(self._best_in_words())
+        self.ax_.set_title(self._best_text())
         return self
 
     def _delays_in_samples(self) -> np.ndarray | None:
@@ -213,9 +200,8 @@ class DelayLossDisplay:
             ms=15,
             ls="none",
             label="best",
-            markeredgecolor=BLACK,
-            markeredgewidth=0.6,
             zorder=3,
+            **OUTLINED,
         )
         if self.criterion == "vaf":
             self.ax_.set_ylabel("100 − cross-validated VAF, %")
@@ -262,7 +248,7 @@ class DelayLossDisplay:
     def _to_samples(self) -> tuple[Any, Any]:
         return (lambda seconds: seconds / self.dt), (lambda samples: samples * self.dt)
 
-    def _best_in_words(self) -> str:
+    def _best_text(self) -> str:
         nk = self.nk[self.best_index]
         if not isinstance(nk, tuple):
             return f"Best delay: {nk * self.dt:.3g} s, {nk} sample{'s' * (nk != 1)}"

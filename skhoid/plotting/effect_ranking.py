@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ._axes import BLACK, BLUE, ORANGE, SKY, given_axes
+from ._axes import BLACK, BLUE, ORANGE, SKY
 from ._comparison import legend_below, say_instead, wrapped
+from ._display import Display
 from ._effects import attributes_of
 
 TAKEN = ("ranking_",)
@@ -19,11 +20,12 @@ DIM = "0.45"
 ROW = 0.235  # inches for each candidate
 LEAST = 1.0  # points on the axis, so that small gains look small
 FURTHEST_LEFT = 0.35  # of the largest gain; bars that lose more are cut
-WORDS = 0.5  # of the width, for the words at the ends of the bars
+TEXT_ROOM = 0.5  # of the width, for the text at the ends of the bars
 BELOW_TICKS = 3.6
 
 
-class EffectRankingDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class EffectRankingDisplay(Display):
     """Candidates of one step of a search by what they gain on held-out runs.
 
     Bars are VAF points on runs that were held out of the fit; at their ends these points and by
@@ -79,9 +81,8 @@ class EffectRankingDisplay:
     3.5
     """
 
-    def __init__(self, *, ranking: pd.DataFrame, step: int) -> None:
-        self.ranking = ranking
-        self.step = step
+    ranking: pd.DataFrame
+    step: int
 
     @classmethod
     def from_estimator(
@@ -134,11 +135,8 @@ class EffectRankingDisplay:
         """
         refused = (self.ranking["status"] == REFUSED).to_numpy()
         table = pd.concat([self.ranking[~refused], self.ranking[refused]])
-        if ax is None:
-            size = 7.6, max(2.6, 1.5 + ROW * len(table))
-            _, ax = plt.subplots(figsize=size, layout="constrained")
-        (self.ax_,) = given_axes(ax, (1,), "the bars")
-        self.figure_ = self.ax_.figure
+        size = 7.6, max(2.6, 1.5 + ROW * len(table))
+        (self.ax_,) = self._take_axes(ax, "the bars", figsize=size)
         self.bars_: dict[str, Any] = {}
         self.words_: dict[str, Any] = {}
         self.margin_ = np.nan
@@ -150,7 +148,7 @@ class EffectRankingDisplay:
             self._finish(table)
         else:
             say_instead(self.ax_, f"No candidate was tried in step {self.step}.")
-        self.ax_.set_title(wrapped(self._in_words(tried), 84), fontsize="medium")
+        self.ax_.set_title(wrapped(self._title_text(tried), 84), fontsize="medium")
         return self
 
     def _draw_bars(self, tried: pd.DataFrame) -> None:
@@ -163,7 +161,7 @@ class EffectRankingDisplay:
         largest = max(float(np.nanmax(gain, initial=0.0)), LEAST)
         least = float(np.nanmin(gain, initial=0.0))
         left = max(least, -FURTHEST_LEFT * largest)
-        width = (largest - left) * (1 + WORDS)
+        width = (largest - left) * (1 + TEXT_ROOM)
         self.ax_.set_xlim(left - 0.02 * width * (left < 0), left + width)
         for i, row in enumerate(tried.to_dict("records")):
             self._draw_bar(i, row, left)
@@ -233,7 +231,7 @@ class EffectRankingDisplay:
         if self.bars_:
             legend_below(panel, 3, BELOW_TICKS)
 
-    def _in_words(self, tried: pd.DataFrame) -> str:
+    def _title_text(self, tried: pd.DataFrame) -> str:
         added = tried[tried["status"] == ADDED]
         if tried.empty:
             return f"Step {self.step}: no candidate applies"

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
 from ..runs import RunLayout, read_layout, run_name
-from ._axes import BLACK, given_axes, with_unit
-from ._comparison import MEASURED, explain, percent, say_instead, wrapped
+from ._axes import BLACK, with_unit
+from ._comparison import MEASURED, percent, say_instead, wrapped
+from ._display import Display
 from ._effects import BASELINE, UNKNOWN, attributes_of, step_colours, unit_of
 
 TAKEN = ("predictions_", "error_path_", "verdict_")
 SHOWN = 15.0  # s
 
 
-class EffectStepsDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class EffectStepsDisplay(Display):
     """The measured output against held-out simulations before and after effects are added.
 
     Above the output, below the residuals. Simulations come from models that have not seen the run.
@@ -78,20 +80,11 @@ class EffectStepsDisplay:
     ['measured', 'baseline', '+ dead_zone']
     """
 
-    def __init__(
-        self,
-        *,
-        predictions: pd.DataFrame,
-        error_path: pd.DataFrame,
-        verdict: str,
-        unit: str | None = None,
-        settling: float = 0.0,
-    ) -> None:
-        self.predictions = predictions
-        self.error_path = error_path
-        self.verdict = verdict
-        self.unit = unit
-        self.settling = settling
+    predictions: pd.DataFrame
+    error_path: pd.DataFrame
+    verdict: str
+    unit: str | None = None
+    settling: float = 0.0
 
     @classmethod
     def from_estimator(
@@ -161,13 +154,14 @@ class EffectStepsDisplay:
         ValueError
             If there is no such run or step, or the run has no rows in the window.
         """
-        own = ax is None
-        if own:
-            _, ax = plt.subplots(
-                2, sharex=True, figsize=(8.0, 4.8), height_ratios=[1.6, 1.0], layout="constrained"
-            )
-        self.axes_ = np.array(given_axes(ax, (2,), "output and residual"))
-        self.figure_ = self.axes_[0].figure
+        self.axes_ = self._take_axes(
+            ax,
+            "output and residual",
+            (2, 1),
+            sharex=True,
+            figsize=(8.0, 4.8),
+            height_ratios=[1.6, 1.0],
+        )
         self.lines_: dict[str, Any] = {}
         self.residuals_: dict[str, Any] = {}
         names = [name for name in self.predictions if name != "measured"]
@@ -187,11 +181,11 @@ class EffectStepsDisplay:
         rows = np.flatnonzero(inside[begin:end]) + begin
         self._draw(layout, rows, shown)
         top, bottom = self.axes_
-        top.set_title(self._in_words(shown, chosen), fontsize="medium")
+        top.set_title(self._title_text(shown, chosen), fontsize="medium")
         top.set_ylabel(with_unit("output", self.unit))
         bottom.set_ylabel(with_unit("residual", self.unit))
         bottom.set_xlabel(f"time in run {self.run_}, s")
-        explain(self.axes_, own=own)
+        self._legend_of_panels(frameon=False)
         return self
 
     def _draw(self, layout: RunLayout, rows: np.ndarray, shown: list[str]) -> None:
@@ -229,7 +223,7 @@ class EffectStepsDisplay:
         names = [name for name in self.predictions if name != "measured"]
         return dict(zip(names, path["vaf"].astype(float), strict=False))
 
-    def _in_words(self, shown: list[str], chosen: bool) -> str:
+    def _title_text(self, shown: list[str], chosen: bool) -> str:
         span = f"Run {self.run_}, {self.window_[0]:.4g} to {self.window_[1]:.4g} s"
         if shown == [BASELINE]:
             more = ", where the baseline is worst" if chosen else ""

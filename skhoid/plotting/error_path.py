@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, given_axes, with_unit
+from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_above, with_unit
 from ._comparison import percent, say_instead, wrapped
+from ._display import Display
 from ._effects import UNKNOWN, attributes_of, broken, step_labels, unit_of
 
 TAKEN = ("error_path_", "best_effects_", "verdict_", "predictions_")
 LOWEST = -20.0  # percent; lower steps are cut and written
 WIDTH = 1.25  # inches for each step
-BESIDE = 0.9  # of a step, for the words beside the last
+BESIDE = 0.9  # of a step, for the text beside the last
 SMALL_GAP = 0.05  # points, below which nothing is left
 LEAST_SPAN = 10.0  # points of VAF, so that a small gap looks small
-ROOM = 0.24  # of the height, for the words about the gap
+ROOM = 0.24  # of the height, for the text about the gap
 
 
-class ErrorPathDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class ErrorPathDisplay(Display):
     """Held-out VAF and RMSE as a staircase: one step for each effect that is added.
 
     Above the VAF, below the RMSE of runs that were held out of the fit. The dashed line is the
@@ -85,18 +87,10 @@ class ErrorPathDisplay:
     [76.1, 86.8]
     """
 
-    def __init__(
-        self,
-        *,
-        error_path: pd.DataFrame,
-        best_effects: list[str],
-        verdict: str,
-        unit: str | None = None,
-    ) -> None:
-        self.error_path = error_path
-        self.best_effects = best_effects
-        self.verdict = verdict
-        self.unit = unit
+    error_path: pd.DataFrame
+    best_effects: list[str]
+    verdict: str
+    unit: str | None = None
 
     @classmethod
     def from_estimator(cls, search: Any, *, ax: Any = None) -> Self:
@@ -130,17 +124,14 @@ class ErrorPathDisplay:
         """
         # Structure that no effect explains is no step: nothing was added.
         path = self.error_path[self.error_path["effect"] != UNKNOWN]
-        if ax is None:
-            size = max(6.4, 1.4 + WIDTH * (len(path) + BESIDE)), 5.2
-            _, ax = plt.subplots(2, sharex=True, figsize=size, layout="constrained")
-        self.axes_ = np.array(given_axes(ax, (2,), "VAF and RMSE"))
-        self.figure_ = self.axes_[0].figure
+        size = max(6.4, 1.4 + WIDTH * (len(path) + BESIDE)), 5.2
+        self.axes_ = self._take_axes(ax, "VAF and RMSE", (2, 1), sharex=True, figsize=size)
         self.stairs_: dict[str, Any] = {}
         self.ceilings_: dict[str, Any] = {}
         self.labels_: dict[str, list[Any]] = {}
         self.train_: Any = None
         self.gap_: Any = None
-        self.axes_[0].set_title(wrapped(self._in_words(), 72), fontsize="medium")
+        self.axes_[0].set_title(wrapped(self._title_text(), 72), fontsize="medium")
         if not np.isfinite(path["vaf"].to_numpy(dtype=float)).any():
             for panel, what in zip(self.axes_, ("VAF", "RMSE"), strict=True):
                 say_instead(panel, f"Held-out {what}: not available.")
@@ -164,29 +155,19 @@ class ErrorPathDisplay:
             panel.set_xticks(range(len(path)), labels)
             panel.grid(alpha=0.3, axis="y")
             panel.set_axisbelow(True)
-        handles, names = top.get_legend_handles_labels()
-        top.legend(
-            handles,
-            names,
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=3,
-            frameon=False,
-            fontsize="small",
-            borderaxespad=0.2,
-        )
+        legend_above(top, columns=3)
         top.set_title(top.get_title(), fontsize="medium", pad=24)
         return self
 
-    def _in_words(self) -> str:
+    def _title_text(self) -> str:
         found = [name for name in self.best_effects if name != UNKNOWN]
         added = [name for name in self.error_path["effect"][1:] if name != UNKNOWN]
         if not found:
             verdict = self.verdict[:1].upper() + self.verdict[1:]
             # Effects may be added without being named: none explains enough.
             return f"{verdict}; stand-ins: {', '.join(added)}" if added else verdict
-        words = f"Found: {', '.join(found)}"
-        return f"{words}; {self.verdict}" if len(found) < len(self.best_effects) else words
+        text = f"Found: {', '.join(found)}"
+        return f"{text}; {self.verdict}" if len(found) < len(self.best_effects) else text
 
     def _ceiling(self) -> str:
         # Remnant that passes a nonlinearity lowers the ceiling seen by a model without it.
@@ -246,23 +227,23 @@ class ErrorPathDisplay:
         edge = n_steps - 0.5
         at = vaf
         if np.isnan(ceiling):
-            words = "ceiling not\nknown"
+            text = "ceiling not\nknown"
         elif gap < SMALL_GAP:
-            words = "nothing left"
+            text = "nothing left"
         else:
-            words = f"{gap:.1f} points\nleft"
+            text = f"{gap:.1f} points\nleft"
             at = (max(vaf, LOWEST) + ceiling) / 2
             (self.gap_,) = panel.plot(
                 [edge + 0.08] * 2, [vaf, ceiling], color=colour, lw=3.0, solid_capstyle="butt"
             )
         if left:
-            words += "\nnot in the\ncatalogue"
+            text += "\nnot in the\ncatalogue"
         low, high = panel.get_ylim()
         height = np.clip((at - low) / (high - low), ROOM, 1.0 - ROOM)
         panel.text(
             edge + 0.16,
             height,
-            words,
+            text,
             transform=panel.get_xaxis_transform(),
             va="center",
             color=colour,

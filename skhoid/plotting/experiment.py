@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
@@ -14,13 +14,13 @@ from ._axes import (
     COLOURS,
     GREEN,
     GREY,
-    given_axes,
-    legend_of_all,
+    limits_of,
     note_outside,
     parameter_symbol,
     with_unit,
 )
-from ._estimates import FEW, MARGIN, MUCH, SHOWN
+from ._display import Display
+from ._estimates import MARGIN, MUCH, typical_range
 from .operator_parameters import SYMBOLS
 
 if TYPE_CHECKING:
@@ -39,7 +39,8 @@ MOST_NAMED = 7  # runs with an entry of their own in the legend
 MEAN = "mean"
 
 
-class ExperimentDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class ExperimentDisplay(Display):
     """Parameters over time of each subject in a condition (Figs. 16, 17, M.1-M.6).
 
     A column for each subject and a row for each parameter. Single runs are thin and coloured,
@@ -95,20 +96,11 @@ class ExperimentDisplay:
     (['S1', 'S2'], ['a1', 'a2', 'b0', 'b1'])
     """
 
-    def __init__(
-        self,
-        *,
-        paths: pd.DataFrame,
-        batch: pd.DataFrame,
-        names: Any,
-        title: str = "",
-        transition_time: float | None = None,
-    ) -> None:
-        self.paths = paths
-        self.batch = batch
-        self.names = names
-        self.title = title
-        self.transition_time = transition_time
+    paths: pd.DataFrame
+    batch: pd.DataFrame
+    names: Any
+    title: str = ""
+    transition_time: float | None = None
 
     @classmethod
     def from_result(
@@ -120,7 +112,7 @@ class ExperimentDisplay:
         parameters: str = "arx",
         subjects: Any = None,
         ax: Any = None,
-    ) -> ExperimentDisplay:
+    ) -> Self:
         """Draw what :func:`skhoid.experiment.analyse_experiment` found.
 
         Parameters
@@ -182,7 +174,7 @@ class ExperimentDisplay:
         )
         return display.plot(ax)
 
-    def plot(self, ax: Any = None) -> ExperimentDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -220,28 +212,23 @@ class ExperimentDisplay:
             if len(self.subjects_) > 1 or subject != "all":
                 self.ax_[0, column].set_title(str(subject))
             self.ax_[-1, column].set_xlabel("time, s")
-        self._explain()
+        self._legend_of_panels()
         return self
 
     def _begin(self, ax: Any) -> None:
         shape = len(self.names_), len(self.subjects_)
-        self._own = ax is None
-        if ax is None:
-            self.figure_, self.ax_ = plt.subplots(
-                *shape,
-                figsize=(max(6.4, 1.0 + 3.0 * shape[1]), 1.6 + 1.6 * shape[0]),
-                sharex=True,
-                sharey="row",
-                squeeze=False,
-                layout="constrained",
-            )
+        self.ax_ = self._take_axes(
+            ax,
+            f"{shape[0]} parameters of {shape[1]} subjects, row by row",
+            shape,
+            figsize=(max(6.4, 1.0 + 3.0 * shape[1]), 1.6 + 1.6 * shape[0]),
+            sharex=True,
+            sharey="row",
+        ).reshape(shape)
+        if self._own:
             if self.title:
                 self.figure_.suptitle(self.title)
             self.figure_.align_ylabels(self.ax_[:, 0])
-        else:
-            what = f"{shape[0]} parameters of {shape[1]} subjects, row by row"
-            self.ax_ = np.array(given_axes(ax, (shape[0] * shape[1],), what)).reshape(shape)
-            self.figure_ = self.ax_[0, 0].figure
         times = self.paths["time"]
         for panel in self.ax_.flat:
             panel.grid(alpha=0.3)
@@ -298,16 +285,5 @@ class ExperimentDisplay:
         known = levels[np.isfinite(levels)].to_numpy(dtype=float)
         if values.size + known.size == 0:
             return 0.0, 1.0
-        inner = values
-        if values.size >= FEW:
-            low = np.percentile(values, SHOWN[0], method="higher")
-            inner = np.array([low, np.percentile(values, SHOWN[1], method="lower")])
-        inner, outer = np.append(inner, known), np.append(values, known)
-        held = outer if np.ptp(outer) <= MUCH * np.ptp(inner) else inner
-        low, high = held.min(), held.max()
-        margin = MARGIN * max(high - low, 0.02 * abs(high), 1e-12)
-        return float(low - margin), float(high + margin)
-
-    def _explain(self) -> None:
-        """The legend: what the panels show, each once."""
-        legend_of_all(self.figure_, list(self.ax_.flat), self._own)
+        inner = np.append(typical_range(values) if values.size else values, known)
+        return limits_of(inner, np.append(values, known), MUCH, MARGIN)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
-from ..pipelines import taken_apart
-from ._axes import BLACK, COLOURS, GREY, given_axes, legend_columns, parameter_symbol, seconds_axis
+from ._axes import BLACK, COLOURS, GREY, parameter_symbol, seconds_axis
+from ._checks import fitted_end
+from ._display import Display
 
 STYLES = ("-", "--", "-.", ":")
 LONGEST = 1e6  # samples; a longer horizon is as good as infinite
@@ -19,7 +19,8 @@ MOSTLY = 90  # percent of the horizons of a factor that varies are inside the pa
 SHOWN = 4  # memory horizons of the past, by default
 
 
-class ForgettingProfileDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class ForgettingProfileDisplay(Display):
     """Weights of past measurements, and memory horizon over forgetting factor (Fig. 5.15).
 
     The left panel shows beta(t, k) = lambda(k+1) ... lambda(t), the weight at instant t of a
@@ -73,21 +74,14 @@ class ForgettingProfileDisplay:
     0.366
     """
 
-    def __init__(
-        self,
-        *,
-        weights: Mapping[str, np.ndarray],
-        forgetting: Mapping[str, np.ndarray],
-        dt: float | None = None,
-    ) -> None:
-        self.weights = weights
-        self.forgetting = forgetting
-        self.dt = dt
+    weights: Mapping[str, np.ndarray]
+    forgetting: Mapping[str, np.ndarray]
+    dt: float | None = None
 
     @classmethod
     def from_factors(
         cls, forgetting: Any, n_samples: int = 256, *, dt: float | None = None, ax: Any = None
-    ) -> ForgettingProfileDisplay:
+    ) -> Self:
         """Draw forgetting factors.
 
         Parameters
@@ -137,7 +131,7 @@ class ForgettingProfileDisplay:
     @classmethod
     def from_estimator(
         cls, model: Any, *, time: float | None = None, n_samples: int | None = None, ax: Any = None
-    ) -> ForgettingProfileDisplay:
+    ) -> Self:
         """Draw the forgetting of fitted recursive models.
 
         Parameters
@@ -175,7 +169,7 @@ class ForgettingProfileDisplay:
             seen = max(seen, len(getattr(fitted, "coef_path_", ())))
             for name, factor in _by_parameter(path, names).items():
                 prefix = ", ".join(filter(None, (str(label), name)))
-                text = _in_words(factor)
+                text = _factor_text(factor)
                 factors[f"{prefix}: {text}" if prefix else text] = factor
         if n_samples is None:
             horizons = np.concatenate([np.atleast_1d(_horizon(f)) for f in factors.values()])
@@ -189,7 +183,7 @@ class ForgettingProfileDisplay:
             ax=ax,
         )
 
-    def plot(self, ax: Any = None) -> ForgettingProfileDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -201,21 +195,12 @@ class ForgettingProfileDisplay:
         -------
         self : ForgettingProfileDisplay
         """
-        own = ax is None
-        if own:
-            _, ax = plt.subplots(
-                1, 2, figsize=(6.4, 3.4), layout="constrained", width_ratios=(1.3, 1)
-            )
-        self.axes_ = np.array(given_axes(ax, (2,), "weights, and memory horizon"))
-        self.figure_ = self.axes_[0].figure
+        self.axes_ = self._take_axes(
+            ax, "weights, and memory horizon", (1, 2), figsize=(6.4, 3.4), width_ratios=(1.3, 1)
+        )
         self._draw_weights(self.axes_[0])
         self._draw_horizons(self.axes_[1])
-        handles, labels = self.axes_[0].get_legend_handles_labels()
-        if own:
-            columns = legend_columns(labels)
-            self.figure_.legend(handles, labels, loc="outside lower center", ncols=columns)
-        else:
-            self.axes_[0].legend(handles, labels, loc="best", fontsize="small")
+        self._legend_of_panels()
         return self
 
     def _style(self, position: int) -> dict[str, Any]:
@@ -306,8 +291,8 @@ def _horizon(path: Any) -> np.ndarray:
     return np.where(gone * LONGEST > 1, 1 / np.maximum(gone, 1 / LONGEST), np.inf)
 
 
-def _in_words(factor: Any) -> str:
-    """The factor in words, for the legend."""
+def _factor_text(factor: Any) -> str:
+    """The factor as the legend shows it."""
     if np.ndim(factor):
         return f"λ = {np.min(factor):.4g} to {np.max(factor):.4g}"
     horizon = float(_horizon(factor)[0])
@@ -317,9 +302,7 @@ def _in_words(factor: Any) -> str:
 
 def _recursive(estimator: Any) -> Any:
     """The fitted recursive model at the end of searches and pipelines."""
-    _, model = taken_apart(estimator)
-    if hasattr(model, "fit"):
-        check_is_fitted(model)
+    model = fitted_end(estimator)
     if not hasattr(model, "forgetting_"):
         raise TypeError(
             "ForgettingProfileDisplay.from_estimator draws fitted RecursiveARX models, or "

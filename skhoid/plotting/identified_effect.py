@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from sklearn.utils.validation import check_is_fitted
@@ -12,8 +12,9 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.record import Record
 from ..greybox.estimates import parameter_text
 from ..greybox.side_by_side import build_record
-from ._axes import BLACK, COLOURS, GREY, given_axes
-from ._comparison import explain, plain_logarithmic, wrapped
+from ._axes import BLACK, COLOURS, GREY, plain_logarithmic
+from ._comparison import wrapped
+from ._display import Display
 from ._effect_bench import Bench, EffectCurves
 from ._effect_curves import effect_curves
 
@@ -24,7 +25,8 @@ LEAST_GAIN = 1.5  # up and down on the axis, so that a small effect looks small
 CROWDED = 72  # letters in a line of the title
 
 
-class IdentifiedEffectDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class IdentifiedEffectDisplay(Display):
     """What an identified effect does, with a band that holds 95 % of its uncertainty.
 
     An effect on the error or the output is a curve from what goes in to what comes out (a loop
@@ -45,7 +47,7 @@ class IdentifiedEffectDisplay:
     physics : str, default=""
         The effect in a sentence.
     parameters : str, default=""
-        Its parameters in words.
+        Its parameters as text.
 
     Attributes
     ----------
@@ -80,13 +82,10 @@ class IdentifiedEffectDisplay:
     'map'
     """
 
-    def __init__(
-        self, *, name: str, curves: EffectCurves, physics: str = "", parameters: str = ""
-    ) -> None:
-        self.name = name
-        self.curves = curves
-        self.physics = physics
-        self.parameters = parameters
+    name: str
+    curves: EffectCurves
+    physics: str = ""
+    parameters: str = ""
 
     @classmethod
     def from_estimator(
@@ -165,28 +164,26 @@ class IdentifiedEffectDisplay:
         self : IdentifiedEffectDisplay
         """
         found = self.curves
-        own = ax is None
-        if own:
-            with_density = found.measured is not None
-            _, ax = plt.subplots(
-                1 + with_density,
-                sharex=True,
-                figsize=(6.4, 4.8 if with_density else 4.0),
-                height_ratios=[3.2, 1.0] if with_density else None,
-                layout="constrained",
-            )
-        self.axes_ = np.array(given_axes(ax, (1, 2), "the curve, and the density below"))
+        with_density = found.measured is not None
+        self.axes_ = self._take_axes(
+            ax,
+            "the curve, and the density below",
+            (1 + with_density, 1),
+            allowed=(1, 2),
+            sharex=True,
+            figsize=(6.4, 4.8 if with_density else 4.0),
+            height_ratios=[3.2, 1.0] if with_density else None,
+        )
         self.ax_ = self.axes_[0]
-        self.figure_ = self.ax_.figure
         self.lines_: dict[str, Any] = {}
         self.bands_: dict[str, Any] = {}
         self.density_: Any = None
         self._draw_curves(self.ax_)
-        if found.measured is not None and len(self.axes_) == 2:
+        if with_density and len(self.axes_) == 2:
             self._draw_density(self.axes_[1])
         self.axes_[-1].set_xlabel(found.xlabel)
-        self.ax_.set_title(self._in_words(), fontsize="medium")
-        explain([self.ax_], own=own)
+        self.ax_.set_title(self._title_text(), fontsize="medium")
+        self._legend_of_panels(frameon=False)
         return self
 
     def _draw_curves(self, panel: Axes) -> None:
@@ -232,7 +229,7 @@ class IdentifiedEffectDisplay:
         panel.set_yticks([])
         panel.set_ylabel("density\nin the runs", fontsize="small")
 
-    def _in_words(self) -> str:
+    def _title_text(self) -> str:
         lines = [f"{self.name}: {self.physics}" if self.physics else self.name]
         # A parameter stays in one line with its deviation and unit.
         together = self.parameters.replace(" ", "\xa0").replace(",\xa0", ", ")

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, LogLocator, NullLocator, StrMethodFormatter
-from sklearn.utils.validation import check_is_fitted
 
-from ..pipelines import taken_apart
-from ._axes import BLACK, COLOURS, GREY, given_axes, legend_columns, note_outside, seconds_axis
-from ._horizons import MARKERS, horizon_axis, near_best
+from ._axes import COLOURS, GREY, MARKERS, OUTLINED, note_outside, seconds_axis
+from ._checks import check_option, fitted_end
+from ._display import Display
+from ._horizons import horizon_axis, near_best
 
 LABELS = {
     "gain": "gain in VAF over $\\lambda$ = 1, points",
@@ -22,11 +23,11 @@ LABELS = {
     "overfit_difference": "VAF of training − validation, points",
     "overfit_ratio": "VAF of training / validation",
 }
-EDGE: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
 MARGIN = 0.08  # of the range, above and below
 
 
-class MemoryHorizonDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class MemoryHorizonDisplay(Display):
     """Tracking ability against noise sensitivity: VAF over memory horizon (Figs. 13, J.1-J.4).
 
     A point for each setting of a :class:`skhoid.RecursiveARXCV`, over the memory horizon N0 in
@@ -44,13 +45,13 @@ class MemoryHorizonDisplay:
     ----------
     results : DataFrame
         One row per setting: ``label``, ``memory_horizon`` (the shortest of the parameters),
-        ``ratios`` (those of the others to it, in words; "" where there is only one), ``best``,
+        ``ratios`` (those of the others to it, as text; "" where there is only one), ``best``,
         and ``gain``, ``score``, ``overfit_difference``, ``overfit_ratio`` with their standard
         deviations over splits (``sd_gain``).
     n_splits : int, default=1
         Number of splits; with one there are no deviations.
     n_runs : str or None, default=None
-        Number of runs that each model pools, in words.
+        Number of runs that each model pools, as text.
     dt : float or None, default=None
         Sampling time of the fitted grid in s, for an axis in seconds.
 
@@ -88,23 +89,13 @@ class MemoryHorizonDisplay:
     'gain in VAF over $\\\\lambda$ = 1, points'
     """
 
-    def __init__(
-        self,
-        *,
-        results: pd.DataFrame,
-        n_splits: int = 1,
-        n_runs: str | None = None,
-        dt: float | None = None,
-    ) -> None:
-        self.results = results
-        self.n_splits = n_splits
-        self.n_runs = n_runs
-        self.dt = dt
+    results: pd.DataFrame
+    n_splits: int = 1
+    n_runs: str | None = None
+    dt: float | None = None
 
     @classmethod
-    def from_estimator(
-        cls, search: Any, *, kind: str = "gain", ax: Any = None
-    ) -> MemoryHorizonDisplay:
+    def from_estimator(cls, search: Any, *, kind: str = "gain", ax: Any = None) -> Self:
         """Draw fitted searches.
 
         Parameters
@@ -144,7 +135,7 @@ class MemoryHorizonDisplay:
         )
         return display.plot(ax, kind=kind)
 
-    def plot(self, ax: Any = None, *, kind: str = "gain") -> MemoryHorizonDisplay:
+    def plot(self, ax: Any = None, *, kind: str = "gain") -> Self:
         """Draw.
 
         Parameters
@@ -158,18 +149,13 @@ class MemoryHorizonDisplay:
         -------
         self : MemoryHorizonDisplay
         """
-        if kind not in LABELS:
-            raise ValueError(f"kind must be one of {', '.join(map(repr, LABELS))}; got {kind!r}.")
+        check_option("kind", kind, LABELS)
         if self.results[kind].isna().all():
             raise ValueError(
                 f"There is no value of {kind!r} to draw. A gain is one over no forgetting: put "
                 "float('inf') among the memory horizons. A ratio needs positive VAF of validation."
             )
-        own = ax is None
-        if own:
-            _, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
-        (self.ax_,) = given_axes(ax, (1,), "values over memory horizons")
-        self.figure_ = self.ax_.figure
+        (self.ax_,) = self._take_axes(ax, "values over memory horizons", figsize=(6.4, 4.2))
         self.lines_: dict[str, Any] = {}
         self.bands_: dict[str, Any] = {}
         self.best_: dict[str, Any] = {}
@@ -179,7 +165,7 @@ class MemoryHorizonDisplay:
         self.ax_.set_ylabel(LABELS[kind])
         self._limit(kind)
         self.ax_.grid(alpha=0.3)
-        self._explain(own)
+        self._explain()
         return self
 
     def _set_axis(self) -> None:
@@ -218,7 +204,7 @@ class MemoryHorizonDisplay:
             rows["label"][rows["best"]], at[rows["best"]], value[rows["best"]], strict=True
         ):
             (self.best_[label],) = self.ax_.plot(
-                x, y, color=colour, marker="*", ms=15, ls="none", zorder=4, **EDGE
+                x, y, color=colour, marker="*", ms=15, ls="none", zorder=4, **OUTLINED
             )
 
     def _limit(self, kind: str) -> None:
@@ -249,36 +235,30 @@ class MemoryHorizonDisplay:
             corner = ("top" if sign < 0 else "bottom", "left")
             self.note_ = note_outside(self.ax_, shown, corner)
 
-    def _explain(self, own: bool) -> None:
+    def _explain(self) -> None:
         handles, labels = self.ax_.get_legend_handles_labels()
         if self.bands_:
             over = f"± 1 standard deviation over {self.n_splits} splits"
-            handles.append(plt.Rectangle((0, 0), 1, 1, color=GREY, alpha=0.4, lw=0))
+            handles.append(Rectangle((0, 0), 1, 1, color=GREY, alpha=0.4, lw=0))
             labels.append(over)
-        handles.append(Line2D([], [], color="white", marker="*", ms=13, ls="none", **EDGE))
-        labels.append(self._best_in_words())
-        if own:
-            columns = legend_columns(labels)
-            self.figure_.legend(handles, labels, loc="outside lower center", ncols=columns)
-        else:
-            self.ax_.legend(handles, labels, loc="best", fontsize="small")
+        handles.append(Line2D([], [], color="white", marker="*", ms=13, ls="none", **OUTLINED))
+        labels.append(self._best_text())
+        self._legend(handles, labels)
 
-    def _best_in_words(self) -> str:
+    def _best_text(self) -> str:
         chosen = self.results[self.results["best"]]
-        words = "best"
+        text = "best"
         if len(chosen) == 1:
             horizon = float(chosen["memory_horizon"].iloc[0])
-            words += f": $N_0$ = {'∞' if np.isinf(horizon) else f'{horizon:g}'}"
+            text += f": $N_0$ = {'∞' if np.isinf(horizon) else f'{horizon:g}'}"
         if self.n_runs:
-            words += f" ({self.n_runs} run{'s' * (self.n_runs != '1')} per model)"
-        return words
+            text += f" ({self.n_runs} run{'s' * (self.n_runs != '1')} per model)"
+        return text
 
 
 def _fitted_search(estimator: Any) -> Any:
     """The fitted search at the end of a pipeline."""
-    _, search = taken_apart(estimator)
-    if hasattr(search, "fit"):
-        check_is_fitted(search)
+    search = fitted_end(estimator)
     results = getattr(search, "cv_results_", {})
     if "memory_horizon" not in results or "gain" not in results:
         raise TypeError(

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from ._axes import BLACK, given_axes
+from ._axes import BLACK
 from ._comparison import (
     EXCEEDING,
     NOISE,
     PREDICTED,
-    ComparisonPicture,
+    ComparisonBaseDisplay,
     legend_below,
     percent,
     wrapped,
@@ -23,12 +23,13 @@ INTERVAL = "90 % interval of the ceiling"
 BELOW_TICKS = 2.4
 
 
-class NoiseCeilingDisplay(ComparisonPicture):
+@dataclass(kw_only=True, eq=False, repr=False)
+class NoiseCeilingDisplay(ComparisonBaseDisplay):
     """The measured output as a bar: explained, explainable and remnant.
 
     Blue is what the model explains (its VAF), red what a better model could explain beyond it
     (up to the noise ceiling), grey what no model driven by the measured error can. Without a
-    ceiling the bar has two parts, and the picture says why. A VAF below zero leaves no blue.
+    ceiling the bar has two parts, and the figure says why. A VAF below zero leaves no blue.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -69,20 +70,11 @@ class NoiseCeilingDisplay(ComparisonPicture):
     ['explained', 'explainable', 'remnant']
     """
 
-    def __init__(
-        self,
-        *,
-        vaf: float,
-        noise_ceiling: float,
-        noise_ceiling_interval: tuple[float, float],
-        explainable_gap: float,
-        ceiling_note: str = "",
-    ) -> None:
-        self.vaf = vaf
-        self.noise_ceiling = noise_ceiling
-        self.noise_ceiling_interval = noise_ceiling_interval
-        self.explainable_gap = explainable_gap
-        self.ceiling_note = ceiling_note
+    vaf: float
+    noise_ceiling: float
+    noise_ceiling_interval: tuple[float, float]
+    explainable_gap: float
+    ceiling_note: str = ""
 
     def plot(self, ax: Any = None) -> Self:
         """Draw.
@@ -96,18 +88,15 @@ class NoiseCeilingDisplay(ComparisonPicture):
         -------
         self : NoiseCeilingDisplay
         """
-        if ax is None:
-            _, ax = plt.subplots(figsize=(6.4, 2.4), layout="constrained")
-        (self.ax_,) = given_axes(ax, (1,), "the bar")
-        self.figure_ = self.ax_.figure
+        (self.ax_,) = self._take_axes(ax, "the bar", figsize=(6.4, 2.4))
         self.parts_, self.interval_ = draw_ceiling_bar(
             self.ax_, self, columns=2, note=wrapped(f"Noise ceiling {self.ceiling_note}", 88)
         )
-        self.ax_.set_title(ceiling_in_words(self), fontsize="medium")
+        self.ax_.set_title(ceiling_text(self), fontsize="medium")
         return self
 
 
-def ceiling_in_words(comparison: Any) -> str:
+def ceiling_text(comparison: Any) -> str:
     """VAF and ceiling, for a title; of a comparison or whatever has its attributes."""
     found = f"VAF {percent(comparison.vaf)}"
     if np.isnan(comparison.noise_ceiling):

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from ._axes import GREY, given_axes
+from ._axes import GREY
 from ._comparison import (
     CLOSED_LOOP,
     EXCEEDING,
     RESIDUAL,
-    ComparisonPicture,
+    ComparisonBaseDisplay,
     beyond,
     chance,
     channel_name,
     exceeding,
-    explain,
     residual_label,
     say_instead,
 )
@@ -29,7 +27,8 @@ from ._comparison import (
 COLUMNS = 3
 
 
-class OperatingPointDisplay(ComparisonPicture):
+@dataclass(kw_only=True, eq=False, repr=False)
+class OperatingPointDisplay(ComparisonBaseDisplay):
     """Mean residual over the level of each channel.
 
     Each panel bins one channel, so much earlier than the residual as its label says. The grey
@@ -80,20 +79,11 @@ class OperatingPointDisplay(ComparisonPicture):
     'mean residual, deg'
     """
 
-    def __init__(
-        self,
-        *,
-        by_operating_point: pd.DataFrame,
-        unit: str | None = None,
-        false_alarm: float = 0.01,
-        tests: pd.DataFrame | None = None,
-        output: str = "u",
-    ) -> None:
-        self.by_operating_point = by_operating_point
-        self.unit = unit
-        self.false_alarm = false_alarm
-        self.tests = tests
-        self.output = output
+    by_operating_point: pd.DataFrame
+    unit: str | None = None
+    false_alarm: float = 0.01
+    tests: pd.DataFrame | None = None
+    output: str = "u"
 
     def plot(self, ax: Any = None) -> Self:
         """Draw.
@@ -109,19 +99,16 @@ class OperatingPointDisplay(ComparisonPicture):
         """
         tables = dict(list(self.by_operating_point.groupby("channel", sort=False)))
         n = max(len(tables), 1)
-        own = ax is None
         columns = min(n, COLUMNS)
-        if own:
-            rows = math.ceil(n / columns)
-            size = (max(4.2, 0.8 + 2.6 * columns), 0.9 + 2.3 * rows)
-            _, grid = plt.subplots(
-                rows, columns, sharey=True, squeeze=False, figsize=size, layout="constrained"
-            )
-            ax = grid.ravel()[:n]
-            for spare in grid.ravel()[n:]:
-                spare.remove()
-        self.axes_ = np.array(given_axes(ax, (n,), "one for each channel"))
-        self.figure_ = self.axes_[0].figure
+        rows = math.ceil(n / columns)
+        self.axes_ = self._take_axes(
+            ax,
+            "one for each channel",
+            (rows, columns),
+            used=range(n),
+            sharey=True,
+            figsize=(max(4.2, 0.8 + 2.6 * columns), 0.9 + 2.3 * rows),
+        )
         self.lines_: dict[str, Any] = {}
         self.bands_: dict[str, Any] = {}
         self.levels_: dict[str, list[float]] = {}
@@ -133,9 +120,9 @@ class OperatingPointDisplay(ComparisonPicture):
                 panel, bins, self.false_alarm, self.output
             )
             self._mark_levels(panel, name)
-            if not own or i % columns == 0:
+            if not self._own or i % columns == 0:
                 panel.set_ylabel(residual_label(self.unit))
-        explain(self.axes_, own=own)
+        self._legend_of_panels(frameon=False)
         return self
 
     def _mark_levels(self, panel: Axes, name: str) -> None:

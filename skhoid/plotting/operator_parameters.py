@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -33,6 +34,7 @@ CROWDED = 50  # letters in one row of labels
 FINE = 1000  # instants at which a true operator is drawn
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class OperatorParametersDisplay(EstimatesDisplay):
     """Operator parameters over time, or of batch models side by side (Figs. 15 and 17).
 
@@ -107,7 +109,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
         transition_time: float | None = None,
         ax: Any = None,
         **options: Any,
-    ) -> OperatorParametersDisplay:
+    ) -> Self:
         """Convert fitted ARX models and draw.
 
         Parameters
@@ -144,7 +146,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
         references: pd.DataFrame | None = None,
         transition_time: float | None = None,
         ax: Any = None,
-    ) -> OperatorParametersDisplay:
+    ) -> Self:
         """Draw parameters that have been computed.
 
         Parameters
@@ -192,7 +194,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
         )
         return display.plot(ax)
 
-    def plot(self, ax: Any = None) -> OperatorParametersDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -225,7 +227,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
         delay = self._delay()
         if delay is not None:
             self.axes_[0].set_title(f"{SYMBOLS['tau_e']} = {delay:.3g} s")
-        self._explain()
+        self._legend_of_panels()
         return self
 
     def _delay(self) -> float | None:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from sklearn.utils.validation import check_is_fitted
 
 from ..interpret.channel import is_arx
-from ..pipelines import taken_apart
 from ._axes import parameter_symbol
+from ._checks import check_some_column, fitted_end
 from ._estimates import DEVIATION, EstimatesDisplay, check_references, in_one_row, times_of
 
 MOST_LINES = 10  # single runs that are drawn one by one
@@ -20,6 +20,7 @@ ONE_COLUMN = 5  # panels below each other, before there are two columns
 UNEVEN = 3  # panels that one of the columns may have more than the other
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class ParameterPathDisplay(EstimatesDisplay):
     """ARX parameters over time, a panel each (Figs. 14, 16, 5.14 and 5.16).
 
@@ -40,14 +41,14 @@ class ParameterPathDisplay(EstimatesDisplay):
     frames : dict of DataFrame
         Estimates by label: a column for each parameter and, where known, one of standard
         deviations (``sd_a1``), over the index ``time`` in s, or in one row of a batch model.
-    runs : dict of ndarray of shape (n_runs, n_instants, n_params), or None, default=None
-        Estimates of single runs by label, for the parameters and instants of the frame.
     truth : DataFrame or None, default=None
         True values in the same columns, over ``time`` or in one row.
     references : DataFrame or None, default=None
         Result of :func:`skhoid.reference_fits`, drawn as green levels over its windows.
     transition_time : float or None, default=None
         Instant to mark, in s.
+    runs : dict of ndarray of shape (n_runs, n_instants, n_params), or None, default=None
+        Estimates of single runs by label, for the parameters and instants of the frame.
 
     Attributes
     ----------
@@ -91,19 +92,7 @@ class ParameterPathDisplay(EstimatesDisplay):
     ['a1', 'a2', 'b0', 'b1']
     """
 
-    def __init__(
-        self,
-        *,
-        frames: Mapping[str, pd.DataFrame],
-        runs: Mapping[str, np.ndarray] | None = None,
-        truth: pd.DataFrame | None = None,
-        references: pd.DataFrame | None = None,
-        transition_time: float | None = None,
-    ) -> None:
-        super().__init__(
-            frames=frames, truth=truth, references=references, transition_time=transition_time
-        )
-        self.runs = runs
+    runs: Mapping[str, np.ndarray] | None = None
 
     @classmethod
     def from_estimator(
@@ -114,7 +103,7 @@ class ParameterPathDisplay(EstimatesDisplay):
         *,
         transition_time: float | None = None,
         ax: Any = None,
-    ) -> ParameterPathDisplay:
+    ) -> Self:
         """Draw fitted recursive models.
 
         Parameters
@@ -171,7 +160,7 @@ class ParameterPathDisplay(EstimatesDisplay):
         )
         return display.plot(ax)
 
-    def plot(self, ax: Any = None) -> ParameterPathDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -200,7 +189,7 @@ class ParameterPathDisplay(EstimatesDisplay):
             panel.grid(alpha=0.3)
         for panel in self._bottom:
             panel.set_xlabel("time, s")
-        self._explain()
+        self._legend_of_panels()
         return self
 
     def _draw_runs(
@@ -220,9 +209,7 @@ class ParameterPathDisplay(EstimatesDisplay):
 
 def _arx_model(estimator: Any) -> Any:
     """The fitted ARX model at the end of searches and pipelines."""
-    _, model = taken_apart(estimator)
-    if hasattr(model, "fit"):
-        check_is_fitted(model)
+    model = fitted_end(estimator)
     if not is_arx(model):
         raise TypeError(
             "ParameterPathDisplay draws fitted ARX models, or pipelines and searches that end in "
@@ -294,12 +281,8 @@ def _truth(
         truth = pd.DataFrame([dict(truth)])
     if not isinstance(truth, pd.DataFrame):
         truth = _named(truth, names, frames)
+    check_some_column(truth, names, "truth")
     known = [name for name in names if name in truth]
-    if not known:
-        raise ValueError(
-            f"truth has none of the columns {', '.join(names)}; it has "
-            f"{', '.join(map(str, truth.columns))}."
-        )
     truth = in_one_row(truth[known].astype(float))
     return truth.rename_axis("time") if len(truth) > 1 else truth
 

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREY, given_axes
+from ._axes import BLACK, GREY
 from ._comparison import (
     CLOSED_LOOP,
     EXCEEDING,
     RESIDUAL,
-    ComparisonPicture,
+    ComparisonBaseDisplay,
     beyond,
     chance,
     channel_name,
-    explain,
     say_instead,
 )
 
 
-class ResidualCorrelationDisplay(ComparisonPicture):
+@dataclass(kw_only=True, eq=False, repr=False)
+class ResidualCorrelationDisplay(ComparisonBaseDisplay):
     """Correlation of the residual with signals, over the lag.
 
     At positive lags the residual follows the signal. The band holds a whole curve with probability
@@ -63,9 +63,8 @@ class ResidualCorrelationDisplay(ComparisonPicture):
     ['f_t', 'e']
     """
 
-    def __init__(self, *, correlations: pd.DataFrame, false_alarm: float = 0.01) -> None:
-        self.correlations = correlations
-        self.false_alarm = false_alarm
+    correlations: pd.DataFrame
+    false_alarm: float = 0.01
 
     def plot(self, ax: Any = None) -> Self:
         """Draw.
@@ -82,13 +81,8 @@ class ResidualCorrelationDisplay(ComparisonPicture):
         tests_first = self.correlations.sort_values("valid", ascending=False, kind="stable")
         tables = dict(list(tests_first.groupby("signal", sort=False)))
         n = max(len(tables), 1)
-        own = ax is None
-        if own:
-            size = (6.4, 1.3 + 1.6 * n)
-            _, grid = plt.subplots(n, squeeze=False, figsize=size, layout="constrained")
-            ax = grid[:, 0]
-        self.axes_ = np.array(given_axes(ax, (n,), "one for each signal"))
-        self.figure_ = self.axes_[0].figure
+        size = (6.4, 1.3 + 1.6 * n)
+        self.axes_ = self._take_axes(ax, "one for each signal", (n, 1), figsize=size)
         self.lines_: dict[str, Any] = {}
         self.bands_: dict[str, Any] = {}
         if not tables:
@@ -97,7 +91,7 @@ class ResidualCorrelationDisplay(ComparisonPicture):
         for panel, (name, table) in zip(self.axes_, tables.items(), strict=True):
             self._draw(panel, name, table)
         self.axes_[-1].set_xlabel("lag, s (positive: the residual follows)")
-        explain(self.axes_, own=own)
+        self._legend_of_panels(frameon=False)
         return self
 
     def _draw(self, panel: Any, name: str, table: pd.DataFrame) -> None:

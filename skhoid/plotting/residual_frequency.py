@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 from scipy.stats import norm
 
-from ._axes import given_axes
+from ._axes import phase_ticks, plain_logarithmic
 from ._comparison import (
     EXCEEDING,
     MEASURED,
     NOISE,
     PREDICTED,
     RESIDUAL,
-    ComparisonPicture,
+    ComparisonBaseDisplay,
     beyond,
     exceeding,
-    explain,
-    plain_logarithmic,
     say_instead,
 )
 
@@ -35,7 +32,8 @@ EDGE = 1.3
 NO_RESPONSE = "Measured response: not available, it needs the target f_t."
 
 
-class ResidualFrequencyDisplay(ComparisonPicture):
+@dataclass(kw_only=True, eq=False, repr=False)
+class ResidualFrequencyDisplay(ComparisonBaseDisplay):
     """The residual over frequency, and the response measured and modelled.
 
     Above, spectra of the measured output, of the residual and of what does not repeat (noise):
@@ -82,16 +80,9 @@ class ResidualFrequencyDisplay(ComparisonPicture):
     ['measured', 'model']
     """
 
-    def __init__(
-        self,
-        *,
-        by_frequency: pd.DataFrame,
-        unit: str | None = None,
-        false_alarm: float = 0.01,
-    ) -> None:
-        self.by_frequency = by_frequency
-        self.unit = unit
-        self.false_alarm = false_alarm
+    by_frequency: pd.DataFrame
+    unit: str | None = None
+    false_alarm: float = 0.01
 
     def plot(self, ax: Any = None, *, phase: bool = False) -> Self:
         """Draw.
@@ -107,18 +98,15 @@ class ResidualFrequencyDisplay(ComparisonPicture):
         -------
         self : ResidualFrequencyDisplay
         """
-        own = ax is None
-        if own:
-            n, ratios = (3, [2, 1.5, 1.5]) if phase else (2, [1.2, 1])
-            _, ax = plt.subplots(
-                n,
-                sharex=True,
-                figsize=(6.4, 7.6 if phase else 6.0),
-                height_ratios=ratios,
-                layout="constrained",
-            )
-        self.axes_ = np.array(given_axes(ax, (2, 3), "spectra, magnitude and, if wanted, phase"))
-        self.figure_ = self.axes_[0].figure
+        self.axes_ = self._take_axes(
+            ax,
+            "spectra, magnitude and, if wanted, phase",
+            (3 if phase else 2, 1),
+            allowed=(2, 3),
+            sharex=True,
+            figsize=(6.4, 7.6 if phase else 6.0),
+            height_ratios=[2, 1.5, 1.5] if phase else [1.2, 1],
+        )
         self.lines_, self.exceeding_ = draw_spectra(
             self.axes_[0], self.by_frequency, self.unit, self.false_alarm
         )
@@ -136,10 +124,10 @@ class ResidualFrequencyDisplay(ComparisonPicture):
             if len(below) == 2:
                 self.phase_ = _draw_phase(below[1], measured)
         lowest = self.axes_[-1] if self.gain_ else self.axes_[0]
-        for panel in self.axes_ if own else []:
+        for panel in self.axes_ if self._own else []:
             panel.tick_params(labelbottom=panel is lowest)
         lowest.set_xlabel("frequency, rad/s")
-        explain(self.axes_, own=own)
+        self._legend_of_panels(frameon=False)
         return self
 
 
@@ -231,7 +219,7 @@ def _draw_phase(panel: Axes, measured: pd.DataFrame) -> dict[str, Any]:
     spread = norm.ppf(0.5 + CONFIDENCE / 2) * np.minimum(measured["sd_phase"], 180.0)
     phase = measured["measured_phase"]
     lines = _draw_response(panel, measured, "phase", (phase - spread, phase + spread))
-    panel.yaxis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
+    phase_ticks(panel.yaxis)
     panel.set_ylabel("response, phase, deg")
     return lines
 

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, given_axes
-from ._comparison import ComparisonPicture, beyond, explain, plain_logarithmic, say_instead
+from ._axes import BLACK, plain_logarithmic
+from ._comparison import ComparisonBaseDisplay, beyond, say_instead
 
 LEAST = 6.0  # dB; chance alone does not use the whole scale
 MOST = 20.0
 SHOWN = 99.0  # percentile that the scale holds
 
 
-class ResidualMapDisplay(ComparisonPicture):
+@dataclass(kw_only=True, eq=False, repr=False)
+class ResidualMapDisplay(ComparisonBaseDisplay):
     """Power of the residual over time and frequency, relative to the mean noise of the frequency.
 
     White is that noise, red is more, blue less. Dots mark cells with more than chance gives any
@@ -59,9 +60,8 @@ class ResidualMapDisplay(ComparisonPicture):
     'log'
     """
 
-    def __init__(self, *, time_frequency: pd.DataFrame, false_alarm: float = 0.01) -> None:
-        self.time_frequency = time_frequency
-        self.false_alarm = false_alarm
+    time_frequency: pd.DataFrame
+    false_alarm: float = 0.01
 
     def plot(self, ax: Any = None) -> Self:
         """Draw.
@@ -75,11 +75,7 @@ class ResidualMapDisplay(ComparisonPicture):
         -------
         self : ResidualMapDisplay
         """
-        own = ax is None
-        if own:
-            _, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
-        (self.ax_,) = given_axes(ax, (1,), "the map")
-        self.figure_ = self.ax_.figure
+        (self.ax_,) = self._take_axes(ax, "the map", figsize=(6.4, 4.2))
         self.mesh_: Any = None
         self.colorbar_: Any = None
         self.exceeding_: Any = None
@@ -115,7 +111,7 @@ class ResidualMapDisplay(ComparisonPicture):
                 ls="none",
                 label=beyond(self.false_alarm),
             )
-        explain([self.ax_], own=own)
+        self._legend_of_panels(frameon=False)
         self.ax_.set_yscale("log")
         plain_logarithmic(self.ax_.yaxis)
         self.ax_.set_xlabel("time in the run, s")

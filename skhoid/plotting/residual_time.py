@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from ..diagnosis.advice import SMALL
-from ._axes import BLACK, GREY, given_axes
+from ._axes import BLACK, GREY
 from ._comparison import (
     EXCEEDING,
     RESIDUAL,
-    ComparisonPicture,
+    ComparisonBaseDisplay,
     beyond,
     chance,
     exceeding,
-    explain,
     is_of_all_runs,
     say_instead,
 )
@@ -30,7 +29,8 @@ EVEN = "if spread evenly"
 REPEATS = {"explainable", "p_explainable"}  # of all runs, where several share the target
 
 
-class ResidualTimeDisplay(ComparisonPicture):
+@dataclass(kw_only=True, eq=False, repr=False)
+class ResidualTimeDisplay(ComparisonBaseDisplay):
     """The residual over the time in the run, in windows.
 
     Above, the VAF points that each window costs, all runs together: the bars add up to 100 - VAF.
@@ -83,12 +83,9 @@ class ResidualTimeDisplay(ComparisonPicture):
     ['0', '1', '2']
     """
 
-    def __init__(
-        self, *, by_time: pd.DataFrame, tests: pd.DataFrame, false_alarm: float = 0.01
-    ) -> None:
-        self.by_time = by_time
-        self.tests = tests
-        self.false_alarm = false_alarm
+    by_time: pd.DataFrame
+    tests: pd.DataFrame
+    false_alarm: float = 0.01
 
     def plot(self, ax: Any = None) -> Self:
         """Draw.
@@ -102,11 +99,9 @@ class ResidualTimeDisplay(ComparisonPicture):
         -------
         self : ResidualTimeDisplay
         """
-        own = ax is None
-        if own:
-            _, ax = plt.subplots(2, sharex=True, figsize=(6.4, 5.2), layout="constrained")
-        self.axes_ = np.array(given_axes(ax, (2,), "VAF points lost and relative power"))
-        self.figure_ = self.axes_[0].figure
+        self.axes_ = self._take_axes(
+            ax, "VAF points lost and relative power", (2, 1), sharex=True, figsize=(6.4, 5.2)
+        )
         self.runs_: dict[Any, Any] = {}
         self.line_: Any = None
         self.band_: Any = None
@@ -122,7 +117,7 @@ class ResidualTimeDisplay(ComparisonPicture):
             mark_changes(panel, self.changes_)
         bottom.set_xlabel("time in the run, s")
         bottom.set_xlim(together["start"].min(), together["stop"].max())
-        explain(self.axes_, own=own)
+        self._legend_of_panels(frameon=False)
         return self
 
     def _draw_power(self, panel: Axes, together: pd.DataFrame) -> None:

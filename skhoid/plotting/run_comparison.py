@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREY, given_axes
+from ._axes import BLACK, GREY
 from ._comparison import (
     EXCEEDING,
     PREDICTED,
-    ComparisonPicture,
+    ComparisonBaseDisplay,
     beyond,
     exceeding,
-    explain,
     percent,
     say_instead,
 )
@@ -27,7 +26,8 @@ LOWEST = -20.0  # percent; runs below it are named at the edge
 PARTS = {"validation": PREDICTED, "estimation": GREY}
 
 
-class RunComparisonDisplay(ComparisonPicture):
+@dataclass(kw_only=True, eq=False, repr=False)
+class RunComparisonDisplay(ComparisonBaseDisplay):
     """VAF by run, in validation and estimation, with the noise ceiling.
 
     Runs whose residual power exceeds chance are ringed in red. A run far below zero is named at
@@ -75,20 +75,11 @@ class RunComparisonDisplay(ComparisonPicture):
     [3, 2]
     """
 
-    def __init__(
-        self,
-        *,
-        by_run: pd.DataFrame,
-        vaf: float,
-        noise_ceiling: float,
-        noise_ceiling_interval: tuple[float, float],
-        false_alarm: float = 0.01,
-    ) -> None:
-        self.by_run = by_run
-        self.vaf = vaf
-        self.noise_ceiling = noise_ceiling
-        self.noise_ceiling_interval = noise_ceiling_interval
-        self.false_alarm = false_alarm
+    by_run: pd.DataFrame
+    vaf: float
+    noise_ceiling: float
+    noise_ceiling_interval: tuple[float, float]
+    false_alarm: float = 0.01
 
     def plot(self, ax: Any = None) -> Self:
         """Draw.
@@ -102,11 +93,7 @@ class RunComparisonDisplay(ComparisonPicture):
         -------
         self : RunComparisonDisplay
         """
-        own = ax is None
-        if own:
-            _, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
-        (self.ax_,) = given_axes(ax, (1,), "the VAF of the runs")
-        self.figure_ = self.ax_.figure
+        (self.ax_,) = self._take_axes(ax, "the VAF of the runs", figsize=(6.4, 4.2))
         self.lines_: dict[str, Any] = {}
         self.exceeding_: Any = None
         self.ceiling_: Any = None
@@ -122,9 +109,9 @@ class RunComparisonDisplay(ComparisonPicture):
         self._draw_runs(table, at)
         self._name_runs(table, at)
         self.ax_.set_ylabel("free-run VAF, %")
-        self.ax_.set_title(self._in_words(table), fontsize="medium")
+        self.ax_.set_title(self._title_text(table), fontsize="medium")
         self.ax_.grid(alpha=0.3, axis="y")
-        explain([self.ax_], own=own)
+        self._legend_of_panels(frameon=False)
         return self
 
     def _draw_levels(self, n_validation: int) -> None:
@@ -197,7 +184,7 @@ class RunComparisonDisplay(ComparisonPicture):
         self.ax_.set_xlim(at[0] - 0.7, at[-1] + 0.7)
         self.ax_.set_xlabel("run")
 
-    def _in_words(self, table: pd.DataFrame) -> str:
+    def _title_text(self, table: pd.DataFrame) -> str:
         if table["p"].isna().all():
             return "Too few runs to test one against the others"
         raised = table.loc[exceeding(table), "run"].tolist()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
@@ -13,12 +13,14 @@ from ..metrics import layout_of_output, vaf_score
 from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.run_in import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, run_name
-from ._axes import BLACK, BLUE, GREY, VERMILION, given_axes, with_unit
+from ._axes import BLACK, BLUE, GREY, VERMILION, with_unit
+from ._display import Display
 
 MAX_RUNS = 5
 
 
-class SimulationDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class SimulationDisplay(Display):
     """Measured against simulated output over time, with the residual below.
 
     One pair of panels per run; its title gives the VAF. A missing measurement is a gap in the
@@ -75,32 +77,17 @@ class SimulationDisplay:
     'x, px'
     """
 
-    def __init__(
-        self,
-        *,
-        time: Sequence[np.ndarray],
-        y_true: Sequence[np.ndarray],
-        y_pred: Sequence[np.ndarray],
-        runs: Sequence[str],
-        vaf: np.ndarray,
-        run_in_end: np.ndarray | None = None,
-        window: tuple[float, float] | None = None,
-        centered: bool = False,
-        output_name: str = "output",
-        unit: str | None = None,
-        n_runs_in_data: int | None = None,
-    ) -> None:
-        self.time = time
-        self.y_true = y_true
-        self.y_pred = y_pred
-        self.runs = runs
-        self.vaf = vaf
-        self.run_in_end = run_in_end
-        self.window = window
-        self.centered = centered
-        self.output_name = output_name
-        self.unit = unit
-        self.n_runs_in_data = n_runs_in_data
+    time: Sequence[np.ndarray]
+    y_true: Sequence[np.ndarray]
+    y_pred: Sequence[np.ndarray]
+    runs: Sequence[str]
+    vaf: np.ndarray
+    run_in_end: np.ndarray | None = None
+    window: tuple[float, float] | None = None
+    centered: bool = False
+    output_name: str = "output"
+    unit: str | None = None
+    n_runs_in_data: int | None = None
 
     @classmethod
     def from_estimator(
@@ -115,7 +102,7 @@ class SimulationDisplay:
         ax: Any = None,
         dt: float | None = None,
         run: Any = None,
-    ) -> SimulationDisplay:
+    ) -> Self:
         """Simulate with a fitted estimator and draw.
 
         Parameters
@@ -128,7 +115,7 @@ class SimulationDisplay:
         y : Series or array of shape (n_rows,)
             Measured output; its unit is read from ``y.attrs["units"]``.
         runs : label, list of labels or None, default=None
-            Runs to show. None means all, but no more than the first five; the picture says so.
+            Runs to show. None means all, but no more than the first five; the figure says so.
         window : (float, float) or None, default=None
             Show, and score, only rows with ``window[0] <= time < window[1]``, in seconds.
         centered : bool, default=False
@@ -172,7 +159,7 @@ class SimulationDisplay:
         ax: Any = None,
         dt: float | None = None,
         run: Any = None,
-    ) -> SimulationDisplay:
+    ) -> Self:
         """Draw a simulated output that is already there.
 
         Parameters
@@ -183,7 +170,7 @@ class SimulationDisplay:
         y_pred : array-like of shape (n_rows,)
             Simulated output, row by row, such as that of ``cross_val_predict``.
         runs : label, list of labels or None, default=None
-            Runs to show. None means all, but no more than the first five; the picture says so.
+            Runs to show. None means all, but no more than the first five; the figure says so.
         window : (float, float) or None, default=None
             Show, and score, only rows with ``window[0] <= time < window[1]``, in seconds.
         centered : bool, default=False
@@ -220,7 +207,7 @@ class SimulationDisplay:
         window: tuple[float, float] | None,
         centered: bool,
         y: Any,
-    ) -> SimulationDisplay:
+    ) -> Self:
         if layout.trimmed is not None:
             run_in = run_in | layout.trimmed
         chosen = _chosen_runs(layout, runs)
@@ -255,7 +242,7 @@ class SimulationDisplay:
             n_runs_in_data=len(layout.labels) if runs is None else None,
         )
 
-    def plot(self, ax: Any = None) -> SimulationDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -269,16 +256,16 @@ class SimulationDisplay:
         self : SimulationDisplay
         """
         n_runs = len(self.runs)
-        if ax is None:
-            figure = plt.figure(figsize=(8, 0.8 + 3.0 * n_runs), layout="constrained")
-            ratios = [3, 1.4] * n_runs
-            panels = list(figure.subplots(2 * n_runs, 1, gridspec_kw={"height_ratios": ratios}))
-        else:
-            what = "one per run for the signals, or two per run for signals and residual"
-            panels = given_axes(ax, (n_runs, 2 * n_runs), what)
-        self.axes_ = np.array(panels, dtype=object).reshape(n_runs, -1)
-        self.ax_ = self.axes_[0, 0]
-        self.figure_ = self.ax_.figure
+        panels = self._take_axes(
+            ax,
+            "one per run for the signals, or two per run for signals and residual",
+            (2 * n_runs, 1),
+            allowed=(n_runs, 2 * n_runs),
+            figsize=(8, 0.8 + 3.0 * n_runs),
+            height_ratios=[3, 1.4] * n_runs,
+        )
+        self.axes_ = panels.reshape(n_runs, -1)
+        self.ax_ = panels[0]
         self.measured_: list[Any] = []
         self.simulated_: list[Any] = []
         self.residual_: list[Any] = []
@@ -298,7 +285,7 @@ class SimulationDisplay:
             columnspacing=1.2,
             handlelength=1.5,
         )
-        if ax is None:
+        if self._own:
             self.figure_.align_ylabels(panels)
         return self
 
@@ -354,12 +341,6 @@ class SimulationDisplay:
         if self.n_runs_in_data is None or self.n_runs_in_data <= shown:
             return ""
         return f"\n(the first {shown} of {self.n_runs_in_data} runs; name others in runs=)"
-
-
-def _steps(estimator: Any) -> list[Any]:
-    while hasattr(estimator, "best_estimator_"):
-        estimator = estimator.best_estimator_
-    return [step for _, step in getattr(estimator, "steps", [("", estimator)])]
 
 
 def _run_name(label: Any) -> str:

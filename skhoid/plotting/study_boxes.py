@@ -3,41 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from matplotlib.cbook import boxplot_stats
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodFormatter
+from matplotlib.ticker import MaxNLocator
 
-from ._axes import BLACK, COLOURS, GREY, given_axes, legend_columns, note_outside
+from ._axes import BLACK, COLOURS, GREY, limits_of, note_outside
+from ._bent_axis import bend_axes, round_up
+from ._checks import check_option
+from ._display import Display
 from ._study import (
     REPLICATION,
     SAID,
-    cells_of,
+    cell_text,
     check_table,
-    in_words,
-    listed,
     ordered,
     quantity,
     refuse_mixtures,
 )
+from ._study_tables import STATISTICS, boxes_of_cells, differences
 
 NAME = "StudyBoxDisplay"
 FILLED = 0.84  # of the distance of intensities that boxes take
 APART = 5.0  # times the others' reach, from which a group asks for a logarithmic axis
-LINEAR = 1.5  # decades that half of the linear part is as high as
 MUCH = 2.5  # times the range of the whiskers, up to which limits hold the outliers too
 MARGIN = 0.06
 FLAT = 2.5  # points
-STATISTICS = {"low": "whislo", "q1": "q1", "median": "med", "q3": "q3", "high": "whishi"}
 SCALES = ("auto", "linear", "symlog")
 
 
-class StudyBoxDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class StudyBoxDisplay(Display):
     """Box plots of a study: a box for each group beside the other, over remnant intensity.
 
     Boxes hold the middle half of the replications, with the median as a line; whiskers reach the
@@ -106,22 +106,12 @@ class StudyBoxDisplay:
     'delay $n_k$, samples'
     """
 
-    def __init__(
-        self,
-        *,
-        boxes: pd.DataFrame,
-        group: str = "remnant_order",
-        x: str = "remnant_intensity",
-        by: Sequence[str] = (),
-        difference: tuple[str, Any, Any] | None = None,
-        reference: Any = None,
-    ) -> None:
-        self.boxes = boxes
-        self.group = group
-        self.x = x
-        self.by = by
-        self.difference = difference
-        self.reference = reference
+    boxes: pd.DataFrame
+    group: str = "remnant_order"
+    x: str = "remnant_intensity"
+    by: Sequence[str] = ()
+    difference: tuple[str, Any, Any] | None = None
+    reference: Any = None
 
     @classmethod
     def from_table(
@@ -136,7 +126,7 @@ class StudyBoxDisplay:
         reference: Any = None,
         scale: str = "auto",
         ax: Any = None,
-    ) -> StudyBoxDisplay:
+    ) -> Self:
         """Draw the table of a study.
 
         Parameters
@@ -186,9 +176,9 @@ class StudyBoxDisplay:
         check_table(table, [*keys, *column, *values, REPLICATION], NAME)
         refuse_mixtures(table, [*keys, *column], NAME)
         if difference is not None:
-            table = _subtracted(table, values, keys, difference)
+            table = differences(table, values, keys, difference, NAME)
         display = cls(
-            boxes=_boxes(table, values, keys),
+            boxes=boxes_of_cells(table, values, keys),
             group=group,
             x=x,
             by=panels,
@@ -197,7 +187,7 @@ class StudyBoxDisplay:
         )
         return display.plot(ax, scale=scale)
 
-    def plot(self, ax: Any = None, *, scale: str = "auto") -> StudyBoxDisplay:
+    def plot(self, ax: Any = None, *, scale: str = "auto") -> Self:
         """Draw.
 
         Parameters
@@ -211,21 +201,14 @@ class StudyBoxDisplay:
         -------
         self : StudyBoxDisplay
         """
-        if scale not in SCALES:
-            raise ValueError(f"scale must be one of {', '.join(map(repr, SCALES))}; got {scale!r}.")
+        check_option("scale", scale, SCALES)
         rows, columns = self._grid()
         shape = len(rows), len(columns)
-        own = ax is None
-        if own:
-            width = 6.4 if shape[1] == 1 else 1.4 + min(3.8 * shape[1], 12.0)
-            height = 4.2 if shape[0] == 1 else 1.2 + 1.9 * shape[0]
-            _, ax = plt.subplots(
-                *shape, figsize=(width, height), squeeze=False, layout="constrained"
-            )
-        given = given_axes(ax, (shape[0] * shape[1],), f"{shape[0]} rows of {shape[1]} panels")
-        self.axes_ = np.array(given, dtype=object).reshape(shape)
-        self.ax_ = given[0]
-        self.figure_ = self.ax_.figure
+        width = 6.4 if shape[1] == 1 else 1.4 + min(3.8 * shape[1], 12.0)
+        height = 4.2 if shape[0] == 1 else 1.2 + 1.9 * shape[0]
+        shows = f"{shape[0]} rows of {shape[1]} panels"
+        self.axes_ = self._take_axes(ax, shows, shape, figsize=(width, height)).reshape(shape)
+        self.ax_ = self.axes_[0, 0]
         self._groups = ordered(self.boxes[self.group])
         self._places = ordered(self.boxes[self.x])
         self.panels_ = [{**row, **column} for row in rows for column in columns]
@@ -247,7 +230,7 @@ class StudyBoxDisplay:
                 self._colour_flat_boxes(panel)
                 every = np.concatenate([*boxes["values"], np.empty(0)])
                 self.notes_.append(note_outside(panel, every, ("top", "right")))
-        self._label(rows, columns, own)
+        self._label(columns)
         return self
 
     def _grid(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -319,48 +302,30 @@ class StudyBoxDisplay:
         boxes = boxes[boxes["n"] > 0]
         label = self._quantity(row["value"])
         if len(self.by) == 2 and len(row) > 1:
-            label = f"{in_words(self.by[0], row[self.by[0]])}\n{label}"
+            label = f"{cell_text(self.by[0], row[self.by[0]])}\n{label}"
         if boxes.empty:
             panels[0].set_ylabel(label)
             return
         reach = boxes[["low", "high"]].abs().max(axis=1)
         reaches = reach.groupby(boxes[self.group], dropna=False, sort=False).max()
         near = reaches[reaches <= APART * reaches.median()]
-        bend = _round_up(float(near.max()))
+        bend = round_up(float(near.max()))
         levels = [x for x in (self._level(row, column) for column in columns) if x is not None]
         every = np.concatenate([*boxes["values"], levels])
         if scale == "symlog" or (scale == "auto" and near.size < reaches.size and bend > 0):
             bend = bend or 1.0
             label += f"\n(log beyond ±{bend:g})"
-            self._bend(panels, bend, every)
+            bend_axes(panels, bend, every)
         else:
             whiskers = [boxes["low"].min(), boxes["high"].max(), *levels]
-            held = every if np.ptp(every) <= MUCH * np.ptp(whiskers) else whiskers
-            low, high = float(np.min(held)), float(np.max(held))
-            margin = MARGIN * max(high - low, 0.02 * abs(high), 1e-12)
+            limits = limits_of(whiskers, every, MUCH, MARGIN)
             for panel in panels:
-                panel.set_ylim(low - margin, high + margin)
+                panel.set_ylim(limits)
                 if (every == np.rint(every)).all():
                     panel.yaxis.set_major_locator(MaxNLocator(6, integer=True))
         panels[0].set_ylabel(label)
 
-    def _bend(self, panels: Any, bend: float, every: np.ndarray) -> None:
-        """Axes that are linear within ``bend`` of zero."""
-        low, high = min(every.min(), -0.5 * bend), max(every.max(), 0.5 * bend)
-        bottom, top = _further(low, bend), _further(high, bend)
-        inner = bend * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
-        ticks = np.array([*-_beyond(-bottom, bend)[::-1], *inner, *_beyond(top, bend)])
-        ticks = ticks[(ticks >= bottom) & (ticks <= top)]
-        for panel in panels:
-            panel.set_yscale("symlog", linthresh=bend, linscale=LINEAR)
-            panel.set_ylim(bottom, top)
-            panel.yaxis.set_major_locator(FixedLocator(ticks.tolist()))
-            panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-            panel.yaxis.set_minor_locator(NullLocator())
-            for edge in (-bend, bend):
-                panel.axhline(edge, color=GREY, lw=0.6, alpha=0.6, zorder=1)
-
-    def _label(self, rows: Sequence[Any], columns: Sequence[Any], own: bool) -> None:
+    def _label(self, columns: Sequence[Any]) -> None:
         for panels in self.axes_:
             for panel in panels:
                 panel.set_xlim(-0.5, len(self._places) - 0.5)
@@ -370,32 +335,29 @@ class StudyBoxDisplay:
                 for border in np.arange(len(self._places) - 1) + 0.5:
                     panel.axvline(border, color=GREY, lw=0.5, alpha=0.4, zorder=0.5)
                 panel.grid(axis="y", alpha=0.3)
-        for panels in self.axes_[:, 1:].T if own else []:
+        for panels in self.axes_[:, 1:].T if self._own else []:
             for panel in panels:
                 panel.tick_params(labelleft=False)
-        for panel in self.axes_[:-1].flat if own else []:
+        for panel in self.axes_[:-1].flat if self._own else []:
             panel.tick_params(labelbottom=False)
         for panel in self.axes_[-1]:
             panel.set_xlabel(quantity(self.x))
         for panel, column in zip(self.axes_[0], columns, strict=True):
-            words = ", ".join(in_words(name, level) for name, level in column.items())
+            words = ", ".join(cell_text(name, level) for name, level in column.items())
             panel.set_title(words, fontsize="medium")
         handles: list[Any] = [
             Patch(facecolor=COLOURS[i % len(COLOURS)], alpha=0.75) for i in range(len(self._groups))
         ]
-        labels = [in_words(self.group, group) for group in self._groups]
+        labels = [cell_text(self.group, group) for group in self._groups]
         lines = [line for line in self.references_ if line is not None]
         if lines:
             handles.append(lines[0])
             only_delays = all(panel["value"] == "nk" for panel in self.panels_)
             zero = all(line.get_ydata()[0] == 0 for line in lines)
             labels.append("true delay $n_k^0$" if only_delays else "zero" if zero else "reference")
-        if own:
-            columns_ = legend_columns(labels) if self.axes_.shape[1] == 1 else len(labels)
-            self.figure_.legend(handles, labels, loc="outside lower center", ncols=columns_)
+        self._legend(handles, labels, columns=None if self.axes_.shape[1] == 1 else len(labels))
+        if self._own:
             self.figure_.align_ylabels(self.axes_[:, 0])
-        else:
-            self.ax_.legend(handles, labels, loc="best", fontsize="small")
 
     def _quantity(self, value: str) -> str:
         if self.difference is None:
@@ -405,38 +367,6 @@ class StudyBoxDisplay:
         of, _, unit = quantity(value).partition(", ")
         unit = ", points" if unit == "%" else f", {unit}" if unit else ""
         return f"{of}{unit}:\n{first} − {second}"
-
-
-def _subtracted(
-    table: pd.DataFrame, values: list[str], keys: list[str], difference: tuple[str, Any, Any]
-) -> pd.DataFrame:
-    """Results at one level of a column less those at another, replication by replication."""
-    name, first, second = difference
-    index = [c for c in dict.fromkeys([*cells_of(table), *keys]) if c != name] + [REPLICATION]
-    # Cells without a remnant filter are cells too: their order may be NaN.
-    sides = [table.loc[table[name] == level, [*index, *values]] for level in (first, second)]
-    for level, side in zip((first, second), sides, strict=True):
-        if side.empty:
-            known = listed(table[name])
-            raise ValueError(f"{NAME}: no row has {name} = {level}; the table has {known}.")
-    both = sides[0].merge(sides[1], on=index, suffixes=("", "_other"))
-    others = both[[f"{value}_other" for value in values]].to_numpy()
-    both[values] = both[values].to_numpy() - others
-    return both[[*index, *values]]
-
-
-def _boxes(table: pd.DataFrame, values: list[str], keys: list[str]) -> pd.DataFrame:
-    """Box and whiskers of each cell, as the constructor takes them."""
-    rows = []
-    for value in values:
-        for key, part in table.groupby(keys, sort=False, dropna=False):
-            found = part[value].to_numpy(dtype=float)
-            found = found[np.isfinite(found)]
-            (known,) = boxplot_stats(found) if found.size else ({},)
-            row = {"value": value, **dict(zip(keys, key, strict=True)), "n": found.size}
-            row |= {ours: known.get(theirs, np.nan) for ours, theirs in STATISTICS.items()}
-            rows.append(row | {"values": found})
-    return pd.DataFrame(rows)
 
 
 def _statistics(box: Mapping[Any, Any]) -> dict[str, Any]:
@@ -455,24 +385,3 @@ def _rows_of(boxes: pd.DataFrame, cell: Mapping[str, Any]) -> pd.DataFrame:
 
 def _index(values: Sequence[Any], wanted: Any) -> int:
     return next(i for i, v in enumerate(values) if v == wanted or (pd.isna(v) and pd.isna(wanted)))
-
-
-def _round_up(value: float) -> float:
-    """The next of 1, 2, 5, 10 ... that is not below."""
-    if value <= 0:
-        return 0.0
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= 0.999 * value))
-
-
-def _further(value: float, bend: float) -> float:
-    """A limit a little beyond a value of a bent axis."""
-    return 1.25 * value if abs(value) > bend else value + 0.15 * float(np.sign(value)) * bend
-
-
-def _beyond(limit: float, bend: float) -> np.ndarray:
-    """Ticks of the logarithmic part: its decades, or one where there is none."""
-    decades = bend * 10.0 ** np.arange(1, 12)
-    if (decades <= limit).any():
-        return decades[decades <= limit]
-    return bend * np.array([step for step in (5.0, 2.0) if step * bend <= limit][:1])

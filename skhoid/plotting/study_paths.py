@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREEN, GREY, VERMILION, given_axes, legend_of_all, note_outside
+from ._axes import BLACK, GREEN, GREY, VERMILION, corner_note, limits_of, note_outside
+from ._checks import check_some_column
+from ._display import Display
 from ._study import (
     OPERATOR,
     REPLICATION,
+    cell_text,
     check_table,
     chosen,
-    in_words,
+    chosen_panels,
     ordered,
     quantity,
     refuse_mixtures,
 )
+from ._study_tables import averages, batch_averages
 
 NAME = "StudyPathDisplay"
 BATCH = ("ini", "fin")
@@ -29,15 +33,14 @@ AVERAGES = {
     "mean": ("mean over replications", "± 1 standard deviation"),
     "median": ("median over replications", "central 68 %"),
 }
-CENTRAL = (0.16, 0.84)
 SHOWN = (2.0, 98.0)  # percentiles of single estimates that limits hold
 OF_BATCH = (25.0, 75.0)  # and of batch fits, which are few
 MUCH = 1.8  # times that range, up to which limits hold the averages too
 MARGIN = 0.1
-PREFIXES = ("low_", "high_", "n_")
 
 
-class StudyPathDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class StudyPathDisplay(Display):
     """Estimates of a study over time beside the truth (Figs. 14, 15 and Appendices K and L).
 
     A row of panels for each parameter and a column for each remnant intensity, of one condition and
@@ -127,26 +130,14 @@ class StudyPathDisplay:
     [0.0, 3.0, 0.09, 0.08, 0.1]
     """
 
-    def __init__(
-        self,
-        *,
-        paths: pd.DataFrame,
-        ranges: dict[str, tuple[float, float]],
-        singles: pd.DataFrame | None = None,
-        batch: pd.DataFrame | None = None,
-        truth: pd.DataFrame | None = None,
-        transition_time: float | None = None,
-        average: str = "mean",
-        title: str | None = None,
-    ) -> None:
-        self.paths = paths
-        self.ranges = ranges
-        self.singles = singles
-        self.batch = batch
-        self.truth = truth
-        self.transition_time = transition_time
-        self.average = average
-        self.title = title
+    paths: pd.DataFrame
+    ranges: dict[str, tuple[float, float]]
+    singles: pd.DataFrame | None = None
+    batch: pd.DataFrame | None = None
+    truth: pd.DataFrame | None = None
+    transition_time: float | None = None
+    average: str = "mean"
+    title: str | None = None
 
     @classmethod
     def from_table(
@@ -163,7 +154,7 @@ class StudyPathDisplay:
         average: str = "mean",
         n_singles: int = 3,
         ax: Any = None,
-    ) -> StudyPathDisplay:
+    ) -> Self:
         """Draw the table of a study of paths.
 
         Parameters
@@ -214,11 +205,7 @@ class StudyPathDisplay:
             raise ValueError(f"form={form!r} is a batch fit; choose a form of forgetting.")
         names = _names(table, parameters)
         _check_truth(truth, names)
-        if condition is not None:
-            table = chosen(table, {"condition": condition}, NAME)
-        if remnant_intensity is not None:
-            wanted = np.atleast_1d(np.asarray(remnant_intensity, dtype=float)).tolist()
-            table = pd.concat([chosen(table, {"remnant_intensity": P}, NAME) for P in wanted])
+        table = chosen_panels(table, condition, remnant_intensity, NAME)
         rows = chosen(table, {"form": form}, NAME)
         refuse_mixtures(rows, ["remnant_intensity", "form", "time"], NAME)
         of_batch = table[table["form"].isin(BATCH)]
@@ -231,20 +218,20 @@ class StudyPathDisplay:
         }
         singles = ordered(rows[REPLICATION])[:n_singles]
         columns = ["remnant_intensity", REPLICATION, "time", *names]
-        paths = _averages(rows, ["remnant_intensity", "time"], names, average)
+        paths = averages(rows, ["remnant_intensity", "time"], names, average)
         display = cls(
             paths=paths,
             ranges={name: _range(name, rows, of_batch, paths, truth) for name in names},
             singles=rows.loc[rows[REPLICATION].isin(singles), columns],
-            batch=_batch(of_batch, names, average, windows) if len(of_batch) else None,
+            batch=batch_averages(of_batch, names, average, windows) if len(of_batch) else None,
             truth=truth,
             transition_time=transition_time,
             average=average,
-            title=f"{rows['condition'].iloc[0]}, {in_words('form', form)}",
+            title=f"{rows['condition'].iloc[0]}, {cell_text('form', form)}",
         )
         return display.plot(ax)
 
-    def plot(self, ax: Any = None) -> StudyPathDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -259,16 +246,11 @@ class StudyPathDisplay:
         self.names_ = list(self.ranges)
         self.intensities_ = ordered(self.paths["remnant_intensity"])
         shape = len(self.names_), len(self.intensities_)
-        own = ax is None
-        if own:
-            size = max(6.4, 1.2 + 2.7 * shape[1]), 1.4 + 1.5 * shape[0]
-            _, ax = plt.subplots(
-                *shape, figsize=size, sharex=True, squeeze=False, layout="constrained"
-            )
-        panels = given_axes(ax, (shape[0] * shape[1],), "one for each parameter and intensity")
-        self.axes_ = np.array(panels, dtype=object).reshape(shape)
+        size = max(6.4, 1.2 + 2.7 * shape[1]), 1.4 + 1.5 * shape[0]
+        shows = "one for each parameter and intensity"
+        panels = self._take_axes(ax, shows, shape, figsize=size, sharex=True)
+        self.axes_ = panels.reshape(shape)
         self.ax_ = panels[0]
-        self.figure_ = self.ax_.figure
         self.lines_: dict[tuple[str, float], Any] = {}
         self.bands_: dict[tuple[str, float], Any] = {}
         self.singles_: dict[tuple[str, float], list[Any]] = {}
@@ -283,15 +265,19 @@ class StudyPathDisplay:
                 panel.set_ylim(self.ranges[name])
                 self._note(panel, name, P_n, frame)
                 panel.grid(alpha=0.3)
-                panel.tick_params(labelleft=not own or column == 0)
+                panel.tick_params(labelleft=not self._own or column == 0)
             number = int(frame["n"].max())
-            title = f"{in_words('remnant_intensity', P_n)}, {number} run{'s' * (number != 1)}"
+            title = f"{cell_text('remnant_intensity', P_n)}, {number} run{'s' * (number != 1)}"
             self.axes_[0, column].set_title(title, fontsize="medium")
         for name, panel in zip(self.names_, self.axes_[:, 0], strict=True):
             panel.set_ylabel(quantity(name))
         for panel in self.axes_[-1]:
             panel.set_xlabel("time, s")
-        self._explain(own)
+        if self._own:
+            if self.title:
+                self.figure_.suptitle(self.title, fontsize="medium")
+            self.figure_.align_ylabels(self.axes_[:, 0])
+        self._legend_of_panels()
         return self
 
     def _draw(self, panel: Any, name: str, P_n: float, frame: pd.DataFrame) -> None:
@@ -347,23 +333,9 @@ class StudyPathDisplay:
             self.notes_[name, P_n] = note
         share = 1 - frame[f"n_{name}"].sum() / frame["n"].sum()
         if share > 0:
-            self.missing_[name, P_n] = panel.text(
-                0.99,
-                0.04,
-                f"{100 * share:.3g} % without value" if share > 1e-3 else "< 0.1 % without value",
-                transform=panel.transAxes,
-                ha="right",
-                va="bottom",
-                fontsize="small",
-                bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
-            )
-
-    def _explain(self, own: bool) -> None:
-        if own:
-            if self.title:
-                self.figure_.suptitle(self.title, fontsize="medium")
-            self.figure_.align_ylabels(self.axes_[:, 0])
-        legend_of_all(self.figure_, list(self.axes_.flat), own)
+            text = f"{100 * share:.3g} %" if share > 1e-3 else "< 0.1 %"
+            corner = ("bottom", "right")
+            self.missing_[name, P_n] = corner_note(panel, f"{text} without value", corner)
 
 
 def _names(table: pd.DataFrame, parameters: str | Sequence[str]) -> list[str]:
@@ -389,38 +361,7 @@ def _check_truth(truth: Any, names: list[str]) -> None:
         return
     if not isinstance(truth, pd.DataFrame):
         raise TypeError(f"truth is a DataFrame over time in s; got {type(truth).__name__}.")
-    if not any(name in truth for name in names):
-        raise ValueError(
-            f"truth has none of the columns {', '.join(names)}; it has "
-            f"{', '.join(map(str, truth.columns))}."
-        )
-
-
-def _averages(rows: pd.DataFrame, keys: list[str], names: list[str], average: str) -> pd.DataFrame:
-    """Average, edges of the band and number of values of each parameter."""
-    groups = rows.groupby(keys, sort=False)
-    parts, counts = groups[names], groups[names].count()
-    if average == "mean":
-        centre, deviation = parts.mean(), parts.std(ddof=1)
-        low, high = centre - deviation, centre + deviation
-    else:
-        centre, low, high = parts.median(), *(parts.quantile(q) for q in CENTRAL)
-        low, high = low.where(counts > 1), high.where(counts > 1)
-    edges = [
-        part.add_prefix(prefix) for prefix, part in zip(PREFIXES, (low, high, counts), strict=True)
-    ]
-    table: pd.DataFrame = pd.concat([groups.size().rename("n"), centre, *edges], axis=1)
-    return table.reset_index()
-
-
-def _batch(
-    rows: pd.DataFrame, names: list[str], average: str, windows: dict[str, tuple[float, float]]
-) -> pd.DataFrame:
-    """The same of batch fits, with their windows."""
-    table = _averages(rows, ["remnant_intensity", "form"], names, average)
-    for place, edge in enumerate(("start", "stop")):
-        table[edge] = [windows[form][place] for form in table["form"]]
-    return table
+    check_some_column(truth, names, "truth")
 
 
 def _range(
@@ -440,12 +381,7 @@ def _range(
         held += _finite(truth[name]).tolist()
     if not held:
         return 0.0, 1.0
-    every = [*held, *_finite(paths[name])]
-    if np.ptp(every) <= MUCH * np.ptp(held):
-        held = every
-    low, high = min(held), max(held)
-    margin = MARGIN * max(high - low, 0.02 * abs(high), 1e-12)
-    return low - margin, high + margin
+    return limits_of(held, [*held, *_finite(paths[name])], MUCH, MARGIN)
 
 
 def _finite(column: pd.Series) -> np.ndarray:

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
-from ._axes import BLACK, COLOURS, given_axes, legend_columns
-from ._study import REPLICATION, check_table, chosen, in_words, ordered, refuse_mixtures
+from ._axes import BLACK, COLOURS, MARKERS, corner_note, phase_ticks, plain_logarithmic
+from ._display import Display
+from ._study import (
+    REPLICATION,
+    cell_text,
+    check_table,
+    chosen_panels,
+    ordered,
+    refuse_mixtures,
+)
+from ._study_tables import RESPONSE_KEYS, ensembles
 
 NAME = "StudyResponseDisplay"
-KEYS = ["remnant_intensity", "method", "omega"]
 COMPLEX = ["H_real", "H_imag"]
 STATED = ["magnitude_sd", "phase_sd"]
 METHODS = ("fc", "batch", "recursive")
@@ -28,7 +35,6 @@ SDS = {
     },
     "phase": {"spread": "phase_sd", "total": "total_phase_sd", "stated": "stated_phase_sd"},
 }
-SYMBOLS = "os^Dv<>"
 N_POINTS = 300
 LEAST = 0.3  # of the smallest mean, below which magnitudes are cut
 SPAN = 100.0  # from the lowest standard deviation on an axis to the median
@@ -38,7 +44,8 @@ STEP = 0.16  # of the smallest distance of lines, between what stands beside eac
 Truth = Callable[[np.ndarray], Any]
 
 
-class StudyResponseDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class StudyResponseDisplay(Display):
     """Bode plots of a study: estimates of each method, with found and stated spread (Appendix I).
 
     A column of panels for each method, of one condition. Markers in the upper two, magnitude and
@@ -114,16 +121,9 @@ class StudyResponseDisplay:
     ['fc']
     """
 
-    def __init__(
-        self,
-        *,
-        responses: pd.DataFrame,
-        truth: pd.DataFrame | None = None,
-        title: str | None = None,
-    ) -> None:
-        self.responses = responses
-        self.truth = truth
-        self.title = title
+    responses: pd.DataFrame
+    truth: pd.DataFrame | None = None
+    title: str | None = None
 
     @classmethod
     def from_table(
@@ -134,7 +134,7 @@ class StudyResponseDisplay:
         remnant_intensity: float | Sequence[float] | None = None,
         truth: Truth | pd.DataFrame | None = None,
         ax: Any = None,
-    ) -> StudyResponseDisplay:
+    ) -> Self:
         """Draw the table of a study of frequency responses.
 
         Parameters
@@ -167,25 +167,21 @@ class StudyResponseDisplay:
         ValueError
             If a column is missing, cells would be mixed, or a choice is not in the table.
         """
-        check_table(table, ["condition", *KEYS, REPLICATION, *COMPLEX, *STATED], NAME)
-        if condition is not None:
-            table = chosen(table, {"condition": condition}, NAME)
-        if remnant_intensity is not None:
-            wanted = np.atleast_1d(np.asarray(remnant_intensity, dtype=float)).tolist()
-            table = pd.concat([chosen(table, {"remnant_intensity": P}, NAME) for P in wanted])
-        refuse_mixtures(table, KEYS, NAME)
+        check_table(table, ["condition", *RESPONSE_KEYS, REPLICATION, *COMPLEX, *STATED], NAME)
+        table = chosen_panels(table, condition, remnant_intensity, NAME)
+        refuse_mixtures(table, RESPONSE_KEYS, NAME)
         omega = np.unique(table["omega"].to_numpy(dtype=float))
         if not (omega > 0).all():
             raise ValueError(f"{NAME}: omega is in rad/s and positive; got {omega.min():g}.")
         true = None if truth is None else _truth(truth, omega)
         display = cls(
-            responses=_ensembles(table, true),
+            responses=ensembles(table, true),
             truth=true,
             title=str(table["condition"].iloc[0]),
         )
         return display.plot(ax)
 
-    def plot(self, ax: Any = None) -> StudyResponseDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -201,18 +197,15 @@ class StudyResponseDisplay:
         self.methods_ = [m for m in METHODS if m in methods]
         self.methods_ += [m for m in methods if m not in METHODS]
         columns = len(self.methods_)
-        own = ax is None
-        if own:
-            size = max(6.4, 1.4 + 3.2 * columns), 9.6
-            _, ax = plt.subplots(
-                4, columns, figsize=size, sharex=True, squeeze=False, layout="constrained"
-            )
-        panels = given_axes(
-            ax, (4 * columns,), "magnitude, phase, and their standard deviations, of each method"
+        panels = self._take_axes(
+            ax,
+            "magnitude, phase, and their standard deviations, of each method",
+            (4, columns),
+            figsize=(max(6.4, 1.4 + 3.2 * columns), 9.6),
+            sharex=True,
         )
-        self.axes_ = np.array(panels, dtype=object).reshape(4, columns)
+        self.axes_ = panels.reshape(4, columns)
         self.ax_ = panels[0]
-        self.figure_ = self.ax_.figure
         self.magnitude_: dict[tuple[str, float], Any] = {}
         self.phase_: dict[tuple[str, float], Any] = {}
         self.spread_: dict[tuple[str, float], tuple[Any, Any]] = {}
@@ -242,9 +235,9 @@ class StudyResponseDisplay:
                 if not rows.empty:
                     self._draw(four[:2], rows, (method, P_n), position, shift, wide)
                     self._draw_deviations(four[2:], rows, (method, P_n), position)
-            four[0].set_title(in_words("method", method), fontsize="medium")
+            four[0].set_title(cell_text("method", method), fontsize="medium")
         self._limit()
-        self._label(own)
+        self._label()
         return self
 
     def _draw(
@@ -262,7 +255,7 @@ class StudyResponseDisplay:
         at, beside = omega * np.exp(shift), omega * np.exp(shift + wide)
         means, spread, total, stated = [], [], [], []
         for panel, name in zip(pair, PARTS, strict=True):
-            marker = SYMBOLS[position % len(SYMBOLS)]
+            marker = MARKERS[position % len(MARKERS)]
             means += panel.plot(
                 at, rows[name], color=colour, marker=marker, ms=3.5, ls="none", zorder=3
             )
@@ -282,7 +275,7 @@ class StudyResponseDisplay:
     ) -> None:
         """Standard deviations over frequency."""
         colour, omega = COLOURS[position % len(COLOURS)], rows["omega"]
-        marker = SYMBOLS[position % len(SYMBOLS)]
+        marker = MARKERS[position % len(MARKERS)]
         styles: dict[str, dict[str, Any]] = {
             "spread": {"ls": "-", "marker": marker, "ms": 3.5, "lw": 1.4},
             "total": {"ls": ":", "lw": 1.0},
@@ -317,7 +310,7 @@ class StudyResponseDisplay:
         for magnitude, phase in self.axes_[:2].T:
             magnitude.set_ylim(bottom, 1.3 * np.nanmax(tops))
             phase.set_ylim(every.min() - 15, every.max() + 15)
-            phase.yaxis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
+            phase_ticks(phase.yaxis)
         for panels in self.axes_[2:]:
             values = [np.asarray(a.get_ydata(), dtype=float) for p in panels for a in p.lines]
             known = np.concatenate(values)
@@ -327,37 +320,30 @@ class StudyResponseDisplay:
                 for panel in panels:
                     panel.set_ylim(lowest / 1.4, known.max() * 1.4)
         for panel in self.axes_[[0, 2, 3]].flat:
-            _plain_numbers(panel.yaxis)
+            plain_logarithmic(panel.yaxis, CROWDED, minor_ticks=False)
         for panel in self.axes_.flat:
-            _plain_numbers(panel.xaxis)
+            plain_logarithmic(panel.xaxis, CROWDED, minor_ticks=False)
         for column, method in enumerate(self.methods_):
             cut = int(np.sum(lows[(table["method"] == method).to_numpy()] < bottom))
             if cut:
-                self.note_[method] = self.axes_[0, column].text(
-                    0.99,
-                    0.03,
-                    f"{cut} bar{'s' * (cut > 1)} cut",
-                    transform=self.axes_[0, column].transAxes,
-                    ha="right",
-                    va="bottom",
-                    fontsize="small",
-                    bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
-                )
+                text = f"{cut} bar{'s' * (cut > 1)} cut"
+                corner = ("bottom", "right")
+                self.note_[method] = corner_note(self.axes_[0, column], text, corner, 0.03)
 
-    def _label(self, own: bool) -> None:
+    def _label(self) -> None:
         self.axes_[0, 0].set_ylabel("magnitude")
         self.axes_[1, 0].set_ylabel("phase, deg")
         self.axes_[2, 0].set_ylabel("sd of magnitude, %")
         self.axes_[3, 0].set_ylabel("sd of phase, deg")
         for panel in self.axes_[-1]:
             panel.set_xlabel("frequency, rad/s")
-        for panel in self.axes_[:, 1:].flat if own else []:
+        for panel in self.axes_[:, 1:].flat if self._own else []:
             panel.tick_params(labelleft=False, which="both")
         handles: list[Any] = [
-            Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=SYMBOLS[i % len(SYMBOLS)], ls="")
+            Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=MARKERS[i % len(MARKERS)], ls="")
             for i in range(len(self._intensities))
         ]
-        labels = [f"{in_words('remnant_intensity', P)}: mean" for P in self._intensities]
+        labels = [f"{cell_text('remnant_intensity', P)}: mean" for P in self._intensities]
         colour = COLOURS[0]
         if self.responses["magnitude_sd"].notna().any():
             handles.append(Line2D([], [], color=colour, lw=2.4))
@@ -369,28 +355,16 @@ class StudyResponseDisplay:
         if self.truth_:
             handles.append(self.truth_[0])
             labels.append("true")
-        if own:
+        if self._own:
             if self.title:
                 self.figure_.suptitle(self.title, fontsize="medium")
             self.figure_.align_ylabels(self.axes_[:, 0])
-            columns = legend_columns(labels)
-            self.figure_.legend(handles, labels, loc="outside lower center", ncols=columns)
-        else:
-            self.ax_.legend(handles, labels, loc="best", fontsize="small")
+        self._legend(handles, labels)
 
 
 def _cell(table: pd.DataFrame, method: str, P_n: float) -> pd.DataFrame:
     rows = table[(table["method"] == method) & (table["remnant_intensity"] == P_n)]
     return rows.sort_values("omega")
-
-
-def _plain_numbers(axis: Any) -> None:
-    """Numbers without powers along a logarithmic axis, as many as there is room for."""
-    low, high = axis.get_view_interval()
-    steps = (1.0, 2.0, 5.0) if high / low < CROWDED else (1.0,)
-    axis.set_major_locator(LogLocator(subs=steps))
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_locator(NullLocator())
 
 
 def _bars(
@@ -403,54 +377,6 @@ def _bars(
         low = np.where(low > 0, low, 1e-9 * middle)
     known = np.isfinite(half)
     return panel.vlines(at[known], low[known], (middle + half)[known], **style)
-
-
-def _ensembles(table: pd.DataFrame, truth: pd.DataFrame | None) -> pd.DataFrame:
-    """Means over the replications, their spread, and what single estimates state."""
-    H = table["H_real"].to_numpy(dtype=float) + 1j * table["H_imag"].to_numpy(dtype=float)
-    rows = table[KEYS].assign(
-        re=H.real,
-        im=H.imag,
-        size=np.abs(H),
-        stated_size=table["magnitude_sd"].to_numpy(dtype=float) ** 2,
-        stated_angle=table["phase_sd"].to_numpy(dtype=float) ** 2,
-    )
-    groups = rows.groupby(KEYS, sort=True)
-    mean = groups[["re", "im"]].mean()
-    centre = (mean["re"] + 1j * mean["im"]).to_numpy()
-    # Angles to the mean, which do not wrap unless they are half a turn off.
-    own = mean["re"].index.get_indexer(pd.MultiIndex.from_frame(rows[KEYS]))
-    angle = np.degrees(np.angle(H * np.conj(centre[own])))
-    angles = rows[KEYS].assign(angle=angle).groupby(KEYS, sort=True)["angle"]
-    total = np.sqrt(groups[["re", "im"]].var(ddof=1).sum(axis=1, skipna=False))
-    size = np.abs(centre)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = total.to_numpy() / size
-    total_phase = np.where(ratio > 1, 180.0, np.degrees(np.arctan(ratio)))  # NaN stays NaN
-    stated = np.sqrt(groups[["stated_size", "stated_angle"]].mean())
-    found = pd.DataFrame(
-        {
-            "n": groups.size(),
-            "magnitude": size,
-            "phase": np.degrees(np.angle(centre)),
-            "magnitude_sd": groups["size"].std(ddof=1),
-            "phase_sd": angles.std(ddof=1),
-            "total_sd": total,
-            "total_phase_sd": total_phase,
-            "stated_magnitude_sd": stated["stated_size"],
-            "stated_phase_sd": np.degrees(stated["stated_angle"]),
-        },
-        index=mean.index,
-    ).reset_index()
-    for _, rows_of in found.groupby(KEYS[:2], sort=False):
-        phase = rows_of["phase"].to_numpy(dtype=float)
-        if truth is None:
-            phase = np.degrees(np.unwrap(np.radians(phase)))
-        else:
-            near = np.interp(np.log(rows_of["omega"]), np.log(truth["omega"]), truth["phase"])
-            phase = phase - 360 * np.round((phase - near) / 360)
-        found.loc[rows_of.index, "phase"] = phase
-    return found
 
 
 def _truth(truth: Any, omega: np.ndarray) -> pd.DataFrame:

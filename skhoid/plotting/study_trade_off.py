@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 
-from ._axes import BLACK, COLOURS, GREY, given_axes, legend_columns, note_outside
-from ._horizons import MARKERS, horizon_axis, near_best
-from ._study import REPLICATION, check_table, in_words, ordered, refuse_mixtures
+from ._axes import BLACK, COLOURS, GREY, MARKERS, OUTLINED, note_outside
+from ._checks import check_option
+from ._display import Display
+from ._horizons import horizon_axis, near_best
+from ._study import REPLICATION, cell_text, check_table, ordered, refuse_mixtures
+from ._study_tables import TRADE_OFF_KEYS, VAF, best_horizon, trade_off_means
 
 NAME = "StudyTradeOffDisplay"
-KEYS = ["condition", "form", "remnant_intensity", "memory_horizon"]
-VAF = ["vaf_estimation", "vaf_validation"]
 LABELS = {
     "gain": "gain in VAF of validation\nover no forgetting, points",
     "vaf_validation": "VAF of validation, %",
@@ -29,10 +30,10 @@ WITHOUT = {"gain": 0.0, "tradeoff_ratio": 1.0}  # values of no forgetting
 FEW = 3  # conditions, up to which each has a row
 MOST_TICKS = (8, 5)  # along the axis of a wide panel and of a narrow one
 MARGIN = 0.08
-EDGE: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
 
 
-class StudyTradeOffDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class StudyTradeOffDisplay(Display):
     """Tracking ability against noise sensitivity in all cells of a study (Figs. 13, J.1-J.5).
 
     A panel for each condition and form of forgetting, a line for each remnant intensity: means over
@@ -102,13 +103,10 @@ class StudyTradeOffDisplay:
     ([8.0, 11.0, 5.0, 0.0], {'lambda': 256.0})
     """
 
-    def __init__(self, *, means: pd.DataFrame) -> None:
-        self.means = means
+    means: pd.DataFrame
 
     @classmethod
-    def from_table(
-        cls, table: pd.DataFrame, *, kind: str = "gain", ax: Any = None
-    ) -> StudyTradeOffDisplay:
+    def from_table(cls, table: pd.DataFrame, *, kind: str = "gain", ax: Any = None) -> Self:
         """Draw the table of a study of forgetting.
 
         Parameters
@@ -139,11 +137,11 @@ class StudyTradeOffDisplay:
             If a column is missing, cells would be mixed, ``kind`` is not known, or there is no
             value of it.
         """
-        check_table(table, [*KEYS, *VAF, REPLICATION], NAME)
-        refuse_mixtures(table, KEYS, NAME)
-        return cls(means=_means(table)).plot(ax, kind=kind)
+        check_table(table, [*TRADE_OFF_KEYS, *VAF, REPLICATION], NAME)
+        refuse_mixtures(table, TRADE_OFF_KEYS, NAME)
+        return cls(means=trade_off_means(table)).plot(ax, kind=kind)
 
-    def plot(self, ax: Any = None, *, kind: str = "gain") -> StudyTradeOffDisplay:
+    def plot(self, ax: Any = None, *, kind: str = "gain") -> Self:
         """Draw.
 
         Parameters
@@ -157,8 +155,7 @@ class StudyTradeOffDisplay:
         -------
         self : StudyTradeOffDisplay
         """
-        if kind not in LABELS:
-            raise ValueError(f"kind must be one of {', '.join(map(repr, LABELS))}; got {kind!r}.")
+        check_option("kind", kind, LABELS)
         if not np.isfinite(self.means[kind]).any():
             raise ValueError(
                 f"There is no value of {kind!r} to draw: it compares with no forgetting, and the "
@@ -168,23 +165,22 @@ class StudyTradeOffDisplay:
         self.panels_ = [(condition, form) for condition in conditions for form in forms]
         beside = 2 if len(conditions) > FEW else 1  # conditions in a row
         shape = -(-len(conditions) // beside), beside * len(forms)
-        own = ax is None
-        if own:
-            width, height = max(6.4, 2.0 + 2.4 * shape[1]), 1.4 + 2.2 * shape[0]
-            _, self.axes_ = plt.subplots(
-                *shape, figsize=(width, height), squeeze=False, layout="constrained"
-            )
-            for spare in self.axes_.flat[len(self.panels_) :]:
-                spare.remove()
-            panels = list(self.axes_.flat[: len(self.panels_)])
-        else:
-            panels = given_axes(ax, (len(self.panels_),), "one for each condition and form")
-            self.axes_ = np.array(panels, dtype=object)
+        self.axes_ = self._take_axes(
+            ax,
+            "one for each condition and form",
+            shape,
+            allowed=(len(self.panels_),),
+            figsize=(max(6.4, 2.0 + 2.4 * shape[1]), 1.4 + 2.2 * shape[0]),
+        )
+        panels, spare = np.split(self.axes_, [len(self.panels_)])
+        for panel in spare:
+            panel.remove()
+        if self._own:
+            self.axes_ = self.axes_.reshape(shape)
         self.ax_ = panels[0]
-        self.figure_ = self.ax_.figure
         self.lines_: dict[tuple[Any, Any, Any], Any] = {}
         self.best_: dict[tuple[Any, Any, Any], Any] = {}
-        self.best_overall_ = {form: _best_overall(self.means, form) for form in forms}
+        self.best_overall_ = {form: best_horizon(self.means, form) for form in forms}
         self.notes_: list[Any] = []
         intensities = ordered(self.means["remnant_intensity"])
         horizons = self.means["memory_horizon"].to_numpy(dtype=float)
@@ -192,7 +188,7 @@ class StudyTradeOffDisplay:
         for (condition, form), panel in zip(self.panels_, panels, strict=True):
             self.infinite_ = horizon_axis(panel, horizons, most_ticks)
             self._draw(panel, condition, form, intensities, kind)
-            panel.set_title(f"{condition}, {in_words('form', form)}", fontsize="medium")
+            panel.set_title(f"{condition}, {cell_text('form', form)}", fontsize="medium")
         for number, condition in enumerate(conditions):
             beside_each_other = panels[number * len(forms) : (number + 1) * len(forms)]
             self._limit(beside_each_other, condition, kind)
@@ -201,9 +197,9 @@ class StudyTradeOffDisplay:
                 # Worse values leave at the bottom, or at the top; the note stands there.
                 corner = ("top" if kind in LOWER_IS_BETTER else "bottom", "left")
                 self.notes_.append(note_outside(panel, shown, corner))
-                panel.tick_params(labelleft=not own or form == forms[0])
-        self._label(panels, shape, len(forms), kind, own)
-        self._explain(intensities, own)
+                panel.tick_params(labelleft=not self._own or form == forms[0])
+        self._label(panels, shape, len(forms), kind)
+        self._explain(intensities)
         return self
 
     def _cell(self, condition: Any, form: Any) -> pd.DataFrame:
@@ -235,10 +231,10 @@ class StudyTradeOffDisplay:
             if rows["vaf_validation"].notna().any():
                 best = int(np.nanargmax(rows["vaf_validation"]))
                 (self.best_[key],) = panel.plot(
-                    at[best], value[best], color=colour, marker="*", ms=11, zorder=4, **EDGE
+                    at[best], value[best], color=colour, marker="*", ms=11, zorder=4, **OUTLINED
                 )
 
-    def _limit(self, panels: list[Any], condition: Any, kind: str) -> None:
+    def _limit(self, panels: np.ndarray, condition: Any, kind: str) -> None:
         """One range for a condition, which holds what is not far worse than usual."""
         sign = -1.0 if kind in LOWER_IS_BETTER else 1.0
         held = [WITHOUT[kind]] if kind in WITHOUT else []
@@ -255,65 +251,30 @@ class StudyTradeOffDisplay:
             for panel in panels:
                 panel.set_ylim(low - margin, high + margin)
 
-    def _label(
-        self, panels: list[Any], shape: tuple[int, int], n_forms: int, kind: str, own: bool
-    ) -> None:
+    def _label(self, panels: np.ndarray, shape: tuple[int, int], n_forms: int, kind: str) -> None:
         last = len(panels) - shape[1]
         for number, panel in enumerate(panels):
-            if own and number < last:
+            if self._own and number < last:
                 panel.set_xlabel("")
                 panel.tick_params(labelbottom=False)
-            if number % (shape[1] if own else n_forms) == 0:
+            if number % (shape[1] if self._own else n_forms) == 0:
                 panel.set_ylabel(LABELS[kind])
-        if own:
+        if self._own:
             self.figure_.align_ylabels(panels)
 
-    def _explain(self, intensities: list[Any], own: bool) -> None:
+    def _explain(self, intensities: list[Any]) -> None:
         handles = [
             Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=MARKERS[i % len(MARKERS)], ms=4)
             for i in range(len(intensities))
         ]
-        labels = [in_words("remnant_intensity", P_n) for P_n in intensities]
-        handles.append(Line2D([], [], color="white", marker="*", ms=11, ls="none", **EDGE))
+        labels = [cell_text("remnant_intensity", P_n) for P_n in intensities]
+        handles.append(Line2D([], [], color="white", marker="*", ms=11, ls="none", **OUTLINED))
         labels.append("best $N_0$ of the line")
         known = {form: N0 for form, N0 in self.best_overall_.items() if N0 is not None}
         if known:
             handles.append(Line2D([], [], color=BLACK, ls="--", lw=1.0))
             values = {form: "∞" if np.isinf(N0) else f"{N0:g}" for form, N0 in known.items()}
-            each = ", ".join(f"{v} ({in_words('form', form)})" for form, v in values.items())
+            each = ", ".join(f"{v} ({cell_text('form', form)})" for form, v in values.items())
             labels.append(f"best of all cells: $N_0$ = {each}")
-        if own:
-            wide = self.figure_.get_figwidth() > 8
-            columns = -(-len(labels) // 2) if wide else legend_columns(labels)
-            self.figure_.legend(handles, labels, loc="outside lower center", ncols=columns)
-        else:
-            self.ax_.legend(handles, labels, loc="best", fontsize="small")
-
-
-def _means(table: pd.DataFrame) -> pd.DataFrame:
-    """Means over the replications, and what follows from them."""
-    groups = table.groupby(KEYS, sort=False)
-    means = groups[VAF].mean().assign(n=groups.size()).reset_index()
-    cell = KEYS[:3]
-    without = means.loc[np.isinf(means["memory_horizon"]), [*cell, "vaf_validation"]]
-    base = means[cell].merge(without, on=cell, how="left")["vaf_validation"].to_numpy(dtype=float)
-    estimation, validation = (means[name].to_numpy(dtype=float) for name in VAF)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # The ratio to a VAF of 0 says nothing.
-        ratio = np.where(validation > 0, estimation / validation, np.nan)
-        to_base = np.where(base > 0, validation / base, np.nan)
-    return means.assign(
-        gain=validation - base,
-        overfit_difference=estimation - validation,
-        overfit_ratio=ratio,
-        tradeoff_ratio=to_base,
-    )
-
-
-def _best_overall(means: pd.DataFrame, form: Any) -> float | None:
-    """The horizon with the best mean over the cells of a form, of those that all cells have."""
-    cells = means[means["form"] == form].pivot_table(
-        index="memory_horizon", columns=["condition", "remnant_intensity"], values="vaf_validation"
-    )
-    complete = cells.dropna()
-    return None if complete.empty else float(complete.mean(axis=1).idxmax())
+        wide = self.figure_.get_figwidth() > 8
+        self._legend(handles, labels, columns=-(-len(labels) // 2) if wide else None)

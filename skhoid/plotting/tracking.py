@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
 from ..runs import read_layout
-from ._axes import BLACK, BLUE, GREY, VERMILION, given_axes, with_unit
+from ._axes import BLACK, BLUE, GREY, VERMILION, with_unit
+from ._display import Display
 
 NAMES = {
     "e": "error e",
@@ -22,7 +23,8 @@ NAMES = {
 MOST_SHOWN = 20  # single runs, beside the first
 
 
-class TrackingDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class TrackingDisplay(Display):
     """Signals of tracking runs over time, a panel each (Figs. 7 and E.2-E.14 of the thesis).
 
     The first run is black, the others are grey. The operator's response without remnant, where it
@@ -62,20 +64,11 @@ class TrackingDisplay:
     ['error e, deg', 'output x, deg', 'control u, deg']
     """
 
-    def __init__(
-        self,
-        *,
-        time: np.ndarray,
-        signals: dict[str, np.ndarray],
-        response: np.ndarray | None = None,
-        transition: float | None = None,
-        units: dict[str, str] | None = None,
-    ) -> None:
-        self.time = time
-        self.signals = signals
-        self.response = response
-        self.transition = transition
-        self.units = units
+    time: np.ndarray
+    signals: dict[str, np.ndarray]
+    response: np.ndarray | None = None
+    transition: float | None = None
+    units: dict[str, str] | None = None
 
     @classmethod
     def from_runs(
@@ -88,7 +81,7 @@ class TrackingDisplay:
         transition: float | None = None,
         units: dict[str, str] | None = None,
         ax: Any = None,
-    ) -> TrackingDisplay:
+    ) -> Self:
         """Draw runs that share their times.
 
         Parameters
@@ -144,7 +137,7 @@ class TrackingDisplay:
         )
         return display.plot(ax)
 
-    def plot(self, ax: Any = None) -> TrackingDisplay:
+    def plot(self, ax: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -157,12 +150,10 @@ class TrackingDisplay:
         self : TrackingDisplay
         """
         n = len(self.signals)
-        if ax is None:
-            _, ax = plt.subplots(
-                n, sharex=True, squeeze=False, figsize=(7.2, 1.0 + 1.5 * n), layout="constrained"
-            )
-        self.axes_ = given_axes(ax, (n,), "one for each signal")
-        self.figure_ = self.axes_[0].figure
+        size = 7.2, 1.0 + 1.5 * n
+        self.axes_ = list(
+            self._take_axes(ax, "one for each signal", (n, 1), sharex=True, figsize=size)
+        )
         self.lines_ = {}
         for panel, (name, signal) in zip(self.axes_, self.signals.items(), strict=True):
             others = signal[1 : 1 + MOST_SHOWN]

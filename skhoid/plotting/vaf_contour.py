@@ -4,24 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from ..arx.searches import OrderSearchCV
-from ._axes import BLACK, BLUE, VERMILION, check_search, given_axes
+from ._axes import BLACK, BLUE, VERMILION
+from ._checks import check_search
+from ._display import Display
 
 MAX_PANELS = 12
 MAX_TICKS = 10
 N_LEVELS = 10
 MARGIN = 0.3  # of an order, room for the marks at the edge
 LEAST_RANGE = 5.0  # percent; finer contours would show what the VAF cannot tell apart
+ASTERISK = {"marker": "*", "ms": 13, "color": "white", "markeredgecolor": BLACK, "zorder": 4}
+RING = {
+    "marker": "o",
+    "ms": 17,
+    "color": "none",
+    "markeredgecolor": VERMILION,
+    "markeredgewidth": 2.2,
+    "zorder": 5,
+}
 
 
-class VAFContourDisplay:
+@dataclass(kw_only=True, eq=False, repr=False)
+class VAFContourDisplay(Display):
     """Contours of the cross-validated VAF over ``na`` and ``nb``, one panel per delay.
 
     Areas are empty where the VAF is not positive or a candidate could not be fitted; a candidate
@@ -86,26 +98,14 @@ class VAFContourDisplay:
     ['$n_k$ = 6 (0.1 s)', '$n_k$ = 7 (0.117 s)']
     """
 
-    def __init__(
-        self,
-        *,
-        na: Sequence[int],
-        nb: Sequence[Any],
-        nk: Sequence[Any],
-        vaf: np.ndarray,
-        delay: np.ndarray,
-        factor: int = 1,
-        chosen: tuple[int, int, int] | None = None,
-        n_nk_searched: int | None = None,
-    ) -> None:
-        self.na = na
-        self.nb = nb
-        self.nk = nk
-        self.vaf = vaf
-        self.delay = delay
-        self.factor = factor
-        self.chosen = chosen
-        self.n_nk_searched = n_nk_searched
+    na: Sequence[int]
+    nb: Sequence[Any]
+    nk: Sequence[Any]
+    vaf: np.ndarray
+    delay: np.ndarray
+    factor: int = 1
+    chosen: tuple[int, int, int] | None = None
+    n_nk_searched: int | None = None
 
     @classmethod
     def from_estimator(
@@ -116,7 +116,7 @@ class VAFContourDisplay:
         nk: Any = None,
         levels: Any = None,
         ax: Any = None,
-    ) -> VAFContourDisplay:
+    ) -> Self:
         """Draw a fitted search.
 
         Parameters
@@ -127,7 +127,7 @@ class VAFContourDisplay:
             Decimation factor to show; None means the chosen one.
         nk : sequence of int or tuple, or None, default=None
             Delays to show, in samples. None means all, but no more than the twelve with the
-            highest VAF; the picture says so.
+            highest VAF; the figure says so.
         levels : array-like or None, default=None
             Contour levels, see :meth:`plot`.
         ax : Axes, sequence of Axes or None, default=None
@@ -173,7 +173,7 @@ class VAFContourDisplay:
         )
         return display.plot(ax, levels=levels)
 
-    def plot(self, ax: Any = None, *, levels: Any = None) -> VAFContourDisplay:
+    def plot(self, ax: Any = None, *, levels: Any = None) -> Self:
         """Draw.
 
         Parameters
@@ -192,20 +192,18 @@ class VAFContourDisplay:
         n_panels = len(self.nk)
         columns = n_panels if n_panels <= 3 else min(math.ceil(math.sqrt(n_panels)), 4)
         rows = -(-n_panels // columns)
-        if ax is None:
-            size = (max(4.8, 0.8 + 2.8 * columns), 1.2 + 2.5 * rows)
-            figure = plt.figure(figsize=size, layout="constrained")
-            grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-            panels = list(grid.ravel()[:n_panels])
-            if self.factor != 1:
-                figure.suptitle(f"Decimation factor {self.factor}", fontsize="medium")
-            for spare in grid.ravel()[n_panels:]:
-                spare.remove()
-        else:
-            panels = given_axes(ax, (n_panels,), "one per delay n_k")
-        self.axes_ = np.array(panels, dtype=object)
-        self.ax_ = panels[0]
-        self.figure_ = self.ax_.figure
+        self.axes_ = self._take_axes(
+            ax,
+            "one per delay n_k",
+            (rows, columns),
+            used=range(n_panels),
+            figsize=(max(4.8, 0.8 + 2.8 * columns), 1.2 + 2.5 * rows),
+            sharex=True,
+            sharey=True,
+        )
+        if self._own and self.factor != 1:
+            self.figure_.suptitle(f"Decimation factor {self.factor}", fontsize="medium")
+        self.ax_ = self.axes_[0]
         self.contours_: list[Any] = []
         self.single_: list[Any] = []
         self.lines_: list[Any] = []
@@ -217,15 +215,15 @@ class VAFContourDisplay:
             self._draw_contours(positive, _levels(positive) if levels is None else levels)
         else:
             self._draw_lines(positive)
-        for i, panel in enumerate(panels):
+        for i, panel in enumerate(self.axes_):
             panel.set_title(f"$n_k$ = {self.nk[i]} ({self.delay[i]:.3g} s)", fontsize="medium")
             below = i + columns >= n_panels
-            if ax is not None or below:
+            if not self._own or below:
                 panel.set_xlabel(self._labels[0])
                 panel.tick_params(labelbottom=True)
-            if ax is not None or i % columns == 0:
+            if not self._own or i % columns == 0:
                 panel.set_ylabel(self._labels[1])
-        self._explain(own_figure=ax is None)
+        self._explain()
         return self
 
     def _draw_contours(self, vaf: np.ndarray, levels: Any) -> None:
@@ -249,10 +247,10 @@ class VAFContourDisplay:
             self.highest_.append(None)
             if field.count():
                 row, column = divmod(int(np.nanargmax(vaf[i])), len(self.na))
-                self.highest_[-1] = _asterisk(panel, x[column], y[row])
+                self.highest_[-1] = _mark(panel, x[column], y[row], ASTERISK)
         if self.chosen is not None:
             number, row, column = self.chosen
-            self.chosen_ = _ring(self.axes_[number], x[column], y[row])
+            self.chosen_ = _mark(self.axes_[number], x[column], y[row], RING)
         if some:
             self.colorbar_ = self.figure_.colorbar(
                 self.contours_[0], ax=list(self.axes_), label="VAF, %", ticks=levels
@@ -291,20 +289,20 @@ class VAFContourDisplay:
             self.highest_.append(None)
             if not np.isnan(values).all():
                 best = int(np.nanargmax(values))
-                self.highest_[-1] = _asterisk(panel, x[best], values[best])
+                self.highest_[-1] = _mark(panel, x[best], values[best], ASTERISK)
         if self.chosen is not None:
             number, row, column = self.chosen
             at = column if over_na else row
-            self.chosen_ = _ring(self.axes_[number], x[at], vaf[number].ravel()[at])
+            self.chosen_ = _mark(self.axes_[number], x[at], vaf[number].ravel()[at], RING)
 
-    def _explain(self, *, own_figure: bool) -> None:
+    def _explain(self) -> None:
         several = "highest of each panel" if len(self.nk) > 1 else "highest"
         entries = {several: next((m for m in self.highest_ if m is not None), None)}
         if self.chosen is not None:
             entries["chosen model"] = self.chosen_
         handles = {name: mark for name, mark in entries.items() if mark is not None}
         note = self._note()
-        if own_figure:
+        if self._own:
             if note:
                 handles[note] = Line2D([], [], ls="none")
             self.figure_.legend(
@@ -390,32 +388,7 @@ def _name_ticks(axis: Any, orders: Sequence[Any]) -> None:
         axis.set_ticks(range(len(orders)), [str(order) for order in orders])
 
 
-def _asterisk(panel: Any, x: float, y: float) -> Line2D:
-    (mark,) = panel.plot(
-        x,
-        y,
-        marker="*",
-        ms=13,
-        color="white",
-        markeredgecolor=BLACK,
-        ls="none",
-        zorder=4,
-        clip_on=False,
-    )
-    return mark
-
-
-def _ring(panel: Any, x: float, y: float) -> Line2D:
-    (mark,) = panel.plot(
-        x,
-        y,
-        marker="o",
-        ms=17,
-        color="none",
-        markeredgecolor=VERMILION,
-        markeredgewidth=2.2,
-        ls="none",
-        zorder=5,
-        clip_on=False,
-    )
+def _mark(panel: Any, x: float, y: float, style: dict[str, Any]) -> Line2D:
+    """A mark that may reach over the edge of the panel."""
+    (mark,) = panel.plot(x, y, ls="none", clip_on=False, **style)
     return mark

@@ -31,7 +31,7 @@ from .explanations import (
 from .forward import HeldOutRows, Path, Search, SearchStep, forward, further_changes
 from .leftover import Leftover, leftovers
 from .results import error_path, gap_of, ranking_table, walked
-from .signatures import tremor
+from .signatures import noises_in
 
 GUARD = 5.0  # s beside held-out blocks of a single run
 NOTED = 0.2  # points
@@ -231,12 +231,8 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         steps = walked(search, path)
         names = [n for n in path.model.effects.names if n not in path.steps[0].parent.effects.names]
         left = leftovers(path.model, search.folds)
-        trembling = tremor(record, record.y - path.model.output)
-        if trembling is not None and not search.tries_tremor:
-            left.append(
-                Leftover("frequency", "output", trembling.words, 100 * trembling.share, np.nan)
-            )
-            trembling = None
+        noises, others = noises_in(record.y - path.model.output, record, search.noises)
+        left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
         rest, rest_sd, vaf = gap_of(model, X, y)
         ceiling = vaf + rest
         gained = steps[-1].vaf - steps[0].vaf
@@ -252,8 +248,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         least, small, large = BESIDE_SEVERAL if len(names) > 1 else BESIDE_ONE
         unknown = worst >= least and share > small
         ids = [dict(path.model.effects.steps)[n].name for n in names]
-        if trembling is not None:
-            ids.append("tremor")
+        ids += [effect.name for effect, _ in noises]
         self.stand_ins_: list[str] = []
         if unknown and share > large:
             self.stand_ins_, ids = ids, []
@@ -265,7 +260,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.explainable_gap_ = float(max(gained + worst, 0.0))
         self.error_path_ = error_path(record, steps, names, ceiling, worst)
         self.predictions_ = self._held_out_frame(prepared, steps, names, X, y)
-        self.ranking_ = ranking_table(path, self.display, trembling, model)
+        self.ranking_ = ranking_table(path, self.display, noises, model)
         self.notes_ = changes_in_words(further_changes(search, path))
         self.experiments_ = [
             experiment(row["effect"], other)

@@ -138,8 +138,8 @@ class Search:
         n_jobs: int | None = None,
     ):
         self.core, self.record, self.folds = core, record, folds
-        self.effects = [e for e in effects if e.name != "tremor"]  # no input explains it
-        self.tries_tremor = len(self.effects) < len(effects)
+        self.effects = [e for e in effects if not e.noise]
+        self.noises = [e for e in effects if e.noise]  # which no input explains
         self.traces = traces_of(record)
         self.criterion = Criterion(record)
         self.coarse = self.criterion.coarse()

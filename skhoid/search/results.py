@@ -10,14 +10,14 @@ import pandas as pd
 
 from ..diagnosis.ceiling import noise_ceiling
 from ..diagnosis.run_signals import read_signals
-from ..effects.catalogue import effect as effect_of
+from ..effects.base import Effect
 from ..effects.record import Record
+from ..effects.traces import Signature
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.model import without
 from .explanations import words_of
 from .forward import Candidate, Path, Search, SearchStep, output_error_fit
-from .signatures import Signature
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
 
@@ -73,7 +73,7 @@ def error_path(
 
 
 def ranking_table(
-    path: Path, display: str, trembling: Signature | None, model: Any
+    path: Path, display: str, noises: Sequence[tuple[Effect, Signature]], model: Any
 ) -> pd.DataFrame:
     """One row per step and effect, best first."""
     rows = []
@@ -105,17 +105,15 @@ def ranking_table(
                     "reason": c.reason,
                 }
             )
-    if trembling is not None:
-        line = trembling.numbers
+    for rank, (effect, found) in enumerate(noises, len(path.steps[0].candidates) + 1):
         rows.append(
             {
                 "step": 1,
-                "rank": len(path.steps[0].candidates) + 1,
-                "effect": "tremor",
+                "rank": rank,
+                "effect": effect.name,
                 "form": "",
-                "parameters": f"frequency = {line['frequency']:.2f} Hz, amplitude = "
-                f"{line['amplitude']:.3g}",
-                "n_parameters": 2,
+                "parameters": found.parameters,
+                "n_parameters": len(effect.parameters),
                 "delta_loglik": np.nan,
                 "delta_bic": np.nan,
                 "vaf_before": path.steps[0].vaf,
@@ -123,8 +121,7 @@ def ranking_table(
                 "vaf_gain": 0.0,
                 "p_value": 0.0,
                 "confused_with": [],
-                "words": f"{effect_of('tremor').physics} It is noise to the free run: "
-                f"{trembling.words}.",
+                "words": f"{effect.physics} It is noise to the free run: {found.words}.",
                 "status": "added",
                 "reason": "",
             }

@@ -68,8 +68,10 @@ def check_effects(task: CompensatoryTask) -> None:
             "feedforward and output_feedback answer target and output."
         )
     for name, effect in effects:
-        if effect.name == "tremor":
-            raise ValueError("CompensatoryTask: tremor is noise; add a sine of your own to y.")
+        if effect.noise:
+            raise ValueError(
+                f"CompensatoryTask: {effect.name} is noise; add {effect.noise} of your own to y."
+            )
         if effect.free:
             missing = ", ".join(f"{p.name}=" for p in effect.free)
             raise ValueError(

@@ -7,6 +7,12 @@ import sys
 import pytest
 
 from skhoid.cli import main
+from skhoid.cli.arguments import names
+from skhoid.cli.study import OTHERS
+from skhoid.effects.catalogue import BY_NAME
+from skhoid.search.story import HIDDEN
+from skhoid.thesis import PAPER_STUDIES
+from skhoid.thesis.study_result import CONDITIONS
 
 pytest.importorskip("shtab")
 
@@ -57,3 +63,10 @@ def test_a_missing_package_is_named(capsys, monkeypatch):
     assert capsys.readouterr().err == (
         'skhoid: error: Completion needs the package shtab: pip install "skhoid[completion]"\n'
     )
+
+
+def test_names_are_those_of_the_package():
+    assert tuple(BY_NAME) == names.EFFECTS
+    assert tuple(HIDDEN) == names.HIDDEN
+    assert names.CONDITIONS == CONDITIONS
+    assert ("list", *OTHERS, *PAPER_STUDIES) == names.STUDIES

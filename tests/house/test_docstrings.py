@@ -65,11 +65,12 @@ METHODS = public_methods()
 METHODS_CALLED = {
     name: obj for name, obj in METHODS.items() if not name.startswith("skhoid.effects.")
 }
-# An exception is raised, not called.
+# An exception is raised, and a protocol kept; neither is called.
 CALLABLES = {
     name: obj
     for name, obj in OBJECTS.items()
     if not (inspect.isclass(obj) and issubclass(obj, BaseException))
+    and not getattr(obj, "_is_protocol", False)
 }
 
 

@@ -52,6 +52,7 @@ def test_docstrings_of_effects(name):
     documented = {
         part.strip().lstrip("*") for entry in doc["Parameters"] for part in entry.name.split(",")
     }
-    assert documented == set(inspect.signature(obj).parameters)
+    if not getattr(obj, "_is_protocol", False):  # which nobody calls
+        assert documented == set(inspect.signature(obj).parameters)
     assert len(doc["Summary"]) == 1
     assert ">>> " in "\n".join(doc["Examples"])

@@ -1,12 +1,64 @@
-"""What importing skhoid must not load."""
+"""What importing skhoid, and asking its command line, must not load."""
 
 import subprocess
 import sys
 
+import pytest
 
-def test_import_is_light():
-    check = "import sys, skhoid; print([m for m in ('matplotlib', 'numba') if m in sys.modules])"
+import skhoid
+
+LATER = {"control", "h5py", "jinja2", "matplotlib", "numba"}  # each where it is used
+HEAVY = {"numpy", "pandas", "rich", "scipy", "sklearn"}
+COMMANDS = ["demo", "identify", "diagnose", "simulate", "study", "report", "completion"]
+
+
+def loaded(code: str) -> set[str]:
+    """Modules that a fresh Python has when it ends."""
+    tell = "import atexit, sys; atexit.register(lambda: print('', *sys.modules, sep='|'))\n"
     done = subprocess.run(
-        [sys.executable, "-c", check], capture_output=True, text=True, check=True, cwd="/"
+        [sys.executable, "-c", tell + code], capture_output=True, text=True, check=False, cwd="/"
     )
-    assert done.stdout.strip() == "[]"
+    return set(done.stdout.splitlines()[-1].split("|"))
+
+
+def test_the_root_loads_nothing():
+    found = loaded("import skhoid")
+    assert {name for name in found if name.startswith("skhoid")} == {"skhoid", "skhoid._version"}
+    assert not found & HEAVY
+
+
+def test_all_names_load_nothing_that_can_wait():
+    found = loaded("from skhoid import *")
+    assert "skhoid.reporting" in found
+    assert not found & LATER
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--help"],
+        ["--version"],
+        ["--no-such-option"],
+        ["no-such-command"],
+        *([command, "--help"] for command in COMMANDS),
+        ["identify", "--decimate", "none"],
+        ["completion", "bash"],
+    ],
+    ids=" ".join,
+)
+def test_the_command_line_answers_before_numpy(words):
+    found = loaded(f"from skhoid.cli import main; main({words})")
+    assert "skhoid.cli" in found
+    assert not found & HEAVY
+
+
+@pytest.mark.parametrize("name", dir(skhoid))
+def test_names_are_found(name):
+    """That each line of the stub, which type checkers believe, is true."""
+    found = getattr(skhoid, name)
+    assert found.__name__ in {name, f"skhoid.{name}"}
+
+
+def test_a_wrong_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="ARXRegresor"):
+        _ = skhoid.ARXRegresor

@@ -100,7 +100,7 @@ def test_estimator_with_its_band_and_nyquist(model):
         norm.ppf(0.975) * expected.magnitude_sd / expected.magnitude
     )
     assert vertices[:, 1].max() == pytest.approx(upper.max())
-    assert display.axes_[1].get_ylim()[0] >= -720  # the delay does not flatten the picture
+    assert display.axes_[1].get_ylim()[0] >= -720  # the delay does not flatten the plot
 
 
 def test_open_loop_marks_crossover_and_margin(operator):

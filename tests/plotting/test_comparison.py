@@ -1,4 +1,4 @@
-"""The pictures of a comparison show its tables, and say what is not available."""
+"""The plots of a comparison show its tables, and say what is not available."""
 
 import matplotlib as mpl
 
@@ -628,7 +628,7 @@ def test_given_axes_are_used(display, found):
     figure, axes = plt.subplots(n, squeeze=False)
     drawn = display.from_comparison(found, ax=axes[:, 0])
     assert drawn.figure_ is figure
-    with pytest.raises(ValueError, match="this picture needs"):
+    with pytest.raises(ValueError, match="this plot needs"):
         own.plot(plt.subplots(9, 2)[1])
 
 

@@ -78,7 +78,7 @@ def test_single_fold_has_no_band(data):
     assert DelayLossDisplay.from_estimator(search).band_ is None
 
 
-def test_worthless_models_lie_off_the_picture():
+def test_worthless_models_lie_off_the_plot():
     display = DelayLossDisplay(
         nk=[1, 2, 3, 4],
         loss=np.array([20.0, 5.0, 60.0, 1100.0]),
@@ -158,7 +158,7 @@ def test_given_axes(data):
     assert display.ax_ is left
     assert display.plot(right, kind="path") is display
     assert display.ax_ is right
-    with pytest.raises(ValueError, match="ax holds 2 Axes; this picture needs 1"):
+    with pytest.raises(ValueError, match="ax holds 2 Axes; this plot needs 1"):
         display.plot([left, right])
 
 

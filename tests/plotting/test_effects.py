@@ -1,4 +1,4 @@
-"""The pictures of a search for effects show its tables."""
+"""The plots of a search for effects show its tables."""
 
 import matplotlib as mpl
 
@@ -367,7 +367,7 @@ def test_given_axes_are_used(display):
     n = len(getattr(own, "axes_", [None]))
     figure, axes = plt.subplots(n, squeeze=False)
     assert display.from_estimator(SEARCHES["one"], ax=axes[:, 0]).figure_ is figure
-    with pytest.raises(ValueError, match="this picture needs"):
+    with pytest.raises(ValueError, match="this plot needs"):
         own.plot(plt.subplots(7)[1])
 
 

@@ -343,7 +343,7 @@ def test_axes_of_the_effect(baseline, runs):
     _, axes = plt.subplots(2)
     display = IdentifiedEffectDisplay.from_estimator(model, X=runs[0], ax=axes)
     assert display.density_ is not None
-    with pytest.raises(ValueError, match="this picture needs"):
+    with pytest.raises(ValueError, match="this plot needs"):
         display.plot(plt.subplots(3)[1])
 
 

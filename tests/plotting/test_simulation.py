@@ -232,7 +232,7 @@ def test_given_axes(data):
     display = SimulationDisplay.from_predictions(y, 0.5 * y, runs=["A", "C"], ax=grid)
     assert display.axes_.ravel().tolist() == grid.ravel().tolist()
     assert len(display.residual_) == 2
-    with pytest.raises(ValueError, match="ax holds 1 Axes; this picture needs 3 or 6"):
+    with pytest.raises(ValueError, match="ax holds 1 Axes; this plot needs 3 or 6"):
         SimulationDisplay.from_predictions(y, 0.5 * y, ax=ax)
     with pytest.raises(TypeError, match="ax must be matplotlib Axes"):
         SimulationDisplay.from_predictions(y, 0.5 * y, ax="left")

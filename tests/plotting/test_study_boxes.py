@@ -188,7 +188,7 @@ def test_given_axes():
     display = StudyBoxDisplay.from_table(delays(), BIASES[:2], by="delay", ax=axes)
     assert list(display.axes_.flat) == list(axes.flat)
     assert not display.figure_.legends
-    with pytest.raises(ValueError, match="this picture needs 4: 2 rows of 2 panels"):
+    with pytest.raises(ValueError, match="this plot needs 4: 2 rows of 2 panels"):
         StudyBoxDisplay.from_table(delays(), BIASES[:2], by="delay", ax=axes[0])
 
 

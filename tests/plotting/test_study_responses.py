@@ -173,7 +173,7 @@ def test_given_axes(table):
     display = StudyResponseDisplay.from_table(table, ax=axes)
     assert list(display.axes_.flat) == list(axes.flat)
     assert not display.figure_.legends
-    with pytest.raises(ValueError, match="this picture needs 12"):
+    with pytest.raises(ValueError, match="this plot needs 12"):
         StudyResponseDisplay.from_table(table, ax=axes[:2])
 
 

@@ -204,7 +204,7 @@ def test_given_axes(search):
     assert not display.figure_.legends
     _, ax = plt.subplots()
     assert VAFContourDisplay.from_estimator(search, nk=[3], ax=ax).ax_ is ax
-    with pytest.raises(ValueError, match="ax holds 1 Axes; this picture needs 2: one per delay"):
+    with pytest.raises(ValueError, match="ax holds 1 Axes; this plot needs 2: one per delay"):
         VAFContourDisplay.from_estimator(search, ax=ax)
 
 

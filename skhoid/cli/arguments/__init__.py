@@ -1,0 +1,1 @@
+"""The arguments of each command, for the parser: importing them imports no NumPy."""

@@ -1,0 +1,97 @@
+"""The arguments of ``skhoid identify``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..commands import add_command
+from ..options import at_least_one, positive
+from .shared import add_file_options, add_output_options, add_picture_options, add_run_in
+
+EXAMPLES = """\
+examples:
+  skhoid identify                          identify a bundled recording of a human tracker
+  skhoid identify run*.csv --input e --output u --time t
+  skhoid identify runs.mat --input data.e --output data.u --dt 0.01 --run-in 8.08
+  skhoid identify all.parquet --input e --output u --time t --run trial --validate 7 --json
+  skhoid identify run*.csv --input e --time t --na 2 --nb 2 --nk 29        nothing is searched
+  skhoid identify run*.csv --input e --time t --method iv --instruments f_t
+  skhoid identify run*.csv --input e --time t --memory-time 2.56           an operator who adapts
+"""
+LONGEST_DELAY = 0.5  # s
+
+
+def add_identify(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "identify",
+        "find delay and orders, fit, and validate on held-out data",
+        "Discard the run-in, find the delay and the orders, fit an ARX model and "
+        "validate its free run on held-out data: the last run, or the second half of a single "
+        "run. Without files it uses a bundled recording of a person tracking a target.",
+        EXAMPLES,
+    )
+    add = command.add_argument
+    add_file_options(add)
+    add("--input", nargs="+", metavar="NAME", help="input channels (default: e)")
+    add_run_in(add)
+    add(
+        "--decimate",
+        type=at_least_one,
+        default=1,
+        metavar="D",
+        help="decimation factor (default: 1)",
+    )
+    add(
+        "--longest-delay",
+        type=positive,
+        metavar="S",
+        help=f"longest delay to try (default: {LONGEST_DELAY})",
+    )
+    add(
+        "--criterion",
+        choices=["one_step", "vaf"],
+        help="which delay to go on with (default: one_step); both are printed",
+    )
+    several = "; one number, or one per input"
+    add("--nk", type=int, nargs="+", metavar="N", help=f"delay in samples, not searched{several}")
+    add("--na", type=int, metavar="N", help="order, not searched (nb: 2, or as given)")
+    add(
+        "--nb",
+        type=int,
+        nargs="+",
+        metavar="N",
+        help=f"order, not searched (na: 2, or as given){several}",
+    )
+    add(
+        "--method",
+        choices=["ols", "iv"],
+        default="ols",
+        help="least squares, or instrumental variables, which remnant does not bias "
+        "(default: ols); searches use least squares",
+    )
+    add(
+        "--instruments",
+        nargs="+",
+        metavar="NAME",
+        help="of iv: channels from outside the loop (default: f_t)",
+    )
+    memory = command.add_mutually_exclusive_group()
+    memory.add_argument(
+        "--memory-time",
+        type=positive,
+        metavar="S",
+        help="also fit a model that follows changes, with a memory of this length",
+    )
+    memory.add_argument(
+        "--memory-horizon", type=positive, metavar="N", help="the same in samples of the model"
+    )
+    add("--validate", nargs="+", metavar="RUN", help="runs to hold out (default: the last)")
+    add(
+        "--keep-means",
+        action="store_true",
+        help="no intercept, and VAF with the means kept, as the thesis does",
+    )
+    add_picture_options(add, "skhoid-identify")
+    add_output_options(add)

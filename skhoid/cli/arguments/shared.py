@@ -1,0 +1,129 @@
+"""Options that several commands have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..options import not_negative, positive
+
+OF_CORE = {"operator": ["delay"], "arx": ["na", "nb", "nk"]}
+MAX_EFFECTS = 4
+TABLES = "tsv"
+
+
+def add_file_options(add: Callable[..., Any]) -> None:
+    """Options that say which files, and what is in them."""
+    add(
+        "files",
+        nargs="*",
+        default=(),
+        metavar="FILES",
+        help="CSV, Parquet or MAT files, or patterns",
+    )
+    add("--output", metavar="NAME", help="output channel (default: u)")
+    add("--time", metavar="NAME", help="time channel, in seconds")
+    add("--run", metavar="NAME", help="column with run labels (default: one file is one run)")
+    add(
+        "--dt",
+        type=positive,
+        metavar="S",
+        help="sampling time: of files without a time channel, or to resample to",
+    )
+    add(
+        "--unit",
+        action="append",
+        default=[],
+        metavar="NAME=UNIT",
+        help="unit of a channel; 'ms' for time converts it; may be repeated",
+    )
+    add(
+        "--resample",
+        action="store_true",
+        help="bring an irregular clock onto a regular grid by interpolation first",
+    )
+
+
+def add_run_in(add: Callable[..., Any]) -> None:
+    """The option of the time in which a run has not begun yet."""
+    add(
+        "--run-in",
+        type=not_negative,
+        metavar="S",
+        help="discard this much at the start of each run",
+    )
+
+
+def add_recording_options(add: Callable[..., Any]) -> None:
+    """Options of files, their channels, and the model."""
+    add_file_options(add)
+    add("--input", metavar="NAME", help="input channel, the error (default: e)")
+    add("--x", metavar="NAME", help="channel with the controlled element's output")
+    add("--target", metavar="NAME", help="channel with the target f_t")
+    add(
+        "--role",
+        action="append",
+        default=[],
+        metavar="NAME=ROLE",
+        help="another channel: its role begins with motion or dist, or is empty; may be repeated",
+    )
+    add_run_in(add)
+    add(
+        "--remove-means",
+        action="store_true",
+        help="subtract the mean of each channel first, for positions far from zero",
+    )
+    add(
+        "--core",
+        choices=list(OF_CORE),
+        default="operator",
+        help="what the model is: the operator's physics, or ARX (default: operator)",
+    )
+    add(
+        "--delay", type=not_negative, metavar="S", help="delay of the operator (default: estimated)"
+    )
+    add("--na", type=int, metavar="N", help="order of the ARX core (default: 2)")
+    add("--nb", type=int, metavar="N", help="order of the ARX core (default: 2)")
+    add("--nk", type=int, metavar="N", help="delay of the ARX core in samples (default: found)")
+    add(
+        "--display",
+        choices=["compensatory", "pursuit", "preview"],
+        help="what the operator could see (default: compensatory)",
+    )
+    add(
+        "--controlled-element",
+        nargs=2,
+        type=float,
+        metavar=("K_C", "OMEGA_B"),
+        help="K_c / (s (s + omega_b)) (default: estimated where x is given)",
+    )
+
+
+def add_search_options(add: Callable[..., Any], more: str = "") -> None:
+    """Options of the search."""
+    add("--effects", nargs="+", metavar="ID", help=f"effects to search for (default: all{more})")
+    add("--max-effects", type=int, metavar="N", help=f"to add at most (default: {MAX_EFFECTS})")
+
+
+def add_picture_options(add: Callable[..., Any], folder: str) -> None:
+    """Options of the pictures."""
+    add("--out", metavar="FOLDER", help=f"for the pictures (default: {folder})")
+    add("--no-pictures", action="store_true", help="draw nothing")
+
+
+def add_output_options(add: Callable[..., Any], tables: bool = True) -> None:
+    """Options that every command has, and those of tables."""
+    if tables:
+        add("--tables", metavar="FOLDER", help="write every table to FOLDER")
+        add_table_format(add, TABLES)
+    add("--json", action="store_true", help="print the results as JSON, and nothing else")
+    add("--debug", action="store_true", help="show tracebacks of errors (exit code 1)")
+
+
+def add_table_format(add: Callable[..., Any], default: str) -> None:
+    """The option that says in which format tables are written."""
+    add(
+        "--table-format",
+        choices=["tsv", "csv", "parquet"],
+        help=f"tab-separated or comma-separated text, or Parquet (default: {default})",
+    )

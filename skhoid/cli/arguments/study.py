@@ -1,0 +1,59 @@
+"""The arguments of ``skhoid study``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..commands import add_command
+from ..options import at_least_one, positive
+from .shared import add_file_options, add_output_options, add_table_format
+
+EXAMPLES = """\
+examples:
+  skhoid study list
+  skhoid study fig13 --replications 20 --jobs 2
+  skhoid study fig13 --replications 100 --jobs 2 --out studies
+                                           kept as it goes; the same command goes on where it was
+  skhoid study fig9 --conditions C1 --intensities 0 0.15 0.3
+  skhoid study recommend --conditions C4 --intensities 0.15 --rate 50
+  skhoid study experiment                  three simulated subjects, six conditions, seven runs
+  skhoid study experiment s1_*.csv --input e --output u --time t --measurement-time 81.92
+"""
+TABLES = "csv"
+
+
+def add_study(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "study",
+        "Monte-Carlo studies: the paper's figures, an experiment, a memory horizon",
+        "Simulate many runs, fit them all, and say how it compares with the thesis: "
+        "'list' names the studies; 'all' makes every one of the paper; 'experiment' analyses "
+        "subjects, conditions and runs (simulated, or your files of one subject and condition); "
+        "'recommend' finds the memory horizon for an experiment to come.",
+        EXAMPLES,
+    )
+    add = command.add_argument
+    add(
+        "name", metavar="NAME", help="fig9, fig10, fig12 ... (see list), all, experiment, recommend"
+    )
+    add_file_options(add)
+    add("--replications", type=at_least_one, metavar="M", help="runs of each cell (default: 100)")
+    add("--validation", type=at_least_one, metavar="V", help="validation runs (default: 10)")
+    add("--conditions", nargs="+", metavar="C", help="such as C1 C4")
+    add("--intensities", nargs="+", type=float, metavar="P", help="P_n, such as 0 0.15")
+    add("--orders", nargs="+", metavar="M", help="of the remnant filter: 1 2 3 4 nm")
+    add("--rate", type=positive, metavar="HZ", help="of recommend (default: 100)")
+    add("--gains", choices=["table", "tuned"], help="K_n: Table G.1, or found (default: table)")
+    add("--subjects", type=at_least_one, metavar="N", help="of experiment (default: 3)")
+    add("--runs", type=at_least_one, metavar="N", help="of experiment (default: 7)")
+    add("--last", type=at_least_one, metavar="N", help="runs used (default: 5)")
+    add("--input", metavar="NAME", help="input channel of files (default: e)")
+    add("--measurement-time", type=positive, metavar="S", help="keep the end of runs of files")
+    add("--seed", type=int, metavar="N", help="of the simulation (default: 0)")
+    add("--jobs", type=int, metavar="N", help="workers (default: 1; -1: all processors)")
+    add("--out", metavar="FOLDER", help="keep blocks, tables and pictures in FOLDER/NAME")
+    add("--no-pictures", action="store_true", help="draw nothing")
+    add_table_format(add, TABLES)
+    add_output_options(add, tables=False)

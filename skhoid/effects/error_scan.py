@@ -1,0 +1,148 @@
+"""What an effect may ask of the model that it is tried beside: open it to write ``scanned``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+
+class ErrorScan(Protocol):
+    """What a fitted model leaves, for values of an effect that is tried beside it.
+
+    Models and searches pass one to ``Effect.scanned`` and ``Effect.scanned_beside``, which look for
+    values to start estimation from. Calling it, ``error_of(values, seconds)``, suffices for most
+    effects and any core; the rest is faster, or follows the model's own parameters.
+
+    ``values`` are those of the effect's parameters by name, and changes of parameters of the model
+    by ``"+"`` and their name, as ``{"width": 0.3, "+tau_e": -0.1}``: changes of what the model does
+    not have count nothing. ``seconds`` are those of the beginning of each run, ``inf`` for all.
+
+    See Also
+    --------
+    skhoid.effects.Effect : The base of all effects.
+
+    Examples
+    --------
+    Of a time, the best of many values, where the default tries a few:
+
+    >>> from skhoid.effects import Effect
+    >>> class Late(Effect):
+    ...     def scanned(self, error_of, record):
+    ...         tried = [{"time": 0.01 * record.duration * i} for i in range(100)]
+    ...         return [min(tried, key=lambda values: error_of(values, record.duration))]
+    """
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the model without the effect: of its core, and of effects before it."""
+
+    @property
+    def ordinary(self) -> dict[str, float]:
+        """The same where the dynamics of the core are ordinary, and gains and delay fit them.
+
+        What is missing bends estimated dynamics. ``parameters`` where a core has no ordinary ones.
+        """
+
+    @property
+    def explores(self) -> bool:
+        """Whether fewer rows count than in the fit; what hangs on single rows differs then."""
+
+    def __call__(self, values: dict[str, float], seconds: float) -> float:
+        """Squares that the best multiple of the output simulated at values leaves.
+
+        Parameters
+        ----------
+        values : dict of str to float
+            Of the effect, and changes of the model.
+        seconds : float
+            Of the beginning of each run.
+
+        Returns
+        -------
+        squares : float
+        """
+
+    def fitted(self, values: dict[str, float]) -> tuple[float, dict[str, float]]:
+        """Squares on the whole runs, with the parameters of the model fitted beside values.
+
+        Parameters
+        ----------
+        values : dict of str to float
+            Of the effect, and changes of the model to start from.
+
+        Returns
+        -------
+        squares : float
+        values : dict of str to float
+            Of the effect, and changes of the model.
+        """
+
+    def earlier(self, seconds: float) -> dict[str, float]:
+        """Changes of the model to ``ordinary``, answering that much earlier.
+
+        Parameters
+        ----------
+        seconds : float
+            Such as the mean delay of a hold.
+
+        Returns
+        -------
+        changes : dict of str to float
+            To be merged with values of the effect.
+        """
+
+    def commands(self, seconds: float, ahead: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Command of the model at ``ordinary``, and its rate.
+
+        Parameters
+        ----------
+        seconds : float
+            Of the beginning of each run.
+        ahead : float, default=0.0
+            What the delay is shorter, in seconds, where the core estimates one.
+
+        Returns
+        -------
+        command, rate : ndarray of shape (n_samples, n_runs)
+        """
+
+    def left(self, columns: Sequence[np.ndarray], seconds: float) -> np.ndarray:
+        """Squares that the best sums of answers to commands leave, of many sums at once.
+
+        Needs a core that answers as a system of second order, an operator.
+
+        Parameters
+        ----------
+        columns : sequence of ndarray of shape (n_samples, n_runs, n_sums)
+            Commands; each has a factor in its sum, and another on the rate of its answer, which
+            makes up for dynamics that are not ``ordinary``.
+        seconds : float
+            Of the beginning of each run.
+
+        Returns
+        -------
+        squares : ndarray of shape (n_sums,)
+        """
+
+    def left_by_events(self, points: np.ndarray, seconds: float, of_error: bool) -> np.ndarray:
+        """Squares that commands held between events leave, of many at once.
+
+        Needs a core that answers as a system of second order, an operator.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n_points, 4)
+            Refractory time in seconds, threshold, ratio of the gains on rate and position, and
+            factor on the command.
+        seconds : float
+            Of the beginning of each run.
+        of_error : bool
+            Whether events are changes of the error, not of the command.
+
+        Returns
+        -------
+        found : ndarray of shape (n_points, 3)
+            Squares, seconds by which an earlier answer leaves these, and factor on the command.
+        """

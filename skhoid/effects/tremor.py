@@ -1,0 +1,120 @@
+"""A trembling hand: noise, and how the residual of a model shows it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft
+from scipy.special import chdtrc
+
+from .base import Effect, Parameter
+from .record import Record
+from .traces import Signature
+
+TREMBLING = (6.5, 14.0)  # Hz
+UNLIKELY = 1e-4  # probability of a line as high by chance, in all of the band
+HIGH = 2.5  # times the spectrum beside it
+LEAST_TREMOR = 2e-3  # of the output's variance
+PERIODS, N_SHOWN = 4.0, 800  # of a realisation
+
+
+class Tremor(Effect):
+    """A periodic movement of the hand, of unknown phase: noise, which no input explains.
+
+    Parameters
+    ----------
+    frequency : float or None, default=None
+        In Hz; None estimates it.
+    amplitude : float or None, default=None
+        In units of the output; None estimates it.
+
+    Notes
+    -----
+    Its phase is not known beforehand: it is named and measured, and the free run stays as it is.
+
+    References
+    ----------
+    Elble and Randall, Mechanistic components of normal hand tremor (1978): 8-12 Hz.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Tremor
+    >>> Tremor(frequency=9.0).name
+    'tremor'
+    """
+
+    name = "tremor"
+    place = "sum"
+    physics = "The hand trembles at a steady frequency."
+    formula = "u + amplitude sin(2 pi frequency t + phase), the phase unknown"
+    source = "Elble and Randall (1978)"
+    noise = "a sine"
+    parameters = (
+        Parameter("frequency", "Hz", 5.0, 15.0, (9.0,), "", "of the tremor"),
+        Parameter("amplitude", "{u}", 0.0, 5.0, (0.1,), "u", "of the tremor"),
+    )
+
+    def __init__(self, *, frequency: float | None = None, amplitude: float | None = None):
+        self.frequency = frequency
+        self.amplitude = amplitude
+
+    def apply(
+        self, signal: np.ndarray, record: Record, frequency: float, amplitude: float
+    ) -> np.ndarray:
+        return signal
+
+    def signature(self, residual: np.ndarray, record: Record) -> Signature | None:
+        return _line(record, residual)
+
+    def realisation(
+        self, values: dict[str, float], t: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if t is None:
+            t = np.linspace(0.0, PERIODS / values["frequency"], N_SHOWN)
+        return t, values["amplitude"] * np.sin(2 * np.pi * values["frequency"] * t)
+
+
+def _line(record: Record, residual: np.ndarray) -> Signature | None:
+    """A narrow line of a trembling hand in the residual's spectrum."""
+    assert record.y is not None
+    if 0.5 / record.dt < TREMBLING[1] + 1:
+        return None
+    n = int(min(record.known.sum(axis=0).min(), residual.shape[0]))
+    if n * record.dt < 10:
+        return None
+    spectra = []
+    for j in range(record.n_runs):
+        rows = np.flatnonzero(record.known[:, j])
+        part = residual[rows[-n:], j]
+        window = np.hanning(n)
+        spectra.append(np.abs(fft.rfft((part - part.mean()) * window)) ** 2 / (window @ window))
+    power = np.mean(spectra, axis=0)
+    hertz = fft.rfftfreq(n, record.dt)
+    band = (hertz >= TREMBLING[0]) & (hertz <= TREMBLING[1])
+    best: Signature | None = None
+    for width in (0.1, 0.4):  # Hz: steady, and wandering
+        bins = max(1, round(width * n * record.dt))
+        smooth = np.convolve(power, np.ones(bins) / bins, mode="same")
+        floor = np.array(
+            [
+                np.median(smooth[(np.abs(hertz - h) < 2.0) & (np.abs(hertz - h) > 2 * width)])
+                for h in hertz[band]
+            ]
+        )
+        ratio = smooth[band] / floor
+        at = int(np.argmax(ratio))
+        degrees = 2 * bins * record.n_runs / 1.5  # a Hann window correlates neighbours
+        chance = float(chdtrc(degrees, ratio[at] * degrees)) * band.sum()
+        near = np.abs(hertz - hertz[band][at]) < max(2 * width, 3.0 / (n * record.dt))
+        excess = float(np.sum(power[near] - floor[at])) * 2 / n
+        share = excess / float(np.var(record.y[record.known]))
+        clear = chance < UNLIKELY and share > LEAST_TREMOR and ratio[at] > HIGH
+        if clear and (best is None or share > best.share):
+            frequency = float(hertz[band][at])
+            amplitude = float(np.sqrt(2 * max(excess, 0.0)))
+            best = Signature(
+                "frequency",
+                share,
+                f"a line at {frequency:.1f} Hz, {100 * share:.1f} % of the output",
+                f"frequency = {frequency:.2f} Hz, amplitude = {amplitude:.3g}",
+            )
+    return best

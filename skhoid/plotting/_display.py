@@ -1,0 +1,101 @@
+"""The base of every Display: the Axes that it draws on, and the legend of its figure.
+
+Open it to change how all displays take the Axes of a caller, make figures of their own, or place
+their legends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+
+from ._axes import legend_columns, legend_entries, legend_inside
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class Display:
+    """What is to be drawn, computed before; :meth:`plot` draws it.
+
+    Subclasses are dataclasses too: their fields are the parameters of the constructor, and what
+    ``plot`` draws are attributes that end in an underscore.
+    """
+
+    def plot(self, ax: Any = None) -> Self:
+        raise NotImplementedError
+
+    def _take_axes(
+        self,
+        ax: Any,
+        shows: str,
+        shape: tuple[int, int] = (1, 1),
+        *,
+        used: Iterable[int] | None = None,
+        allowed: Sequence[int] | None = None,
+        **options: Any,
+    ) -> np.ndarray:
+        """The panels in order: the Axes of ``ax``, or where that is None, of a figure of our own.
+
+        ``shows`` says what they are, for who gives the wrong number of them. A figure of our own
+        has panels in rows and columns of this ``shape``, made with the ``options`` of
+        ``plt.subplots``; those that are not among ``used`` are taken away. As many Axes as there
+        are panels are allowed, or as many as one of ``allowed``.
+        """
+        self._own = ax is None
+        places = list(range(math.prod(shape)) if used is None else used)
+        if self._own:
+            _, grid = plt.subplots(*shape, squeeze=False, layout="constrained", **options)
+            for spare in set(range(grid.size)) - set(places):
+                grid.flat[spare].remove()
+            panels = [grid.flat[place] for place in places]
+        else:
+            panels = _given_axes(ax, allowed or (len(places),), shows)
+        self._panels = np.array(panels, dtype=object)
+        self.figure_ = panels[0].figure
+        return self._panels
+
+    def _legend(
+        self,
+        handles: Sequence[Any],
+        labels: Sequence[str],
+        *,
+        columns: int | None = None,
+        frameon: bool | None = None,
+    ) -> None:
+        """One legend: below a figure of our own, else in the first of the given Axes."""
+        if not self._own:
+            legend_inside(self._panels[0], handles, labels)
+        elif labels:
+            self.figure_.legend(
+                handles,
+                labels,
+                loc="outside lower center",
+                ncols=columns or legend_columns(labels),
+                frameon=frameon,
+            )
+
+    def _legend_of_panels(self, *, frameon: bool | None = None) -> None:
+        """One legend for what the panels show, each label once."""
+        entries = legend_entries(self._panels)
+        self._legend(list(entries.values()), list(entries), frameon=frameon)
+
+
+def _given_axes(ax: Any, allowed: Sequence[int], shows: str) -> list[Axes]:
+    """The Axes of ``ax`` (one, or a sequence or array of them) in order, as many as allowed."""
+    axes = [ax] if isinstance(ax, Axes) else list(np.asarray(ax, dtype=object).ravel())
+    wrong = [a for a in axes if not isinstance(a, Axes)]
+    if wrong:
+        raise TypeError(
+            f"ax must be matplotlib Axes, or a sequence of them; got {type(wrong[0]).__name__}."
+        )
+    if len(axes) not in allowed:
+        numbers = " or ".join(str(n) for n in dict.fromkeys(allowed))
+        raise ValueError(
+            f"ax holds {len(axes)} Axes; this plot needs {numbers}: {shows}. ax=None makes them."
+        )
+    return axes
