@@ -29,9 +29,9 @@ from .exceptions import StudyFolderError as StudyFolderError
 from .exceptions import StudyWarning as StudyWarning
 from .exceptions import UnstableLoopError as UnstableLoopError
 from .exceptions import WorkersLostError as WorkersLostError
-from .experiment.people import analyse_experiment as analyse_experiment
-from .experiment.people import simulate_experiment as simulate_experiment
+from .experiment.analyse import analyse_experiment as analyse_experiment
 from .experiment.recommend import recommend_forgetting as recommend_forgetting
+from .experiment.simulate import simulate_experiment as simulate_experiment
 from .greybox import OperatorRegressor as OperatorRegressor
 from .human import ControlledElement as ControlledElement
 from .human import HumanOperator as HumanOperator

@@ -89,7 +89,7 @@ print(pd.DataFrame(table).round(3).to_string())
 #
 #     import pandas as pd
 #     from skhoid import read_runs
-#     from skhoid.experiment.people import analyse_experiment
+#     from skhoid.experiment import analyse_experiment
 #
 #     cells = {
 #         (person, condition): read_runs(

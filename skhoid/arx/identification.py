@@ -22,6 +22,25 @@ from .searches import DelaySearchCV, OrderSearchCV
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 
 
+@dataclass(frozen=True, kw_only=True)
+class ModelChoice:
+    """What is known of the models before: of orders and delay, None is searched for.
+
+    Orders are not searched if ``na`` or ``nb`` is given (the other is then 2). Searches compare
+    least squares; with ``method="iv"`` what they choose is fitted by instrumental variables.
+    ``memory``, the ``memory_time`` or ``memory_horizon`` of a :class:`RecursiveARX`, adds a model
+    that follows the data.
+    """
+
+    inputs: list[str] | None = None
+    na: int | None = None
+    nb: Any = None
+    nk: Any = None
+    method: str = "ols"
+    instruments: list[str] | None = None
+    memory: dict[str, Any] | None = None
+
+
 @dataclass(frozen=True)
 class FittedModel:
     """A model and its free-run VAF on the rows it was fitted on and on held-out ones."""
@@ -152,18 +171,12 @@ class Identification:
 def identify(
     X: pd.DataFrame,
     y: pd.Series,
+    choice: ModelChoice,
     *,
-    inputs: list[str] | None = None,
     run_in: float | None = None,
     factor: int = 1,
     longest_delay: float = 0.5,
     criterion: str = "one_step",
-    na: int | None = None,
-    nb: Any = None,
-    nk: Any = None,
-    method: str = "ols",
-    instruments: list[str] | None = None,
-    memory: dict[str, Any] | None = None,
     validation_runs: list[Any] | None = None,
     centered: bool = True,
     callbacks: tuple[Any, ...] = (),
@@ -172,20 +185,17 @@ def identify(
 
     The last run is held out, or ``validation_runs``, or the second half of a single run; nothing
     is chosen or fitted on it. With ``centered`` the models have an intercept and VAF is taken
-    about the mean of each run. A given ``nk`` is not searched, nor are orders if ``na`` or ``nb``
-    is given (the other is then 2). Searches compare least squares; with ``method="iv"`` what they
-    choose is fitted by instrumental variables. ``memory``, the ``memory_time`` or
-    ``memory_horizon`` of a :class:`RecursiveARX`, adds a model that follows the data.
+    about the mean of each run.
     """
     layout = read_layout(X)
     held_out, names = _held_out_rows(layout, validation_runs)
-    fixed_orders = na is not None or nb is not None
+    fixed_orders = choice.na is not None or choice.nb is not None
     orders: dict[str, Any] = {
-        "na": 2 if na is None else na,
-        "nb": 2 if nb is None else nb,
-        "nk": 0 if nk is None else nk,
+        "na": 2 if choice.na is None else choice.na,
+        "nb": 2 if choice.nb is None else choice.nb,
+        "nk": 0 if choice.nk is None else choice.nk,
     }
-    model = ARXRegressor(**orders, inputs=inputs, fit_intercept=centered, covariance="hac")
+    model = ARXRegressor(**orders, inputs=choice.inputs, fit_intercept=centered, covariance="hac")
     steps = [RunInTrimmer(run_in), Decimator(factor)]
     pipeline = make_pipeline(*steps, model)
     scorer = VAFScorer(run_in=run_in, centered=centered)
@@ -193,7 +203,7 @@ def identify(
 
     candidates = {}
     searches = {}
-    if nk is None:
+    if choice.nk is None:
         candidates["without delay"] = orders
         longest = int(np.floor(whole_samples(longest_delay, layout.dt * factor)))
         for how in ("one_step", "vaf"):
@@ -225,11 +235,13 @@ def identify(
         ]
         return FittedModel(name, pipeline, *vafs)
 
-    model.set_params(method=method, instruments=instruments)
+    model.set_params(method=choice.method, instruments=choice.instruments)
     models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]
     adapting = None
-    if memory:
-        follows = RecursiveARX(**orders, inputs=inputs, fit_intercept=centered, **memory)
+    if choice.memory:
+        follows = RecursiveARX(
+            **orders, inputs=choice.inputs, fit_intercept=centered, **choice.memory
+        )
         adapting = fitted("following changes", follows)
     return Identification(
         X, y, layout, held_out, *names, centered, searches, order_search, models, adapting

@@ -12,7 +12,7 @@ from rich.table import Table
 from sklearn.callback import ProgressBar
 
 from .._version import __version__
-from ..arx.identification import Identification
+from ..arx.identification import Identification, ModelChoice
 from ..arx.identification import identify as identify_runs
 from ..io import load_human_tracking
 from ..summaries import counted
@@ -39,20 +39,23 @@ def identify(options: argparse.Namespace) -> int:
     X, y, source = _read(options)
     n_inputs = len(options.input) if options.input else X.shape[1]
     memory = {name: getattr(options, name) for name in ("memory_time", "memory_horizon")}
-    found = identify_runs(
-        X,
-        y,
+    choice = ModelChoice(
         inputs=list(X.columns[:n_inputs]),
-        run_in=options.run_in,
-        factor=options.decimate,
-        longest_delay=options.longest_delay or LONGEST_DELAY,
-        criterion=criterion,
         na=options.na,
         nb=_one_or_each(options.nb),
         nk=_one_or_each(options.nk),
         method=options.method,
         instruments=list(X.columns[n_inputs:]) or None,
         memory={name: value for name, value in memory.items() if value is not None},
+    )
+    found = identify_runs(
+        X,
+        y,
+        choice,
+        run_in=options.run_in,
+        factor=options.decimate,
+        longest_delay=options.longest_delay or LONGEST_DELAY,
+        criterion=criterion,
         validation_runs=options.validate,
         centered=not options.keep_means,
         callbacks=() if options.json or not sys.stdout.isatty() else _progress(),

@@ -251,23 +251,60 @@ def compare(
         raise ValueError(f"false_alarm is a rate between 0 and 0.5; got {false_alarm!r}.")
     options = {"roles": roles, "run_in": run_in, "dt": dt, "run": run}
     signals = read_signals(model, X, y, repeats=repeats, **options)
-    vaf = _pooled(signals, signals.predicted)
-    ceiling = noise_ceiling(signals)
-    table = by_run(signals, "validation")
-    p, tests = tests_over_runs(signals, ceiling)
-    table["p"], table["exceeds"] = p, p < false_alarm
-    estimation_vaf = ratio = np.nan
+    fitted = None
     if estimation is not None:
         if not isinstance(estimation, (tuple, list)) or len(estimation) != 2:
             raise TypeError(
                 "estimation is the pair (X, y) of the runs that the model was fitted on."
             )
         fitted = read_signals(model, *estimation, repeats=False, **options)
-        estimation_vaf = _pooled(fitted, fitted.predicted)
-        table = pd.concat([table, by_run(fitted, "estimation")], ignore_index=True)
-    if estimation is not None:
+    ceiling = noise_ceiling(signals)
+    vaf = _pooled(signals, signals.predicted)
+    known = np.isfinite(signals.one_step)
+    # With rows that have no route left out, the ceiling is that of all rows that count.
+    low, high = (edge - ceiling.vaf + vaf for edge in ceiling.interval)
+    found = Comparison(
+        model_name=_name_of(model),
+        output=signals.output,
+        unit=signals.units.get(signals.output),
+        dt=signals.dt,
+        false_alarm=false_alarm,
+        vaf=vaf,
+        one_step_vaf=_pooled(signals, signals.one_step, known) if known.any() else np.nan,
+        rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
+        **_overfit(vaf, fitted),
+        noise_ceiling=vaf + ceiling.gap,
+        noise_ceiling_interval=(low, high),
+        explainable_gap=ceiling.gap,
+        ceiling_route=ceiling.route,
+        ceiling_note=ceiling.note,
+        **_tables(signals, ceiling, fitted, false_alarm),
+        findings=[],
+        notes=signals.notes,
+    )
+    return replace(found, findings=advise(found, signals, check_channels(X, y, dt=dt, run=run)))
+
+
+def _overfit(vaf: float, fitted: Signals | None) -> dict[str, Any]:
+    """The verdict on overfit, from the runs that the model was fitted on."""
+    own, ratio = np.nan, np.nan
+    if fitted is not None:
+        own = _pooled(fitted, fitted.predicted)
         # Both relative to their output's power, as runs differ in what is to be explained.
-        ratio = (100 - vaf) / (100 - estimation_vaf) if estimation_vaf < 100 else np.nan
+        ratio = (100 - vaf) / (100 - own) if own < 100 else np.nan
+    verdict = None if np.isnan(ratio) else bool(ratio > OVERFIT)
+    return {"estimation_vaf": own, "overfit_ratio": ratio, "overfit": verdict}
+
+
+def _tables(
+    signals: Signals, ceiling: Ceiling, fitted: Signals | None, false_alarm: float
+) -> dict[str, Any]:
+    """Where the residual is, and every test of it."""
+    runs = by_run(signals, "validation")
+    p, of_runs = tests_over_runs(signals, ceiling)
+    runs["p"], runs["exceeds"] = p, p < false_alarm
+    if fitted is not None:
+        runs = pd.concat([runs, by_run(fitted, "estimation")], ignore_index=True)
     correlation, of_correlation = correlations(signals, ceiling, false_alarm)
     amplitude, of_amplitude = by_operating_point(signals, ceiling, false_alarm)
     sums = BlockSums.of(signals, ceiling)
@@ -282,47 +319,21 @@ def compare(
         *of_correlation,
         *of_amplitude,
         *level_tests(signals),
-        *tests,
+        *of_runs,
     ]
-    known = np.isfinite(signals.one_step)
-    # With rows that have no route left out, the ceiling is that of all rows that count.
-    low, high = (edge - ceiling.vaf + vaf for edge in ceiling.interval)
-    found = Comparison(
-        model_name=_name_of(model),
-        output=signals.output,
-        unit=signals.units.get(signals.output),
-        dt=signals.dt,
-        false_alarm=false_alarm,
-        vaf=vaf,
-        one_step_vaf=_pooled(signals, signals.one_step, known) if known.any() else np.nan,
-        rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
-        estimation_vaf=estimation_vaf,
-        overfit_ratio=ratio,
-        overfit=None if np.isnan(ratio) else bool(ratio > OVERFIT),
-        noise_ceiling=vaf + ceiling.gap,
-        noise_ceiling_interval=(low, high),
-        explainable_gap=ceiling.gap,
-        ceiling_route=ceiling.route,
-        ceiling_note=ceiling.note,
-        traces=_traces(signals),
-        by_run=table,
-        by_time=by_time(signals, ceiling, false_alarm),
-        by_frequency=by_frequency(signals, ceiling, false_alarm),
-        by_operating_point=amplitude,
-        tests=tests_table(tests, false_alarm),
-        correlations=correlation,
-        cusum=cusum(ceiling, sums, false_alarm),
-        time_frequency=time_frequency(signals, ceiling, false_alarm),
-        remnant_spectrum=pd.DataFrame(
-            {
-                "omega": ceiling.noise.omega,
-                "psd": ceiling.noise.density * signals.dt / np.pi,
-            }
-        ),
-        findings=[],
-        notes=signals.notes,
-    )
-    return replace(found, findings=advise(found, signals, check_channels(X, y, dt=dt, run=run)))
+    density = ceiling.noise.density * signals.dt / np.pi
+    return {
+        "traces": _traces(signals),
+        "by_run": runs,
+        "by_time": by_time(signals, ceiling, false_alarm),
+        "by_frequency": by_frequency(signals, ceiling, false_alarm),
+        "by_operating_point": amplitude,
+        "tests": tests_table(tests, false_alarm),
+        "correlations": correlation,
+        "cusum": cusum(ceiling, sums, false_alarm),
+        "time_frequency": time_frequency(signals, ceiling, false_alarm),
+        "remnant_spectrum": pd.DataFrame({"omega": ceiling.noise.omega, "psd": density}),
+    }
 
 
 def _pooled(signals: Signals, prediction: np.ndarray, known: np.ndarray | None = None) -> float:

@@ -92,6 +92,7 @@ def _correlation(
     lags = step * np.arange(-n_lags, n_lags + 1)
     cross, auto = np.zeros(lags.size), np.zeros(2 * n_lags + 1)
     for pair in pairs:
+        # scipy.signal.correlate would transform each signal twice, and round otherwise.
         size = fft.next_fast_len(len(pair) + int(lags[-1]) * 2, real=True)
         R, Z = fft.rfft(pair[:, 0], size), fft.rfft(pair[:, 1], size)
         cross += fft.irfft(R * Z.conj(), size)[lags]

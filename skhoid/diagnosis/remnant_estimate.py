@@ -253,11 +253,26 @@ def remnant_estimate(
     ]
     intensity, interval = _intensity(signals, ceiling, used)
     spectrum = _spectrum(used, ceiling, signals.dt)
-    orders = pd.DataFrame()
-    if intensity > SILENT and spectrum["used"].sum() >= LEAST_BINS:
-        orders = _fits(spectrum[spectrum["used"]])
+    known = spectrum["used"]
+    worth_fitting = intensity > SILENT and known.sum() >= LEAST_BINS
+    orders = _fits(spectrum[known]) if worth_fitting else pd.DataFrame()
+    return RemnantEstimate(
+        intensity=intensity,
+        interval=interval,
+        **_of_best_order(orders, spectrum),
+        orders=orders,
+        route=ceiling.route,
+        warning=_warning(orders),
+        n_runs=sum(group.n_runs for group, _ in used),
+        output=signals.output,
+        unit=signals.units.get(signals.output),
+    )
+
+
+def _of_best_order(orders: pd.DataFrame, spectrum: pd.DataFrame) -> dict[str, Any]:
+    """The filter of the most probable order, and its density beside the spectrum."""
     order, T_n, K_n, p_value = None, (np.nan, np.nan), (np.nan, np.nan), np.nan
-    spectrum["fitted"] = np.nan
+    spectrum = spectrum.assign(fitted=np.nan)
     if len(orders):
         order = int(orders["probability"].idxmax())
         best = orders.loc[order]
@@ -265,23 +280,15 @@ def remnant_estimate(
         K_n = best["gain"], best["sd_gain"]
         spectrum["fitted"] = K_n[0] ** 2 / np.pi * _shape(spectrum["omega"], T_n[0], order)
         p_value = _p_value(spectrum[spectrum["used"]])
-    return RemnantEstimate(
-        intensity=intensity,
-        interval=interval,
-        order=order,
-        time_constant=float(T_n[0]),
-        time_constant_interval=_log_interval(*T_n),
-        gain=float(K_n[0]),
-        gain_interval=_log_interval(*K_n),
-        orders=orders,
-        p_value=p_value,
-        spectrum=spectrum[["omega", "psd", "fitted", "used"]],
-        route=ceiling.route,
-        warning=_warning(orders),
-        n_runs=sum(group.n_runs for group, _ in used),
-        output=signals.output,
-        unit=signals.units.get(signals.output),
-    )
+    return {
+        "order": order,
+        "time_constant": float(T_n[0]),
+        "time_constant_interval": _log_interval(*T_n),
+        "gain": float(K_n[0]),
+        "gain_interval": _log_interval(*K_n),
+        "p_value": p_value,
+        "spectrum": spectrum[["omega", "psd", "fitted", "used"]],
+    }
 
 
 def _intensity(

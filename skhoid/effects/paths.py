@@ -473,6 +473,7 @@ def of_inverse(form: str | None) -> bool:
 def integral_of(record: Record, name: str) -> np.ndarray:
     """Integral over time of what makes the controlled element follow a channel."""
     answer = record.inverse_dynamics(name)
+    # The trapezoid rule from rest one sample before; SciPy's rounds otherwise in the last bits.
     return record.dt * (np.cumsum(answer, axis=0) - answer / 2)
 
 

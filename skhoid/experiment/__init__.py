@@ -1,8 +1,9 @@
 """Experiments with several people: planned, simulated and analysed."""
 
-from .people import analyse_experiment, simulate_experiment
+from .analyse import analyse_experiment
 from .recommend import ForgettingAdvice, recommend_forgetting
 from .result import ExperimentResult
+from .simulate import simulate_experiment
 
 __all__ = [
     "ExperimentResult",

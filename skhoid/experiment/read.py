@@ -42,7 +42,6 @@ class Cell:
 def read_cells(
     X: pd.DataFrame,
     y: Any,
-    *,
     last: int | None,
     input: str,
     run_in: float | None,

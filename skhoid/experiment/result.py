@@ -10,6 +10,7 @@ import pandas as pd
 from scipy import stats
 
 from ..runs import RUN
+from ..summaries import counted
 from .read import ALL, CONDITION, SUBJECT
 
 SIGNIFICANT = 0.005  # of each of two gains, so that a cell is wrong in 1 % of cases
@@ -87,7 +88,7 @@ class ExperimentResult:
 
     Examples
     --------
-    >>> from skhoid.experiment.people import analyse_experiment, simulate_experiment
+    >>> from skhoid.experiment import analyse_experiment, simulate_experiment
     >>> result = analyse_experiment(*simulate_experiment(2, "C4", random_state=0))
     >>> result.verdicts[["subject", "condition", "adapts", "Lambda"]]
       subject condition  adapts     Lambda
@@ -254,7 +255,7 @@ def _summary(r: ExperimentResult) -> list[str]:
     how_many = f"{few}" if few == many else f"{few} to {many}"
     window = r.scores[r.scores["window"] == "T_m"]
     lines = [
-        f"{_count(len(r.subjects), 'subject')}, {_count(len(r.conditions), 'condition')}; "
+        f"{counted(len(r.subjects), 'subject')}, {counted(len(r.conditions), 'condition')}; "
         f"{how_many} run{'s' * (many > 1)} of each, from {window['start'].min():g} to "
         f"{window['stop'].max():g} s at {1 / r.dt:g} Hz.",
         f"Delay {_span(r.delays['delay'])} s; memory horizon {r.memory_horizon:g} samples, "
@@ -363,10 +364,6 @@ def _who_needs(r: ExperimentResult, condition: Any) -> str:
 
 def _listed(names: list[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def _span(values: pd.Series) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from ..effects.record import Record
 
@@ -35,8 +36,10 @@ def estimate_element(record: Record) -> tuple[float, float] | None:
                 if disturbed is not None:
                     u = u + record.channels[disturbed][piece, j]
                 t = np.arange(x.size) * record.dt
-                once = _integral(x, record.dt)
-                twice = _integral(_integral(u, record.dt), record.dt)
+                once = cumulative_trapezoid(x, dx=record.dt, initial=0)
+                twice = cumulative_trapezoid(
+                    cumulative_trapezoid(u, dx=record.dt, initial=0), dx=record.dt, initial=0
+                )
                 nuisance = np.stack([np.ones_like(t), t], 1)
                 block = np.stack([twice, -once, x], 1)
                 block -= nuisance @ np.linalg.lstsq(nuisance, block, rcond=None)[0]
@@ -53,10 +56,6 @@ def estimate_element(record: Record) -> tuple[float, float] | None:
     if target[best] > WORST_FIT or not K_c > 0:
         return None
     return float(K_c), float(max(omega_b, 0.0))
-
-
-def _integral(x: np.ndarray, dt: float) -> np.ndarray:
-    return np.r_[0.0, np.cumsum((x[1:] + x[:-1]) * dt / 2)]
 
 
 def _pieces(span: slice, length: int) -> list[slice]:

@@ -157,6 +157,7 @@ def pade(delay: float, order: int) -> tuple[np.ndarray, np.ndarray]:
     array([0.14, 1.  ])
     """
     check_order(order)
+    # In closed form; scipy.interpolate.pade solves a system that loses digits as the order grows.
     n = int(order)
     h = [comb(n, k) * factorial(2 * n - k) / factorial(2 * n) for k in range(n, -1, -1)]
     powers = np.arange(n, -1, -1)

@@ -10,11 +10,12 @@ from scipy.interpolate import CubicSpline
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from ..runs import check_alignment, input_columns
-from .lines import Lines, Windows, all_bins, as_frame, read_lines
+from .lines import Lines, Windows, all_bins, read_lines, signal_table
 from .phase import aligning_delay, unwrapped
 from .response import FrequencyResponse
 
 N_NEIGHBOURS = 6  # bins without excitation, nearest to a line, that tell the remnant there
+DOF = 2 * N_NEIGHBOURS  # of the remnant: real and imaginary parts
 ABSENT = 1e-6  # of the strongest bin of a forcing function; weaker lines are rounding
 
 
@@ -106,66 +107,81 @@ def fourier_coefficients(
     """
     check_consistent_length(X, y)
     check_alignment(X, y)
-    frame = as_frame(X)
+    frame = signal_table(X)
     names = list(frame.columns)
     windows = Windows.of(frame, window, dt, run)
     label = windows.layout.run_column if run is None else run
     positions = input_columns(names, len(names), inputs, label, roles)
     lines = read_lines(forcing, period)
+    _check_numbers([names[p] for p in positions], lines)
     several = len(positions) > 1
-    if len(positions) > len(lines):
-        raise ValueError(
-            f"{len(positions)} responses, from the inputs {[names[p] for p in positions]}, need as "
-            f"many forcing functions, but there {'is' if len(lines) == 1 else 'are'} {len(lines)}. "
-            "Name fewer inputs=[...], or insert another forcing function on lines of its own."
-        )
-    short = [name for name, part in lines.items() if part.omega.size < 2]
-    if several and short:
-        raise ValueError(
-            f"The forcing function {short[0]!r} has one line, and between the lines of each the "
-            "signals are interpolated; it needs two or more."
-        )
     columns = positions + [_signal_column(names, name, roles) for name in lines if several]
     table = frame.iloc[:, columns].copy()
     table.insert(len(positions), "", column_or_1d(y), allow_duplicates=True)
     output = str(getattr(y, "name", None) or "u")
     table.columns = [*(names[p] for p in positions), output, *lines][: table.shape[1]]
     spectra = _Spectra(windows, windows.numbers(table), lines)
-    common = {
-        "omega": spectra.omega,
-        "runs": windows.layout.labels,
-        "output": output,
-        "dof": 2 * N_NEIGHBOURS,
-    }
-    if not several:
-        E, U = spectra.at_lines[:, 0], spectra.at_lines[:, 1]
-        response, covariance = spectra.ratio()
-        return FrequencyResponse(
-            response=response,
-            input=str(names[positions[0]]),
-            covariance=covariance,
-            coherence=spectra.coherence(),
-            coefficients=(E, U),
-            **common,
+    of_inputs = [str(names[p]) for p in positions]
+    if several:
+        return _of_several(spectra, of_inputs, output)
+    return _of_one(spectra, of_inputs[0], output)
+
+
+def _check_numbers(inputs: list[Any], lines: dict[Any, Lines]) -> None:
+    """Refuse more inputs than forcing functions, and lines too few to interpolate between."""
+    if len(inputs) > len(lines):
+        raise ValueError(
+            f"{len(inputs)} responses, from the inputs {inputs}, need as "
+            f"many forcing functions, but there {'is' if len(lines) == 1 else 'are'} {len(lines)}. "
+            "Name fewer inputs=[...], or insert another forcing function on lines of its own."
         )
-    spectra.check_excitation(len(positions) + 1)
-    solved, variance = spectra.solve(len(positions))
+    short = [name for name, part in lines.items() if part.omega.size < 2]
+    if len(inputs) > 1 and short:
+        raise ValueError(
+            f"The forcing function {short[0]!r} has one line, and between the lines of each the "
+            "signals are interpolated; it needs two or more."
+        )
+
+
+def _of_one(spectra: _Spectra, name: str, output: str) -> FrequencyResponse:
+    """The response from the only input."""
+    response, covariance = spectra.ratio()
+    return FrequencyResponse(
+        omega=spectra.omega,
+        response=response,
+        runs=spectra.layout.labels,
+        input=name,
+        output=output,
+        dof=DOF,
+        covariance=covariance,
+        coherence=spectra.coherence(),
+        coefficients=(spectra.at_lines[:, 0], spectra.at_lines[:, 1]),
+    )
+
+
+def _of_several(spectra: _Spectra, names: list[str], output: str) -> dict[str, FrequencyResponse]:
+    """Responses from several inputs, with a warning of lines where there are none."""
+    spectra.check_excitation(len(names) + 1)
+    solved, variance = spectra.solve(len(names))
     lost = np.isnan(solved).any(axis=(0, 1))
     if lost.any():
         warnings.warn(
             f"{int(lost.sum())} of {lost.size} lines lie outside the range of another forcing "
             f"function and are NaN: {spectra.omega[lost].round(3).tolist()} rad/s.",
             UserWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
     return {
-        str(names[p]): FrequencyResponse(
+        name: FrequencyResponse(
+            omega=spectra.omega,
             response=solved[:, i],
-            input=str(names[p]),
+            runs=spectra.layout.labels,
+            input=name,
+            output=output,
+            dof=DOF,
             covariance=variance[:, i, :, None, None] / 2 * np.eye(2),
-            **common,
         )
-        for i, p in enumerate(positions)
+        for i, name in enumerate(names)
     }
 
 

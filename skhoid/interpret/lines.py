@@ -115,7 +115,7 @@ def all_bins(lines: dict[Any, Lines], windows: Windows, number: int) -> dict[Any
     return found
 
 
-def as_frame(X: Any) -> pd.DataFrame:
+def signal_table(X: Any) -> pd.DataFrame:
     if isinstance(X, pd.DataFrame):
         return X
     if isinstance(X, pd.Series):

@@ -117,8 +117,27 @@ def fit_operator(
     P = None
     if covariance is not None:
         P = np.broadcast_to(np.asarray(covariance, dtype=float), (*rows.shape, rows.shape[-1]))
-    table, deviations = np.full((2, len(rows), 6), np.nan)
-    misfit = np.full(len(rows), np.nan)
+    table, deviations, misfit = _fit_path(hold, response, slopes, P, band)
+    n_failed = int((np.isnan(table[:, 0]) & np.isfinite(rows).all(axis=1)).sum())
+    shape = theta.shape[:-1]
+    return (
+        {name: table[:, i].reshape(shape) for i, name in enumerate(NAMES)},
+        {name: deviations[:, i].reshape(shape) for i, name in enumerate(NAMES)},
+        misfit.reshape(shape),
+        n_failed,
+    )
+
+
+def _fit_path(
+    hold: OperatorUnderHold,
+    response: np.ndarray,
+    slopes: np.ndarray,
+    P: np.ndarray | None,
+    band: tuple[float, float],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values, standard deviations (columns as ``NAMES``) and misfit, instant by instant."""
+    table, deviations = np.full((2, len(response), 6), np.nan)
+    misfit = np.full(len(response), np.nan)
     bounds = np.full((2, 5), [[-np.inf], [np.inf]])
     bounds[:, FILTER] = np.log([[band[0] / 2, ZETA[0]], [2 * band[1], ZETA[1]]])
     known = np.flatnonzero(np.isfinite(response).all(axis=1) & (response != 0).all(axis=1))
@@ -133,14 +152,7 @@ def fit_operator(
         table[row] = p[0], p[1] / p[0], p[1], p[4], omega_nm, zeta_nm
         if P is not None:
             deviations[row] = _deviations(hold, p, response[row], slopes[row], P[row])
-    n_failed = int((np.isnan(table[:, 0]) & np.isfinite(rows).all(axis=1)).sum())
-    shape = theta.shape[:-1]
-    return (
-        {name: table[:, i].reshape(shape) for i, name in enumerate(NAMES)},
-        {name: deviations[:, i].reshape(shape) for i, name in enumerate(NAMES)},
-        misfit.reshape(shape),
-        n_failed,
-    )
+    return table, deviations, misfit
 
 
 @dataclass(frozen=True)

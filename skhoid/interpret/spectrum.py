@@ -9,7 +9,7 @@ import pandas as pd
 from scipy.signal import periodogram
 
 from ..runs import run_column, run_name
-from .lines import Windows, all_bins, as_frame, read_lines
+from .lines import Windows, all_bins, read_lines, signal_table
 
 
 def auto_psd(
@@ -60,7 +60,7 @@ def auto_psd(
     >>> table.loc[table["excited"], "omega"].round(3).tolist()
     [6.283]
     """
-    frame = as_frame(X)
+    frame = signal_table(X)
     windows = Windows.of(frame, window, dt, run)
     if run is not None:
         keep = np.arange(frame.shape[1]) != run_column(list(frame.columns), run)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..simulation.engine import simulate
+from ..simulation.engine import RunOptions, simulate
 from ..simulation.task import CompensatoryTask
 from ..simulation.tracking_record import TrackingRecord
 from ..simulation.tracking_runs import frames_of, truth_of
@@ -191,19 +191,13 @@ class Job:
         n_runs, validation = self.n_runs, None
         if self.n_validation:
             apart = np.random.SeedSequence(self.entropy, spawn_key=(VALIDATION,))
-            validation = simulate(
-                self.task,
-                self.n_validation,
-                random_state=int.from_bytes(apart.generate_state(4).tobytes(), "little"),
-                **self.simulation,
-            )
-        record = simulate(
-            self.task,
-            len(replications) * n_runs,
-            random_state=self.entropy,
-            first_run=replications.start * n_runs,
-            **self.simulation,
+            seed = int.from_bytes(apart.generate_state(4).tobytes(), "little")
+            options = RunOptions(random_state=seed, **self.simulation)
+            validation = simulate(self.task, self.n_validation, options)
+        options = RunOptions(
+            random_state=self.entropy, first_run=replications.start * n_runs, **self.simulation
         )
+        record = simulate(self.task, len(replications) * n_runs, options)
         return Block(
             record, self.task, replications, self.entropy, n_runs, self.channels, validation
         )

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import did_you_mean
-from ..simulation.tracking_runs import make_tracking_runs, task_of
+from ..simulation.tracking_runs import OF_TASK, task_of
 from .identity import described, digest
 
 LISTS = (list, tuple, range, np.ndarray, pd.Series, pd.Index)
@@ -27,11 +27,6 @@ OF_STUDY = {
     "return_truth": "data.truth in the function",
     "channels": "simulation={'channels': ...}",
 }
-OF_TASK = [
-    name
-    for name in inspect.signature(make_tracking_runs).parameters
-    if name not in {"condition", *OF_SIMULATION, *OF_STUDY}
-]
 
 
 def rows_of(conditions: Any) -> list[dict[str, Any]]:

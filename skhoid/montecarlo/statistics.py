@@ -160,9 +160,11 @@ def _interval(
     if np.ptp(x) == 0 and name in ("mean", "median"):
         return float(x[0]), float(x[0])
     if name == "mean":
+        # stats.t.interval and stats.sem round otherwise in the last bits.
         half = stats.t.ppf((1 + confidence) / 2, x.size - 1) * x.std(ddof=1) / np.sqrt(x.size)
         return float(x.mean() - half), float(x.mean() + half)
     rng = np.random.default_rng(random_state)
+    # stats.bootstrap would draw other numbers from the same seed.
     found = [compute(rng.choice(x, x.size)) for _ in range(n_resamples)]
     low, high = np.quantile(found, [(1 - confidence) / 2, (1 + confidence) / 2])
     return float(low), float(high)

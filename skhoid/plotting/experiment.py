@@ -88,7 +88,7 @@ class ExperimentDisplay(Display):
 
     Examples
     --------
-    >>> from skhoid.experiment.people import analyse_experiment, simulate_experiment
+    >>> from skhoid.experiment import analyse_experiment, simulate_experiment
     >>> from skhoid.plotting.experiment import ExperimentDisplay
     >>> result = analyse_experiment(*simulate_experiment(2, "C4", random_state=0))
     >>> display = ExperimentDisplay.from_result(result, form="Lambda")
@@ -113,7 +113,7 @@ class ExperimentDisplay(Display):
         subjects: Any = None,
         ax: Any = None,
     ) -> Self:
-        """Draw what :func:`skhoid.experiment.people.analyse_experiment` found.
+        """Draw what :func:`skhoid.experiment.analyse_experiment` found.
 
         Parameters
         ----------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -46,23 +47,35 @@ ANSWERED = (
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """What a report tells: models, the search for effects, and comparisons, or why there is none.
+
+    ``final`` and ``after`` are the model and the comparison with the effects found.
+    """
+
+    baseline: Any
+    final: Any = None
+    search: EffectSearchCV | None = None
+    no_search: str = ""
+    fitted_here: bool = False
+    comparison: Comparison | None = None
+    no_comparison: str = ""
+    after: Comparison | None = None
+
+
 def content_of(
     X: Any,
     y: Any,
+    results: Results,
     *,
-    baseline: Any,
-    final: Any,
-    search: EffectSearchCV | None,
-    no_search: str,
-    fitted_here: bool,
-    comparison: Comparison | None,
-    no_comparison: str,
-    after: Comparison | None,
     source: str | None,
     made_with: dict[str, str] | None,
 ) -> dict[str, Any]:
     """Everything the template shows."""
-    rows = "the rows it was fitted to" if fitted_here else "the rows given"
+    baseline, final, search = results.baseline, results.final, results.search
+    comparison, after = results.comparison, results.after
+    rows = "the rows it was fitted to" if results.fitted_here else "the rows given"
     frame = as_frame(X)
     output = pd.Series(np.asarray(y, dtype=float).ravel(), name=str(getattr(y, "name", 0) or "u"))
     units = {**units_of(X), **units_of(y)}
@@ -94,17 +107,17 @@ def content_of(
         "data": _data(X, y, frame, output, units, baseline, layout, comparison, after, gallery),
         "model": _model(baseline),
         "compared": compared,
-        "no_comparison": no_comparison,
+        "no_comparison": results.no_comparison,
         "steps": [] if search is None else _steps(search, gallery),
         "unit": units.get(str(output.name), ""),
         "rankings": [] if search is None else list(_rankings(search)),
-        "no_search": no_search,
+        "no_search": results.no_search,
         "keys": {"evidence": f"{LEAST_EVIDENCE:g}", "gain": f"{LEAST_GAIN:g}"},
         "parameters": _parameters(baseline, final),
         "with_before": final is not None,
         "effects": [] if final is None else gallery.effects(final, X, y),
         "paths": _paths(baseline, gallery),
-        "next_steps": list(_next_steps(baseline, search, no_search, comparison, after)),
+        "next_steps": list(_next_steps(results)),
         "made": provenance(search if search is not None else baseline, X, y, made_with),
     }
 
@@ -430,24 +443,21 @@ def _paths(baseline: Any, gallery: Gallery) -> list[Picture]:
     return gallery.paths(model) if hasattr(model, "coef_path_") else []
 
 
-def _next_steps(
-    baseline: Any,
-    search: EffectSearchCV | None,
-    no_search: str,
-    comparison: Comparison | None,
-    after: Comparison | None,
-) -> Iterator[dict[str, str]]:
+def _next_steps(results: Results) -> Iterator[dict[str, str]]:
     """What to do next, the most important first: what, why, and code where there is some."""
+    search = results.search
     if search is None:
         what = "Which effects are missing has not been asked"
-        yield {"what": what, "why": no_search, "code": ""}
+        yield {"what": what, "why": results.no_search, "code": ""}
     else:
         added = [str(name) for name in search.error_path_["effect"].iloc[1:]]
         if added and not search.stand_ins_:
             ids = [name.split("-")[0] for name in added]
             known = BY_NAME.keys() >= set(ids)  # no effects of the user's own
             calls = "".join(f'\n    .with_effect("{name}")' for name in ids)
-            code = f"model = (\n    {type(baseline).__name__}(...){calls}\n    .fit(X, y)\n)"
+            code = (
+                f"model = (\n    {type(results.baseline).__name__}(...){calls}\n    .fit(X, y)\n)"
+            )
             yield {
                 "what": f"Go on with the model that has {', '.join(added)}",
                 "why": f"It is search.best_estimator_{', or by hand:' if known else '.'}",
@@ -468,7 +478,7 @@ def _next_steps(
             }
         for sentence in search.notes_:
             yield {"what": "Note", "why": sentence, "code": ""}
-    found = after if after is not None else comparison
+    found = results.comparison if results.after is None else results.after
     everything = search is not None and search._tries_all()
     for finding in found.findings if found is not None else []:
         if everything and finding.name in ANSWERED:

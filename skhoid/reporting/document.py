@@ -24,7 +24,7 @@ from ..io.whole import written_whole
 from ..pipelines import raw_layout, taken_apart
 from ..runs.fingerprint import fingerprint
 from ..search.effect_search import EffectSearchCV
-from .content import content_of
+from .content import Results, content_of
 
 HEIGHT = 900  # px, in a notebook
 
@@ -237,9 +237,7 @@ def report(
         final = None
     comparison, no_comparison = _comparison(baseline, X, y, repeats)
     after, _ = (None, "") if final is None else _comparison(final, X, y, repeats)
-    content = content_of(
-        X,
-        y,
+    results = Results(
         baseline=baseline,
         final=final,
         search=search,
@@ -248,9 +246,8 @@ def report(
         comparison=comparison,
         no_comparison=no_comparison,
         after=after,
-        source=source,
-        made_with=made_with,
     )
+    content = content_of(X, y, results, source=source, made_with=made_with)
     name = getattr(y, "name", None) or "u"
     if title is None:
         title = f"{type(taken_apart(baseline)[1]).__name__} against measured {name}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -29,24 +30,26 @@ ADVICE = (
 STREAMS = {"target": 2, "disturbance": 3}  # of random numbers; 0 is the runs' noise, 1 tuning
 
 
-def simulate(
-    task: CompensatoryTask,
-    n_runs: Any,
-    *,
-    random_state: Any = None,
-    noise: Any = None,
-    random_phases: bool = False,
-    open_loop: bool = False,
-    keep_run_in: float = 0.0,
-    n_jobs: int | None = None,
-    progress: bool = False,
-    stream: int = 0,
-    first_run: int = 0,
-) -> TrackingRecord:
-    """See :meth:`CompensatoryTask.simulate`; ``stream`` tells apart noise for different uses.
+@dataclass(frozen=True)
+class RunOptions:
+    """Which runs of a task, and how; see :meth:`CompensatoryTask.simulate`.
 
-    Runs are those from number ``first_run`` on.
+    ``stream`` tells apart noise for different uses; runs are those from number ``first_run`` on.
     """
+
+    random_state: Any = None
+    noise: Any = None
+    random_phases: bool = False
+    open_loop: bool = False
+    keep_run_in: float = 0.0
+    n_jobs: int | None = None
+    progress: bool = False
+    stream: int = 0
+    first_run: int = 0
+
+
+def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> TrackingRecord:
+    """Simulate runs; those of one number and random state are the same."""
     if isinstance(n_runs, bool) or not isinstance(n_runs, Integral) or n_runs < 1:
         raise ValueError(f"n_runs is a whole number, at least 1; got {n_runs!r}.")
     n_total, rate, remnant = task.n_run_in + task.n_samples, task.sampling_rate, task.remnant
@@ -55,20 +58,19 @@ def simulate(
             f"The gain of {remnant!r} is not known yet: tune_remnant(task) returns the task with "
             "the gain for this intensity."
         )
-    kept = round(keep_run_in * rate) if np.isfinite(keep_run_in) else -1
-    if not 0 <= kept <= task.n_run_in:
-        raise ValueError(
-            f"keep_run_in is from 0 to the run-in of {task.n_run_in / rate:g} s; got {keep_run_in}."
-        )
+    kept = _kept_run_in(task, options.keep_run_in)
     first = task.n_run_in - kept
-    given_noise = None if noise is None else _given_noise(noise, int(n_runs), n_total)
-    entropy = entropy_of(random_state)
+    given_noise = options.noise
+    if given_noise is not None:
+        given_noise = _given_noise(given_noise, int(n_runs), n_total)
+    entropy = entropy_of(options.random_state)
     response, physics = operator_response(task), physics_rows(task)
     has_effects = len(Effects.of(task.effects)) > 0
     if task.is_constant and not has_effects:
         _check_stability(task, physics, response)
     filter_ = np.zeros(10) if remnant is None else remnant.filter_coefficients()
-    forcing = {name: None if random_phases else _forcing(task, name) for name in STREAMS}
+    drawn = options.random_phases
+    forcing = {name: None if drawn else _forcing(task, name) for name in STREAMS}
 
     def block(runs: range) -> tuple[np.ndarray, ...]:
         if remnant is None:
@@ -77,13 +79,16 @@ def simulate(
             if given_noise is None:
                 samples = np.empty((len(runs), n_total))
                 for row, run in zip(samples, runs, strict=True):
-                    _generator(entropy, stream, first_run + run).standard_normal(out=row)
+                    number = options.first_run + run
+                    _generator(entropy, options.stream, number).standard_normal(out=row)
             else:
                 samples = given_noise[runs.start : runs.stop]
             white = np.empty((n_total, len(runs)))
             np.multiply(samples.T, np.sqrt(rate), out=white)  # unit intensity: variance 1 / dt
         f_t, f_d = (
-            _drawn_forcing(task, name, entropy, runs, first_run) if shared is None else shared
+            _drawn_forcing(task, name, entropy, runs, options.first_run)
+            if shared is None
+            else shared
             for name, shared in forcing.items()
         )
         compiled = _kernels.loop.track_one if len(runs) == 1 else _kernels.loop.track_many
@@ -100,7 +105,7 @@ def simulate(
                 filter_,
                 *response.arguments,
                 1 / rate,
-                0.0 if open_loop else 1.0,
+                0.0 if options.open_loop else 1.0,
                 begin,
                 np.inf if task.is_constant or has_effects else _bound(f_t, f_d),
             )
@@ -115,11 +120,11 @@ def simulate(
     many = _kernels.loop.MANY
     blocks = [range(i, min(i + many, n_runs)) for i in range(0, n_runs, many)]
     done: Any = map(block, blocks)
-    if n_jobs not in (None, 1) and len(blocks) > 1:
-        done = Parallel(n_jobs=n_jobs, prefer="threads", return_as="generator")(
+    if options.n_jobs not in (None, 1) and len(blocks) > 1:
+        done = Parallel(n_jobs=options.n_jobs, prefer="threads", return_as="generator")(
             delayed(block)(runs) for runs in blocks
         )
-    if progress:
+    if options.progress:
         from rich.progress import track as track_progress
 
         done = track_progress(done, description="simulating", total=len(blocks), transient=True)
@@ -136,10 +141,21 @@ def simulate(
         targets.append(f_t)
         disturbances.append(f_d)
     time = np.arange(-kept, task.n_samples) / rate
-    n_drawn = len(blocks) if random_phases else 1
+    n_drawn = len(blocks) if drawn else 1
     f_t, f_d = np.concatenate(targets[:n_drawn]), np.concatenate(disturbances[:n_drawn])
     e, u, x, n = signals
     return TrackingRecord(time=time, e=e, u=u, x=x, n=n, f_t=f_t, f_d=f_d)
+
+
+def _kept_run_in(task: CompensatoryTask, keep_run_in: float) -> int:
+    """Number of samples of the run-in that are returned."""
+    rate = task.sampling_rate
+    kept = round(keep_run_in * rate) if np.isfinite(keep_run_in) else -1
+    if not 0 <= kept <= task.n_run_in:
+        raise ValueError(
+            f"keep_run_in is from 0 to the run-in of {task.n_run_in / rate:g} s; got {keep_run_in}."
+        )
+    return kept
 
 
 def _bound(f_t: np.ndarray, f_d: np.ndarray) -> float:

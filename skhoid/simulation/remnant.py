@@ -10,6 +10,7 @@ import numpy as np
 from ..human.checks import check_positive
 from ..human.operator import neuromuscular
 from ..human.variation import Parameter, Sigmoid, evaluate
+from .conditions import RATES, T_M, known_name
 
 ORDERS = (1, 2, 3, 4, "nm")
 
@@ -115,8 +116,6 @@ class Remnant:
         -------
         remnant : Remnant
         """
-        from .conditions import RATES, T_M, known_name
-
         name = known_name(condition)
         match = [i for i, P_n in enumerate(_INTENSITIES) if abs(P_n - intensity) < 1e-9]
         if order not in _TABLE_G1 or not match:

@@ -15,7 +15,7 @@ from ..human.operator import PURSUIT
 from ..human.variation import Parameter
 from ..interpret.channel import is_arx
 from .conditions import Condition, tracking_condition
-from .engine import simulate
+from .engine import RunOptions, simulate
 from .forcing import Multisine, Samples
 from .physics import DISPLAYS, operator_response, parameters_of, physics_rows
 from .remnant import Remnant
@@ -264,9 +264,7 @@ class CompensatoryTask:
         UnstableLoopError
             If the loop is unstable.
         """
-        return simulate(
-            self,
-            n_runs,
+        options = RunOptions(
             random_state=random_state,
             noise=noise,
             random_phases=random_phases,
@@ -275,3 +273,4 @@ class CompensatoryTask:
             n_jobs=n_jobs,
             progress=progress,
         )
+        return simulate(self, n_runs, options)

@@ -23,7 +23,15 @@ from .tuning import tune_remnant
 
 CHANNELS = {"e": "e", "x": "x", "f_t": "f_t", "dist": "f_d"}
 REMNANT = ("remnant_intensity", "remnant_order", "remnant_gain")
-NOT_OF_TASK = (*REMNANT, "adaptation_lag", "perturbation")  # options that change a task
+CHANGES = (*REMNANT, "adaptation_lag", "perturbation")  # options that change a task
+# Options of make_tracking_runs: what describes the task, and what is handed on.
+OF_TASK = (
+    *("sampling_rate", "duration", "run_in", "target", "disturbance", "display", "operator"),
+    *("controlled_element", "effects", "transport"),
+    *CHANGES,
+)
+OF_TUNING = ("random_state", "open_loop", "n_jobs", "progress")
+OF_SIMULATION = (*OF_TUNING, "noise", "random_phases", "keep_run_in")
 
 
 def make_tracking_runs(
@@ -61,28 +69,23 @@ def make_tracking_runs(
     ----------
     condition : {"C1", ..., "C6"}, Condition or CompensatoryTask, default="C1"
         What is controlled and by whom, see :func:`tracking_condition` and
-        :func:`mixed_condition`. A whole task brings its sampling rate, duration, run-in, forcing
-        functions, display, operator, controlled element, effects and transport, which must then
-        not be given.
+        :func:`mixed_condition`. A whole task brings sampling rate, duration, run-in, forcing
+        functions, display, operator, element, effects and transport, which are then not given.
     n_runs : int, default=5
         Number of runs; they differ in remnant and, where asked, in phases.
     remnant_intensity : float, default=0.0
-        P_n = var(n) / var(u); the gain is found by :func:`tune_remnant` on ten realisations of
-        its own.
+        P_n = var(n) / var(u); :func:`tune_remnant` finds the gain on ten realisations of its own.
     remnant_order : {1, 2, 3, 4, "nm"}, default=2
         Order of the remnant filter (Eqs. 27-28).
     remnant_gain : float, callable, "table" or None, default=None
         K_n in place of its search; ``"table"`` takes Table G.1 for ``remnant_intensity``.
     channels : sequence of {"e", "x", "f_t", "dist"}, default=("e",)
         Columns of X: error, output of the controlled element, target, and the disturbance f_d.
-    sampling_rate : float, default=100.0
-        In Hz; of samples and integration steps.
-    duration : float, default=81.92
-        Length of a run in s.
-    run_in : float or None, default=None
-        Time simulated before, in s; None means seven times ``duration``, with effects 20 s.
-    keep_run_in : float, default=0.0
-        Also return so much of it, in s, at negative time.
+    sampling_rate, duration : float, default=100.0 and 81.92
+        Samples and integration steps a second (Hz), and length of a run (s).
+    run_in, keep_run_in : float or None and float, default=None and 0.0
+        Time simulated before, in s (None: seven times ``duration``, with effects 20 s), and how
+        much of it to return too, at negative time.
     target, disturbance : Multisine, callable, array or None, default=None
         Forcing functions; None means Table I for the target, and no disturbance; 0.0 is none. For
         one that changes within the run see :class:`Mixture`.
@@ -90,17 +93,13 @@ def make_tracking_runs(
         Draw new phases for each run.
     display : {"compensatory", "pursuit"}, float or callable, default="compensatory"
         Whether the operator's gains on target and output are in use, or how much over time.
-    operator : HumanOperator, fitted model or None, default=None
-        Replaces that of the condition.
-    controlled_element : ControlledElement or None, default=None
-        Replaces that of the condition.
+    operator, controlled_element : HumanOperator or fitted model, ControlledElement, or None
+        Replace those of the condition.
     effects : Effect, Effects, list of these or None, default=None
-        What the operator does beyond linear dynamics, such as ``DeadZone(width=0.3)``; see
-        :mod:`skhoid.effects`. All parameters need numbers. The remnant's gain is still the one that
-        gives ``remnant_intensity`` without effects.
+        What the operator does beyond linear dynamics, such as ``DeadZone(width=0.3)``, with
+        numbers for all parameters. The remnant's gain is tuned without effects.
     adaptation_lag : float, default=0.0
-        The operator's parameters follow so much later, in s, than the controlled element's; an
-        operator that anticipates has a negative lag.
+        Time in s by which the operator's parameters follow the element's; below 0 they lead.
     perturbation : dict or None, default=None
         ``{"K_e", "K_edot", "omega_nm", "zeta_nm" or a gain of a pursuit display: number or
         function of time}``, added to the parameter.
@@ -114,10 +113,8 @@ def make_tracking_runs(
         Also return what is behind the runs.
     random_state : int, RandomState, Generator or None, default=None
         Source of all randomness. Run i is the same whatever ``n_runs`` and ``n_jobs`` are.
-    n_jobs : int or None, default=None
-        Number of threads, as in joblib.
-    progress : bool, default=False
-        Show a progress bar.
+    n_jobs, progress : int or None and bool, default=None and False
+        Number of threads, as in joblib, and whether to show a progress bar.
 
     Returns
     -------
@@ -130,16 +127,13 @@ def make_tracking_runs(
         Only with ``return_truth``: ``u_without_remnant`` and ``remnant`` (Series like y);
         ``parameters``, a DataFrame over time of K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm, K_c,
         omega_b, K_n, and of gains of a pursuit display that are not 0; ``arx_parameters``, one of
-        a1, a2, b0, b1 under zero-order hold (not with such gains); ``nk``, the
-        delay that belongs to them, to the nearest sample; ``task``. What concerns the operator's
-        physics is missing where the operator is a fitted model.
+        a1, a2, b0, b1 under zero-order hold (not with such gains); ``nk``, their delay to the
+        nearest sample; ``task``. What concerns physics is missing for a fitted model.
 
     Raises
     ------
-    UnstableLoopError
-        If the loop is unstable.
-    RemnantIntensityError
-        If the loop cannot reach ``remnant_intensity``.
+    UnstableLoopError, RemnantIntensityError
+        If the loop is unstable, or cannot reach ``remnant_intensity``.
     ValueError
         If physics, sampling rate, names or shapes make no sense; the message says what to change.
 
@@ -153,46 +147,13 @@ def make_tracking_runs(
     >>> truth.nk, truth.arx_parameters.iloc[0].round(4).tolist()
     (29, [-1.9121, 0.9243, 0.0443, -0.0432])
     """
+    given = dict(locals())  # most of the options only travel on
     check_channel_names(channels)
-    given = {
-        "remnant_intensity": remnant_intensity,
-        "remnant_order": remnant_order,
-        "remnant_gain": remnant_gain,
-        "sampling_rate": sampling_rate,
-        "duration": duration,
-        "run_in": run_in,
-        "target": target,
-        "disturbance": disturbance,
-        "display": display,
-        "operator": operator,
-        "controlled_element": controlled_element,
-        "effects": effects,
-        "adaptation_lag": adaptation_lag,
-        "perturbation": perturbation,
-        "transport": transport,
-    }
-    task = task_of(condition, given)
-    if task.remnant is not None and task.remnant.gain is None:
-        task = tune_remnant(
-            task, random_state=random_state, open_loop=open_loop, n_jobs=n_jobs, progress=progress
-        )
-    record = task.simulate(
-        n_runs,
-        random_state=random_state,
-        noise=noise,
-        random_phases=random_phases,
-        open_loop=open_loop,
-        keep_run_in=keep_run_in,
-        n_jobs=n_jobs,
-        progress=progress,
-    )
-    X, y = frames_of(record, channels)
-    if isinstance(condition, str) and target is None:  # Tables I and II
-        X.attrs["units"] = dict.fromkeys(channels, "deg")
-        y.attrs["units"] = {"u": "deg"}
-    if not return_truth:
-        return X, y
-    return X, y, truth_of(task, record)
+    task = _tuned(task_of(condition, {name: given[name] for name in OF_TASK}), given)
+    record = task.simulate(n_runs, **{name: given[name] for name in OF_SIMULATION})
+    of_thesis = isinstance(condition, str) and target is None  # Tables I and II
+    X, y = frames_of(record, channels, "deg" if of_thesis else None)
+    return (X, y, truth_of(task, record)) if return_truth else (X, y)
 
 
 def check_channel_names(channels: Any) -> None:
@@ -205,6 +166,13 @@ def check_channel_names(channels: Any) -> None:
         )
 
 
+def _tuned(task: CompensatoryTask, given: Mapping[str, Any]) -> CompensatoryTask:
+    """The task with the gain of its remnant."""
+    if task.remnant is None or task.remnant.gain is not None:
+        return task
+    return tune_remnant(task, **{name: given[name] for name in OF_TUNING})
+
+
 def task_of(
     condition: str | Condition | CompensatoryTask, given: Mapping[str, Any]
 ) -> CompensatoryTask:
@@ -214,7 +182,7 @@ def task_of(
         for name, parameter in signature(make_tracking_runs).parameters.items()
     }
     given = {name: value for name, value in given.items() if not _is(value, defaults[name])}
-    of_task = {name: value for name, value in given.items() if name not in NOT_OF_TASK}
+    of_task = {name: value for name, value in given.items() if name not in CHANGES}
     if not isinstance(condition, CompensatoryTask):
         task = CompensatoryTask.of_condition(condition, **of_task)
     elif of_task:
@@ -230,14 +198,20 @@ def task_of(
     return _with_remnant(task, condition, *remnant)
 
 
-def frames_of(record: TrackingRecord, channels: Sequence[str]) -> tuple[pd.DataFrame, pd.Series]:
+def frames_of(
+    record: TrackingRecord, channels: Sequence[str], unit: str | None = None
+) -> tuple[pd.DataFrame, pd.Series]:
     """X and y of simulated runs."""
     n_runs = len(record.u)
     index = _index(record)
     X = pd.DataFrame(
         {c: _rows(getattr(record, CHANNELS[c]), n_runs) for c in channels}, index=index
     )
-    return X, pd.Series(record.u.ravel(), index=index, name="u")
+    y = pd.Series(record.u.ravel(), index=index, name="u")
+    if unit is not None:
+        X.attrs["units"] = dict.fromkeys(channels, unit)
+        y.attrs["units"] = {"u": unit}
+    return X, y
 
 
 def _index(record: TrackingRecord) -> pd.MultiIndex:

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from ..exceptions import RemnantIntensityError
 from ..human import HumanOperator
 from ..human.variation import mix, transition_of
-from .engine import entropy_of, simulate
+from .engine import RunOptions, entropy_of, simulate
 from .task import CompensatoryTask
 
 # Relative standard error of the gain above which realisations no longer determine it.
@@ -90,13 +90,14 @@ def tune_remnant(
             "tune_remnant needs a task whose remnant has a wanted intensity: "
             f"Remnant(intensity=0.15), say; got {remnant!r}."
         )
-    options = {
-        "random_state": entropy_of(random_state),
-        "noise": noise,
-        "open_loop": open_loop,
-        "n_jobs": n_jobs,
-        "progress": progress,
-    }
+    options = RunOptions(
+        random_state=entropy_of(random_state),
+        noise=noise,
+        open_loop=open_loop,
+        n_jobs=n_jobs,
+        progress=progress,
+        stream=STREAM,
+    )
     operator, element = task.operator, task.controlled_element
     gains = (
         (operator.K_e, operator.T_L, operator.K_edot) if isinstance(operator, HumanOperator) else ()
@@ -113,14 +114,14 @@ def tune_remnant(
     return replace(task, remnant=replace(remnant, intensity=None, gain=gain))
 
 
-def _constant_gain(task: CompensatoryTask, n_realisations: int, options: dict[str, Any]) -> float:
+def _constant_gain(task: CompensatoryTask, n_realisations: int, options: RunOptions) -> float:
     assert task.remnant is not None
     wanted = task.remnant.intensity
     assert wanted is not None
     curve = _IntensityCurve.of(task, n_realisations, options)
     root = curve.solve(wanted)
     error = np.inf if root is None else curve.relative_error(root, n_realisations)
-    if error > DOUBTFUL and options["noise"] is None:
+    if error > DOUBTFUL and options.noise is None:
         # A few realisations can miss how close the limit is.
         curve = _IntensityCurve.of(task, max(MANY, n_realisations), options)
         judged = curve.solve(wanted)
@@ -150,14 +151,14 @@ class _IntensityCurve:
 
     @classmethod
     def of(
-        cls, task: CompensatoryTask, n_realisations: int, options: dict[str, Any]
+        cls, task: CompensatoryTask, n_realisations: int, options: RunOptions
     ) -> _IntensityCurve:
         task = replace(task, run_in=task.n_run_in / task.sampling_rate, effects=None)  # is linear
         assert task.remnant is not None
-        forced = simulate(replace(task, remnant=None), 1)
+        forced = simulate(replace(task, remnant=None), 1, RunOptions())
         unit = replace(task.remnant, intensity=None, gain=1.0)
         alone = replace(task, remnant=unit, target=None, disturbance=None)
-        noise = simulate(alone, n_realisations, stream=STREAM, **options)
+        noise = simulate(alone, n_realisations, options)
         u_f = forced.u - forced.u.mean()
         u_n = noise.u - noise.u.mean(axis=1, keepdims=True)
         if not u_f.any():

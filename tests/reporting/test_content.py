@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from support.page import parse
 
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs, report
-from skhoid.reporting.content import _facts, _next_steps, _verdict, _why
+from skhoid.reporting.content import Results, _facts, _next_steps, _verdict, _why
 from skhoid.reporting.plots import Gallery
 
 
@@ -62,7 +62,7 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
 
 @pytest.mark.parametrize(("name", "known"), [("dead_zone-2", True), ("myoffset", False)])
 def test_code_is_printed_only_where_it_runs(name: str, known: bool) -> None:
-    (step,) = _next_steps(OperatorRegressor(), a_search("bias", name), "", None, None)
+    (step,) = _next_steps(Results(baseline=OperatorRegressor(), search=a_search("bias", name)))
     assert step["why"].startswith("It is search.best_estimator_")
     assert ('.with_effect("dead_zone")' in step["code"]) == bool(step["code"]) == known
 
@@ -89,7 +89,7 @@ def test_the_headline_claims_no_more_than_was_tried(verdict: str, rest: str, adv
     assert _verdict(search, None)["headline"] == f"Missing: bias, and something {rest}."
     search.best_effects_ = ["unknown"]
     assert _verdict(search, None)["headline"] == f"Something is missing {rest}."
-    *_, step = _next_steps(OperatorRegressor(), search, "", None, None)
+    *_, step = _next_steps(Results(baseline=OperatorRegressor(), search=search))
     for other in ("an effect of your own", 'effects="all"', "a larger max_effects"):
         assert (other in step["why"]) == (other == advice)
 

@@ -18,7 +18,7 @@ from skhoid import (
     mixed_condition,
     tune_remnant,
 )
-from skhoid.simulation.engine import simulate
+from skhoid.simulation.engine import RunOptions, simulate
 
 TRANSITIONS = {"C3": ("C1", "C2"), "C4": ("C1", "C2"), "C5": ("C2", "C1"), "C6": ("C2", "C1")}
 
@@ -263,5 +263,5 @@ def test_weights_that_come_back_give_a_constant_gain():
     task = CompensatoryTask.of_condition(there_and_back, remnant=Remnant(order=2, intensity=0.15))
     tuned = tune_remnant(task, random_state=2)
     assert isinstance(tuned.remnant.gain, float)
-    found = simulate(tuned, 10, random_state=2, stream=1).intensity().mean()
+    found = simulate(tuned, 10, RunOptions(random_state=2, stream=1)).intensity().mean()
     assert found == pytest.approx(0.15, abs=1e-9)

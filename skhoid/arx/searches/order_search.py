@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
-from scipy.stats import rankdata
+from scipy.stats import rankdata, sem
 from sklearn.base import clone
 from sklearn.callback import with_callbacks
 from sklearn.pipeline import Pipeline, make_pipeline
@@ -373,11 +373,7 @@ class OrderSearchCV(BestModel):
         self._chosen_by = self.criterion, self.rule
         best = int(np.nanargmax(vaf))
         splits = [v[best] for k, v in results.items() if k.startswith("split")]
-        self.standard_error_ = (
-            float(np.std(splits, ddof=1) / np.sqrt(len(splits)))
-            if len(splits) > 1
-            else float(within[best])
-        )
+        self.standard_error_ = float(sem(splits)) if len(splits) > 1 else float(within[best])
         if self.criterion != "vaf":
             values = np.where(np.isnan(vaf), np.inf, results[self.criterion])
             self.best_index_ = int(np.argmin(values))

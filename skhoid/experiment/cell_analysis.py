@@ -271,6 +271,7 @@ def _changes(batch: pd.DataFrame) -> pd.DataFrame:
 
 
 def _t_test(change: np.ndarray) -> tuple[float, float]:
+    # scipy.stats.ttest_1samp differs in the last bits, and warns where all changes are the same.
     if change.size < 2:
         return np.nan, np.nan
     spread = change.std(ddof=1) / np.sqrt(change.size)
