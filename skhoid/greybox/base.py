@@ -1,19 +1,28 @@
-"""What models with effects share: data, fitting, results and prediction."""
+"""What models with effects share: reading data, estimation in simulation, and what comes of it.
+
+Open it to change how such a model is fitted, or to build one on a core of your own (``GreyBox``).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import copy
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.base import clone
 
+from .._sklearn import Interval, fit_context
+from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
 from ..exceptions import RankDeficiencyError, ShortRunError
 from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
-from ..regression import RunRegressor, bad_output, still
+from ..regression import DataToFit, RunRegressor, bad_output, still
 from ..runs import run_column
 from ..summaries import Summary
 from .cores import Core
@@ -32,13 +41,44 @@ SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go 
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """Data as a record, where its columns come from, and the core."""
+class SimulatedCore:
+    """The core that the parameters of an estimator ask for, and what is to be said of it.
 
-    record: Record
+    ``estimated`` finds the core without effects at the minimum of the simulation error; ``given``
+    are parameters that are not estimated, for the table.
+    """
+
     core: Core
+    estimated: Callable[[Any, Record, Criterion], Model]
+    description: str
+    errors_note: str
+    given: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Data to fit, read and checked, and the core to fit to them.
+
+    ``record`` has the runs side by side and ``columns`` says where they come from; ``table`` has
+    all columns of X, called ``names``, at full rate, of which ``channels`` are the positions of
+    those in the record. ``roles`` are theirs, ``units`` those of the data as tables of parameters
+    take them.
+    """
+
+    spec: SimulatedCore
+    record: Record
     columns: SegmentColumns
     grid: ModelGrid
+    table: np.ndarray
+    names: list[Any]
+    channels: list[int]
+    roles: dict[str, str]
+    units: dict[str, str | None]
+    n_missing: int
+
+    @property
+    def core(self) -> Core:
+        return self.spec.core
 
     @property
     def run_of_columns(self) -> np.ndarray:
@@ -48,31 +88,66 @@ class Prepared:
         return self.grid.layout.run_of(rows)
 
 
-class GreyBox(RunRegressor):
-    """A core with effects, simulated, whose parameters are estimated by maximum likelihood.
+@dataclass(frozen=True)
+class Simulation:
+    """Estimates of a core with effects, and what free runs and texts need beside them.
 
-    A subclass says what the core is, and how it is fitted without effects.
+    ``effects`` have their choices made, with None for what was estimated, as ``theta`` has it;
+    ``spread`` are standard deviations of the channels and of the output "u" in the fit,
+    ``duration`` is that of its longest run in seconds.
+    """
+
+    spec: SimulatedCore
+    effects: Effects
+    theta: np.ndarray
+    covariance: pd.DataFrame
+    channels: list[int]
+    roles: dict[str, str]
+    settling: float
+    n_residuals: int
+    rmse: float
+    duration: float
+    spread: dict[str, float]
+
+    def record_of(
+        self, estimator: Any, grid: ModelGrid, values: np.ndarray
+    ) -> tuple[Record, SegmentColumns]:
+        """Data to predict as a record."""
+        names = estimator._channel_names(self.channels)
+        held = estimator._hold(grid, grid.thin_inputs(values)[:, self.channels], names)
+        element = estimator.controlled_element_
+        return build_record(
+            grid,
+            names,
+            held,
+            self.roles,
+            estimator.inputs_,
+            controlled_element=None if element is None else constants_of(element),
+        )
+
+    def free_run(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        """Free run on the grid."""
+        record, columns = self.record_of(estimator, grid, values)
+        simulator = Simulator(self.spec.core, self.effects, self.spec.core.on(record))
+        return columns.rows(simulator.run(self.theta))
+
+
+class SimulatedModelMixin:
+    """What a search asks of a model, by its core: see :class:`~.protocol.SimulatedModel`.
+
+    An estimator says by ``_simulated_core`` what its core is, and ``_take_over`` what of an
+    estimate its attributes show.
     """
 
     effects: Any
-    controlled_element: ControlledElement | None
-    settling: float
-    _takes_first = True  # channel, where none has the role e
-    _errors_in_words: str
+    _takes_first = False  # channel, where none has the role e
 
-    def _core(self) -> Core:
+    def _simulated_core(self) -> SimulatedCore:
         raise NotImplementedError
 
-    def _fitted_core(self, core: Core, record: Record, criterion: Criterion) -> Model:
-        """The core at the minimum of the simulation error, without effects."""
+    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        """Set the attributes of a fit."""
         raise NotImplementedError
-
-    def _core_in_words(self) -> str:
-        raise NotImplementedError
-
-    def _given_values(self) -> dict[str, float]:
-        """Parameters of the core that are given, for the table."""
-        return {}
 
     def with_effect(self, effect: Any) -> Any:
         """A new, unfitted model with one more effect: fit it to add the effect.
@@ -90,119 +165,244 @@ class GreyBox(RunRegressor):
         """
         return clone(self).set_params(effects=Effects.of(self.effects) + effect)
 
-    def _prepare(self, X: Any, y: Any) -> Prepared:
-        """Read data to fit."""
-        grid, _, output, values = self._read_data(X, y)
-        if self._takes_first and self.inputs is None and len(self._columns) > 1:
-            # None has the role e.
-            self._columns, self.inputs_ = self._columns[:1], self.inputs_[:1]
-        if len(self._columns) != 1:
-            raise ValueError(
-                f"{type(self).__name__} with effects answers one channel and gets {self.inputs_}. "
-                'Name it by inputs=["..."]; effects use the other columns.'
-            )
-        columns = self._names or list(range(values.shape[1]))
-        skipped = None if self._run is None else run_column(columns, self._run)
-        self._channels = [i for i in range(values.shape[1]) if i != skipped]
-        names = self._channel_names(self._channels)
-        given_roles = self.roles or {}
-        if self._names is None:  # columns of an array go by their positions
-            given_roles = {f"x{position}": role for position, role in given_roles.items()}
-        self._roles = roles_of(names, given_roles)
-        self._roles[self.inputs_[0]] = "e"
-        held = self._hold(grid, values[:, self._channels], names)
-        given = self.controlled_element
-        element = None if given is None else constants_of(given)
-        record, columns = build_record(
-            grid,
-            names,
-            held,
-            self._roles,
-            self.inputs_,
-            output=output,
-            settling=self.settling,
-            controlled_element=element,
-        )
-        core = self._core()
-        record = core.on(record)
-        check_rows(record, len(core.parameters), grid, self.settling)
-        check_moving(record, values[:, self._columns[0]], self.inputs_[0], self._output_name)
-        if given is None:
-            element = estimate_element(record)
-            record = replace(record, controlled_element=element)
-        self.controlled_element_ = None if element is None else ControlledElement(*element)
-        return Prepared(record, core, columns, grid)
+    def prepare(self, X: Any, y: Any) -> Prepared:
+        """Read data for :meth:`first_fit`; searches call it.
 
-    def _first_model(self, prepared: Prepared) -> Model:
-        """The model with the effects it has, at the minimum of the simulation error."""
-        record, core = prepared.record, prepared.core
-        criterion = Criterion(record)
-        model = self._fitted_core(core, record, criterion)
-        coarse = criterion.coarse()
-        for name, effect in Effects.of(self.effects):
-            reason = effect.refusal(record, core.kind)
-            if reason is not None:
-                raise ValueError(f"The effect {name} does not apply: {reason}.")
-            model = extended(model, name, effect, criterion, coarse)
-        templates = {effect.name: effect for _, effect in Effects.of(self.effects)}
-        return beside_each_other(model, templates, criterion, coarse)
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
 
-    def _fit_with_effects(self, X: Any, y: Any) -> None:
-        prepared = self._prepare(X, y)
-        model = self._first_model(prepared)
-        self._set_model(likelihood_fit(model, Criterion(prepared.record)))
+        Returns
+        -------
+        prepared : Prepared
+            The runs side by side as a record, and the core to simulate on them.
+        """
+        return prepared_for(self, self._read_data(X, y))  # type: ignore[attr-defined]
 
-    def _set_model(self, fitted: tuple[Model, RemnantModel]) -> None:
-        """Take over a fitted model."""
-        model, noise = fitted
-        record = model.simulator.record
-        self._settling = self.settling
-        criterion = Criterion(record, noise)
-        self._theta, self._chosen = model.theta, model.effects
-        self._duration = record.duration
-        self._spread = {name: record.sd(name) for name in (*record.channels, "u")}
-        if record.core == "operator":
-            covariance = covariance_of(model.simulator, criterion, model.fit)
-        else:
-            covariance = model.covariance()
-        self.noise_ar_ = noise.ar
-        n = criterion.n
-        self.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
-        self.bic_ = -2 * self.loglik_ + model.n_parameters * float(np.log(n))
-        self.n_rows_used_, self._n_residuals = int(record.known.sum()), n
-        output = model.output
-        self.vaf_ = vaf_of_output(record, output)
-        self._rmse = float(np.sqrt(np.mean((record.y - output)[record.known] ** 2)))
-        units = {"u": self._units.get(self._output_name), "e": self._units.get(self.inputs_[0])}
-        units.update({f"[{name}]": unit for name, unit in self._units.items()})
-        self.parameters_ = parameter_table(
-            model.simulator, model.theta, covariance, units, self._given_values()
-        )
-        self.covariance_ = covariance_frame(model.simulator, covariance)
-        self.effects_ = effects_with_values(model)
+    def first_fit(self, prepared: Prepared) -> Model:
+        """Fit the core with the effects that the model has, by the error of simulation alone.
 
-    def _record_of(self, grid: ModelGrid, values: np.ndarray) -> tuple[Record, SegmentColumns]:
-        """Data to predict as a record."""
-        names = self._channel_names(self._channels)
-        held = self._hold(grid, grid.thin_inputs(values)[:, self._channels], names)
-        element = self.controlled_element_
-        record, columns = build_record(
-            grid,
-            names,
-            held,
-            self._roles,
-            self.inputs_,
-            controlled_element=None if element is None else constants_of(element),
-        )
-        return self._core().on(record), columns
+        Parameters
+        ----------
+        prepared : Prepared
+            What :meth:`prepare` returned.
 
-    def _simulated(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        """Free run on the grid with effects."""
-        record, columns = self._record_of(grid, values)
-        return columns.rows(Simulator(self._core(), self._chosen, record).run(self._theta))
+        Returns
+        -------
+        fitted : Model
+            The model from which a search starts, and likelihood goes on.
+        """
+        return first_model(prepared, Effects.of(self.effects))
+
+    def with_fit(self, prepared: Prepared, fitted: Model, noise: RemnantModel) -> Any:
+        """A new estimator of the same parameters, fitted: its estimates are those given.
+
+        Parameters
+        ----------
+        prepared : Prepared
+            What :meth:`prepare` of this estimator returned last.
+        fitted : Model
+            Estimates of the core and of effects, whichever these are.
+        noise : RemnantModel
+            Model of the remnant under which they were found.
+
+        Returns
+        -------
+        model : estimator
+            Knows X as this one does, and shares no parameter with it.
+        """
+        taken = copy.copy(self).set_params(**clone(self).get_params(deep=False))  # type: ignore[attr-defined]
+        taken._take_over(prepared, fitted, noise)
+        return taken
+
+    def free_run(self, prepared: Prepared) -> np.ndarray:
+        """Predict from data that were read already.
+
+        Parameters
+        ----------
+        prepared : Prepared
+            What :meth:`prepare` returned for X and y.
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+            The same as ``predict(X)``.
+        """
+        found = self._free_run(prepared.grid, prepared.table)  # type: ignore[attr-defined]
+        return prepared.grid.to_full_rate(found)
+
+
+class GreyBox(SimulatedModelMixin, RunRegressor):
+    """A core with effects, simulated, whose parameters are estimated by maximum likelihood.
+
+    A subclass has the parameters ``inputs``, ``effects``, ``roles``, ``controlled_element``,
+    ``settling``, ``dt`` and ``run``, stores them in ``__init__`` as every estimator does, and says
+    by ``_simulated_core`` what the core is, and how it is fitted without effects.
+    """
+
+    controlled_element: ControlledElement | None
+    settling: float
+    _takes_first = True
+
+    _parameter_constraints: dict = {
+        "inputs": ["array-like", str, int, None],
+        "effects": [Effect, Effects, str, list, tuple, None],
+        "roles": [dict, None],
+        "controlled_element": [ControlledElement, None],
+        "settling": [Interval(Real, 0, None, closed="left")],
+        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "run": "no_validation",
+    }
+
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> Any:
+        """Estimate all parameters.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Output of the operator; NaN where not measured.
+
+        Returns
+        -------
+        self : estimator
+        """
+        prepared = prepared_for(self, self._read_data(X, y))
+        model = self.first_fit(prepared)
+        self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
+        return self
+
+    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        self._simulation = simulation_of(self, prepared, model, noise)
+        self.covariance_ = self._simulation.covariance
+
+    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        return self._simulation.free_run(self, grid, values)
 
     def _summary(self) -> Summary:
-        return simulated_summary(self)
+        return simulated_summary(self, self._simulation)
+
+
+def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
+    """Data as a record for the core of an estimator, which remembers the controlled element."""
+    grid, _, output, thinned, values = data
+    if estimator._takes_first and estimator.inputs is None and len(estimator._columns) > 1:
+        # None has the role e.
+        estimator._columns, estimator.inputs_ = estimator._columns[:1], estimator.inputs_[:1]
+    if len(estimator._columns) != 1:
+        raise ValueError(
+            f"{type(estimator).__name__} with effects answers one channel and gets "
+            f'{estimator.inputs_}. Name it by inputs=["..."]; effects use the other columns.'
+        )
+    columns = estimator._names or list(range(values.shape[1]))
+    skipped = None if estimator._run is None else run_column(columns, estimator._run)
+    channels = [i for i in range(values.shape[1]) if i != skipped]
+    names = estimator._channel_names(channels)
+    given_roles = estimator.roles or {}
+    if estimator._names is None:  # columns of an array go by their positions
+        given_roles = {f"x{position}": role for position, role in given_roles.items()}
+    roles = roles_of(names, given_roles)
+    error, output_name = estimator.inputs_[0], estimator._output_name
+    roles[error] = "e"
+    held = estimator._hold(grid, thinned[:, channels], names)
+    given = estimator.controlled_element
+    element = None if given is None else constants_of(given)
+    record, sides = build_record(
+        grid,
+        names,
+        held,
+        roles,
+        estimator.inputs_,
+        output=output,
+        settling=estimator.settling,
+        controlled_element=element,
+    )
+    spec = estimator._simulated_core()
+    record = spec.core.on(record)
+    check_rows(record, len(spec.core.parameters), grid, estimator.settling)
+    check_moving(record, thinned[:, estimator._columns[0]], error, output_name)
+    if given is None:
+        element = estimate_element(record)
+        record = replace(record, controlled_element=element)
+    estimator.controlled_element_ = None if element is None else ControlledElement(*element)
+    known = estimator._units
+    return Prepared(
+        spec=spec,
+        record=record,
+        columns=sides,
+        grid=grid,
+        table=values,
+        names=columns,
+        channels=channels,
+        roles=roles,
+        units={"u": known.get(output_name), "e": known.get(error)}
+        | {f"[{name}]": unit for name, unit in known.items()},
+        n_missing=int(np.isnan(output).sum()),
+    )
+
+
+def first_model(prepared: Prepared, effects: Effects) -> Model:
+    """The core with effects at the minimum of the simulation error."""
+    record, core = prepared.record, prepared.core
+    criterion = Criterion(record)
+    model = prepared.spec.estimated(core, record, criterion)
+    coarse = criterion.coarse()
+    for name, effect in effects:
+        reason = effect.refusal(record, core.kind)
+        if reason is not None:
+            raise ValueError(f"The effect {name} does not apply: {reason}.")
+        model = extended(model, name, effect, criterion, coarse)
+    templates = {effect.name: effect for _, effect in effects}
+    return beside_each_other(model, templates, criterion, coarse)
+
+
+def simulation_of(
+    estimator: Any, prepared: Prepared, model: Model, noise: RemnantModel
+) -> Simulation:
+    """Set what an estimator shows of a fit in simulation; return what predictions need."""
+    record = model.simulator.record
+    criterion = Criterion(record, noise)
+    if record.core == "operator":
+        covariance = covariance_of(model.simulator, criterion, model.fit)
+    else:
+        covariance = model.covariance()
+    n, output = criterion.n, model.output
+    estimator.noise_ar_ = noise.ar
+    estimator.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
+    estimator.bic_ = -2 * estimator.loglik_ + model.n_parameters * float(np.log(n))
+    estimator.n_rows_used_ = int(record.known.sum())
+    estimator.vaf_ = vaf_of_output(record, output)
+    estimator.parameters_ = parameter_table(
+        model.simulator, model.theta, covariance, prepared.units, dict(prepared.spec.given)
+    )
+    estimator.effects_ = effects_with_values(model)
+    return Simulation(
+        spec=prepared.spec,
+        effects=model.effects,
+        theta=model.theta,
+        covariance=covariance_frame(model.simulator, covariance),
+        channels=prepared.channels,
+        roles=prepared.roles,
+        settling=estimator.settling,
+        n_residuals=n,
+        rmse=float(np.sqrt(np.mean((record.y - output)[record.known] ** 2))),
+        duration=record.duration,
+        spread={name: record.sd(name) for name in (*record.channels, "u")},
+    )
+
+
+def labelled_covariance(model: Any) -> pd.DataFrame:
+    """Covariance of what was estimated, by names of ``parameters_``."""
+    covariance = model.covariance_
+    if isinstance(covariance, pd.DataFrame):
+        return covariance
+    names = model.parameters_.index[: len(covariance)]  # of an ARXRegressor
+    return pd.DataFrame(covariance, index=names, columns=names)
 
 
 def constants_of(element: ControlledElement) -> tuple[float, float]:
