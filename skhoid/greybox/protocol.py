@@ -90,5 +90,6 @@ def check_simulated_model(estimator: Any, purpose: str) -> None:
     if lacking:
         raise TypeError(
             f"{purpose} takes an OperatorRegressor, an ARXRegressor, or another model that "
-            f"simulates effects; {kind} lacks {', '.join(lacking)}. What such a model needs: {DOCUMENTED}."
+            f"simulates effects; {kind} lacks {', '.join(lacking)}. What such a model needs: "
+            f"{DOCUMENTED}."
         )
