@@ -41,6 +41,8 @@ from .orders import Orders, regressors
 if TYPE_CHECKING:
     from .batch import ARXRegressor
 
+ONLY_SIMULATED = ("noise_ar_", "loglik_", "bic_", "vaf_", "controlled_element_")
+
 
 class Strategy(Protocol):
     """What an ARX model, once estimated, leaves to the way in which it was."""
@@ -233,6 +235,8 @@ def _show(
     model: ARXRegressor, coef: np.ndarray, covariance: np.ndarray, variance: float, n_rows: int
 ) -> None:
     """Set what an estimate of the equation error shows."""
+    for name in ONLY_SIMULATED:  # of a fit with effects before
+        vars(model).pop(name, None)
     model.n_rows_used_, model.noise_variance_ = n_rows, variance
     _show_coefficients(model, coef, covariance)
     model.effects_ = Effects([])

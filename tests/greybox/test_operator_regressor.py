@@ -540,7 +540,7 @@ def test_powers_of_the_output_are_read_from_units():
 
 
 def test_the_scale_of_a_jagged_response_is_solved_for(runs):
-    prepared = OperatorRegressor(delay=0.28)._prepare(*runs)
+    prepared = OperatorRegressor(delay=0.28).prepare(*runs)
     effects = Effects([("quantised", Quantised(form="sharp"))])
     simulator = Simulator(prepared.core, effects, prepared.record)
     true = np.array([0.09, 0.036, 11.25, 0.35, 0.1, 0.0])

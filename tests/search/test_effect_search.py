@@ -220,8 +220,8 @@ def test_two_effects_are_both_named(two):
 
 def test_what_runs_away_without_an_effect_starts_from_the_core():
     estimator = OperatorRegressor(effects=DeadZone() + Bias())
-    prepared = estimator._prepare(*recorded(inner=dead, outer=lambda u: u + 0.25))
-    model = estimator._first_model(prepared)
+    prepared = estimator.prepare(*recorded(inner=dead, outer=lambda u: u + 0.25))
+    model = estimator.first_fit(prepared)
     good = model.values()
     far = np.array([{**good, "K_e": np.nan}[n] for n in model.simulator.names])
     astray = Model(model.simulator, replace(model.fit, theta=far))
@@ -536,7 +536,7 @@ def test_a_search_that_is_not_fitted_says_so():
         ({"max_effects": -1}, "max_effects"),
         ({"controlled_element": 3.0}, "controlled_element"),
         ({"cv": "loo"}, "cv"),
-        ({"estimator": Bias()}, "estimator"),
+        ({"estimator": Bias()}, "Bias lacks"),
     ],
     ids=str,
 )
