@@ -116,7 +116,8 @@ def biased():
     """One run of a lag with an offset."""
     rng = np.random.default_rng(3)
     t = DT * np.arange(2000)
-    e = sum(np.sin(w * t + p) for w, p in zip([0.5, 1.3, 2.9, 5.1], rng.uniform(0, 6, 4), strict=True))
+    omega = np.array([0.5, 1.3, 2.9, 5.1])
+    e = np.sin(np.multiply.outer(t, omega) + rng.uniform(0, 6, omega.size)).sum(axis=1)
     pole = np.exp(-DT / LAG)
     y = K_E * lfilter([0.0, 1 - pole], [1.0, -pole], e) + LEVEL
     return e[:, None], y + 0.05 * rng.standard_normal(t.size)

@@ -10,11 +10,21 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import KFold, LeaveOneGroupOut
 
-from skhoid import EffectSearchCV, OperatorRegressor, RunCutWarning, run_labels, vaf_score
+from skhoid import (
+    EffectSearchCV,
+    OperatorRegressor,
+    RunCutWarning,
+    regression,
+    run_labels,
+    vaf_score,
+)
+from skhoid.diagnosis import run_signals
+from skhoid.diagnosis.ceiling import noise_ceiling
 from skhoid.effects import Bias, DeadZone, Effect, Effects, Parameter, catalogue
 from skhoid.greybox.estimates import parameter_text
 from skhoid.greybox.model import Model, without
 from skhoid.search import effect_search
+from skhoid.search.findings import gap_of
 from skhoid.search.story import Story
 
 RATE = 50.0
@@ -423,6 +433,29 @@ def test_two_searches_are_the_same(hidden_data, found):
     again = searched(hidden_data)
     pd.testing.assert_frame_equal(again.ranking_, found.ranking_)
     pd.testing.assert_frame_equal(again.predictions_, found.predictions_)
+
+
+def test_X_is_read_once(hidden_data, monkeypatch):
+    read = []
+    for module, name in [(regression, "read_table"), (run_signals, "raw_layout")]:
+        original = getattr(module, name)
+        monkeypatch.setattr(
+            module, name, lambda *a, f=original, **k: (read.append(f), f(*a, **k))[1]
+        )
+    search = searched(hidden_data, ["dead_zone", "bias"])
+    assert len(read) == 1
+    search.predict(hidden_data[0])
+    assert len(read) == 2
+
+
+def test_the_gap_is_that_of_a_comparison(found, hidden_data):
+    """The best model's free run, from data that were read already, is judged as by compare."""
+    best = found.best_estimator_
+    prepared = clone(best).prepare(*hidden_data)
+    gap, _, vaf = gap_of(best, prepared, hidden_data[1].to_numpy())
+    signals = run_signals.read_signals(best, *hidden_data, run_in=best.settling)
+    ceiling = noise_ceiling(signals)
+    np.testing.assert_array_equal([gap, vaf], [ceiling.gap, ceiling.vaf])
 
 
 def test_fit_changes_nothing_that_it_is_given(hidden_data):
