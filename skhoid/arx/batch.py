@@ -11,10 +11,11 @@ from .._sklearn import Interval, StrOptions, fit_context
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..greybox.arx_core import fitted_arx
-from ..greybox.base import Prepared, SimulatedCore, SimulatedModelMixin, Simulation
+from ..greybox.base import SimulatedModelMixin, Simulation
 from ..greybox.cores import ARXCore
 from ..greybox.fitting import RemnantModel
 from ..greybox.model import Model
+from ..greybox.prepared import Prepared, SimulatedCore
 from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
@@ -266,7 +267,8 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     def _simulation(self) -> Simulation:
         """The estimate by the error of simulation, if it is one."""
         strategy = self._strategy
-        assert isinstance(strategy, (SimulationError, LinearSimulationError))
+        if not isinstance(strategy, (SimulationError, LinearSimulationError)):
+            raise AttributeError("This model was estimated by its equation error.")
         return strategy.simulation
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:

@@ -15,18 +15,12 @@ from sklearn.exceptions import ConvergenceWarning
 
 from ..effects.composition import Effects
 from ..greybox.arx_core import forecast
-from ..greybox.base import (
-    Prepared,
-    Simulation,
-    first_model,
-    likelihood_fit,
-    prepared_for,
-    simulation_of,
-)
+from ..greybox.base import Simulation, first_model, likelihood_fit, simulation_of
 from ..greybox.estimates import arx_parameter_table
 from ..greybox.fitting import Criterion, RemnantModel
 from ..greybox.model import Model
 from ..greybox.operator_summary import simulated_summary
+from ..greybox.prepared import Prepared, prepared_for
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, segments
 from ..runs import input_columns
@@ -236,7 +230,8 @@ def _show(
 ) -> None:
     """Set what an estimate of the equation error shows."""
     for name in ONLY_SIMULATED:  # of a fit with effects before
-        vars(model).pop(name, None)
+        if hasattr(model, name):
+            delattr(model, name)
     model.n_rows_used_, model.noise_variance_ = n_rows, variance
     _show_coefficients(model, coef, covariance)
     model.effects_ = Effects([])

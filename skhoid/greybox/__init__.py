@@ -2,6 +2,7 @@
 
 from .base import GreyBox
 from .operator_regressor import OperatorRegressor
+from .prepared import SimulatedCore
 from .protocol import SimulatedModel
 
-__all__ = ["GreyBox", "OperatorRegressor", "SimulatedModel"]
+__all__ = ["GreyBox", "OperatorRegressor", "SimulatedCore", "SimulatedModel"]

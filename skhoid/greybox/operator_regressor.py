@@ -7,9 +7,10 @@ from typing import Any
 
 from .._sklearn import Interval
 from ..human.controlled_element import ControlledElement
-from .base import GreyBox, SimulatedCore
+from .base import GreyBox
 from .cores import OperatorCore
 from .model import fit_plain_operator
+from .prepared import SimulatedCore
 
 
 class OperatorRegressor(GreyBox):

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 import numpy as np
 import pandas as pd
 
-from .base import Prepared
 from .fitting import RemnantModel
 from .model import Model
+from .prepared import Prepared
 
 DOCUMENTED = 'docs/add-an-effect.md, "A model of your own", and skhoid.greybox.SimulatedModel'
 

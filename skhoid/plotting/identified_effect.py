@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from sklearn.utils.validation import check_is_fitted
 
 from ..effects.record import Record
-from ..greybox.base import constants_of
 from ..greybox.estimates import parameter_text
+from ..greybox.prepared import constants_of
 from ._axes import BLACK, COLOURS, GREY, given_axes
 from ._comparison import explain, plain_logarithmic, wrapped
 from ._effect_bench import Bench, EffectCurves

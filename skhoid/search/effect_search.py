@@ -16,8 +16,9 @@ from ..arx.searches.folds import folds_of
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
-from ..greybox.base import Prepared, likelihood_fit
+from ..greybox.base import likelihood_fit
 from ..greybox.fitting import Criterion
+from ..greybox.prepared import Prepared
 from ..greybox.protocol import check_simulated_model
 from ..human.controlled_element import ControlledElement
 from ..regression import RunRegressor, units_of
@@ -192,7 +193,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             self._tabulate(found, prepared)
         index = X.index if isinstance(X, pd.DataFrame) else None
         self.predictions_ = held_out_table(found, prepared, measured, index)
-        unit = units_of(y).get(getattr(y, "name", None))
+        unit = units_of(y).get(str(getattr(y, "name", None)))
         if unit:
             self.predictions_.attrs["units"] = {"measured": unit}
         self._fingerprint = fingerprint(X)

@@ -9,8 +9,8 @@ import pandas as pd
 
 from ..diagnosis.ceiling import noise_ceiling
 from ..diagnosis.run_signals import RunsRead, sorted_signals
-from ..greybox.base import Prepared
 from ..greybox.model import without
+from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
 from .forward import Path, Search, SearchStep, further_changes, output_error_fit
 from .leftover import REPEATS, Leftover, leftovers

@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 
 from ..effects.catalogue import effect as effect_of
-from ..greybox.base import Prepared, vaf_of_output
+from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
+from ..greybox.prepared import Prepared
 from .explanations import words_of
 from .findings import Findings
 from .forward import Candidate

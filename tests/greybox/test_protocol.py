@@ -8,8 +8,8 @@ from sklearn.linear_model import LinearRegression
 
 from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor
 from skhoid.effects import Bias, Parameter
-from skhoid.greybox import GreyBox
-from skhoid.greybox.base import SimulatedCore, likelihood_fit
+from skhoid.greybox import GreyBox, SimulatedCore
+from skhoid.greybox.base import likelihood_fit
 from skhoid.greybox.cores import OperatorCore
 from skhoid.greybox.fitting import Criterion
 from skhoid.greybox.model import fit_core
