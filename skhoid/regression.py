@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,16 @@ from .summaries import Summary
 
 NOTED_JITTER = 0.01  # of a sampling time
 STILL = 1e-9  # relative to the norm of a channel
+
+
+class DataToFit(NamedTuple):
+    """Data on the grid: inputs, output and all columns of X, and the latter at full rate too."""
+
+    grid: ModelGrid
+    inputs: np.ndarray
+    output: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
 
 
 class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
@@ -73,8 +83,8 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
     def _channel_names(self, positions: list[int]) -> list[str]:
         return [f"x{p}" if self._names is None else str(self._names[p]) for p in positions]
 
-    def _read_data(self, X: Any, y: Any) -> tuple[ModelGrid, np.ndarray, np.ndarray, np.ndarray]:
-        """Read data to fit; return the grid, and inputs, output and all columns of X on it."""
+    def _read_data(self, X: Any, y: Any) -> DataToFit:
+        """Read data to fit."""
         grid, values = self._read_X(X, reset=True)
         output = self._read_y(X, y)
         self._output_name = str(getattr(y, "name", None) or "y")
@@ -97,7 +107,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         thinned = grid.thin_inputs(values)
         whole = self._columns == list(range(values.shape[1]))
         inputs = thinned if whole else thinned[:, self._columns]
-        return grid, inputs, grid.thin_output(output), thinned
+        return DataToFit(grid, inputs, grid.thin_output(output), thinned, values)
 
     def _check_fitted(self) -> None:
         check_is_fitted(self)

@@ -2,37 +2,36 @@
 
 from __future__ import annotations
 
-import warnings
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-from sklearn.exceptions import ConvergenceWarning
 
 from .._sklearn import Interval, StrOptions, fit_context
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..effects.record import Record
-from ..greybox.arx_core import fitted_arx, forecast
-from ..greybox.base import GreyBox, Prepared
+from ..greybox.arx_core import fitted_arx
+from ..greybox.base import SimulatedModelMixin, Simulation
 from ..greybox.cores import ARXCore
-from ..greybox.estimates import arx_parameter_table
-from ..greybox.fitting import Criterion, RemnantModel
+from ..greybox.fitting import RemnantModel
 from ..greybox.model import Model
+from ..greybox.prepared import Prepared, SimulatedCore
 from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
-from ..regression import segments
-from ..runs import input_columns
 from ..summaries import Summary
-from .base import BaseARX, check_row_count
-from .excitation import rank_error
-from .instruments import estimate
-from .least_squares import Triangle, newey_west
-from .model_summary import batch_summary, orders_in_words
-from .orders import Orders, regressors
+from .base import BaseARX
+from .model_summary import orders_in_words
+from .orders import Orders
+from .strategies import EquationError, LinearSimulationError, SimulationError, Strategy
+
+EQUATION_ERROR = {"ols": EquationError.by_least_squares, "iv": EquationError.by_instruments}
+NO_EFFECTS_BY_INSTRUMENTS = (
+    "method='iv' has no effects: these are estimated in simulation, which remnant does not bias as "
+    "it does one-step errors. Take method='ols'."
+)
 
 
-class ARXRegressor(BaseARX, GreyBox):
+class ARXRegressor(SimulatedModelMixin, BaseARX):
     """ARX model with constant parameters, estimated in one batch.
 
     A(q) y(t) = B(q) x(t - nk) + c + eps(t) with A = 1 + a_1 q^-1 + ... + a_na q^-na and
@@ -89,16 +88,18 @@ class ARXRegressor(BaseARX, GreyBox):
         Input coefficients b_0 ... b_{nb-1}.
     intercept_ : float
         The constant c, 0 without ``fit_intercept``.
-    covariance_ : ndarray of shape (n_params, n_params)
-        Covariance of ``coef_``. With effects a DataFrame, of those of the effects too.
+    covariance_ : ndarray of shape (n_estimated, n_estimated)
+        Covariance of what was estimated, in the order of the first rows of ``parameters_``:
+        ``coef_``, and after it the parameters of effects.
     standard_errors_ : ndarray of shape (n_params,)
-        Square roots of its diagonal.
+        Standard errors of ``coef_``, square roots of the diagonal of ``covariance_``.
     noise_variance_ : float
         Variance of the equation error, in the squared unit of ``y``; with effects that of the
         whitened residual.
     parameters_ : DataFrame
         Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
-        meaning. Parameters of effects are called ``<effect>__<parameter>``.
+        meaning. Parameters of effects are called ``<effect>__<parameter>``; those that are given,
+        or follow from others, come last.
     effects_ : Effects
         The effects with estimated values and with their choices (form, channel) made.
     noise_ar_ : ndarray of shape (6,)
@@ -241,84 +242,45 @@ class ARXRegressor(BaseARX, GreyBox):
         ValueError
             If an effect does not apply to the data, with the reason.
         """
-        if len(Effects.of(self.effects)):
-            self._fit_with_effects(X, y)
-            return self
-        grid, inputs, output, columns = self._read_data(X, y)
-        self._set_orders(grid)
-        begin, end = grid.begin[grid.measured], grid.end[grid.measured]
-        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        self._instruments: list[str] = []
-        self._hac = self.covariance == "hac"
-        if self.method == "iv":
-            self._fit_iv(grid, inputs, output, columns, begin, end)
-        else:
-            self._fit_ols(grid, inputs, output, begin, end)
-        self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
-        self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
-        self.b_ = self.orders_.input_rows(self.coef_)
-        self.effects_, self._simulation_error = Effects([]), False
-        self.parameters_ = arx_parameter_table(
-            self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
-        )
+        with_effects = len(Effects.of(self.effects)) > 0
+        if with_effects and self.method == "iv":
+            raise ValueError(NO_EFFECTS_BY_INSTRUMENTS)
+        estimated = SimulationError.estimated if with_effects else EQUATION_ERROR[self.method]
+        self._strategy: Strategy = estimated(self, self._read_data(X, y))
         return self
 
-    _takes_first = False
-    _errors_in_words = "Standard errors take the residual, whitened by its AR model, as white."
-
-    def _prepare(self, X: Any, y: Any) -> Prepared:
+    def _simulated_core(self) -> SimulatedCore:
         if self.method == "iv":
-            raise ValueError(
-                "method='iv' has no effects: these are estimated in simulation, which remnant does "
-                "not bias as it does one-step errors. Take method='ols'."
-            )
-        prepared = super()._prepare(X, y)
-        output = prepared.grid.thin_output(self._read_y(X, y))
-        self.n_rows_missing_ = int(np.isnan(output).sum())
-        return prepared
-
-    def _core(self) -> ARXCore:
+            raise ValueError(NO_EFFECTS_BY_INSTRUMENTS)
         orders = Orders.of(self.na, self.nb, self.nk, 1, bool(self.fit_intercept))
-        return ARXCore(orders.na, orders.nb[0], orders.nk[0], orders.intercept)
+        return SimulatedCore(
+            core=ARXCore(orders.na, orders.nb[0], orders.nk[0], orders.intercept),
+            estimated=fitted_arx,
+            description=orders_in_words(orders),
+            errors_note="Standard errors take the residual, whitened by its AR model, as white.",
+        )
 
-    def _core_in_words(self) -> str:
-        return orders_in_words(self.orders_)
+    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        self._strategy = SimulationError.taken_over(self, prepared, model, noise)
 
-    def _fitted_core(self, core: Any, record: Record, criterion: Criterion) -> Model:
-        return fitted_arx(core, record, criterion)
-
-    def _set_model(self, fitted: tuple[Model, RemnantModel]) -> None:
-        super()._set_model(fitted)
-        model, _ = fitted
-        self.orders_ = Orders.of(self.na, self.nb, self.nk, 1, bool(self.fit_intercept))
-        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        n = self.orders_.n_params
-        self.coef_ = model.theta[:n].copy()
-        self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
-        self.b_ = self.orders_.input_rows(self.coef_)
-        self.standard_errors_ = np.sqrt(np.diag(model.covariance()))[:n]
-        self.noise_variance_ = model.sse / max(model.fit.n - model.theta.size, 1)
-        self._simulation_error = True
+    @property
+    def _simulation(self) -> Simulation:
+        """The estimate by the error of simulation, if it is one."""
+        strategy = self._strategy
+        if not isinstance(strategy, (SimulationError, LinearSimulationError)):
+            raise AttributeError("This model was estimated by its equation error.")
+        return strategy.simulation
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        if len(self.effects_):
-            return self._simulated(grid, values)
-        return super()._free_run(grid, values)
+        return self._strategy.free_run(self, grid, values)
 
     def _ahead(
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
     ) -> np.ndarray:
-        if not len(self.effects_):
-            return super()._ahead(grid, values, output, horizon)
-        free = self._simulated(grid, values)
-        return forecast(free, output, segments(grid), self.noise_ar_, horizon)
+        return self._strategy.ahead(self, grid, values, output, horizon)
 
     def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
-        if not len(self.effects_):
-            return super()._one_step_errors(X, y)
-        grid, values = self._read_X(X, reset=False)
-        output = grid.thin_output(self._read_y(X, y))
-        return output - self._ahead(grid, values, output, 1)
+        return self._strategy.one_step_errors(self, X, y)
 
     def simulate(self, X: Any, y: Any = None, *, initial_state: str = "zero") -> np.ndarray:
         """Simulate the output, from a zero or an estimated initial state.
@@ -338,112 +300,8 @@ class ARXRegressor(BaseARX, GreyBox):
         y_sim : ndarray of shape (n_rows,)
         """
         self._check_fitted()
-        if initial_state == "estimate" and len(self.effects_):
-            raise ValueError(
-                "A model with effects is simulated from rest: initial_state='estimate' needs a "
-                "linear one. Leave out the start, in which it settles, by RunInTrimmer."
-            )
+        self._strategy.check_start(initial_state)
         return super().simulate(X, y, initial_state=initial_state)
 
     def _summary(self) -> Summary:
-        return super()._summary() if self._simulation_error else batch_summary(self)
-
-    def _fit_ols(
-        self,
-        grid: ModelGrid,
-        inputs: np.ndarray,
-        output: np.ndarray,
-        begin: np.ndarray,
-        end: np.ndarray,
-    ) -> None:
-        table, rows, self.n_rows_missing_ = regressors(output, inputs, begin, end, self.orders_)
-        self.n_rows_used_ = rows.size
-        p = self.orders_.n_params
-        check_row_count(rows.size, p, output, grid)
-        self._report_missing(grid, inputs, output, rows.size, self.inputs_)
-        keep = np.array(table, order="F") if self._hac else None
-        triangle = Triangle.of(table)
-        self._check_rank(triangle, inputs, output)
-        self.coef_ = triangle.solve()
-        self.noise_variance_ = triangle.rss / max(rows.size - p, 1)
-        bread = triangle.inverse_information()
-        if keep is None:
-            self.covariance_ = self.noise_variance_ * bread
-        else:
-            errors = keep[:, -1] - keep[:, :-1] @ self.coef_
-            # The sum over influences, not of scores, keeps variances positive near collinearity.
-            influence = (keep[:, :-1] * errors[:, None]) @ bread
-            self.covariance_ = newey_west(influence, rows, grid.begin)
-
-    def _fit_iv(
-        self,
-        grid: ModelGrid,
-        inputs: np.ndarray,
-        output: np.ndarray,
-        columns: np.ndarray,
-        begin: np.ndarray,
-        end: np.ndarray,
-    ) -> None:
-        positions = self._instrument_columns(columns.shape[1])
-        self._instruments = names = self._channel_names(positions)
-        found = estimate(
-            output,
-            inputs,
-            columns[:, positions],
-            begin,
-            end,
-            self.orders_,
-            self.dt_,
-            names,
-            self._hac,
-        )
-        if not found.converged:
-            warnings.warn(
-                f"The instrumental-variable estimate still moves after {found.n_rounds} rounds; "
-                "the instruments may be weak. Compare its standard errors with method='ols'.",
-                ConvergenceWarning,
-                stacklevel=4,
-            )
-        self.coef_ = found.theta
-        self.noise_variance_ = found.noise_variance
-        self.n_rows_used_, self.n_rows_missing_ = found.n_rows, found.n_missing
-        signals = np.column_stack([inputs, columns[:, positions]])
-        channels = [*self.inputs_, *names]
-        self._report_missing(grid, signals, output, found.n_rows, channels)
-        self.covariance_ = found.covariance
-
-    def _instrument_columns(self, n_columns: int) -> list[int]:
-        names = self._names or list(range(n_columns))
-        if self.instruments is not None:
-            positions = input_columns(
-                names, n_columns, self.instruments, self._run, what="instruments"
-            )
-        else:
-            roles = [str((self.roles or {}).get(name, name)) for name in names]
-            positions = [i for i, r in enumerate(roles) if r == "f_t" or r.startswith("dist")]
-        if not positions:
-            raise ValueError(
-                "method='iv' needs external signals in X, such as the target f_t or a disturbance: "
-                f"name them with instruments=[...]; the columns are {names}."
-            )
-        inside = [names[p] for p in positions if p in self._columns]
-        if inside:
-            raise ValueError(
-                f"{inside[0]!r} is an input and cannot be its own instrument; instruments are "
-                "signals from outside the loop, such as f_t. If it is one, OLS has no bias to cure."
-            )
-        return positions
-
-    def _check_rank(self, triangle: Triangle, inputs: np.ndarray, output: np.ndarray) -> None:
-        null_space = triangle.null_space()
-        if len(null_space):
-            finite = ~np.isnan(inputs).any(axis=1) & ~np.isnan(output)
-            raise rank_error(
-                null_space,
-                self.parameter_names_,
-                self.inputs_,
-                inputs[finite],
-                output[finite],
-                self._output_name,
-                self.orders_,
-            )
+        return self._strategy.summary(self)

@@ -33,15 +33,14 @@ CLOSED_LOOP = (
 WHITE = "Standard errors take the equation error as white{}."
 
 
-def batch_summary(model: ARXRegressor) -> Summary:
-    """Summary of an ARX model without effects."""
+def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> Summary:
+    """Summary of an ARX model whose equation error was minimised."""
     n, p = model.n_rows_used_, len(model.coef_)
     facts = {"Model": orders_in_words(model.orders_), **signal_facts(model)}
-    # What was fitted, not parameters that were set since.
-    instrumental, hac = bool(model._instruments), model._hac
+    instrumental = bool(instruments)
     if instrumental:
         facts["Method"] = "instrumental variables"
-        facts["Instruments"] = ", ".join(model._instruments)
+        facts["Instruments"] = ", ".join(instruments)
     else:
         facts["Method"] = "ordinary least squares"
     facts["Rows"] = f"{n}" + (

@@ -293,7 +293,7 @@ class RecursiveARX(PartialFit):
         return self
 
     def _read_recursion(self, X: Any, y: Any) -> RecursionData:
-        grid, inputs, output, _ = self._read_data(X, y)
+        grid, inputs, output, *_ = self._read_data(X, y)
         self._set_orders(grid)
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
         self._check_size(inputs, output)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import warnings
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -119,6 +119,26 @@ class Signals:
         return run_name(self.layout.labels[number])
 
 
+@dataclass(frozen=True)
+class RunsRead:
+    """Runs and a model's free run of them as they come, row by row.
+
+    ``trimmed`` are rows that the model leaves out; ``columns`` those of X by name, ``roles`` what
+    was said of them.
+    """
+
+    model: Any
+    layout: RunLayout
+    index: pd.Index
+    measured: np.ndarray
+    free_run: np.ndarray
+    trimmed: np.ndarray
+    columns: Mapping[Any, Any]
+    roles: Mapping[Any, str] | None
+    output: str
+    units: dict[str, str]
+
+
 def read_signals(
     model: Any,
     X: Any,
@@ -137,17 +157,54 @@ def read_signals(
         raise ValueError(f"run_in is a time in seconds, at least 0; got {run_in!r}.")
     layout = raw_layout(model, X, dt=dt, run=run)
     measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
-    predicted = free_run = np.asarray(model.predict(X), dtype=float).ravel()
+    predicted = np.asarray(model.predict(X), dtype=float).ravel()
     if predicted.size != measured.size:
         raise ValueError(
             f"model.predict(X) returns {predicted.size} values for the {measured.size} rows of X; "
             "compare needs one for each row."
         )
     trimmed = trimmed_rows(model, X)
-    used = scored_rows(layout, run_in, None) & ~trimmed
+    if roles is None:
+        roles = getattr(reach_model(model, X)[0], "roles", None)
+    read = RunsRead(
+        model=model,
+        layout=layout,
+        index=X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(layout.n_rows),
+        measured=measured,
+        free_run=predicted,
+        trimmed=trimmed,
+        columns=_columns(X),
+        roles=roles,
+        output=str(getattr(y, "name", None) or "u"),
+        units={**units_of(X), **units_of(y)},
+    )
+    signals = sorted_signals(
+        read,
+        run_in=run_in,
+        settling=lambda: _settling_rows(model, X, layout, trimmed, predicted),
+        repeats=repeats,
+        run=run,
+    )
+    return replace(signals, one_step=_one_step(model, X, y))
+
+
+def sorted_signals(
+    read: RunsRead,
+    *,
+    run_in: float | None,
+    settling: Callable[[], np.ndarray] | None = None,
+    repeats: Any = None,
+    run: Any = None,
+) -> Signals:
+    """Sort rows, channels and repeats out; one-step predictions are left open.
+
+    ``settling`` finds the rows in which the free run settles, and counts where ``run_in`` is None.
+    """
+    layout, measured, predicted = read.layout, read.measured, read.free_run
+    used = scored_rows(layout, run_in, None) & ~read.trimmed
     scored_signals(measured, predicted, used, layout, False)  # for its checks
     missing = np.isnan(measured)
-    channels = _channels(model, X, roles, run)
+    channels = _channels(read.columns, read.roles, run)
     notes = []
     scored = used & ~missing
     if missing[used].mean() <= MOST_MASKED:
@@ -155,19 +212,19 @@ def read_signals(
         measured = np.where(missing, predicted, measured)
     else:
         used = scored
-    if run_in is None:
-        settling = _settling_rows(model, X, layout, trimmed, predicted)
-        if settling.any() and (scored & ~settling).any():
-            scored = scored & ~settling
-            if settling.mean() > MOST_MASKED:
+    if run_in is None and settling is not None:
+        unsettled = settling()
+        if unsettled.any() and (scored & ~unsettled).any():
+            scored = scored & ~unsettled
+            if unsettled.mean() > MOST_MASKED:
                 used = scored
-            longest = max(np.diff(np.flatnonzero(np.diff(np.r_[0, settling, 0])))[::2])
+            longest = max(np.diff(np.flatnonzero(np.diff(np.r_[0, unsettled, 0])))[::2])
             notes.append(
                 f"the first {longest * layout.dt:.3g} s of each run, in which the free run "
                 "settles from its start at rest, are left out (run_in=0 keeps them)"
             )
             # Spectra and tests go over whole periods of the target; nothing is missing there.
-            predicted = np.where(used & settling, measured, predicted)
+            predicted = np.where(used & unsettled, measured, predicted)
     n_missing = int(missing.sum())
     if n_missing:
         are = "is" if n_missing == 1 else "are"
@@ -195,18 +252,18 @@ def read_signals(
             "counts it as explained: subtract the means of X and y for a VAF about them"
         )
     return Signals(
-        model=model,
+        model=read.model,
         layout=layout,
-        index=X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(layout.n_rows),
+        index=read.index,
         y=measured,
-        free_run=free_run,
+        free_run=read.free_run,
         predicted=predicted,
-        one_step=_one_step(model, X, y),
+        one_step=np.full(layout.n_rows, np.nan),
         scored=scored,
         channels=channels,
         groups=_groups(layout, stretches, channels, repeats),
-        output=str(getattr(y, "name", None) or "u"),
-        units={**units_of(X), **units_of(y)},
+        output=read.output,
+        units=read.units,
         notes=notes,
     )
 
@@ -252,19 +309,19 @@ def _one_step(model: Any, X: Any, y: Any) -> np.ndarray:
         return np.asarray(last.predict_ahead(transformed, y), dtype=float).ravel()
 
 
+def _columns(X: Any) -> dict[Any, Any]:
+    if isinstance(X, pd.DataFrame):
+        return {name: X[name] for name in X.columns}
+    values = np.asarray(X)
+    return {i: values[:, i] for i in range(values.shape[1])}
+
+
 def _channels(
-    model: Any, X: Any, roles: Mapping[Any, str] | None, run: Any
+    columns: Mapping[Any, Any], roles: Mapping[Any, str] | None, run: Any
 ) -> dict[str, np.ndarray]:
     """Channels by role; the target is e + x where it was not recorded."""
     if roles is not None and not isinstance(roles, Mapping):
         raise TypeError(f"roles is a dict {{column: role}}; got {roles!r}.")
-    if roles is None:
-        roles = getattr(reach_model(model, X)[0], "roles", None)
-    if isinstance(X, pd.DataFrame):
-        columns = {name: X[name] for name in X.columns}
-    else:
-        values = np.asarray(X)
-        columns = {i: values[:, i] for i in range(values.shape[1])}
     unknown = [name for name in roles or {} if name not in columns]
     if unknown:
         raise RunIndexError(

@@ -1,30 +1,35 @@
-"""What models with effects share: data, fitting, results and prediction."""
+"""What models with effects share: estimation in simulation, and what comes of it.
+
+Open it to change how such a model is fitted, or to build one on a core of your own (``GreyBox``).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import copy
+from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.base import clone
 
+from .._sklearn import Interval, fit_context
+from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.record import Record
-from ..exceptions import RankDeficiencyError, ShortRunError
 from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
-from ..regression import RunRegressor, bad_output, still
-from ..runs import run_column
+from ..regression import RunRegressor
 from ..summaries import Summary
-from .cores import Core
-from .element import estimate_element
 from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
-from .fitting import AR_ORDER, Criterion, RemnantModel, covariance_of
+from .fitting import Criterion, RemnantModel, covariance_of
 from .model import Model
 from .operator_summary import simulated_summary
-from .side_by_side import SegmentColumns, build_record, roles_of
+from .prepared import Prepared, SimulatedCore, constants_of, prepared_for
+from .side_by_side import SegmentColumns, build_record
 from .simulator import Simulator
 
 # Rounds of noise model and refinement, at most.
@@ -37,47 +42,65 @@ SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go 
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """Data as a record, where its columns come from, and the core."""
+class Simulation:
+    """Estimates of a core with effects, and what free runs and texts need beside them.
 
-    record: Record
-    core: Core
-    columns: SegmentColumns
-    grid: ModelGrid
+    ``effects`` have their choices made, with None for what was estimated, as ``theta`` has it;
+    ``spread`` are standard deviations of the channels and of the output "u" in the fit,
+    ``duration`` is that of its longest run in seconds.
+    """
 
-    @property
-    def run_of_columns(self) -> np.ndarray:
-        """Number of the run that each column is a part of."""
-        first = self.columns.begin
-        rows = first if self.grid.rows is None else self.grid.rows[first]
-        return self.grid.layout.run_of(rows)
+    spec: SimulatedCore
+    effects: Effects
+    theta: np.ndarray
+    covariance: pd.DataFrame
+    channels: list[int]
+    roles: dict[str, str]
+    settling: float
+    n_residuals: int
+    rmse: float
+    duration: float
+    spread: dict[str, float]
+
+    def record_of(
+        self, estimator: Any, grid: ModelGrid, values: np.ndarray
+    ) -> tuple[Record, SegmentColumns]:
+        """Data to predict as a record."""
+        names = estimator._channel_names(self.channels)
+        held = estimator._hold(grid, grid.thin_inputs(values)[:, self.channels], names)
+        element = estimator.controlled_element_
+        return build_record(
+            grid,
+            names,
+            held,
+            self.roles,
+            estimator.inputs_,
+            controlled_element=None if element is None else constants_of(element),
+        )
+
+    def free_run(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        """Free run on the grid."""
+        record, columns = self.record_of(estimator, grid, values)
+        simulator = Simulator(self.spec.core, self.effects, self.spec.core.on(record))
+        return columns.rows(simulator.run(self.theta))
 
 
-class GreyBox(RunRegressor):
-    """A core with effects, simulated, whose parameters are estimated by maximum likelihood.
+class SimulatedModelMixin:
+    """What a search asks of a model, by its core: see :class:`~.protocol.SimulatedModel`.
 
-    A subclass says what the core is, and how it is fitted without effects.
+    An estimator says by ``_simulated_core`` what its core is, and ``_take_over`` what of an
+    estimate its attributes show.
     """
 
     effects: Any
-    controlled_element: ControlledElement | None
-    settling: float
-    _takes_first = True  # channel, where none has the role e
-    _errors_in_words: str
+    _takes_first = False  # channel, where none has the role e
 
-    def _core(self) -> Core:
+    def _simulated_core(self) -> SimulatedCore:
         raise NotImplementedError
 
-    def _fitted_core(self, core: Core, record: Record, criterion: Criterion) -> Model:
-        """The core at the minimum of the simulation error, without effects."""
+    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        """Set the attributes of a fit."""
         raise NotImplementedError
-
-    def _core_in_words(self) -> str:
-        raise NotImplementedError
-
-    def _given_values(self) -> dict[str, float]:
-        """Parameters of the core that are given, for the table."""
-        return {}
 
     def with_effect(self, effect: Any) -> Any:
         """A new, unfitted model with one more effect: fit it to add the effect.
@@ -95,130 +118,186 @@ class GreyBox(RunRegressor):
         """
         return clone(self).set_params(effects=Effects.of(self.effects) + effect)
 
-    def _prepare(self, X: Any, y: Any) -> Prepared:
-        """Read data to fit."""
-        grid, _, output, values = self._read_data(X, y)
-        if self._takes_first and self.inputs is None and len(self._columns) > 1:
-            # None has the role e.
-            self._columns, self.inputs_ = self._columns[:1], self.inputs_[:1]
-        if len(self._columns) != 1:
-            raise ValueError(
-                f"{type(self).__name__} with effects answers one channel and gets {self.inputs_}. "
-                'Name it by inputs=["..."]; effects use the other columns.'
-            )
-        columns = self._names or list(range(values.shape[1]))
-        skipped = None if self._run is None else run_column(columns, self._run)
-        self._channels = [i for i in range(values.shape[1]) if i != skipped]
-        names = self._channel_names(self._channels)
-        given_roles = self.roles or {}
-        if self._names is None:  # columns of an array go by their positions
-            given_roles = {f"x{position}": role for position, role in given_roles.items()}
-        self._roles = roles_of(names, given_roles)
-        self._roles[self.inputs_[0]] = "e"
-        held = self._hold(grid, values[:, self._channels], names)
-        given = self.controlled_element
-        element = None if given is None else constants_of(given)
-        record, columns = build_record(
-            grid,
-            names,
-            held,
-            self._roles,
-            self.inputs_,
-            output=output,
-            settling=self.settling,
-            controlled_element=element,
-        )
-        core = self._core()
-        record = core.on(record)
-        check_rows(record, len(core.parameters), grid, self.settling)
-        check_moving(record, values[:, self._columns[0]], self.inputs_[0], self._output_name)
-        if given is None:
-            element = estimate_element(record)
-            record = replace(record, controlled_element=element)
-        self.controlled_element_ = None if element is None else ControlledElement(*element)
-        return Prepared(record, core, columns, grid)
+    def prepare(self, X: Any, y: Any) -> Prepared:
+        """Read data for :meth:`first_fit`; searches call it.
 
-    def _first_model(self, prepared: Prepared) -> Model:
-        """The model with the effects it has, at the minimum of the simulation error."""
-        record, core = prepared.record, prepared.core
-        criterion = Criterion(record)
-        model = self._fitted_core(core, record, criterion)
-        coarse = criterion.coarse()
-        for name, effect in Effects.of(self.effects):
-            reason = effect.refusal(record, core.kind)
-            if reason is not None:
-                raise ValueError(f"The effect {name} does not apply: {reason}.")
-            model = extended(model, name, effect, criterion, coarse)
-        templates = {effect.name: effect for _, effect in Effects.of(self.effects)}
-        return beside_each_other(model, templates, criterion, coarse)
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
 
-    def _fit_with_effects(self, X: Any, y: Any) -> None:
-        prepared = self._prepare(X, y)
-        model = self._first_model(prepared)
-        self._set_model(likelihood_fit(model, Criterion(prepared.record)))
+        Returns
+        -------
+        prepared : Prepared
+            The runs side by side as a record, and the core to simulate on them.
+        """
+        return prepared_for(self, self._read_data(X, y))  # type: ignore[attr-defined]
 
-    def _set_model(self, fitted: tuple[Model, RemnantModel]) -> None:
-        """Take over a fitted model."""
-        model, noise = fitted
-        record = model.simulator.record
-        self._settling = self.settling
-        criterion = Criterion(record, noise)
-        self._theta, self._chosen = model.theta, model.effects
-        self._duration = record.duration
-        self._spread = {name: record.sd(name) for name in (*record.channels, "u")}
-        if record.core != CoreKind.ARX:
-            covariance = covariance_of(model.simulator, criterion, model.fit)
-        else:
-            covariance = model.covariance()
-        self.noise_ar_ = noise.ar
-        n = criterion.n
-        self.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
-        self.bic_ = -2 * self.loglik_ + model.n_parameters * float(np.log(n))
-        self.n_rows_used_, self._n_residuals = int(record.known.sum()), n
-        output = model.output
-        self.vaf_ = vaf_of_output(record, output)
-        self._rmse = float(np.sqrt(np.mean((record.y - output)[record.known] ** 2)))
-        units = {"u": self._units.get(self._output_name), "e": self._units.get(self.inputs_[0])}
-        units.update({f"[{name}]": unit for name, unit in self._units.items()})
-        self.parameters_ = parameter_table(
-            model.simulator, model.theta, covariance, units, self._given_values()
-        )
-        self.covariance_ = covariance_frame(model.simulator, covariance)
-        self.effects_ = effects_with_values(model)
+    def first_fit(self, prepared: Prepared) -> Model:
+        """Fit the core with the effects that the model has, by the error of simulation alone.
 
-    def _record_of(self, grid: ModelGrid, values: np.ndarray) -> tuple[Record, SegmentColumns]:
-        """Data to predict as a record."""
-        names = self._channel_names(self._channels)
-        held = self._hold(grid, grid.thin_inputs(values)[:, self._channels], names)
-        element = self.controlled_element_
-        record, columns = build_record(
-            grid,
-            names,
-            held,
-            self._roles,
-            self.inputs_,
-            controlled_element=None if element is None else constants_of(element),
-        )
-        return self._core().on(record), columns
+        Parameters
+        ----------
+        prepared : Prepared
+            What :meth:`prepare` returned.
 
-    def _simulated(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        """Free run on the grid with effects."""
-        record, columns = self._record_of(grid, values)
-        return columns.rows(Simulator(self._core(), self._chosen, record).run(self._theta))
+        Returns
+        -------
+        fitted : Model
+            The model from which a search starts, and likelihood goes on.
+        """
+        return first_model(prepared, Effects.of(self.effects))
+
+    def with_fit(self, prepared: Prepared, fitted: Model, noise: RemnantModel) -> Any:
+        """A new estimator of the same parameters, fitted: its estimates are those given.
+
+        Parameters
+        ----------
+        prepared : Prepared
+            What :meth:`prepare` of this estimator returned last.
+        fitted : Model
+            Estimates of the core and of effects, whichever these are.
+        noise : RemnantModel
+            Model of the remnant under which they were found.
+
+        Returns
+        -------
+        model : estimator
+            Knows X as this one does, and shares no parameter with it.
+        """
+        taken = copy.copy(self).set_params(**clone(self).get_params(deep=False))  # type: ignore[attr-defined]
+        taken._take_over(prepared, fitted, noise)
+        return taken
+
+    def free_run(self, prepared: Prepared) -> np.ndarray:
+        """Predict from data that were read already.
+
+        Parameters
+        ----------
+        prepared : Prepared
+            What :meth:`prepare` returned for X and y.
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+            The same as ``predict(X)``.
+        """
+        found = self._free_run(prepared.grid, prepared.table)  # type: ignore[attr-defined]
+        return prepared.grid.to_full_rate(found)
+
+
+class GreyBox(SimulatedModelMixin, RunRegressor):
+    """A core with effects, simulated, whose parameters are estimated by maximum likelihood.
+
+    A subclass has the parameters ``inputs``, ``effects``, ``roles``, ``controlled_element``,
+    ``settling``, ``dt`` and ``run``, stores them in ``__init__`` as every estimator does, and says
+    by ``_simulated_core`` what the core is, and how it is fitted without effects.
+    """
+
+    controlled_element: ControlledElement | None
+    settling: float
+    _takes_first = True
+
+    _parameter_constraints: dict = {
+        "inputs": ["array-like", str, int, None],
+        "effects": [Effect, Effects, str, list, tuple, None],
+        "roles": [dict, None],
+        "controlled_element": [ControlledElement, None],
+        "settling": [Interval(Real, 0, None, closed="left")],
+        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "run": "no_validation",
+    }
+
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> Any:
+        """Estimate all parameters.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Output of the operator; NaN where not measured.
+
+        Returns
+        -------
+        self : estimator
+        """
+        prepared = prepared_for(self, self._read_data(X, y))
+        model = self.first_fit(prepared)
+        self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
+        return self
+
+    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        self._simulation = simulation_of(self, prepared, model, noise)
+        self.covariance_ = self._simulation.covariance
+
+    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        return self._simulation.free_run(self, grid, values)
 
     def _summary(self) -> Summary:
-        return simulated_summary(self)
+        return simulated_summary(self, self._simulation)
 
 
-def constants_of(element: ControlledElement) -> tuple[float, float]:
-    """K_c and omega_b of a controlled element that does not vary."""
-    K_c, omega_b = element.K_c, element.omega_b
-    if callable(K_c) or callable(omega_b):
-        raise ValueError(
-            "controlled_element must be constant here; got one that varies in time. Pass it at one "
-            "instant, controlled_element.at(t), or None to estimate it."
-        )
-    return float(K_c), float(omega_b)
+def first_model(prepared: Prepared, effects: Effects) -> Model:
+    """The core with effects at the minimum of the simulation error."""
+    record, core = prepared.record, prepared.core
+    criterion = Criterion(record)
+    model = prepared.spec.estimated(core, record, criterion)
+    coarse = criterion.coarse()
+    for name, effect in effects:
+        reason = effect.refusal(record, core.kind)
+        if reason is not None:
+            raise ValueError(f"The effect {name} does not apply: {reason}.")
+        model = extended(model, name, effect, criterion, coarse)
+    templates = {effect.name: effect for _, effect in effects}
+    return beside_each_other(model, templates, criterion, coarse)
+
+
+def simulation_of(
+    estimator: Any, prepared: Prepared, model: Model, noise: RemnantModel
+) -> Simulation:
+    """Set what an estimator shows of a fit in simulation; return what predictions need."""
+    record = model.simulator.record
+    criterion = Criterion(record, noise)
+    if record.core != CoreKind.ARX:
+        covariance = covariance_of(model.simulator, criterion, model.fit)
+    else:
+        covariance = model.covariance()
+    n, output = criterion.n, model.output
+    estimator.noise_ar_ = noise.ar
+    estimator.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
+    estimator.bic_ = -2 * estimator.loglik_ + model.n_parameters * float(np.log(n))
+    estimator.n_rows_used_ = int(record.known.sum())
+    estimator.vaf_ = vaf_of_output(record, output)
+    estimator.parameters_ = parameter_table(
+        model.simulator, model.theta, covariance, prepared.units, dict(prepared.spec.given)
+    )
+    estimator.effects_ = effects_with_values(model)
+    return Simulation(
+        spec=prepared.spec,
+        effects=model.effects,
+        theta=model.theta,
+        covariance=covariance_frame(model.simulator, covariance),
+        channels=prepared.channels,
+        roles=prepared.roles,
+        settling=estimator.settling,
+        n_residuals=n,
+        rmse=float(np.sqrt(np.mean((record.y - output)[record.known] ** 2))),
+        duration=record.duration,
+        spread={name: record.sd(name) for name in (*record.channels, "u")},
+    )
+
+
+def labelled_covariance(model: Any) -> pd.DataFrame:
+    """Covariance of what was estimated, by names of ``parameters_``."""
+    covariance = model.covariance_
+    if isinstance(covariance, pd.DataFrame):
+        return covariance
+    names = model.parameters_.index[: len(covariance)]  # of an ARXRegressor
+    return pd.DataFrame(covariance, index=names, columns=names)
 
 
 def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
@@ -244,40 +323,6 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
 
 def _power(signal: np.ndarray) -> float:
     return float((signal**2).sum())
-
-
-def check_rows(record: Record, n_parameters: int, grid: ModelGrid, settling: float) -> None:
-    """Refuse data that cannot hold the parameters and the noise model."""
-    if not record.known.any() and record.y is not None and not record.y.any():
-        raise ValueError("Input y contains NaN in all rows: nothing was measured.")
-    criterion = Criterion(record, RemnantModel(np.zeros(AR_ORDER), np.ones(record.n_runs)))
-    if criterion.n > 0 and criterion.known.sum() > n_parameters:
-        return
-    counting = (max(AR_ORDER, n_parameters) + 1) * criterion.thin
-    # Settling takes a quarter of a run at most.
-    needed = min(counting + round(settling / grid.dt), -(-4 * counting // 3))
-    seconds = needed * grid.dt
-    raise ShortRunError(
-        f"{record.known.sum()} rows are left for {n_parameters} parameters and the model of the "
-        f"remnant (n_samples = {grid.layout.n_rows} rows of X, of which settling, missing values "
-        f"and a run-in take the rest). They need a run of {round(seconds / grid.layout.dt)} rows "
-        f"({seconds:.3g} s) without a gap. Use more data, or a smaller settling."
-    )
-
-
-def check_moving(record: Record, values: np.ndarray, name: str, output: str) -> None:
-    """Refuse an input or an output that stands still."""
-    assert record.y is not None
-    found = bad_output(output, record.y[record.known])
-    if found is None:
-        measured = values[~np.isnan(values)]
-        if not measured.size:
-            raise ValueError(f"Input {name!r} contains NaN in all rows: nothing was measured.")
-        found = still(f"Input {name!r}", measured)
-        if found is not None:
-            found += ": it excites nothing. Use data in which it moves; is it the right column?"
-    if found is not None:
-        raise RankDeficiencyError(f"The parameters cannot be estimated. {found}")
 
 
 def vaf_of_output(record: Record, output: np.ndarray) -> float:

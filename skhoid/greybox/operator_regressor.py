@@ -5,19 +5,12 @@ from __future__ import annotations
 from numbers import Real
 from typing import Any
 
-import numpy as np
-
-from .._sklearn import Interval, fit_context
-from ..effects.base import Effect
-from ..effects.composition import Effects
-from ..effects.record import Record
+from .._sklearn import Interval
 from ..human.controlled_element import ControlledElement
-from ..preprocessing.grid import ModelGrid
 from .base import GreyBox
 from .cores import OperatorCore
-from .fitting import Criterion
-from .model import Model
 from .operator_core import fit_plain_operator
+from .prepared import SimulatedCore
 
 
 class OperatorRegressor(GreyBox):
@@ -121,14 +114,8 @@ class OperatorRegressor(GreyBox):
     """
 
     _parameter_constraints: dict = {
+        **GreyBox._parameter_constraints,
         "delay": [Interval(Real, 0, 10, closed="both"), None],
-        "inputs": ["array-like", str, int, None],
-        "effects": [Effect, Effects, str, list, tuple, None],
-        "roles": [dict, None],
-        "controlled_element": [ControlledElement, None],
-        "settling": [Interval(Real, 0, None, closed="left")],
-        "dt": [Interval(Real, 0, None, closed="neither"), None],
-        "run": "no_validation",
     }
 
     def __init__(
@@ -152,37 +139,12 @@ class OperatorRegressor(GreyBox):
         self.dt = dt
         self.run = run
 
-    _errors_in_words = "Standard errors allow for remnant of any colour."
-
-    @fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Any, y: Any) -> OperatorRegressor:
-        """Estimate all parameters.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Output of the operator; NaN where not measured.
-
-        Returns
-        -------
-        self : OperatorRegressor
-        """
-        self._fit_with_effects(X, y)
-        return self
-
-    def _core(self) -> OperatorCore:
-        return OperatorCore(None if self.delay is None else float(self.delay))
-
-    def _core_in_words(self) -> str:
-        return "human operator, Eqs. 3-5"
-
-    def _fitted_core(self, core: Any, record: Record, criterion: Criterion) -> Model:
-        return fit_plain_operator(core, record, criterion)
-
-    def _given_values(self) -> dict[str, float]:
-        return {} if self.delay is None else {"tau_e": float(self.delay)}
-
-    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        return self._simulated(grid, values)
+    def _simulated_core(self) -> SimulatedCore:
+        delay = None if self.delay is None else float(self.delay)
+        return SimulatedCore(
+            core=OperatorCore(delay),
+            estimated=fit_plain_operator,
+            description="human operator, Eqs. 3-5",
+            errors_note="Standard errors allow for remnant of any colour.",
+            given={} if delay is None else {"tau_e": delay},
+        )

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..summaries import Summary, estimates_table, grid_facts, quantity, signal_facts
 
 if TYPE_CHECKING:
-    from .base import GreyBox
+    from .base import Simulation
 
 
-def simulated_summary(model: GreyBox) -> Summary:
+def simulated_summary(model: Any, simulation: Simulation) -> Summary:
     """Summary of a model whose parameters minimise the error of simulation."""
     output, element = model._output_name, model.controlled_element_
     facts = {
-        "Model": model._core_in_words(),
+        "Model": simulation.spec.description,
         "Effects": ", ".join(model.effects_.names) or "none",
         **signal_facts(model),
         "Method": "maximum likelihood",
         "Rows": f"{model.n_rows_used_}",
         "Runs": f"{model._n_runs}",
         **grid_facts(model),
-        "Residuals": f"{model._n_residuals} in the likelihood",
-        "Settling": f"{model._settling:g} s left out",
+        "Residuals": f"{simulation.n_residuals} in the likelihood",
+        "Settling": f"{simulation.settling:g} s left out",
         "VAF, fit": f"{model.vaf_:.1f} % (free run)",
-        "RMSE, fit": quantity(model._rmse, model._units.get(output)) + " (free run)",
+        "RMSE, fit": quantity(simulation.rmse, model._units.get(output)) + " (free run)",
         "Log-likelihood": f"{model.loglik_:.1f}",
         "BIC": f"{model.bic_:.1f}",
         "Noise model": f"AR({len(model.noise_ar_)})",
@@ -32,7 +32,7 @@ def simulated_summary(model: GreyBox) -> Summary:
     if element is not None:
         facts["Element"] = f"K_c = {element.K_c:.4g}, omega_b = {element.omega_b:.4g} rad/s"
     notes = [
-        model._errors_in_words,
+        simulation.spec.errors_note,
         "What the model lacks is not in them: see compare and EffectSearchCV.",
         "VAF and RMSE are those of the rows fitted; summary(X, y) says the VAF of others. "
         "Log-likelihood and BIC are without constants.",

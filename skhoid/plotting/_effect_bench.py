@@ -17,6 +17,7 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.operator_signals import Command
 from ..effects.record import Record
+from ..greybox.base import labelled_covariance
 from ..greybox.cores import neutral_gains
 from ..greybox.simulator import Simulator
 
@@ -87,7 +88,7 @@ class Bench:
     values: dict[str, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.core = self.model._core()
+        self.core = self.model._simulation.spec.core
         table = self.model.parameters_["value"]
         self.theta = np.array([float(table[p.name]) for p in self.core.parameters])
         self.values = {p.name: getattr(self.effect, p.name) for p in self.effect.parameters}
@@ -131,7 +132,7 @@ class Bench:
             controlled_element=self.record.controlled_element,
         )
         # Effects that refer to standard deviations mean those of the data of the fit.
-        spread = self.model._spread
+        spread = self.model._simulation.spread
         made._derived.update({("sd", name): value for name, value in spread.items()})
         made._derived["sd", "e"] = spread[self.error]
         return made
@@ -140,7 +141,7 @@ class Bench:
         """Parameters of the effect and of the core, drawn from their covariance."""
         own = [f"{self.name}__{key}" for key in self.values]
         names = [*own, *self.core_names]
-        covariance = self.model.covariance_.reindex(index=names, columns=names)
+        covariance = labelled_covariance(self.model).reindex(index=names, columns=names)
         # What is fixed, or at a bound, has no covariance and stays.
         covariance = covariance.fillna(0.0).to_numpy()
         if n == 0 or not covariance.any():
@@ -168,7 +169,8 @@ class Bench:
         if real is not None and real.size:
             largest = float(np.quantile(np.abs(real), 0.999))
         else:
-            largest = LARGEST * float(self.model._spread["u" if signal == "u" else self.error])
+            spread = self.model._simulation.spread
+            largest = LARGEST * float(spread["u" if signal == "u" else self.error])
         return (1.05 if signal == "e" else BEYOND) * largest or 1.0
 
     def simulator(self, record: Record) -> Simulator:
@@ -284,7 +286,7 @@ def run_times(bench: Bench) -> np.ndarray:
     """Instants of a run: of the runs given, or of those of the fit."""
     if bench.has_runs:
         return np.linspace(float(bench.record.t.min()), float(bench.record.t.max()), N_TIMES)
-    return np.linspace(0.0, bench.model._duration, N_TIMES)
+    return np.linspace(0.0, bench.model._simulation.duration, N_TIMES)
 
 
 def channel_range(bench: Bench, channel: str) -> tuple[float, float]:
@@ -295,7 +297,7 @@ def channel_range(bench: Bench, channel: str) -> tuple[float, float]:
         if low < high:
             return low, high
     middle = float(getattr(bench.effect, "reference", None) or 0.0)
-    away = LARGEST * float(bench.model._spread.get(channel, 1.0))
+    away = LARGEST * float(bench.model._simulation.spread.get(channel, 1.0))
     return middle - away, middle + away
 
 

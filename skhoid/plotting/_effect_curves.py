@@ -121,7 +121,7 @@ def added_command(bench: Bench) -> Response:
     """What a path adds to the command for a slow wave of the error, where it is no linear path."""
     size = bench.amplitude("e")
     x = np.linspace(-size, size, N_WAVE)
-    t = np.linspace(0.0, bench.model._duration, N_WAVE)
+    t = np.linspace(0.0, bench.model._simulation.duration, N_WAVE)
     zero = np.zeros((N_WAVE, 1))
     record = bench.made_up(t, {bench.error: x})
 

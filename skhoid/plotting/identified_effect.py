@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..effects.record import Record
 from ..greybox.estimates import parameter_text
-from ..greybox.side_by_side import build_record
+from ..greybox.prepared import constants_of
 from ._axes import BLACK, COLOURS, GREY, plain_logarithmic
 from ._comparison import wrapped
 from ._display import Display
@@ -239,10 +239,10 @@ class IdentifiedEffectDisplay(Display):
 
 def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
     """Channels of runs as the model takes them, and their output; both empty where X is None."""
-    element = model.controlled_element_
-    known_element = None if element is None else (float(element.K_c), float(element.omega_b))
+    simulation = model._simulation
     if X is None:
-        roles = dict(model._roles)
+        element = model.controlled_element_
+        roles = dict(simulation.roles)
         if "f_t" not in roles.values() and {"e", "x"} <= set(roles.values()):
             roles["f_t"] = "f_t"  # as the sum of both
         empty = np.zeros((0, 0))
@@ -253,14 +253,9 @@ def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
             roles=roles,
             inputs=tuple(model.inputs_),
             known=empty.astype(bool),
-            controlled_element=known_element,
+            controlled_element=None if element is None else constants_of(element),
         )
         return record, None
-    grid, values = model._read_X(X, reset=False)
-    names = model._channel_names(model._channels)
-    held = model._hold(grid, grid.thin_inputs(values)[:, model._channels], names)
-    record, _ = build_record(
-        grid, names, held, model._roles, model.inputs_, controlled_element=known_element
-    )
+    record, _ = simulation.record_of(model, *model._read_X(X, reset=False))
     output = np.asarray(model.predict(X) if y is None else y, dtype=float)
     return record, output[np.isfinite(output)]

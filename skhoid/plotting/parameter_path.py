@@ -234,9 +234,8 @@ def _frame(model: Any) -> pd.DataFrame:
         index = pd.Index(np.asarray(model.time_path_, dtype=float), name="time")
     frame = pd.DataFrame(np.asarray(values), index=index, columns=names)
     if covariance is not None:
-        covariance = np.asarray(covariance).reshape(len(frame), len(names), len(names))
-        variances = np.diagonal(covariance, axis1=1, axis2=2)
-        frame[[f"sd_{name}" for name in names]] = np.sqrt(np.maximum(variances, 0.0))
+        variances = np.diagonal(covariance, axis1=-2, axis2=-1)[..., : len(names)]
+        frame[[f"sd_{name}" for name in names]] = np.sqrt(np.maximum(np.atleast_2d(variances), 0.0))
     return frame
 
 

@@ -11,37 +11,26 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clon
 from sklearn.utils.validation import check_is_fitted
 from threadpoolctl import threadpool_limits
 
-from .._sklearn import FittedDisplay, HasMethods, Interval, StrOptions, fit_context
+from .._sklearn import FittedDisplay, Interval, StrOptions, fit_context
 from ..arx.searches.folds import folds_of
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
-from ..greybox.base import Prepared, likelihood_fit
+from ..greybox.base import likelihood_fit
 from ..greybox.fitting import Criterion
+from ..greybox.prepared import Prepared
+from ..greybox.protocol import check_simulated_model
 from ..human.controlled_element import ControlledElement
+from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
-from .explanations import (
-    CUT_SHORT,
-    NOT_IN_CATALOGUE,
-    NOT_TRIED,
-    changes_in_words,
-    experiment,
-    summary_of,
-)
-from .forward import HeldOutRows, Path, Search, SearchStep, forward, further_changes
-from .leftover import Leftover, leftovers
-from .results import error_path, gap_of, ranking_table, walked
-from .signatures import noises_in
+from ..summaries import Summary, estimates_table
+from .explanations import VERDICTS, changes_in_words, experiments, summary_of
+from .findings import Findings, findings_of
+from .forward import HeldOutRows, Search, forward
+from .results import error_path, held_out_table, ranking_table, unexplained_table
+from .verdict import Verdict, decided
 
 GUARD = 5.0  # s beside held-out blocks of a single run
-NOTED = 0.2  # points
-REPEATS = "part of the residual repeats from run to run, or follows the target"
-# What is left is unknown from so many points on, and from the first share of what could be
-# explained; from the second on what was found is no name for it. Several effects that leave
-# something may together imitate what is missing.
-BESIDE_ONE = (0.6, 0.1, 0.12)
-BESIDE_SEVERAL = (0.4, 0.04, 0.04)
-SURE = 4.0  # standard errors
 
 
 class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -55,8 +44,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
 
     Parameters
     ----------
-    estimator : OperatorRegressor or ARXRegressor
-        The model, unfitted; effects it has already stay.
+    estimator : OperatorRegressor, ARXRegressor or other SimulatedModel
+        The model, unfitted; effects it has already stay. What one of your own needs is listed in
+        :class:`skhoid.greybox.SimulatedModel`.
     effects : "all", list of ids or effects, Effect or Effects, default="all"
         The catalogue to try; effects of your own among them.
     cv : cross-validation generator, iterable of splits, int or None, default=None
@@ -133,7 +123,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     """
 
     _parameter_constraints: dict = {
-        "estimator": [HasMethods(["fit", "predict", "with_effect"])],
+        "estimator": "no_validation",  # see fit
         "effects": [StrOptions({"all"}), list, tuple, str, Effect, Effects],
         "cv": ["cv_object"],
         "display": [StrOptions({"compensatory", "pursuit", "preview"})],
@@ -175,22 +165,55 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         Returns
         -------
         self : EffectSearchCV
+
+        Raises
+        ------
+        TypeError
+            If the estimator is no model that simulates effects, with what it lacks.
         """
+        check_simulated_model(self.estimator, "EffectSearchCV")
         with threadpool_limits(1):  # small products, which threads only slow down
             model = clone(self.estimator)
             if self.controlled_element is not None:
                 model.set_params(controlled_element=self.controlled_element)
-            prepared = model._prepare(X, y)
+            prepared = model.prepare(X, y)
             folds = self._folds(X, y, prepared)
             search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
-            baseline = model._first_model(prepared)
-            path = forward(search, baseline, int(self.max_effects))
-            self._set_results(model, prepared, search, path, X, y)
+            path = forward(search, model.first_fit(prepared), int(self.max_effects))
+            baseline, best = (
+                model.with_fit(prepared, *likelihood_fit(fitted, Criterion(prepared.record)))
+                for fitted in (path.steps[0].parent, path.model)
+            )
+            if len(path.model.effects):  # choices made, numbers to be estimated
+                best.set_params(effects=path.model.effects)
+            measured = np.asarray(y, dtype=float).ravel()
+            found = findings_of(search, path, best, prepared, measured)
+            self.baseline_, self.best_estimator_ = baseline, best
+            self._conclude(decided(found, tries_all=self._tries_all()))
+            self._tabulate(found, prepared)
+        index = X.index if isinstance(X, pd.DataFrame) else None
+        self.predictions_ = held_out_table(found, prepared, measured, index)
+        unit = units_of(y).get(str(getattr(y, "name", None)))
+        if unit:
+            self.predictions_.attrs["units"] = {"measured": unit}
         self._fingerprint = fingerprint(X)
         self.n_features_in_ = model.n_features_in_
         if hasattr(model, "feature_names_in_"):
             self.feature_names_in_ = model.feature_names_in_
         return self
+
+    def _conclude(self, verdict: Verdict) -> None:
+        self.best_effects_ = verdict.best_effects
+        self.stand_ins_ = verdict.stand_ins
+        self.verdict_ = VERDICTS[verdict.outcome]
+
+    def _tabulate(self, found: Findings, prepared: Prepared) -> None:
+        self.unexplained_ = unexplained_table(found.left)
+        self.explainable_gap_ = found.explainable_gap
+        self.error_path_ = error_path(found, prepared)
+        self.ranking_ = ranking_table(found, prepared, self.display)
+        self.notes_ = changes_in_words(found.changes)
+        self.experiments_ = experiments(self.ranking_)
 
     def _candidates(self) -> list[Effect]:
         if isinstance(self.effects, str) and self.effects == "all":
@@ -215,72 +238,6 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             test = columns.beside(rows, fill=False) & known
             folds.append(HeldOutRows(test, known & ~test))
         return folds
-
-    def _set_results(
-        self, model: Any, prepared: Prepared, search: Search, path: Path, X: Any, y: Any
-    ) -> None:
-        record = prepared.record
-        self.baseline_ = clone(model)
-        self.baseline_.__dict__.update(model.__dict__)
-        self.baseline_._set_model(likelihood_fit(path.steps[0].parent, Criterion(record)))
-        final = likelihood_fit(path.model, Criterion(record))
-        model._set_model(final)
-        if len(path.model.effects):
-            model.effects = path.model.effects  # choices made, numbers to be estimated
-        self.best_estimator_ = model
-        steps = walked(search, path)
-        names = [n for n in path.model.effects.names if n not in path.steps[0].parent.effects.names]
-        left = leftovers(path.model, search.folds)
-        noises, others = noises_in(record.y - path.model.output, record, search.noises)
-        left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
-        rest, rest_sd, vaf = gap_of(model, X, y)
-        ceiling = vaf + rest
-        gained = steps[-1].vaf - steps[0].vaf
-        left = [item for item in left if item.points >= NOTED]
-        if rest > SURE * rest_sd and rest >= NOTED:  # not where it is NaN
-            left.insert(0, Leftover("repeats", "output", REPEATS, rest, np.nan))
-        self.unexplained_ = pd.DataFrame(
-            [vars(item) for item in left],
-            columns=["where", "at", "description", "points", "evidence"],
-        )
-        worst = max([item.points for item in left], default=0.0)
-        share = worst / max(worst + gained, 1e-300)
-        least, small, large = BESIDE_SEVERAL if len(names) > 1 else BESIDE_ONE
-        unknown = worst >= least and share > small
-        ids = [dict(path.model.effects.steps)[n].name for n in names]
-        ids += [effect.name for effect, _ in noises]
-        self.stand_ins_: list[str] = []
-        if unknown and share > large:
-            self.stand_ins_, ids = ids, []
-        self.best_effects_ = [*ids, "unknown"] if unknown else ids
-        self.verdict_ = "effects found" if ids else "nothing is missing"
-        if unknown:
-            whole = NOT_IN_CATALOGUE if self._tries_all() else NOT_TRIED
-            self.verdict_ = whole if path.steps[-1].best is None else CUT_SHORT
-        self.explainable_gap_ = float(max(gained + worst, 0.0))
-        self.error_path_ = error_path(record, steps, names, ceiling, worst)
-        self.predictions_ = self._held_out_frame(prepared, steps, names, X, y)
-        self.ranking_ = ranking_table(path, self.display, noises, model)
-        self.notes_ = changes_in_words(further_changes(search, path))
-        self.experiments_ = [
-            experiment(row["effect"], other)
-            for _, row in self.ranking_[self.ranking_["status"] == "added"].iterrows()
-            for other in row["confused_with"]
-        ]
-
-    def _held_out_frame(
-        self, prepared: Prepared, steps: list[SearchStep], names: list[str], X: Any, y: Any
-    ) -> pd.DataFrame:
-        columns = {"measured": np.asarray(y, dtype=float).ravel()}
-        for title, step in zip(["baseline", *(f"+ {n}" for n in names)], steps, strict=True):
-            rows = prepared.columns.rows(step.prediction)
-            columns[title] = prepared.grid.to_full_rate(rows)
-        index = X.index if isinstance(X, pd.DataFrame) else None
-        frame = pd.DataFrame(columns, index=index)
-        unit = getattr(y, "attrs", {}).get("units", {}).get(getattr(y, "name", None))
-        if unit:
-            frame.attrs["units"] = {"measured": unit}
-        return frame
 
     def summary(self) -> str:
         """The search in plain sentences: steps, errors, verdict, what to record next.
@@ -309,7 +266,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             f"EffectSearchCV: {self.verdict_}. Added: {added}; held-out VAF {first:.1f} to "
             f"{last:.1f} %."
         )
-        return self.best_estimator_._summary().html(found)
+        best = self.best_estimator_
+        if isinstance(best, RunRegressor):
+            return best._summary().html(found)
+        return Summary(type(best).__name__, {}, estimates_table(best.parameters_), []).html(found)
 
     def predict(self, X: Any) -> np.ndarray:
         """Free run of the best model.

@@ -9,6 +9,7 @@ import pandas as pd
 
 from ..effects.base import Effect
 from ..summaries import counted
+from .verdict import Outcome
 
 # What an effect on a compensatory display can only be equivalent to, and why.
 SHOWS_TARGET = {"feedforward", "preview", "output_feedback"}
@@ -48,6 +49,13 @@ EXPERIMENTS = {
 NOT_IN_CATALOGUE = "something is missing, not in the catalogue"
 NOT_TRIED = "something is missing, not among the effects tried"
 CUT_SHORT = "something is missing, and max_effects is reached"
+VERDICTS = {
+    Outcome.NOTHING: "nothing is missing",
+    Outcome.FOUND: "effects found",
+    Outcome.NOT_IN_CATALOGUE: NOT_IN_CATALOGUE,
+    Outcome.NOT_TRIED: NOT_TRIED,
+    Outcome.CUT_SHORT: CUT_SHORT,
+}
 HOW_TO_GO_ON = {
     NOT_TRIED: 'Try the others of the catalogue too: effects="all", which is the default.',
     CUT_SHORT: "Let the search add more effects: a larger max_effects.",
@@ -86,6 +94,15 @@ def experiment(one: str, other: str) -> str:
     """What to record to tell two effects apart."""
     told = EXPERIMENTS.get(frozenset({one, other}), ANY_EXPERIMENT)
     return f"{one} and {other} cannot be told apart here; this experiment would: {told}."
+
+
+def experiments(ranking: pd.DataFrame) -> list[str]:
+    """What to record to tell what was added from what explains as much."""
+    return [
+        experiment(row["effect"], other)
+        for _, row in ranking[ranking["status"] == "added"].iterrows()
+        for other in row["confused_with"]
+    ]
 
 
 def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str:

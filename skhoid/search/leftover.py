@@ -24,6 +24,7 @@ PIECES = 9  # of a run
 MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
 LAGGED = 0.2  # s, by which an output of limited rate stays behind
 LEAST_EVIDENCE = 25.0
+REPEATS = "part of the residual repeats from run to run, or follows the target"
 
 
 @dataclass(frozen=True)

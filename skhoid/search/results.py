@@ -2,60 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 import pandas as pd
 
-from ..diagnosis.ceiling import noise_ceiling
-from ..diagnosis.run_signals import read_signals
-from ..effects.base import Effect
-from ..effects.record import Record
-from ..effects.traces import Signature
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
-from ..greybox.model import without
+from ..greybox.prepared import Prepared
 from .explanations import words_of
-from .forward import Candidate, Path, Search, SearchStep, output_error_fit
+from .findings import Findings
+from .forward import Candidate
+from .leftover import Leftover
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
 
 
-def walked(search: Search, path: Path) -> list[SearchStep]:
-    """Held-out predictions of the model with the first, the first two ... of its effects."""
-    models = [output_error_fit(path.model)]
-    first = path.steps[0].parent.effects.names
-    added = [n for n in path.model.effects.names if n not in first]
-    for name in reversed(added):
-        models.append(without(models[-1], name, path.core))
-    noise = search.criterion.remnant_model(path.model.output)
-    return [search.judged(model, [], noise) for model in reversed(models)]
-
-
-def gap_of(model: Any, X: Any, y: Any) -> tuple[float, float, float]:
-    """Explainable gap of a model in points, its standard error, and the VAF it refers to.
-
-    NaN where the data tell no noise ceiling.
-    """
-    try:
-        signals = read_signals(model, X, y, run_in=model.settling)
-    except ValueError:  # too short for spectra
-        return np.nan, np.nan, np.nan
-    found = noise_ceiling(signals)
-    return found.gap, found.sd, found.vaf
-
-
-def error_path(
-    record: Record, steps: Sequence[SearchStep], names: Sequence[str], ceiling: float, left: float
-) -> pd.DataFrame:
+def error_path(found: Findings, prepared: Prepared) -> pd.DataFrame:
     """VAF and RMSE, held out, of the baseline and with each effect."""
+    record, steps = prepared.record, found.steps
     assert record.y is not None
     rows = []
     # Where an effect lets remnant pass a nonlinearity the baseline's ceiling is a lower bound.
-    reachable = float(np.nanmax([ceiling, steps[-1].vaf + left]))
-    top = reachable if np.isfinite(ceiling) else np.nan
-    for title, step in zip(["baseline", *names], steps, strict=True):
+    reachable = float(np.nanmax([found.ceiling, steps[-1].vaf + found.worst]))
+    top = reachable if np.isfinite(found.ceiling) else np.nan
+    for title, step in zip(["baseline", *found.added], steps, strict=True):
         error = (record.y - step.prediction)[record.known]
         rows.append(
             {
@@ -72,11 +41,30 @@ def error_path(
     return frame
 
 
-def ranking_table(
-    path: Path, display: str, noises: Sequence[tuple[Effect, Signature]], model: Any
+def unexplained_table(left: list[Leftover]) -> pd.DataFrame:
+    """Structure that is left, one row each."""
+    return pd.DataFrame(
+        [vars(item) for item in left],
+        columns=["where", "at", "description", "points", "evidence"],
+    )
+
+
+def held_out_table(
+    found: Findings, prepared: Prepared, measured: np.ndarray, index: pd.Index | None
 ) -> pd.DataFrame:
+    """Measured output, and held-out free runs without and with each effect, at every row."""
+    columns = {"measured": measured}
+    titles = ["baseline", *(f"+ {name}" for name in found.added)]
+    for title, step in zip(titles, found.steps, strict=True):
+        rows = prepared.columns.rows(step.prediction)
+        columns[title] = prepared.grid.to_full_rate(rows)
+    return pd.DataFrame(columns, index=index)
+
+
+def ranking_table(found: Findings, prepared: Prepared, display: str) -> pd.DataFrame:
     """One row per step and effect, best first."""
     rows = []
+    path = found.path
     added = set(path.model.effects.names)
     for number, step in enumerate(path.steps, 1):
         chosen = [c for c in step.candidates if c.passes and c.name in added][:1]
@@ -91,7 +79,7 @@ def ranking_table(
                     "rank": rank,
                     "effect": c.id,
                     "form": _form(c),
-                    "parameters": _parameters(c, model) if described else "",
+                    "parameters": _parameters(c, prepared) if described else "",
                     "n_parameters": c.n_parameters,
                     "delta_loglik": np.nan if c.reason else c.loglik,
                     "delta_bic": np.nan if c.reason else c.evidence,
@@ -105,14 +93,14 @@ def ranking_table(
                     "reason": c.reason,
                 }
             )
-    for rank, (effect, found) in enumerate(noises, len(path.steps[0].candidates) + 1):
+    for rank, (effect, shown) in enumerate(found.noises, len(path.steps[0].candidates) + 1):
         rows.append(
             {
                 "step": 1,
                 "rank": rank,
                 "effect": effect.name,
                 "form": "",
-                "parameters": found.parameters,
+                "parameters": shown.parameters,
                 "n_parameters": len(effect.parameters),
                 "delta_loglik": np.nan,
                 "delta_bic": np.nan,
@@ -121,7 +109,7 @@ def ranking_table(
                 "vaf_gain": 0.0,
                 "p_value": 0.0,
                 "confused_with": [],
-                "words": f"{effect.physics} It is noise to the free run: {found.words}.",
+                "words": f"{effect.physics} It is noise to the free run: {shown.words}.",
                 "status": "added",
                 "reason": "",
             }
@@ -137,10 +125,9 @@ def _form(candidate: Candidate) -> str:
     return ", ".join(str(part) for part in parts if part)
 
 
-def _parameters(candidate: Candidate, model: Any) -> str:
+def _parameters(candidate: Candidate, prepared: Prepared) -> str:
     fitted = candidate.model
     assert fitted is not None
-    units = {"u": model._units.get(model._output_name), "e": model._units.get(model.inputs_[0])}
-    units.update({f"[{name}]": unit for name, unit in model._units.items()})
-    table = parameter_table(fitted.simulator, fitted.theta, fitted.covariance(), units, {})
+    covariance = fitted.covariance()
+    table = parameter_table(fitted.simulator, fitted.theta, covariance, prepared.units, {})
     return parameter_text(table, candidate.name)

@@ -10,8 +10,9 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 from support.places import RECORDINGS
 
-from skhoid import ARXRegressor, EffectSearchCV, run_labels
+from skhoid import ARXRegressor, EffectSearchCV, RecursiveARX, run_labels
 from skhoid.effects import DeadZone, HigherOrder, TimeVaryingGain
+from skhoid.plotting import ParameterPathDisplay
 
 A, B, NK = [-1.5, 0.7], [0.12, 0.08], 3
 DT = 0.02
@@ -111,6 +112,27 @@ def test_without_effects_nothing_changes():
         ]
     )
     np.testing.assert_allclose(model.predict(X), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_attributes_have_one_type_whatever_effects_are_given():
+    X, y = runs(lambda r: linear(r["e"].to_numpy()) + 0.5)
+    model = ARXRegressor(2, 2, NK, inputs=["e"])
+    plain, bent = clone(model).fit(X, y), model.with_effect("bias").fit(X, y)
+    shown = {name for name in vars(plain) if name.endswith("_")}
+    assert shown <= vars(bent).keys()
+    for name in shown:
+        assert type(getattr(bent, name)) is type(getattr(plain, name)), name
+    for fitted in (plain, bent):
+        estimated = fitted.parameters_.iloc[: len(fitted.covariance_)]
+        np.testing.assert_allclose(np.diag(fitted.covariance_), estimated["sd"] ** 2)
+        assert estimated.index[:4].tolist() == fitted.parameter_names_
+        np.testing.assert_array_equal(fitted.standard_errors_, estimated["sd"][:4])
+    assert estimated.index[4:].tolist() == ["bias__level"]
+    path = RecursiveARX(2, 2, NK, inputs=["e"]).fit(X, y)
+    assert ParameterPathDisplay.from_estimator({"path": path, "whole": bent})
+    again = bent.set_params(effects=None).fit(X, y)
+    assert {name for name in vars(again) if name.endswith("_")} == shown
+    np.testing.assert_array_equal(again.predict(X), plain.predict(X))
 
 
 @pytest.mark.parametrize("name", SIMULATED)

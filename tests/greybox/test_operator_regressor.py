@@ -535,7 +535,7 @@ def test_without_remnant_the_sampling_time_limits_what_is_known():
 
 
 def test_the_scale_of_a_jagged_response_is_solved_for(runs):
-    prepared = OperatorRegressor(delay=0.28)._prepare(*runs)
+    prepared = OperatorRegressor(delay=0.28).prepare(*runs)
     effects = Effects([("quantised", Quantised(form="sharp"))])
     simulator = Simulator(prepared.core, effects, prepared.record)
     true = np.array([0.09, 0.036, 11.25, 0.35, 0.1, 0.0])

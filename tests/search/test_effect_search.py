@@ -10,11 +10,21 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import KFold, LeaveOneGroupOut
 
-from skhoid import EffectSearchCV, OperatorRegressor, RunCutWarning, run_labels, vaf_score
+from skhoid import (
+    EffectSearchCV,
+    OperatorRegressor,
+    RunCutWarning,
+    regression,
+    run_labels,
+    vaf_score,
+)
+from skhoid.diagnosis import run_signals
+from skhoid.diagnosis.ceiling import noise_ceiling
 from skhoid.effects import Bias, DeadZone, Dimension, Effect, Effects, Parameter, catalogue
 from skhoid.greybox.estimates import parameter_text
 from skhoid.greybox.model import Model, without
 from skhoid.search import effect_search
+from skhoid.search.findings import gap_of
 from skhoid.search.story import Story
 
 RATE = 50.0
@@ -220,8 +230,8 @@ def test_two_effects_are_both_named(two):
 
 def test_what_runs_away_without_an_effect_starts_from_the_core():
     estimator = OperatorRegressor(effects=DeadZone() + Bias())
-    prepared = estimator._prepare(*recorded(inner=dead, outer=lambda u: u + 0.25))
-    model = estimator._first_model(prepared)
+    prepared = estimator.prepare(*recorded(inner=dead, outer=lambda u: u + 0.25))
+    model = estimator.first_fit(prepared)
     good = model.values()
     far = np.array([{**good, "K_e": np.nan}[n] for n in model.simulator.names])
     astray = Model(model.simulator, replace(model.fit, theta=far))
@@ -425,6 +435,29 @@ def test_two_searches_are_the_same(hidden_data, found):
     pd.testing.assert_frame_equal(again.predictions_, found.predictions_)
 
 
+def test_X_is_read_once(hidden_data, monkeypatch):
+    read = []
+    for module, name in [(regression, "read_table"), (run_signals, "raw_layout")]:
+        original = getattr(module, name)
+        monkeypatch.setattr(
+            module, name, lambda *a, f=original, **k: (read.append(f), f(*a, **k))[1]
+        )
+    search = searched(hidden_data, ["dead_zone", "bias"])
+    assert len(read) == 1
+    search.predict(hidden_data[0])
+    assert len(read) == 2
+
+
+def test_the_gap_is_that_of_a_comparison(found, hidden_data):
+    """The best model's free run, from data that were read already, is judged as by compare."""
+    best = found.best_estimator_
+    prepared = clone(best).prepare(*hidden_data)
+    gap, _, vaf = gap_of(best, prepared, hidden_data[1].to_numpy())
+    signals = run_signals.read_signals(best, *hidden_data, run_in=best.settling)
+    ceiling = noise_ceiling(signals)
+    np.testing.assert_array_equal([gap, vaf], [ceiling.gap, ceiling.vaf])
+
+
 def test_fit_changes_nothing_that_it_is_given(hidden_data):
     X, y = (table.copy() for table in hidden_data)
     estimator = OperatorRegressor()
@@ -536,7 +569,7 @@ def test_a_search_that_is_not_fitted_says_so():
         ({"max_effects": -1}, "max_effects"),
         ({"controlled_element": 3.0}, "controlled_element"),
         ({"cv": "loo"}, "cv"),
-        ({"estimator": Bias()}, "estimator"),
+        ({"estimator": Bias()}, "Bias lacks"),
     ],
     ids=str,
 )

@@ -135,6 +135,8 @@ def learned(model: Any) -> dict[str, Any]:
     """Public fitted attributes of a model, by name."""
     names = [name for name in dir(model) if name.endswith("_") and not name.startswith("_")]
     found = {name: shown(model, name) for name in names}
+    if found.get("covariance_") is not None:  # labelled or not: the numbers count
+        found["covariance_"] = np.asarray(found["covariance_"])
     return {name: item for name, item in found.items() if not callable(item)}
 
 

@@ -66,7 +66,7 @@ class CandidateTable:
                 "The search needs an ARX model, or a pipeline that ends in one; got "
                 f"{type(self._model).__name__}."
             )
-        self.grid, self._raw_inputs, self.output, _ = self._model._read_data(X, y)
+        self.grid, self._raw_inputs, self.output, *_ = self._model._read_data(X, y)
         self.dt = self.grid.dt
 
     @cached_property

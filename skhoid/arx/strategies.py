@@ -1,0 +1,290 @@
+"""How a batch ARX model is estimated, and by what it answers afterwards.
+
+``ARXRegressor.fit`` chooses one: the equation error, by least squares or instrumental variables,
+or the error of simulation, where there are effects.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from sklearn.exceptions import ConvergenceWarning
+
+from ..effects.composition import Effects
+from ..greybox.arx_core import forecast
+from ..greybox.base import Simulation, first_model, likelihood_fit, simulation_of
+from ..greybox.estimates import arx_parameter_table
+from ..greybox.fitting import Criterion, RemnantModel
+from ..greybox.model import Model
+from ..greybox.operator_summary import simulated_summary
+from ..greybox.prepared import Prepared, prepared_for
+from ..preprocessing.grid import ModelGrid
+from ..regression import DataToFit, segments
+from ..runs import input_columns
+from ..summaries import Summary
+from .base import BaseARX, check_row_count
+from .excitation import rank_error
+from .instruments import estimate
+from .least_squares import Triangle, newey_west
+from .model_summary import batch_summary
+from .orders import Orders, regressors
+
+if TYPE_CHECKING:
+    from .batch import ARXRegressor
+
+ONLY_SIMULATED = ("noise_ar_", "loglik_", "bic_", "vaf_", "controlled_element_")
+
+
+class Strategy(Protocol):
+    """What an ARX model, once estimated, leaves to the way in which it was."""
+
+    def free_run(self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        """Free run on the grid, from all columns of X at full rate."""
+
+    def ahead(
+        self,
+        model: ARXRegressor,
+        grid: ModelGrid,
+        values: np.ndarray,
+        output: np.ndarray,
+        horizon: int,
+    ) -> np.ndarray:
+        """Predictions some rows ahead, on the grid."""
+
+    def one_step_errors(self, model: ARXRegressor, X: Any, y: Any) -> np.ndarray:
+        """One-step errors on the grid; NaN where there are none."""
+
+    def check_start(self, initial_state: str) -> None:
+        """Refuse a start of the simulation that there is not."""
+
+    def summary(self, model: ARXRegressor) -> Summary:
+        """What was estimated, and how."""
+
+
+class AnswersByEquation:
+    """Predictions are those of the ARX equation with ``coef_``, as of every linear model."""
+
+    def free_run(self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        return BaseARX._free_run(model, grid, values)
+
+    def ahead(
+        self,
+        model: ARXRegressor,
+        grid: ModelGrid,
+        values: np.ndarray,
+        output: np.ndarray,
+        horizon: int,
+    ) -> np.ndarray:
+        return BaseARX._ahead(model, grid, values, output, horizon)
+
+    def one_step_errors(self, model: ARXRegressor, X: Any, y: Any) -> np.ndarray:
+        return BaseARX._one_step_errors(model, X, y)
+
+    def check_start(self, initial_state: str) -> None:
+        """Every start can be simulated."""
+
+
+@dataclass(frozen=True)
+class EquationError(AnswersByEquation):
+    """Coefficients that minimise the error of one step: by regression, or with instruments.
+
+    What was fitted, not parameters that were set since: ``hac`` says how standard errors were
+    found, and ``instruments`` are names of channels, none in least squares.
+    """
+
+    hac: bool
+    instruments: list[str] = field(default_factory=list)
+
+    @classmethod
+    def by_least_squares(cls, model: ARXRegressor, data: DataToFit) -> EquationError:
+        grid, inputs, output = data.grid, data.inputs, data.output
+        begin, end = _begun(model, grid)
+        hac, orders = model.covariance == "hac", model.orders_
+        table, rows, model.n_rows_missing_ = regressors(output, inputs, begin, end, orders)
+        check_row_count(rows.size, orders.n_params, output, grid)
+        model._report_missing(grid, inputs, output, rows.size, model.inputs_)
+        keep = np.array(table, order="F") if hac else None
+        triangle = Triangle.of(table)
+        _check_rank(model, triangle, inputs, output)
+        coef = triangle.solve()
+        variance = triangle.rss / max(rows.size - orders.n_params, 1)
+        bread = triangle.inverse_information()
+        if keep is None:
+            covariance = variance * bread
+        else:
+            errors = keep[:, -1] - keep[:, :-1] @ coef
+            # The sum over influences, not of scores, keeps variances positive near collinearity.
+            influence = (keep[:, :-1] * errors[:, None]) @ bread
+            covariance = newey_west(influence, rows, grid.begin)
+        _show(model, coef, covariance, variance, rows.size)
+        return cls(hac)
+
+    @classmethod
+    def by_instruments(cls, model: ARXRegressor, data: DataToFit) -> EquationError:
+        grid, inputs, output = data.grid, data.inputs, data.output
+        begin, end = _begun(model, grid)
+        hac = model.covariance == "hac"
+        positions = _instrument_columns(model, data.columns.shape[1])
+        names = model._channel_names(positions)
+        outside = data.columns[:, positions]
+        found = estimate(output, inputs, outside, begin, end, model.orders_, model.dt_, names, hac)
+        if not found.converged:
+            warnings.warn(
+                f"The instrumental-variable estimate still moves after {found.n_rounds} rounds; "
+                "the instruments may be weak. Compare its standard errors with method='ols'.",
+                ConvergenceWarning,
+                stacklevel=4,
+            )
+        model.n_rows_missing_ = found.n_missing
+        signals = np.column_stack([inputs, outside])
+        model._report_missing(grid, signals, output, found.n_rows, [*model.inputs_, *names])
+        _show(model, found.theta, found.covariance, found.noise_variance, found.n_rows)
+        return cls(hac, names)
+
+    def summary(self, model: ARXRegressor) -> Summary:
+        return batch_summary(model, hac=self.hac, instruments=self.instruments)
+
+
+@dataclass(frozen=True)
+class SimulationError:
+    """Coefficients and effects that minimise the error of simulation, and answer by it."""
+
+    simulation: Simulation
+
+    @staticmethod
+    def estimated(model: ARXRegressor, data: DataToFit) -> Strategy:
+        prepared = prepared_for(model, data)
+        fitted = first_model(prepared, Effects.of(model.effects))
+        fitted, noise = likelihood_fit(fitted, Criterion(prepared.record))
+        return SimulationError.taken_over(model, prepared, fitted, noise)
+
+    @staticmethod
+    def taken_over(
+        model: ARXRegressor, prepared: Prepared, fitted: Model, noise: RemnantModel
+    ) -> Strategy:
+        """Show estimates; those of a search that found no effect are of a linear model."""
+        simulation = simulation_of(model, prepared, fitted, noise)
+        model.n_rows_missing_ = prepared.n_missing
+        model.orders_ = Orders.of(model.na, model.nb, model.nk, 1, bool(model.fit_intercept))
+        model.noise_variance_ = fitted.sse / max(fitted.fit.n - fitted.theta.size, 1)
+        _show_coefficients(
+            model,
+            fitted.theta[: model.orders_.n_params].copy(),
+            simulation.covariance.to_numpy(),
+        )
+        linear = not len(fitted.effects)
+        return LinearSimulationError(simulation) if linear else SimulationError(simulation)
+
+    def free_run(self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        return self.simulation.free_run(model, grid, values)
+
+    def ahead(
+        self,
+        model: ARXRegressor,
+        grid: ModelGrid,
+        values: np.ndarray,
+        output: np.ndarray,
+        horizon: int,
+    ) -> np.ndarray:
+        free = self.free_run(model, grid, values)
+        return forecast(free, output, segments(grid), model.noise_ar_, horizon)
+
+    def one_step_errors(self, model: ARXRegressor, X: Any, y: Any) -> np.ndarray:
+        grid, values = model._read_X(X, reset=False)
+        output = grid.thin_output(model._read_y(X, y))
+        return output - self.ahead(model, grid, values, output, 1)
+
+    def check_start(self, initial_state: str) -> None:
+        if initial_state == "estimate":
+            raise ValueError(
+                "A model with effects is simulated from rest: initial_state='estimate' needs a "
+                "linear one. Leave out the start, in which it settles, by RunInTrimmer."
+            )
+
+    def summary(self, model: ARXRegressor) -> Summary:
+        return simulated_summary(model, self.simulation)
+
+
+@dataclass(frozen=True)
+class LinearSimulationError(AnswersByEquation):
+    """Coefficients that minimise the error of simulation without effects."""
+
+    simulation: Simulation
+
+    def summary(self, model: ARXRegressor) -> Summary:
+        return simulated_summary(model, self.simulation)
+
+
+def _begun(model: ARXRegressor, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
+    """Set orders and names of the coefficients; return the stretches to regress on."""
+    model._set_orders(grid)
+    model.parameter_names_ = model.orders_.parameter_names(model.inputs_)
+    return grid.begin[grid.measured], grid.end[grid.measured]
+
+
+def _show(
+    model: ARXRegressor, coef: np.ndarray, covariance: np.ndarray, variance: float, n_rows: int
+) -> None:
+    """Set what an estimate of the equation error shows."""
+    for name in ONLY_SIMULATED:  # of a fit with effects before
+        if hasattr(model, name):
+            delattr(model, name)
+    model.n_rows_used_, model.noise_variance_ = n_rows, variance
+    _show_coefficients(model, coef, covariance)
+    model.effects_ = Effects([])
+    model.parameters_ = arx_parameter_table(
+        model.parameter_names_, coef, model.standard_errors_, model._coefficient_units()
+    )
+
+
+def _show_coefficients(model: ARXRegressor, coef: np.ndarray, covariance: np.ndarray) -> None:
+    """Set coefficients, and a covariance of them and of what else was estimated."""
+    orders = model.orders_
+    model.parameter_names_ = orders.parameter_names(model.inputs_)
+    model.coef_, model.covariance_ = coef, covariance
+    model.standard_errors_ = np.sqrt(np.diag(covariance))[: orders.n_params]
+    model.a_, _, model.intercept_ = orders.split(coef)
+    model.b_ = orders.input_rows(coef)
+
+
+def _instrument_columns(model: ARXRegressor, n_columns: int) -> list[int]:
+    names = model._names or list(range(n_columns))
+    if model.instruments is not None:
+        positions = input_columns(
+            names, n_columns, model.instruments, model._run, what="instruments"
+        )
+    else:
+        roles = [str((model.roles or {}).get(name, name)) for name in names]
+        positions = [i for i, r in enumerate(roles) if r == "f_t" or r.startswith("dist")]
+    if not positions:
+        raise ValueError(
+            "method='iv' needs external signals in X, such as the target f_t or a disturbance: "
+            f"name them with instruments=[...]; the columns are {names}."
+        )
+    inside = [names[p] for p in positions if p in model._columns]
+    if inside:
+        raise ValueError(
+            f"{inside[0]!r} is an input and cannot be its own instrument; instruments are "
+            "signals from outside the loop, such as f_t. If it is one, OLS has no bias to cure."
+        )
+    return positions
+
+
+def _check_rank(
+    model: ARXRegressor, triangle: Triangle, inputs: np.ndarray, output: np.ndarray
+) -> None:
+    null_space = triangle.null_space()
+    if len(null_space):
+        finite = ~np.isnan(inputs).any(axis=1) & ~np.isnan(output)
+        raise rank_error(
+            null_space,
+            model.parameter_names_,
+            model.inputs_,
+            inputs[finite],
+            output[finite],
+            model._output_name,
+            model.orders_,
+        )

@@ -1,0 +1,172 @@
+"""Data read for a model with effects, and refused where they cannot hold its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..effects.record import Record
+from ..exceptions import RankDeficiencyError, ShortRunError
+from ..human.controlled_element import ControlledElement
+from ..preprocessing.grid import ModelGrid
+from ..regression import DataToFit, bad_output, still
+from ..runs import run_column
+from .cores import Core
+from .element import estimate_element
+from .fitting import AR_ORDER, Criterion, RemnantModel
+from .model import Model
+from .side_by_side import SegmentColumns, build_record, roles_of
+
+
+@dataclass(frozen=True)
+class SimulatedCore:
+    """The core that the parameters of an estimator ask for, and what is to be said of it.
+
+    ``estimated`` finds the core without effects at the minimum of the simulation error; ``given``
+    are parameters that are not estimated, for the table.
+    """
+
+    core: Core
+    estimated: Callable[[Any, Record, Criterion], Model]
+    description: str
+    errors_note: str
+    given: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Data to fit, read and checked, and the core to fit to them.
+
+    ``record`` has the runs side by side and ``columns`` says where they come from; ``table`` has
+    all columns of X, called ``names``, at full rate, of which ``channels`` are the positions of
+    those in the record. ``roles`` are theirs, ``units`` those of the data as tables of parameters
+    take them.
+    """
+
+    spec: SimulatedCore
+    record: Record
+    columns: SegmentColumns
+    grid: ModelGrid
+    table: np.ndarray
+    names: list[Any]
+    channels: list[int]
+    roles: dict[str, str]
+    units: dict[str, str | None]
+    n_missing: int
+
+    @property
+    def core(self) -> Core:
+        return self.spec.core
+
+    @property
+    def run_of_columns(self) -> np.ndarray:
+        """Number of the run that each column is a part of."""
+        first = self.columns.begin
+        rows = first if self.grid.rows is None else self.grid.rows[first]
+        return self.grid.layout.run_of(rows)
+
+
+def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
+    """Data as a record for the core of an estimator, which remembers the controlled element."""
+    grid, _, output, thinned, values = data
+    if estimator._takes_first and estimator.inputs is None and len(estimator._columns) > 1:
+        # None has the role e.
+        estimator._columns, estimator.inputs_ = estimator._columns[:1], estimator.inputs_[:1]
+    if len(estimator._columns) != 1:
+        raise ValueError(
+            f"{type(estimator).__name__} with effects answers one channel and gets "
+            f'{estimator.inputs_}. Name it by inputs=["..."]; effects use the other columns.'
+        )
+    columns = estimator._names or list(range(values.shape[1]))
+    skipped = None if estimator._run is None else run_column(columns, estimator._run)
+    channels = [i for i in range(values.shape[1]) if i != skipped]
+    names = estimator._channel_names(channels)
+    given_roles = estimator.roles or {}
+    if estimator._names is None:  # columns of an array go by their positions
+        given_roles = {f"x{position}": role for position, role in given_roles.items()}
+    roles = roles_of(names, given_roles)
+    error, output_name = estimator.inputs_[0], estimator._output_name
+    roles[error] = "e"
+    held = estimator._hold(grid, thinned[:, channels], names)
+    given = estimator.controlled_element
+    element = None if given is None else constants_of(given)
+    record, sides = build_record(
+        grid,
+        names,
+        held,
+        roles,
+        estimator.inputs_,
+        output=output,
+        settling=estimator.settling,
+        controlled_element=element,
+    )
+    spec = estimator._simulated_core()
+    record = spec.core.on(record)
+    check_rows(record, len(spec.core.parameters), grid, estimator.settling)
+    check_moving(record, thinned[:, estimator._columns[0]], error, output_name)
+    if given is None:
+        element = estimate_element(record)
+        record = replace(record, controlled_element=element)
+    estimator.controlled_element_ = None if element is None else ControlledElement(*element)
+    known = estimator._units
+    return Prepared(
+        spec=spec,
+        record=record,
+        columns=sides,
+        grid=grid,
+        table=values,
+        names=columns,
+        channels=channels,
+        roles=roles,
+        units={"u": known.get(output_name), "e": known.get(error)}
+        | {f"[{name}]": unit for name, unit in known.items()},
+        n_missing=int(np.isnan(output).sum()),
+    )
+
+
+def constants_of(element: ControlledElement) -> tuple[float, float]:
+    """K_c and omega_b of a controlled element that does not vary."""
+    K_c, omega_b = element.K_c, element.omega_b
+    if callable(K_c) or callable(omega_b):
+        raise ValueError(
+            "controlled_element must be constant here; got one that varies in time. Pass it at one "
+            "instant, controlled_element.at(t), or None to estimate it."
+        )
+    return float(K_c), float(omega_b)
+
+
+def check_rows(record: Record, n_parameters: int, grid: ModelGrid, settling: float) -> None:
+    """Refuse data that cannot hold the parameters and the noise model."""
+    if not record.known.any() and record.y is not None and not record.y.any():
+        raise ValueError("Input y contains NaN in all rows: nothing was measured.")
+    criterion = Criterion(record, RemnantModel(np.zeros(AR_ORDER), np.ones(record.n_runs)))
+    if criterion.n > 0 and criterion.known.sum() > n_parameters:
+        return
+    counting = (max(AR_ORDER, n_parameters) + 1) * criterion.thin
+    # Settling takes a quarter of a run at most.
+    needed = min(counting + round(settling / grid.dt), -(-4 * counting // 3))
+    seconds = needed * grid.dt
+    raise ShortRunError(
+        f"{record.known.sum()} rows are left for {n_parameters} parameters and the model of the "
+        f"remnant (n_samples = {grid.layout.n_rows} rows of X, of which settling, missing values "
+        f"and a run-in take the rest). They need a run of {round(seconds / grid.layout.dt)} rows "
+        f"({seconds:.3g} s) without a gap. Use more data, or a smaller settling."
+    )
+
+
+def check_moving(record: Record, values: np.ndarray, name: str, output: str) -> None:
+    """Refuse an input or an output that stands still."""
+    assert record.y is not None
+    found = bad_output(output, record.y[record.known])
+    if found is None:
+        measured = values[~np.isnan(values)]
+        if not measured.size:
+            raise ValueError(f"Input {name!r} contains NaN in all rows: nothing was measured.")
+        found = still(f"Input {name!r}", measured)
+        if found is not None:
+            found += ": it excites nothing. Use data in which it moves; is it the right column?"
+    if found is not None:
+        raise RankDeficiencyError(f"The parameters cannot be estimated. {found}")

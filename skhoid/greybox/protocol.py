@@ -1,0 +1,95 @@
+"""What a search for missing effects asks of a model: open it to bring a model of your own."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+
+from .fitting import RemnantModel
+from .model import Model
+from .prepared import Prepared
+
+DOCUMENTED = 'docs/add-an-effect.md, "A model of your own", and skhoid.greybox.SimulatedModel'
+
+
+class SimulatedModel(Protocol):
+    """A scikit-learn regressor that simulates a core with effects, and can be searched.
+
+    ``OperatorRegressor`` and ``ARXRegressor`` are such models. One of your own is most easily a
+    subclass of :class:`skhoid.greybox.GreyBox`, which has all of these but ``__init__``; any other
+    class will do that has them. A search calls ``prepare`` and ``first_fit`` once, on a clone,
+    tries effects on the record that it gets, and takes ``with_fit`` of what it found.
+
+    Attributes
+    ----------
+    effects : Effect, Effects, str, list of these, or None
+        Parameter: effects that the model has.
+    settling : float
+        Parameter: seconds at the start of each run that do not count in the fit.
+    parameters_ : DataFrame
+        After a fit: value, sd, low, high, unit and meaning of each parameter.
+    n_features_in_ : int
+        After ``prepare``: number of columns of X.
+
+    See Also
+    --------
+    EffectSearchCV : The search.
+    """
+
+    effects: Any
+    settling: float
+    parameters_: pd.DataFrame
+    n_features_in_: int
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Parameters, as scikit-learn has it; the search clones the model."""
+
+    def set_params(self, **params: Any) -> Any:
+        """Set parameters; a search that is given a controlled element sets it so."""
+
+    def fit(self, X: Any, y: Any) -> Any:
+        """Estimate all parameters."""
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Free run: one value for each row of X."""
+
+    def score(self, X: Any, y: Any) -> float:
+        """VAF of the free run in percent."""
+
+    def with_effect(self, effect: Any) -> Any:
+        """A new, unfitted model with one more effect."""
+
+    def prepare(self, X: Any, y: Any) -> Prepared:
+        """Read and check data: runs side by side as a record, and the core to simulate."""
+
+    def first_fit(self, prepared: Prepared) -> Model:
+        """The core with ``effects``, at the minimum of the plain simulation error."""
+
+    def with_fit(self, prepared: Prepared, fitted: Model, noise: RemnantModel) -> Any:
+        """A new estimator of the same parameters, whose estimates are those of ``fitted``."""
+
+    def free_run(self, prepared: Prepared) -> np.ndarray:
+        """The same as ``predict`` of the X that ``prepare`` read."""
+
+
+METHODS = tuple(name for name in vars(SimulatedModel) if not name.startswith("_"))
+PARAMETERS = ("effects", "settling")
+
+
+def check_simulated_model(estimator: Any, purpose: str) -> None:
+    """Refuse what is no :class:`SimulatedModel`, and say what it lacks."""
+    kind = estimator.__name__ if isinstance(estimator, type) else type(estimator).__name__
+    if isinstance(estimator, type):
+        raise TypeError(f"{purpose} takes a model, and got the class {kind}: pass {kind}().")
+    lacking = [f"{name}()" for name in METHODS if not callable(getattr(estimator, name, None))]
+    if "get_params()" not in lacking:
+        known = estimator.get_params(deep=False)
+        lacking += [f"the parameter {name}" for name in PARAMETERS if name not in known]
+    if lacking:
+        raise TypeError(
+            f"{purpose} takes an OperatorRegressor, an ARXRegressor, or another model that "
+            f"simulates effects; {kind} lacks {', '.join(lacking)}. What such a model needs: "
+            f"{DOCUMENTED}."
+        )

@@ -1,0 +1,127 @@
+"""What a search computed, before anything is decided or said of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from ..diagnosis.ceiling import noise_ceiling
+from ..diagnosis.run_signals import RunsRead, sorted_signals
+from ..effects.base import Effect
+from ..effects.traces import Signature
+from ..greybox.model import without
+from ..greybox.prepared import Prepared
+from ..greybox.protocol import SimulatedModel
+from .forward import Path, Search, SearchStep, further_changes, output_error_fit
+from .leftover import REPEATS, Leftover, leftovers
+from .signatures import noises_in
+
+NOTED = 0.2  # points
+SURE = 4.0  # standard errors
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Numbers of a search.
+
+    ``steps`` are judged models with none, the first, the first two ... of the effects ``added``
+    (names); ``left`` is structure that remains, ``noises`` effects that are noise and show in it.
+    ``ceiling`` is the VAF that a model can reach, NaN where it is not known. ``changes`` are
+    those of further parameters where gains change.
+    """
+
+    path: Path
+    steps: list[SearchStep]
+    added: list[str]
+    left: list[Leftover]
+    noises: list[tuple[Effect, Signature]]
+    ceiling: float
+    changes: dict[str, tuple[float, float, float]]
+
+    @property
+    def ids(self) -> list[str]:
+        """Ids of what was found."""
+        effects = dict(self.path.model.effects.steps)
+        noises = [effect.name for effect, _ in self.noises]
+        return [*(effects[name].name for name in self.added), *noises]
+
+    @property
+    def gained(self) -> float:
+        """Points of VAF that the effects added gain on held-out rows."""
+        return self.steps[-1].vaf - self.steps[0].vaf
+
+    @property
+    def worst(self) -> float:
+        """Points of the largest structure that is left."""
+        return max([item.points for item in self.left], default=0.0)
+
+    @property
+    def explainable_gap(self) -> float:
+        return float(max(self.gained + self.worst, 0.0))
+
+
+def findings_of(
+    search: Search, path: Path, best: SimulatedModel, prepared: Prepared, measured: np.ndarray
+) -> Findings:
+    """Walk the path again, and look for what is left; ``measured`` has every row of y."""
+    record = prepared.record
+    assert record.y is not None
+    steps = walked(search, path)
+    before = path.steps[0].parent.effects.names
+    left = leftovers(path.model, search.folds)
+    noises, others = noises_in(record.y - path.model.output, record, search.noises)
+    left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
+    rest, rest_sd, vaf = gap_of(best, prepared, measured)
+    left = [item for item in left if item.points >= NOTED]
+    if rest > SURE * rest_sd and rest >= NOTED:  # not where it is NaN
+        left.insert(0, Leftover("repeats", "output", REPEATS, rest, np.nan))
+    return Findings(
+        path=path,
+        steps=steps,
+        added=[n for n in path.model.effects.names if n not in before],
+        left=left,
+        noises=noises,
+        ceiling=vaf + rest,
+        changes=further_changes(search, path),
+    )
+
+
+def walked(search: Search, path: Path) -> list[SearchStep]:
+    """Held-out predictions of the model with the first, the first two ... of its effects."""
+    models = [output_error_fit(path.model)]
+    first = path.steps[0].parent.effects.names
+    added = [n for n in path.model.effects.names if n not in first]
+    for name in reversed(added):
+        models.append(without(models[-1], name, path.core))
+    noise = search.criterion.remnant_model(path.model.output)
+    return [search.judged(model, [], noise) for model in reversed(models)]
+
+
+def gap_of(
+    model: SimulatedModel, prepared: Prepared, measured: np.ndarray
+) -> tuple[float, float, float]:
+    """Explainable gap of a model in points, its standard error, and the VAF it refers to.
+
+    NaN where the data tell no noise ceiling.
+    """
+    layout = prepared.grid.layout
+    read = RunsRead(
+        model=model,
+        layout=layout,
+        index=pd.RangeIndex(layout.n_rows),
+        measured=measured,
+        free_run=model.free_run(prepared),
+        trimmed=np.zeros(layout.n_rows, dtype=bool),
+        columns=dict(zip(prepared.names, np.ascontiguousarray(prepared.table.T), strict=True)),
+        roles=model.get_params(deep=False).get("roles"),
+        output="u",
+        units={},
+    )
+    try:
+        signals = sorted_signals(read, run_in=model.settling)
+    except ValueError:  # too short for spectra
+        return np.nan, np.nan, np.nan
+    found = noise_ceiling(signals)
+    return found.gap, found.sd, found.vaf

@@ -1,0 +1,52 @@
+"""What a search concludes from its numbers: open it to change when an effect is named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from .findings import Findings
+
+# What is left is unknown from so many points on, and from the first share of what could be
+# explained; from the second on what was found is no name for it. Several effects that leave
+# something may together imitate what is missing.
+BESIDE_ONE = (0.6, 0.1, 0.12)
+BESIDE_SEVERAL = (0.4, 0.04, 0.04)
+
+
+class Outcome(Enum):
+    """How a search ends; the last three leave structure without a name."""
+
+    NOTHING = auto()
+    FOUND = auto()
+    NOT_IN_CATALOGUE = auto()
+    NOT_TRIED = auto()
+    CUT_SHORT = auto()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The end of a search: ids of effects that are named, and of those that stand in for others."""
+
+    outcome: Outcome
+    named: list[str]
+    stand_ins: list[str]
+
+    @property
+    def best_effects(self) -> list[str]:
+        complete = self.outcome in (Outcome.NOTHING, Outcome.FOUND)
+        return self.named if complete else [*self.named, "unknown"]
+
+
+def decided(found: Findings, *, tries_all: bool) -> Verdict:
+    """Whether what was found is a name, and whether something is missing beside it."""
+    ids, stand_ins, worst = found.ids, [], found.worst
+    share = worst / max(worst + found.gained, 1e-300)
+    least, small, large = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
+    if not (worst >= least and share > small):
+        return Verdict(Outcome.FOUND if ids else Outcome.NOTHING, ids, [])
+    if share > large:
+        ids, stand_ins = [], ids
+    if found.path.steps[-1].best is not None:
+        return Verdict(Outcome.CUT_SHORT, ids, stand_ins)
+    return Verdict(Outcome.NOT_IN_CATALOGUE if tries_all else Outcome.NOT_TRIED, ids, stand_ins)
