@@ -17,10 +17,11 @@ from .effects.base import PLACES, Effect, Parameter
 from .effects.composition import Effects
 from .effects.offsets import Bias
 from .effects.operator_signals import Command, Gains, Spring
-from .effects.record import OTHER, Record, differentiated
+from .effects.record import Record, differentiated
 from .greybox.cores import ARXCore, OperatorCore, neutral_gains
 from .greybox.simulator import Simulator
 from .human.controlled_element import ControlledElement
+from .runs.roles import OTHER
 
 __all__ = ["check_effect", "synthetic_record"]
 

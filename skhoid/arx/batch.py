@@ -23,6 +23,7 @@ from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
 from ..regression import segments
 from ..runs import input_columns
+from ..runs.roles import is_external, role_of
 from ..summaries import Summary
 from .base import BaseARX, check_row_count
 from .excitation import rank_error
@@ -419,8 +420,7 @@ class ARXRegressor(BaseARX, GreyBox):
                 names, n_columns, self.instruments, self._run, what="instruments"
             )
         else:
-            roles = [str((self.roles or {}).get(name, name)) for name in names]
-            positions = [i for i, r in enumerate(roles) if r == "f_t" or r.startswith("dist")]
+            positions = [i for i, n in enumerate(names) if is_external(role_of(n, self.roles))]
         if not positions:
             raise ValueError(
                 "method='iv' needs external signals in X, such as the target f_t or a disturbance: "

@@ -15,14 +15,13 @@ from scipy.signal.windows import tukey
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from .._sklearn import safe_indexing
-from ..effects.record import OTHER
-from ..exceptions import MissingDataWarning, RunIndexError, ShortRunError
-from ..greybox.side_by_side import PREFIXES, ROLES
+from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
 from ..regression import units_of
-from ..runs import RunLayout, check_alignment, run_name
+from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
+from ..runs.roles import check_named, columns_by_role, is_external, with_target
 from ..summaries import counted
 
 SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
@@ -108,7 +107,7 @@ class Signals:
     @property
     def external(self) -> list[str]:
         """Signals that come from outside the loop."""
-        return [name for name in self.channels if name == "f_t" or name.startswith("dist")]
+        return [role for role in self.channels if is_external(role)]
 
     @property
     def driving(self) -> str | None:
@@ -205,7 +204,7 @@ def read_signals(
         scored=scored,
         channels=channels,
         groups=_groups(layout, stretches, channels, repeats),
-        output=str(getattr(y, "name", None) or "u"),
+        output=output_name(y),
         units={**units_of(X), **units_of(y)},
         notes=notes,
     )
@@ -255,48 +254,28 @@ def _one_step(model: Any, X: Any, y: Any) -> np.ndarray:
 def _channels(
     model: Any, X: Any, roles: Mapping[Any, str] | None, run: Any
 ) -> dict[str, np.ndarray]:
-    """Channels by role; the target is e + x where it was not recorded."""
-    if roles is not None and not isinstance(roles, Mapping):
-        raise TypeError(f"roles is a dict {{column: role}}; got {roles!r}.")
+    """Channels by role that were measured, and the target where it is their sum."""
     if roles is None:
         roles = getattr(reach_model(model, X)[0], "roles", None)
-    if isinstance(X, pd.DataFrame):
-        columns = {name: X[name] for name in X.columns}
-    else:
-        values = np.asarray(X)
-        columns = {i: values[:, i] for i in range(values.shape[1])}
-    unknown = [name for name in roles or {} if name not in columns]
-    if unknown:
-        raise RunIndexError(
-            f"roles names {unknown[0]!r}, which is not a column of X; the columns are "
-            f"{list(columns)}."
-        )
+    frame = X if isinstance(X, pd.DataFrame) else pd.DataFrame(np.asarray(X))
+    names = list(frame.columns)
+    check_named(names, roles)
+    if run is not None:
+        del names[run_column(names, run)]
     found: dict[str, np.ndarray] = {}
-    for name, column in columns.items():
-        role = str((roles or {}).get(name, name))
-        if run is not None and name == run:
-            continue
-        if role in ROLES or role.startswith(PREFIXES):
-            if role in found:
-                raise ValueError(f"Two columns have the role {role!r}; name one of them by roles=.")
-            check_numbers(pd.DataFrame({name: column}), "X")
-            values = np.asarray(column, dtype=float)
-            if np.isinf(values).any():
-                row = int(np.flatnonzero(np.isinf(values))[0])
-                raise ValueError(
-                    f"Column {name!r} of X contains infinity, first in row {row}; mark missing "
-                    "values by NaN."
-                )
-            if not np.isnan(values).all():
-                found[role] = values
-        elif name in (roles or {}) and role != OTHER:
+    for role, position in columns_by_role(names, roles).items():
+        name = names[position]
+        check_numbers(frame[[name]], "X")
+        values = frame[name].to_numpy(dtype=float)
+        if np.isinf(values).any():
+            row = int(np.flatnonzero(np.isinf(values))[0])
             raise ValueError(
-                f"roles gives {name!r} the role {role!r}; there are 'e', 'x', 'f_t', and names "
-                "that begin with 'dist' or 'motion', and '' for none."
+                f"Column {name!r} of X contains infinity, first in row {row}; mark missing "
+                "values by NaN."
             )
-    if "f_t" not in found and {"e", "x"} <= found.keys():
-        found["f_t"] = found["e"] + found["x"]
-    return found
+        if not np.isnan(values).all():
+            found[role] = values
+    return with_target(found)
 
 
 def _longest_stretches(

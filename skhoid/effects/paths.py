@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
+from ..runs.roles import OTHER
 from .base import Effect, Parameter
 from .dynamics import bilinear
-from .record import OTHER, Record, differentiated
+from .record import Record, differentiated
 from .time_variation import needs_channel
 
 SCAN_STEP = 0.06  # s, of the time of an answer to the target

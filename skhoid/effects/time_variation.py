@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
+from ..runs.roles import OTHER
 from .base import Effect, Parameter
 from .offsets import with_middle
 from .operator_signals import Gains
-from .record import OTHER, Record, differentiated
+from .record import Record, differentiated
 
 EDGE_STEPS = (0.2, 0.1, 0.05, 0.02)  # s, of the ends of lapses
 

@@ -15,6 +15,7 @@ from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor, bad_output, still
 from ..runs import run_column
+from ..runs.roles import roles_of
 from ..summaries import Summary
 from .cores import Core
 from .element import estimate_element
@@ -23,7 +24,7 @@ from .extend import beside_each_other, extended
 from .fitting import AR_ORDER, Criterion, RemnantModel, covariance_of
 from .model import Model
 from .operator_summary import simulated_summary
-from .side_by_side import SegmentColumns, build_record, roles_of
+from .side_by_side import SegmentColumns, build_record
 from .simulator import Simulator
 
 N_LIKELIHOOD = {"operator": 12, "arx": 2}  # rounds of noise model and refinement, at most
@@ -105,10 +106,8 @@ class GreyBox(RunRegressor):
         skipped = None if self._run is None else run_column(columns, self._run)
         self._channels = [i for i in range(values.shape[1]) if i != skipped]
         names = self._channel_names(self._channels)
-        given_roles = self.roles or {}
-        if self._names is None:  # columns of an array go by their positions
-            given_roles = {f"x{position}": role for position, role in given_roles.items()}
-        self._roles = roles_of(names, given_roles)
+        found = roles_of([columns[i] for i in self._channels], self.roles)
+        self._roles = dict(zip(names, found.values(), strict=True))
         self._roles[self.inputs_[0]] = "e"
         held = self._hold(grid, values[:, self._channels], names)
         given = self.controlled_element

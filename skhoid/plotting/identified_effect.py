@@ -12,6 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.record import Record
 from ..greybox.estimates import parameter_text
 from ..greybox.side_by_side import build_record
+from ..runs.roles import target_is_sum
 from ._axes import BLACK, COLOURS, GREY, given_axes
 from ._comparison import explain, plain_logarithmic, wrapped
 from ._effect_bench import Bench, EffectCurves
@@ -246,8 +247,8 @@ def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
     known_element = None if element is None else (float(element.K_c), float(element.omega_b))
     if X is None:
         roles = dict(model._roles)
-        if "f_t" not in roles.values() and {"e", "x"} <= set(roles.values()):
-            roles["f_t"] = "f_t"  # as the sum of both
+        if target_is_sum(roles.values()):
+            roles["f_t"] = "f_t"
         empty = np.zeros((0, 0))
         record = Record(
             dt=model.dt_,

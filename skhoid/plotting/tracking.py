@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from ..runs import read_layout
+from ..runs import output_name, read_layout
 from ._axes import BLACK, BLUE, GREY, VERMILION, given_axes, with_unit
 
 NAMES = {
@@ -121,7 +121,7 @@ class TrackingDisplay:
                 "TrackingDisplay draws runs that share their times; choose among them with "
                 "skhoid.select_runs(X, y, ...)."
             )
-        table = X.assign(**{str(y.name or "y"): y})
+        table = X.assign(**{output_name(y): y})
         begin, end = (-np.inf, np.inf) if window is None else window
         shown = (time >= begin) & (time < end)
         if not shown.any():

@@ -12,12 +12,12 @@ import pandas as pd
 from ..diagnosis.comparison import Comparison
 from ..diagnosis.comparison_text import figures
 from ..effects.catalogue import BY_NAME
-from ..greybox.side_by_side import roles_of
 from ..pipelines import raw_layout, taken_apart
 from ..recordings.channels import check_channels
 from ..regression import units_of
 from ..runs import RunLayout, run_name
 from ..runs.fingerprint import as_frame
+from ..runs.roles import output_name, roles_of
 from ..search.effect_search import EffectSearchCV
 from ..search.explanations import HOW_TO_GO_ON, NOT_IN_CATALOGUE, stand_ins_in_words, unexplained_by
 from ..search.forward import LEAST_EVIDENCE, LEAST_GAIN
@@ -64,7 +64,7 @@ def content_of(
     """Everything the template shows."""
     rows = "the rows it was fitted to" if fitted_here else "the rows given"
     frame = as_frame(X)
-    output = pd.Series(np.asarray(y, dtype=float).ravel(), name=str(getattr(y, "name", 0) or "u"))
+    output = pd.Series(np.asarray(y, dtype=float).ravel(), name=output_name(y))
     units = {**units_of(X), **units_of(y)}
     layout = raw_layout(baseline, X)
     names = [*frame.columns, output.name, *units.values(), repr(baseline), *layout.labels]
@@ -220,9 +220,8 @@ def _data(
     after: Comparison | None,
     gallery: Gallery,
 ) -> dict[str, Any]:
-    names = [str(name) for name in frame.columns]
     model = taken_apart(baseline)[1]
-    roles = roles_of(names, {str(k): v for k, v in (getattr(model, "roles", None) or {}).items()})
+    roles = roles_of(list(frame.columns), getattr(model, "roles", None))
     inputs = {str(name) for name in getattr(model, "inputs_", [])}
     channels = []
     for name, column in [*frame.items(), (output.name, output)]:
@@ -233,7 +232,7 @@ def _data(
             {
                 "name": str(name),
                 "use": use,
-                "role": "" if column is output else roles.get(str(name), ""),
+                "role": "" if column is output else roles[name],
                 "unit": units.get(str(name), ""),
                 "mean": number(_mean(known)) if known.size else DASH,
                 "rms": number(float(np.sqrt(np.mean(known**2)))) if known.size else DASH,

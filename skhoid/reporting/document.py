@@ -22,6 +22,7 @@ from ..diagnosis.comparison import Comparison, compare
 from ..diagnosis.run_signals import repeat_labels
 from ..io.whole import written_whole
 from ..pipelines import raw_layout, taken_apart
+from ..runs import output_name
 from ..runs.fingerprint import fingerprint
 from ..search.effect_search import EffectSearchCV
 from .content import content_of
@@ -251,9 +252,8 @@ def report(
         source=source,
         made_with=made_with,
     )
-    name = getattr(y, "name", None) or "u"
     if title is None:
-        title = f"{type(taken_apart(baseline)[1]).__name__} against measured {name}"
+        title = f"{type(taken_apart(baseline)[1]).__name__} against measured {output_name(y)}"
     return Report(title, content, search, comparison, after)
 
 

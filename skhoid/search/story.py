@@ -17,7 +17,7 @@ from ..effects.offsets import Bias, Drift
 from ..effects.paths import Feedforward, OutputFeedback
 from ..effects.time_variation import GainDrift, TimeVaryingGain
 from ..regression import units_of
-from ..runs import read_layout
+from ..runs import output_name, read_layout
 from ..summaries import counted
 from .effect_search import EffectSearchCV
 from .explanations import HOW_TO_GO_ON, stand_ins_in_words, unexplained_by
@@ -128,7 +128,7 @@ class Story:
 
     @property
     def _output(self) -> str:
-        return str(getattr(self.y, "name", None) or "u")
+        return output_name(self.y)
 
     @property
     def units(self) -> dict[str, str]:
