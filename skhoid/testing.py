@@ -22,6 +22,7 @@ from .greybox.cores import ARXCore, OperatorCore, neutral_gains
 from .greybox.simulator import Simulator
 from .human.controlled_element import ControlledElement
 from .runs.roles import OTHER
+from .summaries import Estimate
 
 __all__ = ["check_effect", "synthetic_record"]
 
@@ -576,8 +577,8 @@ def _check_recovery(effect: Effect, record: Record, core: str, truth: dict[str, 
         off = abs(row["value"] - value)
         _expect(
             off <= max(SURE * np.nan_to_num(row["sd"]), CLOSE * abs(value), 1e-3),
-            f"{who}: {key} was simulated as {value:.4g} and estimated as {row['value']:.4g} +- "
-            f"{row['sd']:.2g}. Give more starts, closer to what is usual; set smooth = False if "
+            f"{who}: {key} was simulated as {value:.4g} and estimated as {Estimate.of(row)}. "
+            "Give more starts, closer to what is usual; set smooth = False if "
             "small changes of the parameters do not change the output smoothly; or the parameters "
             "cannot be told apart.",
         )

@@ -15,7 +15,7 @@ from scipy.signal.windows import tukey
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from .._sklearn import safe_indexing
-from ..exceptions import MissingDataWarning, ShortRunError
+from ..exceptions import MissingDataWarning, ShortRunError, python_only
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
@@ -34,6 +34,7 @@ MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole 
 RAMPS = 0.04  # of a run, both ends together
 OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
 LEAST_ROWS = 64  # of a run, for spectra and tests
+KEEP_SETTLING = python_only(" (run_in=0 keeps them)")
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ def read_signals(
             longest = max(np.diff(np.flatnonzero(np.diff(np.r_[0, settling, 0])))[::2])
             notes.append(
                 f"the first {longest * layout.dt:.3g} s of each run, in which the free run "
-                "settles from its start at rest, are left out (run_in=0 keeps them)"
+                f"settles from its start at rest, are left out{KEEP_SETTLING}"
             )
             # Spectra and tests go over whole periods of the target; nothing is missing there.
             predicted = np.where(used & settling, measured, predicted)

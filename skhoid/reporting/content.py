@@ -21,14 +21,13 @@ from ..runs.roles import output_name, roles_of
 from ..search.effect_search import EffectSearchCV
 from ..search.explanations import HOW_TO_GO_ON, NOT_IN_CATALOGUE, stand_ins_in_words, unexplained_by
 from ..search.forward import LEAST_EVIDENCE, LEAST_GAIN
-from ..summaries import counted, number
+from ..summaries import DASH, Estimate, counted, number
 from .plots import Gallery, Picture
 from .provenance import provenance
 
 UNKNOWN = "unknown"
 MANY = 40  # runs in a table
 DRAWN = 8  # channels
-DASH = "-"
 ABSENT = "not available"
 # Findings of a comparison that a search of the whole catalogue has answered.
 ANSWERED = (
@@ -393,19 +392,15 @@ def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
     before = None if final is None else parameter_frame(baseline)
     rows = []
     for name, row in table.iterrows():
-        sd = row["sd"]
-        # Zero stands for what is given, or follows from the choice of a form.
-        known = np.isfinite(sd) and sd > 0
+        found = Estimate.of(row)
         was = before is not None and name in before.index
         rows.append(
             {
                 "name": str(name),
-                "value": number(row["value"], sd),
-                "sd": number(sd, sd) if known else DASH,
-                "interval": f"{number(row['low'], sd)} to {number(row['high'], sd)}"
-                if known
-                else DASH,
-                "unit": "" if row["unit"] == "-" else row["unit"],
+                "value": found.value,
+                "sd": found.sd,
+                "interval": f"{found.low} to {found.high}" if found.known else DASH,
+                "unit": found.unit,
                 "meaning": row["meaning"],
                 "before": _before(before.loc[name]) if was else DASH,  # type: ignore[union-attr]
             }
@@ -414,8 +409,8 @@ def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
 
 
 def _before(row: pd.Series) -> str:
-    at_bound = "" if np.isfinite(row["sd"]) else " (at its bound)"
-    return number(row["value"], row["sd"]) + at_bound
+    found = Estimate.of(row)
+    return found.value + found.remark
 
 
 def parameter_frame(model: Any) -> pd.DataFrame:

@@ -25,6 +25,7 @@ from ..pipelines import raw_layout, taken_apart
 from ..runs import output_name
 from ..runs.fingerprint import fingerprint
 from ..search.effect_search import EffectSearchCV
+from ..summaries import rendered
 from .content import content_of
 
 HEIGHT = 900  # px, in a notebook
@@ -83,21 +84,13 @@ class Report:
 
     @cached_property
     def html(self) -> str:
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-
-        loader = PackageLoader(__name__.rpartition(".")[0], ".")
-        environment = Environment(
-            loader=loader,
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
         here = files(__package__)
         script = here.joinpath("report.js").read_text(encoding="utf-8")
         # No other script can run, whatever a name in the data holds.
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-        return environment.get_template("report.html.j2").render(
+        return rendered(
+            __name__,
+            "report.html.j2",
             title=self.title,
             style=here.joinpath("report.css").read_text(encoding="utf-8"),
             script=script,
