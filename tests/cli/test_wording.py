@@ -18,7 +18,7 @@ from skhoid.exceptions import PYTHON_ONLY
         ("identify", "with X, y = skhoid.resample_runs(X, y, dt=0.01).", "--resample, --dt."),
         ("identify", "say which with units={'time': ...}.", "--unit."),
         ("identify", "Leave the run out (skhoid.select_runs), or less", "leave it out of FILES."),
-        ("diagnose", "the role 'x'; name one of them by roles=.", "--role."),
+        ("diagnose", "another role, or none, by roles={column: ''}.", "--role."),
         ("diagnose", "Leave one out (inputs=[...]).", "--input."),
         ("study list", "run_in= or measurement_time= does", "--measurement-time."),
         ("simulate --out x.csv", "Give it as dt= (in seconds).", None),
