@@ -263,6 +263,15 @@ class RunTimeWarning(UserWarning):
     """
 
 
+PYTHON_ONLY: set[str] = set()  # parts of messages that help who writes Python, and nobody else
+
+
+def python_only(part: str) -> str:
+    """Such a part of a message, which the command line leaves out."""
+    PYTHON_ONLY.add(part)
+    return part
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """The end of a message about an unknown word: the nearest that is known, if one is near."""
     near = get_close_matches(word, list(known), n=1, cutoff=0.5)

@@ -18,7 +18,7 @@ from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows
 from .preprocessing.base import check_numbers, read_table
 from .preprocessing.grid import ModelGrid
-from .runs import DecimationMark, check_alignment, input_columns
+from .runs import DecimationMark, check_alignment, input_columns, output_name
 from .summaries import Summary
 
 NOTED_JITTER = 0.01  # of a sampling time
@@ -69,7 +69,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         check_alignment(X, y)
         output = column_or_1d(y, warn=True)
         if output.dtype.kind not in "iufb":
-            check_numbers(pd.DataFrame({getattr(y, "name", None) or "y": output}), "y")
+            check_numbers(pd.DataFrame({output_name(y): output}), "y")
         output = np.asarray(output, dtype=np.float64)
         check_consistent_length(X, output)
         if np.isinf(output).any():
@@ -87,7 +87,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         """Read data to fit."""
         grid, values = self._read_X(X, reset=True)
         output = self._read_y(X, y)
-        self._output_name = str(getattr(y, "name", None) or "y")
+        self._output_name = output_name(y)
         self._columns = input_columns(
             self._names, values.shape[1], self.inputs, self._run, self.roles
         )

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,6 +25,7 @@ IN_SHORT = (
     "Residual sd",
     "VAF, fit",
 )
+DASH = "-"
 LONGEST_UNIT = 16  # columns
 LEFT_ALIGNED = ("", "unit")
 TITLES = {"": "parameter", "[0.025": "95 % from", "0.975]": "to"}  # of columns, in HTML
@@ -121,6 +122,20 @@ class Summary:
         )
 
 
+def rendered(module: str, template: str, **content: Any) -> str:
+    """A page of a template that lies beside a module; what it shows is escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # for this alone
+
+    environment = Environment(
+        loader=PackageLoader(module.rpartition(".")[0], "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(**content)
+
+
 def signal_facts(model: Any) -> dict[str, str]:
     """Output and inputs of a fitted model, with their units."""
 
@@ -146,33 +161,64 @@ def grid_facts(model: Any) -> dict[str, str]:
     }
 
 
-def estimates_table(parameters: pd.DataFrame, caption: str = "Parameters") -> TextTable:
-    """Table of a frame with the columns value, sd, low, high and unit.
+class Estimate(NamedTuple):
+    """A parameter as text: value, standard error, ends of its interval, and unit.
 
-    What was given, or lies at a bound, has no standard error (0 or NaN) and shows a dash.
+    What was given has the standard error 0, what lies at a bound NaN; both show a dash.
     """
+
+    value: str
+    sd: str
+    low: str
+    high: str
+    unit: str
+    remark: str
+
+    @classmethod
+    def of(cls, row: pd.Series) -> Estimate:
+        """Of a row with the columns value, sd, low, high and unit."""
+        value, sd = float(row["value"]), float(row["sd"])
+        low, high = (float(row.get(end, np.nan)) for end in ("low", "high"))
+        if not (np.isfinite(sd) and sd > 0.0):
+            sd = low = high = np.nan
+        unit = "" if row["unit"] == "-" else str(row["unit"])
+        return cls(
+            number(value, sd),
+            number(sd, sd),
+            number(low, sd),
+            number(high, sd),
+            unit,
+            remark="" if np.isfinite(row["sd"]) else " (at its bound)",
+        )
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a standard error."""
+        return self.sd != DASH
+
+    def __str__(self) -> str:
+        """As ``0.3123 ± 0.0041 deg``."""
+        error = f" ± {self.sd}" if self.known else ""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.value}{error}{unit}{self.remark}"
+
+
+def estimates_table(parameters: pd.DataFrame, caption: str = "Parameters") -> TextTable:
+    """Table of a frame with the columns value, sd, low, high and unit."""
     header = ["", "coef", "std err", "z", "P>|z|", "[0.025", "0.975]", "unit"]
     rows = []
     for name, row in parameters.iterrows():
-        value, sd = float(row["value"]), float(row["sd"])
-        unit = "" if row["unit"] == "-" or "[" in row["unit"] else str(row["unit"])
-        if not (np.isfinite(sd) and sd > 0.0):
-            rows.append([str(name), number(value), *"-----", unit])
-            continue
-        z = value / sd
-        p = math.erfc(abs(z) / math.sqrt(2.0))
-        rows.append(
-            [
-                str(name),
-                number(value, sd),
-                number(sd, sd),
+        found = Estimate.of(row)
+        test = [DASH, DASH]
+        if found.known:
+            z = float(row["value"]) / float(row["sd"])
+            p = math.erfc(abs(z) / math.sqrt(2.0))
+            test = [
                 f"{z:.2f}" if abs(z) < 1e5 else f"{z:.3g}",
                 f"{p:.3f}" if p >= 0.001 else "<0.001",
-                number(float(row["low"]), sd),
-                number(float(row["high"]), sd),
-                unit,
             ]
-        )
+        unit = "" if "[" in found.unit else found.unit  # names of channels, where it is not known
+        rows.append([str(name), found.value, found.sd, *test, found.low, found.high, unit])
     if not any(row[-1] for row in rows):
         header, rows = header[:-1], [row[:-1] for row in rows]
     return TextTable(caption, header, rows)
@@ -181,7 +227,7 @@ def estimates_table(parameters: pd.DataFrame, caption: str = "Parameters") -> Te
 def number(value: float, sd: float = np.nan) -> str:
     """A number to two digits of its standard error, or to four of its own."""
     if not np.isfinite(value):
-        return "-"
+        return DASH
     if np.isfinite(sd) and sd > 0.0:
         decimals = max(1 - math.floor(math.log10(sd)), 0)
         if decimals <= 8 and abs(value) < 1e7:

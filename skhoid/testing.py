@@ -19,10 +19,12 @@ from .effects.core_kind import CoreKind
 from .effects.offsets import Bias
 from .effects.operator_signals import Command, Gains, Spring
 from .effects.parameter import Parameter
-from .effects.record import OTHER, Record, differentiated
+from .effects.record import Record, differentiated
 from .greybox.cores import ARXCore, OperatorCore, neutral_gains
 from .greybox.simulator import Simulator
 from .human.controlled_element import ControlledElement
+from .runs.roles import OTHER
+from .summaries import Estimate
 
 __all__ = ["check_effect", "synthetic_record"]
 
@@ -577,8 +579,8 @@ def _check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict)
         off = abs(row["value"] - value)
         _expect(
             off <= max(SURE * np.nan_to_num(row["sd"]), CLOSE * abs(value), 1e-3),
-            f"{who}: {key} was simulated as {value:.4g} and estimated as {row['value']:.4g} +- "
-            f"{row['sd']:.2g}. Give more starts, closer to what is usual; set smooth = False if "
+            f"{who}: {key} was simulated as {value:.4g} and estimated as {Estimate.of(row)}. "
+            "Give more starts, closer to what is usual; set smooth = False if "
             "small changes of the parameters do not change the output smoothly; or the parameters "
             "cannot be told apart.",
         )

@@ -32,7 +32,7 @@ from skhoid import (
     vaf_score,
 )
 from skhoid.arx.searches.text import highest, lowest
-from skhoid.summaries import WIDTH, estimates_table, number
+from skhoid.summaries import WIDTH, Estimate, estimates_table, number
 
 COLUMNS = ["coef", "std err", "z", "P>|z|", "[0.025", "0.975]"]
 NASTY = "<script>alert(1)</script>"
@@ -482,3 +482,21 @@ class Shown(HTMLParser):
     def handle_data(self, data):
         if self.scope:
             (self.headers if self.scope == "col" else self.rows).append(data)
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "unit", "shown"),
+    [
+        (0.31234, 0.0041, "deg", "0.3123 ± 0.0041 deg"),
+        (2.0, 0.1, "-", "2.00 ± 0.10"),
+        (0.28, 0.0, "s", "0.28 s"),
+        (0.28, np.nan, "s", "0.28 s (at its bound)"),
+        (1234.56, 78.9, "", "1235 ± 79"),
+    ],
+)
+def test_an_estimate_in_a_sentence(value, sd, unit, shown):
+    ends = {"low": value - 2 * sd, "high": value + 2 * sd}
+    found = Estimate.of(pd.Series({"value": value, "sd": sd, **ends, "unit": unit}))
+    assert str(found) == shown
+    assert found.known == bool(sd > 0)
+    assert {found.low, found.high} == {"-"} or found.known

@@ -24,6 +24,7 @@ from ..greybox.prepared import Prepared, prepared_for
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, segments
 from ..runs import input_columns
+from ..runs.roles import is_external, role_of
 from ..summaries import Summary
 from .base import BaseARX, check_row_count
 from .excitation import rank_error
@@ -257,8 +258,7 @@ def _instrument_columns(model: ARXRegressor, n_columns: int) -> list[int]:
             names, n_columns, model.instruments, model._run, what="instruments"
         )
     else:
-        roles = [str((model.roles or {}).get(name, name)) for name in names]
-        positions = [i for i, r in enumerate(roles) if r == "f_t" or r.startswith("dist")]
+        positions = [i for i, n in enumerate(names) if is_external(role_of(n, model.roles))]
     if not positions:
         raise ValueError(
             "method='iv' needs external signals in X, such as the target f_t or a disturbance: "

@@ -69,6 +69,8 @@ def demo(options: argparse.Namespace) -> int:
 
 def _reveal(model: Any, names: list[str], best: float, truth: Any, hidden: Any) -> None:
     """The truth beside what was found."""
+    from ..summaries import Estimate
+
     print_wrapped("")
     secret = ", ".join(names) or "nothing"
     print_wrapped(f"The truth: hidden {secret}; the true answer has a VAF of {best:.1f} %")
@@ -76,7 +78,4 @@ def _reveal(model: Any, names: list[str], best: float, truth: Any, hidden: Any) 
     given |= {f"{n}__{p}": v for n, e in hidden for p, v in e.fixed.items()}
     for name, row in model.parameters_.iterrows():
         if name in given:
-            print_wrapped(
-                f"  {name}: {given[name]:.4g}, found {row['value']:.4g} ± {row['sd']:.2g}"
-                + ("" if row["unit"] == "-" else f" {row['unit']}")
-            )
+            print_wrapped(f"  {name}: {given[name]:.4g}, found {Estimate.of(row)}")

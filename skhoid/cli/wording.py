@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import re
 
+from ..exceptions import PYTHON_ONLY
+
 # What a message names, and the option that does the same, of commands that have it.
 OPTION = {
     r"\bresample_runs\b": "resample",
@@ -20,14 +22,12 @@ OPTION = {
     r"\bmax_effects\b": "max_effects",
     r"\bselect_runs\b": "files",
 }
-# Advice that no option follows.
-NOT_HERE = (" (run_in=0 keeps them)", ", or say with repeats= which runs share a target")
 
 
 def reworded(text: str, options: argparse.Namespace) -> str:
     """A message, with the options of this command that do what it says in Python."""
-    for words in NOT_HERE:
-        text = text.replace(words, "")
+    for part in PYTHON_ONLY:
+        text = text.replace(part, "")
     found = [
         "leave it out of FILES" if name == "files" else f"--{name.replace('_', '-')}"
         for words, name in OPTION.items()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+
+from ..summaries import rendered
 
 if TYPE_CHECKING:
     from .comparison import Comparison
@@ -69,20 +70,11 @@ def _runs(c: Comparison) -> str:
 
 
 def html(c: Comparison) -> str:
-    rows = "".join(
-        f"<tr><th style='text-align:left'>{escape(name)}</th>"
-        f"<td style='text-align:left'>{escape(value)}</td></tr>"
-        for name, value in figures(c)
-    )
-    found = "".join(
-        f"<li><b>{escape(f.title)}</b><br>{escape(f.evidence)}<br>{escape(f.meaning)}<br>"
-        f"<i>{escape(f.next_step)}</i></li>"
-        for f in c.findings
-    )
-    runs = c.by_run.drop(columns=["target", "p"]).round(3).to_html(index=False, border=0)
-    notes = "".join(f"<p>{escape(note)}.</p>" for note in c.notes)
-    return (
-        f"<p><b>{escape(c.model_name)} against measured {escape(c.output)}</b></p>"
-        f"<table>{rows}</table><ol>{found}</ol><details><summary>By run</summary>{runs}"
-        f"</details>{notes}"
+    runs = c.by_run.drop(columns=["target", "p"]).round(3)
+    return rendered(
+        __name__,
+        "comparison.html.j2",
+        comparison=c,
+        figures=figures(c),
+        runs=runs.to_html(index=False, border=0),
     )

@@ -13,6 +13,7 @@ import pandas as pd
 from scipy import fft
 from scipy.linalg import toeplitz
 
+from ..runs.roles import EXACT, is_external
 from .breaks import tail_probability
 from .ceiling import Ceiling, tap_spacing
 from .run_signals import Signals
@@ -28,7 +29,7 @@ def correlations(
 ) -> tuple[pd.DataFrame, list[Test]]:
     """Cross-correlation of prewhitened residual and signals, with simultaneous bands."""
     tables, tests = [], []
-    shown = [n for n in signals.channels if n in ("f_t", "e", "x") or n.startswith("dist")]
+    shown = [n for n in signals.channels if n in EXACT or is_external(n)]
     for name in shown:
         valid = name in signals.external
         found = _correlation(signals, ceiling, name)

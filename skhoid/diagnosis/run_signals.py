@@ -15,14 +15,13 @@ from scipy.signal.windows import tukey
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from .._sklearn import safe_indexing
-from ..effects.record import OTHER
-from ..exceptions import MissingDataWarning, RunIndexError, ShortRunError
-from ..greybox.side_by_side import PREFIXES, ROLES
+from ..exceptions import MissingDataWarning, ShortRunError, python_only
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
 from ..regression import units_of
-from ..runs import RunLayout, check_alignment, run_name
+from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
+from ..runs.roles import check_named, columns_by_role, is_external, with_target
 from ..summaries import counted
 
 SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
@@ -35,6 +34,7 @@ MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole 
 RAMPS = 0.04  # of a run, both ends together
 OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
 LEAST_ROWS = 64  # of a run, for spectra and tests
+KEEP_SETTLING = python_only(" (run_in=0 keeps them)")
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Signals:
     @property
     def external(self) -> list[str]:
         """Signals that come from outside the loop."""
-        return [name for name in self.channels if name == "f_t" or name.startswith("dist")]
+        return [role for role in self.channels if is_external(role)]
 
     @property
     def driving(self) -> str | None:
@@ -175,7 +175,7 @@ def read_signals(
         trimmed=trimmed,
         columns=_columns(X),
         roles=roles,
-        output=str(getattr(y, "name", None) or "u"),
+        output=output_name(y),
         units={**units_of(X), **units_of(y)},
     )
     signals = sorted_signals(
@@ -221,7 +221,7 @@ def sorted_signals(
             longest = max(np.diff(np.flatnonzero(np.diff(np.r_[0, unsettled, 0])))[::2])
             notes.append(
                 f"the first {longest * layout.dt:.3g} s of each run, in which the free run "
-                "settles from its start at rest, are left out (run_in=0 keeps them)"
+                f"settles from its start at rest, are left out{KEEP_SETTLING}"
             )
             # Spectra and tests go over whole periods of the target; nothing is missing there.
             predicted = np.where(used & unsettled, measured, predicted)
@@ -319,41 +319,26 @@ def _columns(X: Any) -> dict[Any, Any]:
 def _channels(
     columns: Mapping[Any, Any], roles: Mapping[Any, str] | None, run: Any
 ) -> dict[str, np.ndarray]:
-    """Channels by role; the target is e + x where it was not recorded."""
-    if roles is not None and not isinstance(roles, Mapping):
-        raise TypeError(f"roles is a dict {{column: role}}; got {roles!r}.")
-    unknown = [name for name in roles or {} if name not in columns]
-    if unknown:
-        raise RunIndexError(
-            f"roles names {unknown[0]!r}, which is not a column of X; the columns are "
-            f"{list(columns)}."
-        )
+    """Channels by role that were measured, and the target where it is their sum."""
+    names = list(columns)
+    check_named(names, roles)
+    if run is not None:
+        del names[run_column(names, run)]
     found: dict[str, np.ndarray] = {}
-    for name, column in columns.items():
-        role = str((roles or {}).get(name, name))
-        if run is not None and name == run:
-            continue
-        if role in ROLES or role.startswith(PREFIXES):
-            if role in found:
-                raise ValueError(f"Two columns have the role {role!r}; name one of them by roles=.")
-            check_numbers(pd.DataFrame({name: column}), "X")
-            values = np.asarray(column, dtype=float)
-            if np.isinf(values).any():
-                row = int(np.flatnonzero(np.isinf(values))[0])
-                raise ValueError(
-                    f"Column {name!r} of X contains infinity, first in row {row}; mark missing "
-                    "values by NaN."
-                )
-            if not np.isnan(values).all():
-                found[role] = values
-        elif name in (roles or {}) and role != OTHER:
+    for role, position in columns_by_role(names, roles).items():
+        name = names[position]
+        column = pd.DataFrame({name: columns[name]})
+        check_numbers(column, "X")
+        values = column[name].to_numpy(dtype=float)
+        if np.isinf(values).any():
+            row = int(np.flatnonzero(np.isinf(values))[0])
             raise ValueError(
-                f"roles gives {name!r} the role {role!r}; there are 'e', 'x', 'f_t', and names "
-                "that begin with 'dist' or 'motion', and '' for none."
+                f"Column {name!r} of X contains infinity, first in row {row}; mark missing "
+                "values by NaN."
             )
-    if "f_t" not in found and {"e", "x"} <= found.keys():
-        found["f_t"] = found["e"] + found["x"]
-    return found
+        if not np.isnan(values).all():
+            found[role] = values
+    return with_target(found)
 
 
 def _longest_stretches(

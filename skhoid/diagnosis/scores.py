@@ -11,6 +11,7 @@ import pandas as pd
 from ..exceptions import RunIndexError, ShortRunError
 from ..recordings.named_signals import NamedSignals
 from ..runs import RUN, TIME, WHOLE, RunLayout, read_layout
+from ..runs.roles import EXACT, with_error, with_target
 
 REGION = 30.72  # s, initial and final region (Section VI-B)
 TRANSITION = 20.48  # s
@@ -133,11 +134,13 @@ def performance_scores(
 
 def _scored(signals: NamedSignals) -> tuple[Any, Any, Any, dict[str, str | None]]:
     """Error, target and output, as far as they are there or can be made, and units of scores."""
-    (e, of_e), (x, of_x), (f_t, of_f) = (signals.of_role(role) for role in ("e", "x", "f_t"))
-    if e is None and f_t is not None and x is not None:
-        e, of_e = f_t - x, of_f or of_x
-    elif f_t is None and e is not None and x is not None:
-        f_t = e + x
+    found = {role: signals.of_role(role) for role in EXACT}
+    known = {role: values for role, (values, _) in found.items() if values is not None}
+    known = with_target(with_error(known))
+    e, f_t = known.get("e"), known.get("f_t")
+    of_e, of_x, of_f = (found[role][1] for role in EXACT)
+    if found["e"][0] is None and e is not None:
+        of_e = of_f or of_x
     if e is None and signals.output is None:
         raise ValueError(
             "There is nothing to score: X has no error (a column of the role 'e', or 'f_t' and "

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
+from ..runs.roles import OTHER
 from .base import Effect
 from .core_kind import CoreKind
 from .dimension import ONE, Dimension, E, S, U
 from .dynamics import bilinear
 from .error_scan import ErrorScan
 from .parameter import Parameter
-from .record import OTHER, Record, differentiated
+from .record import Record, differentiated
 from .time_variation import needs_channel
 
 X = Dimension.of_channel("x")  # is the target less the error: sized like the error

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
+from ..runs.roles import EXACT, OTHER
 from .core_kind import CoreKind
-
-OTHER = ""  # role of a channel that has none
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ class Record:
 
     def with_role(self, role: str) -> list[str]:
         """Names of channels of a role: exactly for e, x and f_t, by prefix for motion and dist."""
-        whole = role in ("e", "x", "f_t", OTHER)
+        whole = role in (*EXACT, OTHER)
         return [n for n, r in self.roles.items() if (r == role if whole else r.startswith(role))]
 
     def sd(self, name: str) -> float:

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
+from ..runs.roles import OTHER
 from .base import Effect
 from .core_kind import CoreKind
 from .dimension import ONE, RAD, Dimension, E, S, T, U
 from .offsets import with_middle
 from .operator_signals import Gains
 from .parameter import Parameter
-from .record import OTHER, Record, differentiated
+from .record import Record, differentiated
 
 EDGE_STEPS = (0.2, 0.1, 0.05, 0.02)  # s, of the ends of lapses
 

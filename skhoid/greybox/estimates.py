@@ -8,6 +8,7 @@ from sklearn.base import clone
 
 from ..effects.composition import Effects
 from ..effects.dimension import Dimension, S, checked
+from ..summaries import Estimate
 from .model import Model
 from .simulator import Simulator
 
@@ -116,19 +117,10 @@ def effects_with_values(model: Model) -> Effects:
 
 
 def parameter_text(table: pd.DataFrame, prefix: str) -> str:
-    """Parameters of an effect as ``width = 0.300 +- 0.004 deg``."""
-    parts = []
-    for full, row in table.iterrows():
-        if not str(full).startswith(f"{prefix}__"):
-            continue
-        name = str(full).split("__", 1)[1]
-        unit = "" if row["unit"] == "-" else f" {row['unit']}"
-        if row["sd"] == 0.0:
-            continue
-        if np.isfinite(row["sd"]):
-            digits = max(0, 1 - int(np.floor(np.log10(row["sd"])))) if row["sd"] > 0 else 3
-            form = f".{digits}f" if digits <= 6 else ".3g"
-            parts.append(f"{name} = {row['value']:{form}} ± {row['sd']:{form}}{unit}")
-        else:
-            parts.append(f"{name} = {row['value']:.3g}{unit} (at its bound)")
-    return ", ".join(parts)
+    """Estimated parameters of an effect as ``width = 0.3123 ± 0.0041 deg``."""
+    names = [str(full) for full in table.index]
+    return ", ".join(
+        f"{name.removeprefix(f'{prefix}__')} = {Estimate.of(row)}"
+        for name, (_, row) in zip(names, table.iterrows(), strict=True)
+        if name.startswith(f"{prefix}__") and row["sd"] != 0.0
+    )

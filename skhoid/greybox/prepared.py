@@ -14,11 +14,12 @@ from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, bad_output, still
 from ..runs import run_column
+from ..runs.roles import roles_of
 from .cores import Core
 from .element import estimate_element
 from .fitting import AR_ORDER, Criterion, RemnantModel
 from .model import Model
-from .side_by_side import SegmentColumns, build_record, roles_of
+from .side_by_side import SegmentColumns, build_record
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,8 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     skipped = None if estimator._run is None else run_column(columns, estimator._run)
     channels = [i for i in range(values.shape[1]) if i != skipped]
     names = estimator._channel_names(channels)
-    given_roles = estimator.roles or {}
-    if estimator._names is None:  # columns of an array go by their positions
-        given_roles = {f"x{position}": role for position, role in given_roles.items()}
-    roles = roles_of(names, given_roles)
+    found = roles_of([columns[i] for i in channels], estimator.roles)
+    roles = dict(zip(names, found.values(), strict=True))
     error, output_name = estimator.inputs_[0], estimator._output_name
     roles[error] = "e"
     held = estimator._hold(grid, thinned[:, channels], names)

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..effects.record import OTHER, Record
+from ..effects.record import Record
 from ..preprocessing.grid import ModelGrid
 from ..regression import segments
-
-ROLES = ("e", "x", "f_t")
-PREFIXES = ("motion", "dist")
+from ..runs.roles import EXACT, target_is_sum, with_target
 
 
 @dataclass(frozen=True)
@@ -47,22 +45,6 @@ class SegmentColumns:
         return out
 
 
-def roles_of(names: Sequence[str], roles: Mapping[Any, str] | None) -> dict[str, str]:
-    """Role of each channel, from ``roles`` or its name; "" for none."""
-    given = {str(k): v for k, v in (roles or {}).items()}
-    found = {}
-    for name in names:
-        role = given.get(name, name)
-        known = role in ROLES or role.startswith(PREFIXES)
-        if name in given and not known and role != OTHER:
-            raise ValueError(
-                f"roles gives {name!r} the role {role!r}; a role is e, x, f_t, or begins with "
-                "motion or dist; '' is none."
-            )
-        found[name] = role if known else OTHER
-    return found
-
-
 def build_record(
     grid: ModelGrid,
     names: Sequence[str],
@@ -78,9 +60,9 @@ def build_record(
     columns = SegmentColumns.of(grid)
     channels = {n: columns.beside(values[:, i]) for i, n in enumerate(names)}
     roles = dict(roles)
-    by_role = {role: name for name, role in roles.items() if role in ROLES}
-    if "f_t" not in by_role and {"e", "x"} <= set(by_role):
-        channels["f_t"] = channels[by_role["e"]] + channels[by_role["x"]]
+    by_role = {role: channels[name] for name, role in roles.items() if role in EXACT}
+    if target_is_sum(by_role):
+        channels["f_t"] = with_target(by_role)["f_t"]
         roles["f_t"] = "f_t"
     time = grid.layout.time if grid.rows is None else grid.layout.time[grid.rows]
     t = columns.beside(time)

@@ -11,6 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..pipelines import taken_apart
 from ..preprocessing import Decimator, DelayShift, RunInTrimmer
 from ..runs import input_columns
+from ..runs.roles import columns_of_role
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def _position(model: Any, name: str | None) -> int:
         return names.index(name)
     if len(names) == 1:
         return 0
-    errors = [i for i, n in enumerate(names) if (model.roles or {}).get(n, n) == "e"]
+    errors = columns_of_role(names, "e", model.roles)
     if len(errors) != 1:
         raise ValueError(f"The model has the inputs {names}; say which one with input=.")
     return errors[0]

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
-from ..runs import check_alignment, input_columns
+from ..runs import check_alignment, input_columns, output_name
+from ..runs.roles import columns_of_role
 from .lines import Lines, Windows, all_bins, read_lines, signal_table
 from .phase import aligning_delay, unwrapped
 from .response import FrequencyResponse
@@ -118,7 +119,7 @@ def fourier_coefficients(
     columns = positions + [_signal_column(names, name, roles) for name in lines if several]
     table = frame.iloc[:, columns].copy()
     table.insert(len(positions), "", column_or_1d(y), allow_duplicates=True)
-    output = str(getattr(y, "name", None) or "u")
+    output = output_name(y)
     table.columns = [*(names[p] for p in positions), output, *lines][: table.shape[1]]
     spectra = _Spectra(windows, windows.numbers(table), lines)
     of_inputs = [str(names[p]) for p in positions]
@@ -189,7 +190,7 @@ def _signal_column(names: list[Any], name: Any, roles: dict | None) -> int:
     """Column that holds the signal of a forcing function."""
     if name in names:
         return names.index(name)
-    by_role = [i for i, column in enumerate(names) if (roles or {}).get(column) == name]
+    by_role = columns_of_role(names, name, roles)
     if len(by_role) != 1:
         raise ValueError(
             f"The signal of the forcing function {name!r} is needed to tell several inputs apart, "

@@ -12,6 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.record import Record
 from ..greybox.estimates import parameter_text
 from ..greybox.prepared import constants_of
+from ..runs.roles import target_is_sum
 from ._axes import BLACK, COLOURS, GREY, plain_logarithmic
 from ._comparison import wrapped
 from ._display import Display
@@ -243,8 +244,8 @@ def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
     if X is None:
         element = model.controlled_element_
         roles = dict(simulation.roles)
-        if "f_t" not in roles.values() and {"e", "x"} <= set(roles.values()):
-            roles["f_t"] = "f_t"  # as the sum of both
+        if target_is_sum(roles.values()):
+            roles["f_t"] = "f_t"
         empty = np.zeros((0, 0))
         record = Record(
             dt=model.dt_,

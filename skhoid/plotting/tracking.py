@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ..runs import read_layout
+from ..runs import output_name, read_layout
 from ._axes import BLACK, BLUE, GREY, VERMILION, with_unit
 from ._display import Display
 
@@ -114,7 +114,7 @@ class TrackingDisplay(Display):
                 "TrackingDisplay draws runs that share their times; choose among them with "
                 "skhoid.select_runs(X, y, ...)."
             )
-        table = X.assign(**{str(y.name or "y"): y})
+        table = X.assign(**{output_name(y): y})
         begin, end = (-np.inf, np.inf) if window is None else window
         shown = (time >= begin) & (time < end)
         if not shown.any():

@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..exceptions import RunIndexError
 from ..preprocessing.base import check_numbers
-from ..runs import check_alignment, run_column
-
-OUTPUT = "u"  # what an output without a name is called
+from ..runs import check_alignment, output_name, run_column
+from ..runs.roles import check_named, column_of_role, role_of
 
 
 class NamedSignals:
@@ -25,42 +23,26 @@ class NamedSignals:
         check_alignment(X, y)
         frame = X if isinstance(X, pd.DataFrame) else pd.DataFrame(np.asarray(X))
         names = list(frame.columns)
-        unknown = [column for column in roles or {} if column not in [*names, _name(y)]]
-        if unknown:
-            raise RunIndexError(
-                f"roles names {unknown[0]!r}, which is not a column of X; the columns are {names}."
-            )
+        self.output_name = output_name(y)
+        check_named(names, roles, self.output_name)
         if run is not None:
             frame = frame.loc[:, np.arange(len(names)) != run_column(names, run)]
         check_numbers(frame, "X")
         self.channels = list(frame.columns)
         self.numbers = frame.to_numpy(dtype=float)
-        self.output_name = _name(y)
         self.output = None if y is None else _numbers(y, len(frame))
         self.units = {**getattr(X, "attrs", {}).get("units", {})}
         self.units |= getattr(y, "attrs", {}).get("units", {})
-        self._roles = roles or {}
+        self._roles = roles
 
     def of_role(self, role: str) -> tuple[np.ndarray | None, str | None]:
         """Values and unit of the signal with a role; None where there is none."""
-        found = [i for i, name in enumerate(self.channels) if self._roles.get(name, name) == role]
-        if len(found) > 1:
-            raise ValueError(
-                f"{len(found)} columns of X have the role {role!r}: "
-                f"{[self.channels[i] for i in found]}; give one of them."
-            )
-        if found:
-            return self.numbers[:, found[0]], self.units.get(self.channels[found[0]])
-        if self.output is not None and self._roles.get(self.output_name, self.output_name) == role:
+        found = column_of_role(self.channels, role, self._roles)
+        if found is not None:
+            return self.numbers[:, found], self.units.get(self.channels[found])
+        if self.output is not None and role_of(self.output_name, self._roles) == role:
             return self.output, self.units.get(self.output_name)
         return None, None
-
-
-def _name(y: Any) -> Any:
-    name = getattr(y, "name", None)
-    if isinstance(y, pd.DataFrame):
-        name = y.columns[0]
-    return OUTPUT if name is None else name
 
 
 def _numbers(y: Any, n_rows: int) -> np.ndarray:

@@ -13,23 +13,22 @@ import pandas as pd
 from ..diagnosis.comparison import Comparison
 from ..diagnosis.comparison_text import figures
 from ..effects.catalogue import BY_NAME
-from ..greybox.side_by_side import roles_of
 from ..pipelines import raw_layout, taken_apart
 from ..recordings.channels import check_channels
 from ..regression import units_of
 from ..runs import RunLayout, run_name
 from ..runs.fingerprint import as_frame
+from ..runs.roles import output_name, roles_of
 from ..search.effect_search import EffectSearchCV
 from ..search.explanations import HOW_TO_GO_ON, NOT_IN_CATALOGUE, stand_ins_in_words, unexplained_by
 from ..search.forward import LEAST_EVIDENCE, LEAST_GAIN
-from ..summaries import counted, number
+from ..summaries import DASH, Estimate, counted, number
 from .plots import Gallery, Picture
 from .provenance import provenance
 
 UNKNOWN = "unknown"
 MANY = 40  # runs in a table
 DRAWN = 8  # channels
-DASH = "-"
 ABSENT = "not available"
 # Findings of a comparison that a search of the whole catalogue has answered.
 ANSWERED = (
@@ -77,7 +76,7 @@ def content_of(
     comparison, after = results.comparison, results.after
     rows = "the rows it was fitted to" if results.fitted_here else "the rows given"
     frame = as_frame(X)
-    output = pd.Series(np.asarray(y, dtype=float).ravel(), name=str(getattr(y, "name", 0) or "u"))
+    output = pd.Series(np.asarray(y, dtype=float).ravel(), name=output_name(y))
     units = {**units_of(X), **units_of(y)}
     layout = raw_layout(baseline, X)
     names = [*frame.columns, output.name, *units.values(), repr(baseline), *layout.labels]
@@ -233,9 +232,8 @@ def _data(
     after: Comparison | None,
     gallery: Gallery,
 ) -> dict[str, Any]:
-    names = [str(name) for name in frame.columns]
     model = taken_apart(baseline)[1]
-    roles = roles_of(names, {str(k): v for k, v in (getattr(model, "roles", None) or {}).items()})
+    roles = roles_of(list(frame.columns), getattr(model, "roles", None))
     inputs = {str(name) for name in getattr(model, "inputs_", [])}
     channels = []
     for name, column in [*frame.items(), (output.name, output)]:
@@ -246,7 +244,7 @@ def _data(
             {
                 "name": str(name),
                 "use": use,
-                "role": "" if column is output else roles.get(str(name), ""),
+                "role": "" if column is output else roles[name],
                 "unit": units.get(str(name), ""),
                 "mean": number(_mean(known)) if known.size else DASH,
                 "rms": number(float(np.sqrt(np.mean(known**2)))) if known.size else DASH,
@@ -407,19 +405,15 @@ def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
     before = None if final is None else parameter_frame(baseline)
     rows = []
     for name, row in table.iterrows():
-        sd = row["sd"]
-        # Zero stands for what is given, or follows from the choice of a form.
-        known = np.isfinite(sd) and sd > 0
+        found = Estimate.of(row)
         was = before is not None and name in before.index
         rows.append(
             {
                 "name": str(name),
-                "value": number(row["value"], sd),
-                "sd": number(sd, sd) if known else DASH,
-                "interval": f"{number(row['low'], sd)} to {number(row['high'], sd)}"
-                if known
-                else DASH,
-                "unit": "" if row["unit"] == "-" else row["unit"],
+                "value": found.value,
+                "sd": found.sd,
+                "interval": f"{found.low} to {found.high}" if found.known else DASH,
+                "unit": found.unit,
                 "meaning": row["meaning"],
                 "before": _before(before.loc[name]) if was else DASH,  # type: ignore[union-attr]
             }
@@ -428,8 +422,8 @@ def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
 
 
 def _before(row: pd.Series) -> str:
-    at_bound = "" if np.isfinite(row["sd"]) else " (at its bound)"
-    return number(row["value"], row["sd"]) + at_bound
+    found = Estimate.of(row)
+    return found.value + found.remark
 
 
 def parameter_frame(model: Any) -> pd.DataFrame:

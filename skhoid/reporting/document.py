@@ -22,8 +22,10 @@ from ..diagnosis.comparison import Comparison, compare
 from ..diagnosis.run_signals import repeat_labels
 from ..io.whole import written_whole
 from ..pipelines import raw_layout, taken_apart
+from ..runs import output_name
 from ..runs.fingerprint import fingerprint
 from ..search.effect_search import EffectSearchCV
+from ..summaries import rendered
 from .content import Results, content_of
 
 HEIGHT = 900  # px, in a notebook
@@ -82,21 +84,13 @@ class Report:
 
     @cached_property
     def html(self) -> str:
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-
-        loader = PackageLoader(__name__.rpartition(".")[0], ".")
-        environment = Environment(
-            loader=loader,
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
         here = files(__package__)
         script = here.joinpath("report.js").read_text(encoding="utf-8")
         # No other script can run, whatever a name in the data holds.
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-        return environment.get_template("report.html.j2").render(
+        return rendered(
+            __name__,
+            "report.html.j2",
             title=self.title,
             style=here.joinpath("report.css").read_text(encoding="utf-8"),
             script=script,
@@ -248,9 +242,8 @@ def report(
         after=after,
     )
     content = content_of(X, y, results, source=source, made_with=made_with)
-    name = getattr(y, "name", None) or "u"
     if title is None:
-        title = f"{type(taken_apart(baseline)[1]).__name__} against measured {name}"
+        title = f"{type(taken_apart(baseline)[1]).__name__} against measured {output_name(y)}"
     return Report(title, content, search, comparison, after)
 
 

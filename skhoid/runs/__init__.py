@@ -1,30 +1,27 @@
 """Runs, time, marks and roles: the data convention, which everything else asks here."""
 
-from .layout import (
+from .alignment import SET_OUTPUT_HINT, check_alignment
+from .clock import (
     GAP,
     JITTER_TOLERANCE,
     RUN,
-    SET_OUTPUT_HINT,
     TIME,
     WHOLE,
-    DecimationMark,
-    RunLayout,
-    check_alignment,
     check_increasing,
-    contiguous_runs,
-    input_columns,
-    mark_decimated,
-    mark_run_column,
-    mark_run_in,
-    read_layout,
-    run_column,
-    run_name,
-    run_time_index,
     snap,
     time_in_seconds,
     whole_samples,
+)
+from .layout import (
+    RunLayout,
+    contiguous_runs,
+    read_layout,
+    run_name,
+    run_time_index,
     within_runs,
 )
+from .marks import DecimationMark, mark_decimated, mark_run_column, mark_run_in
+from .roles import input_columns, output_name, run_column
 from .selection import run_labels, sampling_time, select_runs
 
 __all__ = [
@@ -43,6 +40,7 @@ __all__ = [
     "mark_decimated",
     "mark_run_column",
     "mark_run_in",
+    "output_name",
     "read_layout",
     "run_column",
     "run_labels",

@@ -1,4 +1,4 @@
-"""Runs, time and marks: the one module that knows the data convention.
+"""Where runs, segments and marks lie in the rows of a table.
 
 A recording is a table with one row per sample. Which run a row belongs to, and when it was
 taken, travels in the row index of ``X`` (levels ``run`` and ``time``, in seconds; optional outer
@@ -8,7 +8,6 @@ levels such as ``subject`` and ``condition``) or, for arrays and plain frames, i
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,34 +15,19 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import IrregularSamplingError, RunIndexError
-
-RUN, TIME = "run", "time"
-RUN_IN_LEVEL = "run-in"
-_RUN_COLUMN_LEVEL = "runs from column "  # and the name of a column that is no input
-_DECIMATION_LEVEL = re.compile(r"^decimation 1/(\d+) (\S+) (\S+)$")
-
-JITTER_TOLERANCE = 0.10  # of a sampling time; beyond it, lags in samples mean nothing
-GAP = 1.5  # steps longer than this many sampling times start a new segment
-WHOLE = 1e-6  # a duration within this many samples of a whole number is that number
-
-SET_OUTPUT_HINT = (
-    "A scikit-learn transformer that returns NumPy arrays drops the row index; call "
-    '.set_output(transform="pandas") on the pipeline to keep it, and put Decimator, DelayShift and '
-    "RunInTrimmer as steps of the pipeline itself, not in one branch of a ColumnTransformer."
+from .clock import (
+    GAP,
+    JITTER_TOLERANCE,
+    RUN,
+    TIME,
+    check_increasing,
+    refuse_datetime,
+    snap,
+    time_in_seconds,
+    typical_step,
 )
-
-
-@dataclass(frozen=True)
-class DecimationMark:
-    """What :class:`skhoid.Decimator` says about the rows it marks: factor, filter and its ends."""
-
-    factor: int
-    method: str
-    padding: str
-
-    @property
-    def level(self) -> str:
-        return f"decimation 1/{self.factor} {self.method} {self.padding}"
+from .marks import DecimationMark, is_mark, read_marks
+from .roles import run_column
 
 
 @dataclass(frozen=True)
@@ -102,13 +86,6 @@ def run_name(label: Any) -> str:
     return "/".join(map(str, label)) if isinstance(label, tuple) else str(label)
 
 
-def whole_samples(duration: float, dt: float) -> float:
-    """Duration in samples, snapped to a whole number when within 1e-6 of one."""
-    samples = duration / dt
-    nearest = round(samples)
-    return float(nearest) if abs(samples - nearest) <= WHOLE * max(1.0, abs(nearest)) else samples
-
-
 def read_layout(
     X: Any, *, dt: float | None = None, run: Any = None, fallback_dt: float | None = None
 ) -> RunLayout:
@@ -140,7 +117,7 @@ def read_layout(
     if isinstance(index, pd.MultiIndex):
         return _layout_from_multiindex(index, dt, fallback_dt)
     if isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)):
-        _refuse_datetime(index)
+        refuse_datetime(index)
     n_rows = index.size if index is not None else np.asarray(X).shape[0]
     if index is not None and index.name != TIME and index.dtype.kind == "f":
         raise RunIndexError(
@@ -158,28 +135,6 @@ def read_layout(
     if index is not None and not isinstance(index, pd.RangeIndex) and index.dtype.kind in "iu":
         starts, number = _cut_at_jumps(index.to_numpy(), run_starts, number)
     return RunLayout(labels, run_starts, starts, number * step, step)
-
-
-def _position(names: list[Any], column: Any) -> int | None:
-    """Position of a column given by its name, or by its position where all names are words."""
-    if column in names:
-        return names.index(column)
-    whole = isinstance(column, (int, np.integer)) and not isinstance(column, bool)
-    words = all(isinstance(name, str) for name in names) or names == list(range(len(names)))
-    if whole and words and -len(names) <= column < len(names):
-        return int(column) % len(names)
-    return None
-
-
-def run_column(names: list[Any], run: Any) -> int:
-    """Position of the run column."""
-    position = _position(names, run)
-    if position is None:
-        raise RunIndexError(
-            f"run={run!r} names the column with the run labels (or, for an array, its position), "
-            f"but X has the columns {names}."
-        )
-    return position
 
 
 def _runs_of_column(X: Any, run: Any, n_rows: int) -> tuple[np.ndarray, list[Any]]:
@@ -231,18 +186,8 @@ def _layout_from_multiindex(
             "X.index = X.index.set_names([...]) or build the index with "
             "X.set_index(['run', 'time'])."
         )
-    trimmed = kept = mark = run_column = None
-    keys = []
-    for position, name in enumerate(names):
-        if name == RUN_IN_LEVEL:
-            trimmed = index.get_level_values(position).to_numpy(dtype=bool)
-        elif match := _DECIMATION_LEVEL.match(str(name)):
-            kept = index.get_level_values(position).to_numpy(dtype=bool)
-            mark = DecimationMark(int(match[1]), match[2], match[3])
-        elif str(name).startswith(_RUN_COLUMN_LEVEL):
-            run_column = str(name).removeprefix(_RUN_COLUMN_LEVEL)
-        elif name != TIME:
-            keys.append(position)
+    marks = read_marks(index)
+    keys = [i for i, name in enumerate(names) if name != TIME and not is_mark(str(name))]
     codes = np.zeros(len(index), dtype=np.int64)
     for position in keys:
         level_codes = np.asarray(index.codes[position])
@@ -274,10 +219,7 @@ def _layout_from_multiindex(
         dt,
         fallback_dt,
         indexed=True,
-        trimmed=trimmed,
-        mark=mark,
-        kept=kept,
-        run_column=run_column,
+        **marks,
     )
     _check_mark(layout)
     return layout
@@ -296,26 +238,6 @@ def _check_mark(layout: RunLayout) -> None:
         )
 
 
-def _refuse_datetime(time: pd.Index) -> None:
-    raise RunIndexError(
-        f"The time index holds {time.dtype}; skhoid counts time in seconds from the start of the "
-        "run. Convert it with (t - t[0]).total_seconds()."
-    )
-
-
-def time_in_seconds(time: pd.Index) -> np.ndarray:
-    """Values of a time index, checked to be finite numbers."""
-    if time.dtype.kind in "mM":
-        _refuse_datetime(time)
-    if time.dtype.kind not in "iuf":
-        raise RunIndexError(f"The time index must be numbers in seconds; it holds {time.dtype}.")
-    seconds = time.to_numpy(dtype=float)
-    if not np.all(np.isfinite(seconds)):
-        row = int(np.flatnonzero(~np.isfinite(seconds))[0])
-        raise RunIndexError(f"The time index is {seconds[row]} in row {row}; it must be finite.")
-    return seconds
-
-
 def _layout_from_time(
     time: np.ndarray,
     labels: list[Any],
@@ -327,7 +249,7 @@ def _layout_from_time(
     step = np.diff(time)
     within = within_runs(run_starts)
     check_increasing(time, step, within, run_starts, labels)
-    typical = _typical_step(step, run_starts, labels)
+    typical = typical_step(step, run_starts, labels)
     known = dt or fallback_dt
     few = within.sum() < 3
     if known is not None and (few or (np.abs(step[within] - known) <= 0.01 * known).any()):
@@ -379,62 +301,6 @@ def _layout_from_time(
     return layout
 
 
-def check_increasing(
-    time: np.ndarray,
-    step: np.ndarray,
-    within: np.ndarray,
-    run_starts: np.ndarray,
-    labels: list[Any],
-) -> None:
-    """Refuse time that repeats or goes backwards within a run."""
-    bad = np.flatnonzero(within & (step <= 0))
-    if bad.size == 0:
-        return
-    row = int(bad[0]) + 1
-    label = labels[int(np.searchsorted(run_starts, row, side="right")) - 1]
-    where = f"run {label!r}, row {row}: {time[row - 1]:.6g} s is followed by {time[row]:.6g} s"
-    if bad.size > 0.1 * step.size and bad.size > 1:
-        raise RunIndexError(
-            f"The rows are shuffled: time goes backwards in {bad.size} places, first in {where}. "
-            "Sort the table (X = X.sort_index(), y likewise). For cross-validation split by runs, "
-            "not by rows: LeaveOneGroupOut or GroupKFold with groups=run_labels(X)."
-        )
-    what = "repeats" if time[row] == time[row - 1] else "decreases"
-    raise RunIndexError(
-        f"Time {what} in {where}. If a new run begins there, give it a label of its own in the "
-        "'run' level; otherwise sort the rows by time and drop repeated ones."
-    )
-
-
-def _typical_step(step: np.ndarray, run_starts: np.ndarray, labels: list[Any]) -> float | None:
-    medians = [
-        (float(np.median(step[a : b - 1])), label)
-        for a, b, label in zip(run_starts[:-1], run_starts[1:], labels, strict=True)
-        if b - a > 1
-    ]
-    if not medians:
-        return None
-    first, label = medians[0]
-    for median, other in medians[1:]:
-        if abs(median - first) > JITTER_TOLERANCE * first and min(median, first) > 0:
-            raise IrregularSamplingError(
-                f"The runs differ in sampling time: {first:.6g} s in run {label!r}, {median:.6g} s "
-                f"in run {other!r}. Bring them onto one grid: "
-                f"X, y = skhoid.resample_runs(X, y, dt={max(first, median):.6g}). If rows are "
-                "missing because a split shuffled them, split by runs instead: LeaveOneGroupOut "
-                "with groups=run_labels(X)."
-            )
-    return first
-
-
-def snap(dt: float) -> float:
-    """Sampling time without rounding noise: one over a whole rate, or nine digits."""
-    rate = round(1.0 / dt) if dt < 1.0 else 0
-    if rate and abs(1.0 / dt - rate) < 1e-6 * rate:
-        return 1.0 / rate
-    return float(f"{dt:.9g}")
-
-
 def _cut(run_starts: np.ndarray, is_cut: np.ndarray) -> np.ndarray:
     cuts = np.flatnonzero(is_cut) + 1
     return np.union1d(run_starts, cuts) if cuts.size else run_starts
@@ -459,128 +325,6 @@ def _cut_at_jumps(
         first = np.repeat(sample[run_starts[:-1]], np.diff(run_starts))
         return _cut(run_starts, within & (step > 1)), sample - first
     return run_starts, number
-
-
-def check_alignment(X: Any, y: Any, names: tuple[str, str] = ("X", "y")) -> None:
-    """Refuse ``y`` whose row index says something else than that of ``X``."""
-    x_name, y_name = names
-    y_index = getattr(y, "index", None)
-    if not isinstance(y_index, pd.Index):
-        return
-    x_index = getattr(X, "index", None)
-    if not isinstance(x_index, pd.Index):
-        x_index = None
-    y_has_runs = TIME in y_index.names
-    if x_index is None or TIME not in x_index.names:
-        if y_has_runs:
-            raise RunIndexError(
-                f"{y_name} has a run and time index but {x_name} has none, so the runs of {x_name} "
-                "are lost. " + SET_OUTPUT_HINT
-            )
-        if x_index is None:
-            return
-    elif y_index.nlevels == 1 and y_index.dtype.kind in "iu" and y_index.is_monotonic_increasing:
-        return  # row numbers, as slices of a plain Series keep them
-    if x_index is y_index:
-        return
-    marks = [name for name in x_index.names if _is_mark(str(name))]
-    plain = x_index.droplevel(marks) if marks else x_index
-    if len(plain) != len(y_index) or plain.equals(y_index):
-        return  # unequal lengths are reported by scikit-learn
-    if plain.nlevels != y_index.nlevels:
-        detail = (
-            f"the levels are {list(plain.names)} in {x_name} and {list(y_index.names)} in {y_name}"
-        )
-    else:
-        row = int(np.flatnonzero([a != b for a, b in zip(plain, y_index, strict=True)])[0])
-        labels = [_plain_label(index[row]) for index in (plain, y_index)]
-        detail = (
-            f"the first difference is in row {row}: {labels[0]} in {x_name}, "
-            f"{labels[1]} in {y_name}"
-        )
-    raise RunIndexError(
-        f"The row indexes of {x_name} and {y_name} disagree; {detail}. Give both the same rows in "
-        f"the same order ({y_name} = {y_name}.loc[{x_name}.index]), or pass {y_name} as an array "
-        "if its index means nothing."
-    )
-
-
-def _is_mark(level: str) -> bool:
-    return (
-        level == RUN_IN_LEVEL
-        or level.startswith(_RUN_COLUMN_LEVEL)
-        or _DECIMATION_LEVEL.match(level) is not None
-    )
-
-
-def _plain_label(label: Any) -> Any:
-    parts = label if isinstance(label, tuple) else (label,)
-    return tuple(part.item() if isinstance(part, np.generic) else part for part in parts)
-
-
-def input_columns(
-    columns: list[Any] | None,
-    n_columns: int,
-    inputs: Any,
-    run: Any,
-    roles: Any = None,
-    what: str = "inputs",
-) -> list[int]:
-    """Positions of the linear inputs: ``inputs``, else the column of role ``e``, else all."""
-    names: list[Any] = list(range(n_columns)) if columns is None else list(columns)
-    unknown = [column for column in (roles or {}) if column not in names]
-    if unknown:
-        raise RunIndexError(
-            f"roles names {unknown[0]!r}, which is not a column of X; the columns are {names}."
-        )
-    run_position = None if run is None else run_column(names, run)
-    if inputs is not None:
-        wanted = [inputs] if isinstance(inputs, (str, int, np.integer)) else list(inputs)
-        if not wanted:
-            raise ValueError(f"{what} is empty; name at least one column, or None for the default.")
-        positions = []
-        for column in wanted:
-            position = _position(names, column)
-            if position is None:
-                raise ValueError(
-                    f"{what} names {column!r}, which is not a column of X; the columns are {names}."
-                )
-            positions.append(position)
-        if len(set(positions)) < len(positions):
-            raise ValueError(f"{what} names a column twice: {wanted}.")
-        return positions
-    by_role = [i for i, name in enumerate(names) if (roles or {}).get(name, name) == "e"]
-    if by_role:
-        return by_role
-    return [i for i in range(n_columns) if i != run_position]
-
-
-def mark_run_in(frame: pd.DataFrame, trimmed: np.ndarray) -> pd.DataFrame:
-    """Return ``frame`` with the run-in rows marked in an extra index level."""
-    return _with_level(frame, RUN_IN_LEVEL, trimmed)
-
-
-def mark_decimated(frame: pd.DataFrame, mark: DecimationMark, kept: np.ndarray) -> pd.DataFrame:
-    """Return ``frame`` with the kept rows marked in an extra index level."""
-    return _with_level(frame, mark.level, kept)
-
-
-def mark_run_column(frame: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return ``frame`` with the name of its run column in an extra index level."""
-    return _with_level(frame, _RUN_COLUMN_LEVEL + column, np.zeros(len(frame)))
-
-
-def _with_level(frame: pd.DataFrame, name: str, values: np.ndarray) -> pd.DataFrame:
-    index = frame.index
-    if not isinstance(index, pd.MultiIndex):
-        raise TypeError("marks are carried by a run and time index")
-    frame.index = pd.MultiIndex(
-        levels=[*index.levels, [False, True]],
-        codes=[*index.codes, values.astype(np.int8)],
-        names=[*index.names, name],
-        verify_integrity=False,
-    )
-    return frame
 
 
 def run_time_index(layout: RunLayout) -> pd.MultiIndex:

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import RunIndexError
-from . import check_alignment, read_layout, run_name
+from .alignment import check_alignment
+from .layout import read_layout, run_name
 
 
 def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarray:

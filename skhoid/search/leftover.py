@@ -11,10 +11,11 @@ from scipy.signal import lfilter
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.operator_signals import Gains
-from ..effects.record import OTHER, Record, differentiated
+from ..effects.record import Record, differentiated
 from ..greybox.fitting import Criterion, derivatives
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
+from ..runs.roles import OTHER
 from .forward import HeldOutRows
 
 LAGS = 12  # of a channel

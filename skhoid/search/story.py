@@ -17,8 +17,8 @@ from ..effects.offsets import Bias, Drift
 from ..effects.paths import Feedforward, OutputFeedback
 from ..effects.time_variation import GainDrift, TimeVaryingGain
 from ..regression import units_of
-from ..runs import read_layout
-from ..summaries import counted
+from ..runs import output_name, read_layout
+from ..summaries import Estimate, counted
 from .effect_search import EffectSearchCV
 from .explanations import HOW_TO_GO_ON, stand_ins_in_words, unexplained_by
 
@@ -128,7 +128,7 @@ class Story:
 
     @property
     def _output(self) -> str:
-        return str(getattr(self.y, "name", None) or "u")
+        return output_name(self.y)
 
     @property
     def units(self) -> dict[str, str]:
@@ -271,9 +271,7 @@ def parameter_line(model: Any) -> str:
     for name, row in model.parameters_.iterrows():
         if "__" in str(name) and row["sd"] == 0.0:  # given by the choice of a form
             continue
-        unit = "" if row["unit"] in ("-", "") else f" {row['unit']}"
-        error = f" ± {row['sd']:.2g}" if np.isfinite(row["sd"]) and row["sd"] > 0 else ""
-        parts.append(f"{name} = {row['value']:.4g}{error}{unit}")
+        parts.append(f"{name} = {Estimate.of(row)}")
     return ", ".join(parts)
 
 

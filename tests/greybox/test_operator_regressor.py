@@ -340,7 +340,7 @@ def test_roles_are_names_or_given(runs):
 
 def test_a_role_that_does_not_exist_is_refused(runs):
     X, y = runs
-    with pytest.raises(ValueError, match=r"role 'target'.*e, x, f_t"):
+    with pytest.raises(ValueError, match=r"role 'target'.*'e', 'x', 'f_t'"):
         OperatorRegressor(roles={"f_t": "target"}).fit(X, y)
 
 

@@ -585,4 +585,4 @@ def test_small_numbers_are_shown():
         index=["a__stiffness", "a__width"],
     )
     shown = parameter_text(table, "a")
-    assert shown == "stiffness = 1.23e-09 ± 5.6e-11 1/px^2, width = 0.3123 ± 0.0041 deg"
+    assert shown == "stiffness = 1.234e-09 ± 5.6e-11 1/px^2, width = 0.3123 ± 0.0041 deg"

@@ -1,0 +1,167 @@
+"""Which column is which signal: roles of channels, the target e + x, the name of the output.
+
+A channel has the role that ``roles={column: role}`` gives it, else the one its name says: ``e``,
+``x`` and ``f_t`` exactly, ``motion...`` and ``dist...`` by their beginning. Everything else in
+skhoid asks here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..exceptions import RunIndexError
+
+EXACT = ("e", "x", "f_t")
+PREFIXES = ("motion", "dist")
+OTHER = ""  # role of a channel that has none
+OUTPUT = "u"  # what an output without a name is called
+
+
+def output_name(y: Any) -> str:
+    """Name of the output."""
+    name = y.columns[0] if isinstance(y, pd.DataFrame) else getattr(y, "name", None)
+    return str(name or OUTPUT)
+
+
+def is_role(role: str) -> bool:
+    """Whether there is such a role."""
+    return role in EXACT or role.startswith(PREFIXES)
+
+
+def role_of(name: Any, roles: Mapping[Any, Any] | None = None) -> Any:
+    """Role of a column, from ``roles`` or its name; "" for none."""
+    if name in (roles or {}):
+        return roles[name]  # type: ignore[index]
+    return name if isinstance(name, str) and is_role(name) else OTHER
+
+
+def roles_of(names: Sequence[Any], roles: Mapping[Any, Any] | None = None) -> dict[Any, str]:
+    """Role of each column, from ``roles`` or its name, checked; "" for none."""
+    found = {name: role_of(name, roles) for name in names}
+    for name, role in found.items():
+        if role != OTHER and not (isinstance(role, str) and is_role(role)):
+            raise ValueError(
+                f"roles gives {name!r} the role {role!r}; there are 'e', 'x', 'f_t', and names "
+                "that begin with 'dist' or 'motion', and '' for none."
+            )
+    return found
+
+
+def check_named(names: Sequence[Any], roles: Any, *others: Any) -> None:
+    """Refuse ``roles`` of columns that are not there; ``others`` are names besides columns."""
+    if roles is not None and not isinstance(roles, Mapping):
+        raise TypeError(f"roles is a dict {{column: role}}; got {roles!r}.")
+    known = [*names, *others]
+    unknown = [column for column in roles or {} if column not in known]
+    if unknown:
+        raise RunIndexError(
+            f"roles names {unknown[0]!r}, which is not a column of X; the columns are "
+            f"{list(names)}."
+        )
+
+
+def columns_of_role(names: Sequence[Any], role: Any, roles: Any = None) -> list[int]:
+    """Positions of the columns of a role."""
+    return [i for i, name in enumerate(names) if role_of(name, roles) == role]
+
+
+def column_of_role(names: Sequence[Any], role: str, roles: Any = None) -> int | None:
+    """Position of the only column of a role; None where there is none."""
+    found = columns_of_role(names, role, roles)
+    if len(found) > 1:
+        raise ValueError(
+            f"{len(found)} columns of X have the role {role!r}: {[names[i] for i in found]}. Keep "
+            "it for one, and give each other column another role, or none, by roles={column: ''}."
+        )
+    return found[0] if found else None
+
+
+def columns_by_role(names: Sequence[Any], roles: Any = None) -> dict[str, int]:
+    """Position of the column of each role there is, checked."""
+    found = {}
+    for role in roles_of(names, roles).values():
+        position = None if role == OTHER else column_of_role(names, role, roles)
+        if position is not None:
+            found[role] = position
+    return found
+
+
+def input_columns(
+    columns: list[Any] | None,
+    n_columns: int,
+    inputs: Any,
+    run: Any,
+    roles: Any = None,
+    what: str = "inputs",
+) -> list[int]:
+    """Positions of the linear inputs: ``inputs``, else the column of role ``e``, else all."""
+    names: list[Any] = list(range(n_columns)) if columns is None else list(columns)
+    check_named(names, roles)
+    run_position = None if run is None else run_column(names, run)
+    if inputs is None:
+        errors = columns_of_role(names, "e", roles)
+        return errors or [i for i in range(n_columns) if i != run_position]
+    wanted = [inputs] if isinstance(inputs, (str, int, np.integer)) else list(inputs)
+    if not wanted:
+        raise ValueError(f"{what} is empty; name at least one column, or None for the default.")
+    positions = []
+    for column in wanted:
+        position = _position(names, column)
+        if position is None:
+            raise ValueError(
+                f"{what} names {column!r}, which is not a column of X; the columns are {names}."
+            )
+        positions.append(position)
+    if len(set(positions)) < len(positions):
+        raise ValueError(f"{what} names a column twice: {wanted}.")
+    return positions
+
+
+def run_column(names: list[Any], run: Any) -> int:
+    """Position of the run column."""
+    position = _position(names, run)
+    if position is None:
+        raise RunIndexError(
+            f"run={run!r} names the column with the run labels (or, for an array, its position), "
+            f"but X has the columns {names}."
+        )
+    return position
+
+
+def _position(names: list[Any], column: Any) -> int | None:
+    """Position of a column given by its name, or by its position where all names are words."""
+    if column in names:
+        return names.index(column)
+    whole = isinstance(column, (int, np.integer)) and not isinstance(column, bool)
+    words = all(isinstance(name, str) for name in names) or names == list(range(len(names)))
+    if whole and words and -len(names) <= column < len(names):
+        return int(column) % len(names)
+    return None
+
+
+def is_external(role: str) -> bool:
+    """Whether signals of this role come from outside the loop."""
+    return role == "f_t" or role.startswith("dist")
+
+
+def target_is_sum(roles: Collection[str]) -> bool:
+    """Whether the target follows from the channels of these roles, and is not one of them."""
+    return "f_t" not in roles and "e" in roles and "x" in roles
+
+
+def with_target(signals: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Signals by role, with the target f_t = e + x where it was not recorded."""
+    if not target_is_sum(signals):
+        return signals
+    return {**signals, "f_t": signals["e"] + signals["x"]}
+
+
+def with_error(signals: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Signals by role, with the error e = f_t - x where it was not recorded."""
+    if "e" in signals or not {"f_t", "x"} <= signals.keys():
+        return signals
+    return {**signals, "e": signals["f_t"] - signals["x"]}
