@@ -140,13 +140,13 @@ def legend_inside(panel: Axes, handles: Sequence[Any], labels: Sequence[str]) ->
 
 def legend_above(panel: Axes, columns: int | None = None) -> None:
     """A legend above the right end of a panel, in one row unless told otherwise."""
-    handles, labels = panel.get_legend_handles_labels()
+    entries = legend_entries([panel])
     panel.legend(
-        handles,
-        labels,
+        entries.values(),
+        entries.keys(),
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
-        ncols=columns or len(labels),
+        ncols=columns or len(entries),
         frameon=False,
         fontsize="small",
         borderaxespad=0.2,
