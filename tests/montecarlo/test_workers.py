@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from joblib import Parallel, delayed, parallel_config
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from skhoid import MonteCarloStudy
 from skhoid.exceptions import WorkersLostError
@@ -68,6 +68,7 @@ def test_threads_for_batched_functions(table):
     np.testing.assert_array_equal(found["u"], table["u"])
 
 
+@threadpool_limits.wrap(limits=2)  # conftest.py has set one
 def test_linear_algebra_does_not_share_out_the_machine_twice():
     def threads(data):
         inner = Parallel()(delayed(os.getpid)() for _ in range(2))
