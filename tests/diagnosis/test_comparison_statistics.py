@@ -203,7 +203,7 @@ REPEATING = [
 
 @pytest.mark.parametrize(
     ("effect", "model", "n_draws"),
-    [(*case, 1) for case in REPEATING]
+    [(*case, 1) for case in REPEATING if "fitted" not in case]
     + [pytest.param(*case, 80, marks=slow) for case in REPEATING],
 )
 def test_gap_of_what_repeats(effect, model, n_draws):
@@ -276,7 +276,7 @@ POWER = {
     ("effect", "n_draws"),
     [(effect, 1) for effect in POWER] + [pytest.param(effect, 100, marks=slow) for effect in POWER],
 )
-@pytest.mark.parametrize("model", ["fitted", "linear truth"])
+@pytest.mark.parametrize("model", [pytest.param("fitted", marks=slow), "linear truth"])
 def test_power(effect, model, n_draws):
     make, shows = POWER[effect]
     seen = 0

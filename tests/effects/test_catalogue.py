@@ -181,13 +181,22 @@ def test_every_effect_keeps_the_rules(name, core):
     check_effect(effect(name), core=core)
 
 
-@pytest.mark.parametrize(("one", "values"), RECOVERED, ids=str)
+def first_of_each_class(cases):
+    """The further forms of a class are slow."""
+    seen = set()
+    for one, values in cases:
+        marks = [pytest.mark.slow] if type(one) in seen else []
+        seen.add(type(one))
+        yield pytest.param(one, values, marks=marks)
+
+
+@pytest.mark.parametrize(("one", "values"), first_of_each_class(RECOVERED), ids=str)
 def test_values_are_recovered(one, values):
     check_effect(one, recovers=values)
 
 
 @pytest.mark.xfail(reason="the search of non-smooth effects stops beside the minimum", strict=True)
-@pytest.mark.parametrize(("one", "values"), STUCK, ids=str)
+@pytest.mark.parametrize(("one", "values"), first_of_each_class(STUCK), ids=str)
 def test_values_of_steps_and_events_are_recovered(one, values):
     check_effect(one, recovers=values)
 

@@ -27,6 +27,8 @@ RECURSIONS = [{"memory_horizon": 50, "init_window": 1000}, {"init": "zeros", "p0
 # Not RecursiveARXCV: the checks have one run, and it validates on others.
 ESTIMATORS = [
     SMALL,
+    DelaySearchCV(SMALL, nk=[0, 1]),
+    OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
     # Of one input: a recursion is compiled for each number of parameters.
     *(RecursiveARX(na=1, nb=1, inputs=[0], **options) for options in RECURSIONS),
     OperatorRegressor(),
@@ -34,9 +36,7 @@ ESTIMATORS = [
     DelayShift(),
     RunInTrimmer(),
 ]
-REPEATED = [
-    DelaySearchCV(SMALL, nk=[0, 1]),
-    OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
+COSTLY = [
     EffectSearchCV(OperatorRegressor(), effects=["bias"]),
     *(RecursiveARX(na=1, nb=1, **options) for options in RECURSIONS),
 ]
@@ -53,6 +53,6 @@ def test_sklearn_checks(estimator, check):
 
 
 @pytest.mark.slow
-@parametrize_with_checks(REPEATED, expected_failed_checks=waived)
-def test_sklearn_checks_of_searches_and_of_any_number_of_inputs(estimator, check):
+@parametrize_with_checks(COSTLY, expected_failed_checks=waived)
+def test_costly_sklearn_checks(estimator, check):
     check(estimator)

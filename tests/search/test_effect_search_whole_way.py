@@ -44,6 +44,11 @@ OF_TRIAL = [
     *("higher_order", "tremor", "quantised", "cubic_gain"),
 ]
 STUCK = {"intermittent"}
+# One for each place at which an effect acts: delay, command, gain, input, path, output, spring, sum.
+QUICK = {
+    *("tv_delay", "lapses", "tv_gain, sigmoid", "dead_zone"),
+    *("feedforward", "saturation", "hardening_stiffness", "bias"),
+}
 
 
 def closed_share(search, X, y, oracle):
@@ -58,10 +63,13 @@ def closed_share(search, X, y, oracle):
     return (best - linear) / gap, gap
 
 
-def names(listed, stuck=STUCK):
+def names(listed, stuck=STUCK, quick=QUICK):
     reason = "stops beside the minimum, or another name fits as well"
     mark = pytest.mark.xfail(reason=reason, strict=True)
-    return [pytest.param(n, marks=[mark] if n in stuck else []) for n in listed]
+    return [
+        pytest.param(n, marks=[mark] * (n in stuck) + [pytest.mark.slow] * (n not in quick))
+        for n in listed
+    ]
 
 
 def of_loop(name):
@@ -114,7 +122,7 @@ def check(search, share, gap, right):
     assert search.best_effects_[0] in search.summary()
 
 
-@pytest.mark.parametrize("name", [n for n in OF_LOOP if n != "tv_gain, step"])
+@pytest.mark.parametrize("name", names(n for n in OF_LOOP if n != "tv_gain, step"))
 def test_what_the_thesiss_loop_hides_is_found_among_rivals(name):
     check(*search_loop(name, sorted({*RIVALS, name.split(",")[0]})))
 
