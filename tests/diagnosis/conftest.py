@@ -3,10 +3,7 @@
 import pytest
 from support.comparison import NK, runs
 
-from skhoid import (
-    ARXRegressor,
-    compare,
-)
+from skhoid import ARXRegressor, compare
 
 
 @pytest.fixture(scope="module")

@@ -44,7 +44,7 @@ OF_TRIAL = [
     *("higher_order", "tremor", "quantised", "cubic_gain"),
 ]
 STUCK = {"intermittent"}
-# One for each place at which an effect acts: delay, command, gain, input, path, output, spring, sum.
+# One for each place where an effect acts: delay, command, gain, input; path, output, spring, sum.
 QUICK = {
     *("tv_delay", "lapses", "tv_gain, sigmoid", "dead_zone"),
     *("feedforward", "saturation", "hardening_stiffness", "bias"),
