@@ -183,11 +183,11 @@ def test_every_effect_keeps_the_rules(name, core):
 
 def first_of_each_class(cases):
     """The further forms of a class are slow."""
-    seen = set()
-    for one, values in cases:
-        marks = [pytest.mark.slow] if type(one) in seen else []
-        seen.add(type(one))
-        yield pytest.param(one, values, marks=marks)
+    kinds = [type(one) for one, _ in cases]
+    return [
+        pytest.param(*case, marks=[pytest.mark.slow] * (kinds[i] in kinds[:i]))
+        for i, case in enumerate(cases)
+    ]
 
 
 @pytest.mark.parametrize(("one", "values"), first_of_each_class(RECOVERED), ids=str)

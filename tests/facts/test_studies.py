@@ -1,7 +1,7 @@
 """The thesis's statistical numbers and claims (Figs. 9-15, App. I) from the studies themselves.
 
 Names, values and tolerances are those of the reference file facts.json. The fast part computes
-some cells of one study; ``pytest -m slow tests/facts/test_studies.py`` computes all of them at full
+some cells of one study; ``pytest -m whole tests/facts/test_studies.py`` computes all of them at full
 size, 100 estimation and 10 validation runs, in a few minutes.
 """
 
@@ -21,7 +21,7 @@ LONGEST = 2.0**14  # stands for infinity
 AS_GOOD = 0.05  # VAF points
 # Fourier coefficients below: a few runs in which E is nearly zero decide the mean of U / E.
 FROM_LINE = {"C1": 0, "C2": 4}
-FULL = pytest.param(True, id="full", marks=pytest.mark.slow)
+FULL = pytest.param(True, id="full", marks=pytest.mark.whole)
 SIZES = [pytest.param(False, id="reduced"), FULL]
 SLOW_SIZES = [pytest.param(False, id="reduced", marks=pytest.mark.slow), FULL]
 

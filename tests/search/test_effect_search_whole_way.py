@@ -43,6 +43,7 @@ OF_TRIAL = [
     *("output_feedback", "motion_feedback", "disturbance", "cross_axis", "extra_lead"),
     *("higher_order", "tremor", "quantised", "cubic_gain"),
 ]
+ALL = [c.name for c in CLASSES]
 STUCK = {"intermittent"}
 # One for each place where an effect acts: delay, command, gain, input; path, output, spring, sum.
 QUICK = {
@@ -127,7 +128,7 @@ def test_what_the_thesiss_loop_hides_is_found_among_rivals(name):
     check(*search_loop(name, sorted({*RIVALS, name.split(",")[0]})))
 
 
-@pytest.mark.slow
+@pytest.mark.whole
 @pytest.mark.parametrize("name", OF_LOOP)
 def test_what_the_thesiss_loop_hides_is_found_in_the_catalogue(name):
     check(*search_loop(name, "all"))
@@ -159,8 +160,8 @@ def test_what_the_trial_hides_is_found_among_rivals(trial, name):
     check(search, share, gap, right)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", names([c.name for c in CLASSES], {*STUCK, "drift"}))
+@pytest.mark.whole
+@pytest.mark.parametrize("name", names(ALL, {*STUCK, "drift"}, ALL))
 def test_what_the_trial_hides_is_found_in_the_catalogue(trial, name):
     search, share, gap, right = search_trial(trial, name, "all", 5)
     if name == "tremor":
@@ -185,7 +186,7 @@ def test_nothing_is_found_in_the_trials_null_cases(trial, number):
     null_case(trial, number, 3)
 
 
-@pytest.mark.slow
+@pytest.mark.whole
 @pytest.mark.parametrize("number", range(1, 25))
 def test_nothing_is_found_in_more_null_cases(trial, number):
     null_case(trial, number, 5)
