@@ -1,8 +1,8 @@
 """The thesis's statistical numbers and claims (Figs. 9-15, App. I) from the studies themselves.
 
 Names, values and tolerances are those of the reference file facts.json. The fast part computes
-some cells of one study; ``pytest -m whole tests/facts/test_studies.py`` computes all of them at full
-size, 100 estimation and 10 validation runs, in a few minutes.
+some cells of one study; ``pytest -m whole tests/facts/test_studies.py`` computes all of them at
+full size, 100 estimation and 10 validation runs, in a few minutes.
 """
 
 import json
