@@ -29,8 +29,8 @@ ESTIMATORS = [
     SMALL,
     DelaySearchCV(SMALL, nk=[0, 1]),
     OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
-    # Of one input: a recursion is compiled for each number of parameters.
-    *(RecursiveARX(na=1, nb=1, inputs=[0], **options) for options in RECURSIONS),
+    # Of four parameters, as elsewhere: a recursion is compiled for each number of them.
+    *(RecursiveARX(inputs=[0], **options) for options in RECURSIONS),
     OperatorRegressor(),
     Decimator(),
     DelayShift(),
