@@ -1,5 +1,6 @@
 """Runs the Python blocks of README.md and of the pages under docs/ as tests; closes figures."""
 
+import os
 import sys
 from doctest import ELLIPSIS, NORMALIZE_WHITESPACE
 
@@ -8,6 +9,10 @@ from hypothesis import settings
 from sybil import Sybil
 from sybil.evaluators.doctest import NUMBER
 from sybil.parsers.myst import PythonCodeBlockParser, SkipParser
+
+# Read when NumPy is loaded. Threads of linear algebra that outnumber the cores, as those of several
+# workers do, spend most of their time on waiting for one another.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # No test depends on how fast the machine is, or on luck: --hypothesis-profile=search tries its own.
 settings.register_profile("skhoid", deadline=None, derandomize=True)

@@ -230,6 +230,7 @@ def test_newey_west_with_rows_left_out():
     np.testing.assert_allclose(newey_west(scores, rows, np.array([0])), twin, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_loops_compiled_in_different_processes_are_not_confused(tmp_path):
     """One process compiles the loop of one run, another that of many, a third uses both."""
     simulate = "CompensatoryTask(duration=1.0, run_in=0.0).simulate({}).u.shape"

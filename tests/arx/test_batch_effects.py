@@ -376,6 +376,7 @@ def test_search_finds_the_delay():
     assert extra == pytest.approx((NK - 1 + 4) * DT, abs=0.2 * DT)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SILVERBOX.exists(), reason=f"needs {SILVERBOX}, which is not published")
 def test_silverbox():
     """An electronic Duffing oscillator: fitted to multisines, tried on the louder arrow."""

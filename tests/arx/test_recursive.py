@@ -150,16 +150,19 @@ def test_forgetting_matrix_over_a_long_run(forgetting, form):
 
 # Of few numbers of parameters: each compiles its own loop.
 MODELS = [
-    (["e"], {"na": 0, "nb": [1], "nk": [2]}, False),
     (["e"], {"na": 2, "nb": [2], "nk": [0]}, False),
     (["x", "e"], {"na": 1, "nb": [1, 2], "nk": [2, 0]}, False),
     (["x", "e"], {"na": 0, "nb": [1, 2], "nk": [0, 2]}, True),
     (["x", "e"], {"na": 2, "nb": [1, 1], "nk": [0, 3]}, True),
 ]
+OTHER_MODELS = [
+    (["e"], {"na": 0, "nb": [1], "nk": [2]}, False),
+    (["x", "e"], {"na": 3, "nb": [2, 1], "nk": [1, 0]}, False),
+]
 
 
 @st.composite
-def recordings(draw):
+def recordings(draw, models):
     """Pooled runs with different starts, gaps and missing values, and orders for them."""
     n_runs = draw(st.integers(1, 3))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -177,7 +180,7 @@ def recordings(draw):
     table = pd.concat(parts)
     if draw(st.booleans()):
         table = table.mask(rng.random(table.shape) < 0.08)
-    inputs, orders, intercept = draw(st.sampled_from(MODELS))
+    inputs, orders, intercept = draw(st.sampled_from(models))
     return table[["e", "x"]], table["u"], orders, inputs, intercept, rng
 
 
@@ -195,13 +198,24 @@ def forgetting_of(kind, n_instants, n_params, rng):
     return values, np.broadcast_to(factors, (n_instants, n_params))
 
 
+KINDS = st.sampled_from(["number", "parameters", "instants", "both", "function"])
+FORMS = st.sampled_from(["joint", "diagonal"])
+
+
 @settings(max_examples=60, deadline=None)
-@given(
-    recording=recordings(),
-    kind=st.sampled_from(["number", "parameters", "instants", "both", "function"]),
-    form=st.sampled_from(["joint", "diagonal"]),
-)
+@given(recording=recordings(MODELS), kind=KINDS, form=FORMS)
 def test_any_runs_any_forgetting(recording, kind, form):
+    check_against_the_twin(recording, kind, form)
+
+
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None)
+@given(recording=recordings(OTHER_MODELS), kind=KINDS, form=FORMS)
+def test_any_number_of_parameters(recording, kind, form):
+    check_against_the_twin(recording, kind, form)
+
+
+def check_against_the_twin(recording, kind, form):
     X, y, orders, inputs, intercept, rng = recording
     instants = instants_of(X, y, **orders, inputs=inputs, intercept=intercept)
     n_params = orders["na"] + sum(orders["nb"]) + intercept

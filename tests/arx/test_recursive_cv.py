@@ -72,7 +72,7 @@ def test_scores_are_those_of_grid_search(runs, steps, scorer):
     assert search.n_runs_pooled_ == 3
 
 
-@pytest.mark.parametrize("orders", [{"nk": NK}, {"na": 0, "nb": 1, "nk": 0}])
+@pytest.mark.parametrize("orders", [{"nk": NK}, {"na": 0, "nb": 4, "nk": 0}])
 @pytest.mark.parametrize("parameters", ["path", "last"])
 def test_scores_of_runs_that_start_at_different_times(runs, parameters, orders):
     X, y = (table[np.arange(len(table)) > 30] for table in runs)

@@ -440,7 +440,7 @@ def test_soak(forgetting):
 
 
 @compiled
-@pytest.mark.slow
+@pytest.mark.whole
 def test_soak_of_100_million_samples():
     soak(100_000_000, forgetting=0.98)
 

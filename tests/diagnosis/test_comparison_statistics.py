@@ -1,7 +1,7 @@
 """What ``compare`` claims, counted over simulated loops whose truth is known.
 
 Draws vary condition, order and intensity of the remnant and the number of runs. The small form
-runs always and holds each figure to what so few draws allow; the whole form, ``pytest -m slow
+runs always and holds each figure to what so few draws allow; the whole form, ``pytest -m whole
 tests/diagnosis/test_comparison_statistics.py``, takes 500 draws, and 100 for each power.
 """
 
@@ -21,7 +21,7 @@ from support.hidden_effects import (
 
 from skhoid import ARXRegressor, compare
 
-slow = pytest.mark.slow
+whole = pytest.mark.whole
 CONDITIONS = ("C1", "C2", "C1", "C2", "C3", "C4", "C5", "C6")
 INTENSITIES = (0.05, 0.10, 0.15, 0.20, 0.30)
 FALSE_ALARM = 0.01
@@ -30,8 +30,8 @@ NK = 29  # tau_e f_s and the ZOH sample
 STICK = {"C1": 1.0, "C2": 2.4}  # how much more it moves
 
 
-def sizes(few, whole):
-    return pytest.mark.parametrize("n_draws", [few, pytest.param(whole, marks=slow)])
+def sizes(few, many):
+    return pytest.mark.parametrize("n_draws", [few, pytest.param(many, marks=whole)])
 
 
 def at_most(n_draws, probability, *, miss):
@@ -203,8 +203,8 @@ REPEATING = [
 
 @pytest.mark.parametrize(
     ("effect", "model", "n_draws"),
-    [(*case, 1) for case in REPEATING]
-    + [pytest.param(*case, 80, marks=slow) for case in REPEATING],
+    [(*case, 1) for case in REPEATING if "fitted" not in case]
+    + [pytest.param(*case, 80, marks=whole) for case in REPEATING],
 )
 def test_gap_of_what_repeats(effect, model, n_draws):
     errors = []
@@ -274,9 +274,10 @@ POWER = {
 
 @pytest.mark.parametrize(
     ("effect", "n_draws"),
-    [(effect, 1) for effect in POWER] + [pytest.param(effect, 100, marks=slow) for effect in POWER],
+    [(effect, 1) for effect in POWER]
+    + [pytest.param(effect, 100, marks=whole) for effect in POWER],
 )
-@pytest.mark.parametrize("model", ["fitted", "linear truth"])
+@pytest.mark.parametrize("model", [pytest.param("fitted", marks=pytest.mark.slow), "linear truth"])
 def test_power(effect, model, n_draws):
     make, shows = POWER[effect]
     seen = 0

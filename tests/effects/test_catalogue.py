@@ -182,13 +182,22 @@ def test_every_effect_keeps_the_rules(name, core):
     check_effect(effect(name), core=core)
 
 
-@pytest.mark.parametrize(("one", "values"), RECOVERED, ids=str)
+def first_of_each_class(cases):
+    """The further forms of a class are slow."""
+    kinds = [type(one) for one, _ in cases]
+    return [
+        pytest.param(*case, marks=[pytest.mark.slow] * (kinds[i] in kinds[:i]))
+        for i, case in enumerate(cases)
+    ]
+
+
+@pytest.mark.parametrize(("one", "values"), first_of_each_class(RECOVERED), ids=str)
 def test_values_are_recovered(one, values):
     check_effect(one, recovers=values)
 
 
 @pytest.mark.xfail(reason="the search of non-smooth effects stops beside the minimum", strict=True)
-@pytest.mark.parametrize(("one", "values"), STUCK, ids=str)
+@pytest.mark.parametrize(("one", "values"), first_of_each_class(STUCK), ids=str)
 def test_values_of_steps_and_events_are_recovered(one, values):
     check_effect(one, recovers=values)
 

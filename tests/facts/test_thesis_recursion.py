@@ -2,7 +2,7 @@
 
 As in ``test_thesis.py``: names, values and tolerances are those of the reference file facts.json.
 Statistical numbers come in a reduced form, 20 estimation and 10 validation runs for some cells of
-Fig. 13; ``pytest -m slow tests/facts/test_thesis_recursion.py`` takes 100 and 10 for all of them.
+Fig. 13; ``pytest -m whole tests/facts/test_thesis_recursion.py`` takes 100 and 10 for all of them.
 """
 
 import json
@@ -331,32 +331,33 @@ def test_equation_16_as_printed_diverges(run_of_c1):
 # Monte Carlo
 
 CELLS = [(condition, P_n) for condition in CONDITIONS for P_n in INTENSITIES]
-IN_CI = [("C1", 0.15), ("C3", 0.15), ("C4", 0.15), ("C5", 0.15)]
+QUICK = [("C1", 0.15), ("C4", 0.15)]
 FEW, ALL = (20, 10), (100, 10)  # estimation and validation runs
-slow = pytest.mark.slow
+whole = pytest.mark.whole
 
 
 @pytest.mark.parametrize(
     ("condition", "P_n", "n_runs"),
-    [(*cell, FEW) for cell in IN_CI] + [pytest.param(*cell, ALL, marks=slow) for cell in CELLS],
+    [(*cell, FEW) for cell in QUICK] + [pytest.param(*cell, ALL, marks=whole) for cell in CELLS],
 )
 def test_trade_off(condition, P_n, n_runs):
     check_cell(trade_off(condition, P_n, *n_runs), condition, P_n)
 
 
+@pytest.mark.slow
 def test_smaller_gain_in_c5_and_c6():
     gains = [trade_off(condition, 0.15, *FEW).gain[0].max() for condition in VARYING]
     assert max(gains[2:]) < min(gains[:2])
 
 
-@slow
+@whole
 def test_best_gains():
     """fig13.smaller_gain_in_C5_C6."""
     gains = [trade_off(condition, 0.15, *ALL).gain[0].max() for condition in CONDITIONS]
     np.testing.assert_allclose(gains, BEST_GAINS, rtol=0, atol=BEST_GAINS_TOLERANCE)
 
 
-@slow
+@whole
 def test_best_memory_horizon():
     """fig13.best_N0_overall.lambda and .Lambda, fig13.best_N0_C3_to_C6."""
     every = [trade_off(c, 0.0, 1, 1) for c in CONDITIONS]
@@ -369,7 +370,7 @@ def test_best_memory_horizon():
     assert HORIZONS[gain.argmax()] == BEST_OVERALL
 
 
-@slow
+@whole
 def test_matrix_against_factor():
     """fig13.Lambda_minus_lambda_N0_256: better by little, everywhere."""
     found = [trade_off(*cell, *ALL).row[-1] for cell in CELLS]
@@ -395,7 +396,7 @@ def sd_ratio(condition, P_n, n_runs=19 * MANY):
 
 @pytest.mark.parametrize(
     ("condition", "intensities"),
-    [("C1", [0.15])] + [pytest.param(c, INTENSITIES, marks=slow) for c in CONDITIONS],
+    [("C1", [0.15])] + [pytest.param(c, INTENSITIES, marks=whole) for c in CONDITIONS],
 )
 def test_matrix_makes_parameters_steadier(condition, intensities):
     """fig14.theta_sd_ratio_Lambda_over_lambda: 304 runs, within 0.03; of 100 within 0.05."""
@@ -419,7 +420,7 @@ def final_models(state, P_n, p0, n_runs):
 
 @pytest.mark.parametrize(
     ("state", "P_n"),
-    [pytest.param(state, P_n, marks=slow if P_n == 0.30 else ()) for state, P_n in APPENDIX_I],
+    [pytest.param(state, P_n, marks=whole if P_n == 0.30 else ()) for state, P_n in APPENDIX_I],
 )
 def test_accuracy_of_frequency_responses(state, P_n):
     """300 runs, of which a standard deviation is known within 4 %; the reference has 100."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skhoid import (
@@ -22,18 +23,22 @@ WAIVED = {
     "check_methods_subset_invariance": ROW_ORDER + "; twin: predicting a subset of runs",
 }
 SMALL = ARXRegressor(na=1, nb=1)
+RECURSIONS = [{"memory_horizon": 50, "init_window": 1000}, {"init": "zeros", "p0": 100}]
 # Not RecursiveARXCV: the checks have one run, and it validates on others.
 ESTIMATORS = [
     SMALL,
     DelaySearchCV(SMALL, nk=[0, 1]),
     OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
-    RecursiveARX(na=1, nb=1, memory_horizon=50, init_window=1000),
-    RecursiveARX(na=1, nb=1, init="zeros", p0=100),
+    # Of four parameters, as elsewhere: a recursion is compiled for each number of them.
+    *(RecursiveARX(inputs=[0], **options) for options in RECURSIONS),
     OperatorRegressor(),
-    EffectSearchCV(OperatorRegressor(), effects=["bias"]),
     Decimator(),
     DelayShift(),
     RunInTrimmer(),
+]
+COSTLY = [
+    EffectSearchCV(OperatorRegressor(), effects=["bias"]),
+    *(RecursiveARX(na=1, nb=1, **options) for options in RECURSIONS),
 ]
 TRANSFORMERS = (Decimator, DelayShift, RunInTrimmer)
 
@@ -44,4 +49,10 @@ def waived(estimator):
 
 @parametrize_with_checks(ESTIMATORS, expected_failed_checks=waived)
 def test_sklearn_checks(estimator, check):
+    check(estimator)
+
+
+@pytest.mark.slow
+@parametrize_with_checks(COSTLY, expected_failed_checks=waived)
+def test_costly_sklearn_checks(estimator, check):
     check(estimator)

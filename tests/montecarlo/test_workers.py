@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from joblib import Parallel, delayed, parallel_config
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from skhoid import MonteCarloStudy
 from skhoid.exceptions import WorkersLostError
@@ -68,6 +68,7 @@ def test_threads_for_batched_functions(table):
     np.testing.assert_array_equal(found["u"], table["u"])
 
 
+@threadpool_limits.wrap(limits=2)  # conftest.py has set one
 def test_linear_algebra_does_not_share_out_the_machine_twice():
     def threads(data):
         inner = Parallel()(delayed(os.getpid)() for _ in range(2))
@@ -105,6 +106,7 @@ def test_a_worker_that_dies_once(table, tmp_path):
     assert (tmp_path / "m").exists()
 
 
+@pytest.mark.slow
 def test_a_block_that_always_kills_its_worker(table, tmp_path):
     """It is named, and everything else is done."""
     deadly = dying(str(tmp_path / "m"), always=True, where=0)
@@ -176,7 +178,8 @@ study.run(sys.argv[1], n_jobs=int(sys.argv[2])).to_pickle(sys.argv[1] + ".pickle
 """
 
 
-@pytest.mark.parametrize("n_jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("n_jobs", [1, 2])
 def test_killed_at_random_moments(table, tmp_path, n_jobs):
     """SIGKILL leaves no time for anything; workers notice that they are orphans."""
     script = tmp_path / "script.py"

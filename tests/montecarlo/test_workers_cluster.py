@@ -34,7 +34,7 @@ def table():
     return study().run()
 
 
-@pytest.fixture(params=[2, 4], ids=["2 workers", "4 workers"])
+@pytest.fixture(params=[2, pytest.param(4, marks=pytest.mark.slow)], ids="{} workers".format)
 def cluster(request):
     with (
         distributed.LocalCluster(

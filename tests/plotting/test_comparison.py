@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from matplotlib.colors import same_color
 from scipy.stats import norm
-from support.hidden_effects import Effects, simulate_runs
+from support.plot_checks import labels_in, widths
 
 from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs
 from skhoid.plotting import (
@@ -101,14 +101,6 @@ def texts(display):
     return " ".join(text.get_text() for panel in panels for text in panel.texts)
 
 
-def labels_of(artist):
-    return [text.get_text() for text in artist.get_texts()]
-
-
-def widths(parts):
-    return {name: part.get_width() for name, part in parts.items()}
-
-
 def tick_labels(axis):
     """Labels of the ticks inside the limits, which are those that are drawn."""
     low, high = sorted(axis.get_view_interval())
@@ -121,11 +113,6 @@ def all_runs(table):
 
 def heights(bars):
     return [bar.get_height() for bar in bars]
-
-
-def labels_in(display):
-    """Labels of everything drawn in the panels."""
-    return {label for p in display.axes_ for label in p.get_legend_handles_labels()[1]}
 
 
 def repeating(table, **by_window):
@@ -263,52 +250,6 @@ def test_bar_adds_up(found):
     np.testing.assert_allclose(segment[:, 0], found.noise_ceiling_interval)
     note = display.ax_.get_legend().get_title().get_text()
     assert found.ceiling_note in note.replace("\n", " ")
-
-
-def test_bar_without_a_ceiling():
-    display = NoiseCeilingDisplay(
-        vaf=70.0,
-        noise_ceiling=np.nan,
-        noise_ceiling_interval=(np.nan, np.nan),
-        explainable_gap=np.nan,
-    ).plot()
-    assert widths(display.parts_) == {
-        "explained": 70.0,
-        "not explained": pytest.approx(30.0),
-    }
-    assert display.interval_ is None
-    assert "not explained 30.0 %: no ceiling" in labels_of(display.ax_.get_legend())
-    assert display.ax_.get_title() == "VAF 70.0 %, noise ceiling not available"
-
-
-@pytest.mark.parametrize(
-    ("vaf", "ceiling", "expected", "said"),
-    [
-        (-35.0, 80.0, [0.0, 80.0, 20.0], "explained -35.0 %: worse than no model"),
-        (85.0, 84.5, [85.0, 0.0, 15.0], "explainable -0.5 points"),
-        (99.5, 100.3, [99.5, 0.5, 0.0], "explainable 0.8 points"),
-        (-35.0, -5.0, [0.0, 0.0, 100.0], "explainable 30.0 points"),
-    ],
-)
-def test_bar_stays_between_0_and_100(vaf, ceiling, expected, said):
-    display = NoiseCeilingDisplay(
-        vaf=vaf,
-        noise_ceiling=ceiling,
-        noise_ceiling_interval=(ceiling - 1, ceiling + 1),
-        explainable_gap=ceiling - vaf,
-    ).plot()
-    np.testing.assert_allclose(list(widths(display.parts_).values()), expected, atol=1e-12)
-    assert said in labels_of(display.ax_.get_legend())
-
-
-def test_bar_of_a_ceiling_known_for_some_runs():
-    display = NoiseCeilingDisplay(
-        vaf=70.0,
-        noise_ceiling=85.0,
-        noise_ceiling_interval=(84.0, 86.0),
-        explainable_gap=10.0,
-    ).plot()
-    assert list(widths(display.parts_).values()) == [75.0, 10.0, 15.0]
 
 
 def test_time_shows_shares_and_ratios(found):
@@ -491,13 +432,6 @@ def test_levels_held_are_marked_in_the_panel_of_the_output(found):
         assert bare.levels_ == {}
 
 
-def test_levels_of_a_stop_are_marked():
-    X, y, _ = simulate_runs("C1", 3, effects=Effects(saturation=0.15))
-    display = OperatingPointDisplay.from_estimator(ARXRegressor(nk=29).fit(X, y), X, y)
-    np.testing.assert_allclose(np.abs(display.levels_["u"]), 0.15, atol=1e-6)
-    assert {"level held, measured"} <= labels_in(display)
-
-
 def test_what_is_no_test_is_said_and_not_red(found):
     points = found.by_operating_point.assign(exceeds=True, valid=False)
     correlations = found.correlations.assign(correlation=0.9, valid=False)
@@ -532,15 +466,6 @@ def test_map_is_in_decibels(found):
     )
     low, high = display.mesh_.get_clim()
     assert low == -high
-
-
-def test_map_of_zeros_at_frequency_zero():
-    ratio = pd.DataFrame([[0.0, 0.0, 1.0], [0.0, 10.0, 1.0]], [1.0, 2.0], [0.0, 1.0, 10.0])
-    display = ResidualMapDisplay(time_frequency=ratio).plot()
-    levels = display.mesh_.get_array()
-    assert levels.mask.tolist() == [[True, False], [False, False]]
-    assert levels.compressed().tolist() == [10.0, 0.0, 0.0]
-    np.testing.assert_allclose(display.ax_.get_ylim(), [10**-0.5, 10**1.5])
 
 
 def test_runs_and_their_ceiling(found):

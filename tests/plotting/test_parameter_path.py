@@ -139,6 +139,7 @@ def test_models_of_different_orders_share_panels(data, model):
     np.testing.assert_array_equal(display.lines_["3, 1", "b0"].get_ydata(), larger.coef_path_[:, 3])
 
 
+@pytest.mark.slow  # two recursions of numbers of parameters that nothing else needs
 def test_many_parameters_stand_in_two_columns(data):
     model = RecursiveARX(na=3, nb=2, nk=NK, inputs=["e", "x"], init="zeros").fit(*data)
     display = ParameterPathDisplay.from_estimator(model)

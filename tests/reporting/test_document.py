@@ -234,7 +234,7 @@ def test_text_from_the_user_stays_text(runs: tuple[pd.DataFrame, pd.Series]) -> 
 MODELS = {
     "arx": ARXRegressor(nk=15),
     "several inputs": ARXRegressor(nk=15, inputs=["e", "x"]),
-    "recursive": RecursiveARX(nk=15, memory_horizon=512),
+    "recursive": RecursiveARX(nk=15, memory_horizon=512, inputs=["e"]),
     "pipeline": make_pipeline(Decimator(factor=2), DelayShift(delay=0.3), ARXRegressor()),
 }
 

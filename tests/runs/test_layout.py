@@ -50,7 +50,7 @@ ESTIMATORS = {
     "recursive-miso": RecursiveARX(
         1, [2, 1], [3, 0], inputs=["e", "x"], memory_time=0.5, smooth=True
     ),
-    "recursive-auto": RecursiveARX(2, 2, 3, forgetting="auto", fit_intercept=True),
+    "recursive-auto": RecursiveARX(1, 2, 3, forgetting="auto", fit_intercept=True),
     "recursive-cv": RecursiveARXCV([20, 50, np.inf], 2, 2, 3),
     "recursive-pipeline": make_pipeline(
         Decimator(2), DelayShift(0.03), RecursiveARX(2, 2, memory_horizon=30)

@@ -43,7 +43,13 @@ OF_TRIAL = [
     *("output_feedback", "motion_feedback", "disturbance", "cross_axis", "extra_lead"),
     *("higher_order", "tremor", "quantised", "cubic_gain"),
 ]
+ALL = [c.name for c in CLASSES]
 STUCK = {"intermittent"}
+# One for each place where an effect acts: delay, command, gain, input; path, output, spring, sum.
+QUICK = {
+    *("tv_delay", "lapses", "tv_gain, sigmoid", "dead_zone"),
+    *("feedforward", "saturation", "hardening_stiffness", "bias"),
+}
 
 
 def closed_share(search, X, y, oracle):
@@ -58,10 +64,13 @@ def closed_share(search, X, y, oracle):
     return (best - linear) / gap, gap
 
 
-def names(listed, stuck=STUCK):
+def names(listed, stuck=STUCK, quick=QUICK):
     reason = "stops beside the minimum, or another name fits as well"
     mark = pytest.mark.xfail(reason=reason, strict=True)
-    return [pytest.param(n, marks=[mark] if n in stuck else []) for n in listed]
+    return [
+        pytest.param(n, marks=[mark] * (n in stuck) + [pytest.mark.slow] * (n not in quick))
+        for n in listed
+    ]
 
 
 def of_loop(name):
@@ -114,12 +123,12 @@ def check(search, share, gap, right):
     assert search.best_effects_[0] in search.summary()
 
 
-@pytest.mark.parametrize("name", [n for n in OF_LOOP if n != "tv_gain, step"])
+@pytest.mark.parametrize("name", names(n for n in OF_LOOP if n != "tv_gain, step"))
 def test_what_the_thesiss_loop_hides_is_found_among_rivals(name):
     check(*search_loop(name, sorted({*RIVALS, name.split(",")[0]})))
 
 
-@pytest.mark.slow
+@pytest.mark.whole
 @pytest.mark.parametrize("name", OF_LOOP)
 def test_what_the_thesiss_loop_hides_is_found_in_the_catalogue(name):
     check(*search_loop(name, "all"))
@@ -151,8 +160,8 @@ def test_what_the_trial_hides_is_found_among_rivals(trial, name):
     check(search, share, gap, right)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", names([c.name for c in CLASSES], {*STUCK, "drift"}))
+@pytest.mark.whole
+@pytest.mark.parametrize("name", names(ALL, {*STUCK, "drift"}, ALL))
 def test_what_the_trial_hides_is_found_in_the_catalogue(trial, name):
     search, share, gap, right = search_trial(trial, name, "all", 5)
     if name == "tremor":
@@ -177,7 +186,7 @@ def test_nothing_is_found_in_the_trials_null_cases(trial, number):
     null_case(trial, number, 3)
 
 
-@pytest.mark.slow
+@pytest.mark.whole
 @pytest.mark.parametrize("number", range(1, 25))
 def test_nothing_is_found_in_more_null_cases(trial, number):
     null_case(trial, number, 5)

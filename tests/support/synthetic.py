@@ -95,3 +95,16 @@ def recording(runs, names=("e",), dt=DT, start=0.0):
         tables.append(pd.DataFrame(np.column_stack(channels), index=index, columns=list(names)))
         outputs.append(pd.Series(u, index=index, name="u"))
     return pd.concat(tables), pd.concat(outputs)
+
+
+def signals(lengths, seed=0, n_columns=2):
+    """White channels e and x of runs."""
+    rng = np.random.default_rng(seed)
+    index = run_time(lengths)
+    return pd.DataFrame(rng.standard_normal((len(index), n_columns)), index, ["e", "x"][:n_columns])
+
+
+def kept_rows(marked):
+    """Where a Decimator keeps rows."""
+    (level,) = [name for name in marked.index.names if name.startswith("decimation")]
+    return marked.index.get_level_values(level).to_numpy(dtype=bool)

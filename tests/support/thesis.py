@@ -8,7 +8,7 @@ INTENSITIES = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)
 
 RECURSION = "recursion, in facts/test_thesis_recursion.py"
 
-# Names in facts.json that are not computed in facts/test_thesis.py, by their beginning.
+# Names in facts.json that are not in support/thesis_numbers.py, by their beginning.
 NOT_HERE = {
     "rls.": RECURSION,
     "fig13.": RECURSION,

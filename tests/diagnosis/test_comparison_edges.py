@@ -1,0 +1,335 @@
+"""``compare`` at its edges: short, silent, torn and missing data, and errors in words."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+from support.comparison import DT, Gives, names, runs, vaf
+from support.hidden_effects import Effects, LinearTruth, Oracle
+
+from skhoid import (
+    ARXRegressor,
+    compare,
+)
+
+# Edges
+
+
+def cut(table, *lengths):
+    return pd.concat([table.loc[[k]].iloc[:n] for k, n in enumerate(lengths, 1)])
+
+
+def said(comparison):
+    """Numbers are finite, or words say why not."""
+    text = comparison.summary()
+    assert np.isfinite([comparison.vaf, comparison.rmse]).all()
+    assert np.isfinite(comparison.by_time[["rmse", "share", "ratio"]]).all(axis=None)
+    if comparison.ceiling_route == "none":
+        assert comparison.ceiling_note.startswith("none: ")
+        assert comparison.ceiling_note in text
+    else:
+        values = [comparison.noise_ceiling, *comparison.noise_ceiling_interval]
+        assert np.isfinite([*values, comparison.explainable_gap]).all()
+    rule = comparison.tests["test"] == "lost control"
+    tests = comparison.tests[~rule]
+    assert tests["p"].between(0, 1).all()
+    assert np.isfinite(tests["statistic"].astype(float)).all()
+    assert not re.search(r"\bnan\b", " ".join(map(str, comparison.findings)))
+    comparison._repr_html_()
+    return names(comparison)
+
+
+@pytest.mark.parametrize("n_runs", [1, 3])
+def test_perfect_model(simulated, n_runs):
+    X, y, _ = simulated
+    X, y = X.loc[[*range(1, n_runs + 1)]], y.loc[[*range(1, n_runs + 1)]]
+    comparison = compare(Gives(lambda rows: y.loc[rows.index]), X, y)
+    found = said(comparison)
+    assert comparison.vaf == 100
+    assert_allclose(comparison.noise_ceiling, 100)
+    assert not comparison.tests["exceeds"].any()
+    assert set(found) <= {"none", "one target"}
+
+
+@pytest.mark.parametrize("n_runs", [1, 3])
+def test_model_that_predicts_nothing(simulated, n_runs):
+    X, y, _ = simulated
+    X, y = X.loc[[*range(1, n_runs + 1)]], y.loc[[*range(1, n_runs + 1)]]
+    comparison = compare(Gives(lambda rows: np.zeros(len(rows))), X, y)
+    said(comparison)
+    assert comparison.vaf == 0
+    assert comparison.explainable_gap > 50
+
+
+@pytest.fixture(scope="module")
+def silent():
+    return runs(intensity=0.0)
+
+
+def test_no_remnant_and_nothing_missing(silent):
+    X, y, truth = silent
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    said(comparison)
+    assert_allclose(comparison.noise_ceiling, 100)
+    assert not comparison.tests["exceeds"].any()
+
+
+def test_no_remnant_and_a_wrong_gain(silent):
+    X, y, truth = silent
+    comparison = compare(LinearTruth(truth.linear_response, 0.9), X, y)
+    said(comparison)
+    assert_allclose(comparison.noise_ceiling, 100, atol=1e-6)
+    assert_allclose(comparison.explainable_gap, 1.0, rtol=0.01)
+
+
+def test_no_remnant_and_a_dead_zone():
+    X, y, truth = runs(intensity=0.0, effects=Effects(dead_zone=0.3))
+    comparison = compare(LinearTruth(truth.linear_response), X, y)
+    said(comparison)
+    assert_allclose(comparison.noise_ceiling, 100, atol=1e-6)
+
+
+def test_no_remnant_and_a_fitted_model(silent, arx):
+    X, y, _ = silent
+    said(compare(arx, X, y))
+
+
+@pytest.mark.parametrize(
+    "lengths",
+    [(2048,), (2048, 2048), (2048, 1500, 700), (250,), (250, 250, 250), (1000, 75, 1000)],
+    ids=str,
+)
+def test_lengths(simulated, lengths):
+    X, y, truth = simulated
+    comparison = compare(Oracle(truth.u_without_remnant), cut(X, *lengths), cut(y, *lengths))
+    said(comparison)
+    assert_allclose(comparison.by_run["duration"], np.array(lengths) * DT)
+    assert comparison.by_time["run"].iloc[0] == "all"
+
+
+@pytest.mark.parametrize("n_runs", [1, 3])
+@pytest.mark.parametrize("n_rows", [2, 20, 75])
+def test_very_short_runs_are_compared_or_refused_in_words(simulated, n_rows, n_runs):
+    X, y, truth = simulated
+    X, y = cut(X, *[n_rows] * n_runs), cut(y, *[n_rows] * n_runs)
+    try:
+        comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    except ValueError as error:
+        assert "compare" in str(error) or "short" in str(error)  # noqa: PT017
+        assert "row" in str(error) or " s" in str(error)  # noqa: PT017
+    else:
+        said(comparison)
+
+
+def test_runs_that_overlap_in_part(simulated):
+    X, y, truth = simulated
+    X, y = (
+        pd.concat([t.loc[[1]].iloc[:1300], t.loc[[2]].iloc[600:], t.loc[[3]].iloc[1200:]])
+        for t in (X, y)
+    )
+    said(compare(Oracle(truth.u_without_remnant), X, y))
+
+
+def test_runs_that_do_not_overlap(simulated):
+    X, y, truth = simulated
+    X, y = (pd.concat([t.loc[[1]].iloc[:900], t.loc[[2]].iloc[1000:]]) for t in (X, y))
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    said(comparison)
+    assert comparison.ceiling_route == "none"
+
+
+def test_missing_output(simulated):
+    X, y, truth = simulated
+    y = y.copy()
+    y.iloc[100:150] = np.nan
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    said(comparison)
+    assert "50 rows in which the output is missing are left out" in comparison.notes
+    assert comparison.traces["scored"].sum() == y.size - 50
+    known = y.notna()
+    assert_allclose(comparison.vaf, vaf(y[known], truth.u_without_remnant[known]))
+
+
+def test_missing_error(simulated):
+    X, y, truth = simulated
+    X = X.copy()
+    X.iloc[1000:1020, 0] = np.nan
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    assert "missing samples" in said(comparison)
+    assert "gapless" in " ".join(comparison.notes)
+    assert_allclose(comparison.vaf, vaf(y, truth.u_without_remnant))
+
+
+def test_gaps_in_time(simulated):
+    X, y, truth = simulated
+    kept = np.ones(y.size, dtype=bool)
+    kept[500:530] = kept[3000:3010] = False
+    comparison = compare(Oracle(truth.u_without_remnant), X[kept], y[kept])
+    assert "gaps" in said(comparison)
+
+
+def test_all_runs_but_one_missing(simulated):
+    X, y, truth = simulated
+    y = y.copy()
+    y.loc[[1, 3]] = np.nan
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    said(comparison)
+    assert comparison.by_run["vaf"].notna().tolist() == [False, True, False]
+    assert comparison.by_run["target"].tolist() == [-1, 0, -1]
+    assert comparison.ceiling_route == "lines"
+
+
+def test_every_other_row_missing(simulated):
+    X, y, truth = simulated
+    try:
+        comparison = compare(Oracle(truth.u_without_remnant), X, y.where(np.arange(y.size) % 2 > 0))
+    except ValueError as error:
+        assert "No run has 64 successive rows" in str(error)  # noqa: PT017
+    else:
+        said(comparison)
+
+
+@pytest.mark.parametrize("channel", ["e", "f_t"])
+def test_a_channel_without_values(simulated, channel):
+    X, y, truth = simulated
+    try:
+        comparison = compare(Oracle(truth.u_without_remnant), X.assign(**{channel: np.nan}), y)
+    except ValueError as error:
+        assert channel in str(error)  # noqa: PT017
+    else:
+        said(comparison)
+
+
+@pytest.mark.parametrize(
+    "constant",
+    [
+        {"f_t": 0.0},
+        {"f_t": 3.0},
+        {"e": 0.0},
+        {"e": 0.0, "x": 0.0, "f_t": 0.0},
+    ],
+    ids=str,
+)
+def test_constant_channels(simulated, constant):
+    X, y, truth = simulated
+    comparison = compare(Oracle(truth.u_without_remnant), X.assign(**constant), y)
+    assert "constant channel" in said(comparison)
+
+
+def test_constant_output(simulated):
+    X, y, truth = simulated
+    comparison = compare(Oracle(truth.u_without_remnant), X, 0.0 * y + 1.0)
+    assert "bias" in said(comparison)
+
+
+def test_no_roles(simulated):
+    X, y, truth = simulated
+    X = X.rename(columns={"e": "a", "x": "b", "f_t": "c"})
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    said(comparison)
+    assert "Add a channel f_t (or e and x), or say with repeats=" in comparison.ceiling_note
+    assert comparison.correlations.empty
+    known = compare(Oracle(truth.u_without_remnant), X, y, repeats=True)
+    said(known)
+    assert known.ceiling_route == "repeats"
+
+
+@pytest.mark.parametrize("channels", [["e"], ["x"], ["f_t"], ["e", "x"]], ids=str)
+def test_some_roles(simulated, channels):
+    X, y, truth = simulated
+    said(compare(Oracle(truth.u_without_remnant), X[channels], y))
+
+
+def test_estimation_by_a_perfect_model(simulated):
+    X, y, truth = simulated
+    u = truth.u_without_remnant
+    comparison = compare(Oracle(u), X, y, estimation=(X, u))
+    said(comparison)
+    assert comparison.estimation_vaf == 100
+
+
+# Errors
+
+
+@pytest.mark.parametrize("value", [2, 0, 0.5, -0.1, np.nan])
+def test_false_alarm_is_a_rate(simulated, value):
+    X, y, truth = simulated
+    with pytest.raises(ValueError, match=r"false_alarm is a rate between 0 and 0\.5; got"):
+        compare(Oracle(truth.u_without_remnant), X, y, false_alarm=value)
+
+
+@pytest.mark.parametrize(
+    ("repeats", "message"),
+    [
+        ({1: "a", 9: "a"}, r"repeats names run 9; the runs are \[1, 2, 3\]"),
+        (["a", "a"], "repeats has 2 entries for 3 runs: give one label a run"),
+        (3, "repeats"),
+        ("all", "repeats"),
+    ],
+)
+def test_repeats_that_cannot_be(simulated, repeats, message):
+    X, y, truth = simulated
+    with pytest.raises((ValueError, TypeError), match=message):
+        compare(Oracle(truth.u_without_remnant), X, y, repeats=repeats)
+
+
+@pytest.mark.parametrize(
+    ("roles", "message"),
+    [
+        ({"error": "e"}, "roles names 'error', which is not a column of X; the columns are"),
+        ({"e": "banana"}, "banana"),
+        ({"x": "e"}, "role"),
+        (["e", "x"], "roles"),
+    ],
+)
+def test_roles_that_cannot_be(simulated, roles, message):
+    X, y, truth = simulated
+    with pytest.raises((ValueError, TypeError), match=message):
+        compare(Oracle(truth.u_without_remnant), X, y, roles=roles)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda X, y: {"run_in": 100.0}, "a run-in of 100 s leaves nothing of it"),
+        (lambda X, y: {"run_in": -1.0}, "run_in"),
+        (lambda X, y: {"y": y.iloc[::-1]}, "The row indexes of X and y disagree"),
+        (lambda X, y: {"y": y.iloc[:-5]}, "inconsistent numbers of samples"),
+        (lambda X, y: {"y": np.nan * y}, "No row is left to score"),
+        (lambda X, y: {"y": 0.0 * y}, "VAF is undefined: the measured output is zero"),
+        (
+            lambda X, y: {"y": y.where(np.arange(y.size) != 5, np.inf)},
+            "contains infinity, first in run 1, t = 0.2 s",
+        ),
+        (lambda X, y: {"X": X.assign(e=X["e"].where(np.arange(y.size) != 5, np.inf))}, "infinity"),
+        (lambda X, y: {"X": X.assign(x="a")}, "'x'"),
+        (lambda X, y: {"estimation": X}, "estimation"),
+        (
+            lambda X, y: {"model": Gives(lambda rows: np.zeros(3))},
+            "returns 3 values for the 6144 rows",
+        ),
+        (
+            lambda X, y: {"model": Gives(lambda rows: np.full(len(rows), np.nan))},
+            "The prediction is NaN in run 1, t = 0 s",
+        ),
+        (lambda X, y: {"model": ARXRegressor()}, "not fitted"),
+    ],
+)
+def test_what_cannot_be_compared_is_said(simulated, change, message):
+    X, y, truth = simulated
+    arguments = {"model": Oracle(truth.u_without_remnant), "X": X, "y": y} | change(X, y)
+    with pytest.raises((ValueError, TypeError), match=message):
+        compare(arguments.pop("model"), arguments.pop("X"), arguments.pop("y"), **arguments)
+
+
+def test_one_silent_run_of_several(simulated):
+    X, y, truth = simulated
+    y = y.where(y.index.get_level_values("run") != 2, 0.0)
+    try:
+        comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    except ValueError as error:
+        assert "run 2" in str(error)  # noqa: PT017
+    else:
+        assert np.isnan(comparison.by_run["vaf"][1])

@@ -1,0 +1,140 @@
+"""What is missing is found, named and sized."""
+
+import numpy as np
+import pytest
+from support.comparison import DT, names, runs
+from support.hidden_effects import Effects, LinearTruth, Oracle
+
+from skhoid import (
+    ARXRegressor,
+    compare,
+    make_tracking_runs,
+)
+
+# Findings
+
+
+def first_three(comparison):
+    return {finding.name: finding for finding in comparison.findings[:3]}
+
+
+def compared(effects, condition="C1", **options):
+    X, y, truth = runs(5, condition, effects=effects, **options)
+    return compare(LinearTruth(truth.linear_response), X, y)
+
+
+@pytest.mark.parametrize("condition", ["C1", "C2"])
+def test_nothing_is_found_where_nothing_is_missing(condition):
+    X, y, truth = runs(5, condition, seed=3)
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    assert names(comparison) == ["none", "one target"]
+
+
+def test_dead_zone_is_found():
+    found = first_three(compared(Effects(dead_zone=0.3)))["nonlinearity"]
+    assert found.title == "The response is weaker at small e than at large"
+    assert "dead zone" in found.meaning
+
+
+@pytest.mark.parametrize(("condition", "level"), [("C1", 0.15), ("C2", 0.35)])
+def test_saturation_is_found(condition, level):
+    comparison = compared(Effects(saturation=level), condition)
+    found = first_three(comparison)
+    assert f"-{level:g} and" in found["level"].title
+    assert "weaker at large" in found["nonlinearity"].title
+
+
+@pytest.mark.parametrize(("asymmetry", "side"), [(0.3, "positive"), (-0.3, "negative")])
+def test_asymmetry_is_found(asymmetry, side):
+    found = first_three(compared(Effects(asymmetry=asymmetry)))["asymmetry"]
+    assert f"to {side}" in found.title
+
+
+def test_bias_is_found():
+    comparison = compared(Effects(bias=0.05))
+    assert names(comparison)[0] == "bias"
+    size = comparison.tests.set_index("test").loc["bias", "size"]
+    assert abs(size - 0.05) < 0.005
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.3])
+def test_gain_step_is_found_and_placed(factor):
+    comparison = compared(Effects(gain_step=(41.0, factor)))
+    found = first_three(comparison)["gain change"]
+    test = comparison.tests.set_index("test").loc["gain change"]
+    assert abs(test["where"] - 41.0) < 2.0
+    assert abs(test["size"] - (factor - 1)) < 0.12
+    assert ("grows" if factor > 1 else "falls") in found.title
+
+
+@pytest.mark.parametrize(("nk", "missing"), [(3, 0.20), (5, 0.12), (6, 0.08)])
+def test_wrong_delay_is_found_with_its_size(simulated, nk, missing):
+    X, y, _ = simulated
+    X_fit, y_fit, _ = runs(3, seed=100, first_run=11)
+    comparison = compare(ARXRegressor(nk=nk).fit(X_fit, y_fit), X, y)
+    assert "later" in first_three(comparison)["delay"].title
+    test = comparison.tests.set_index("test").loc["delay"]
+    assert abs(test["size"] - missing) < 0.02
+
+
+@pytest.mark.parametrize("shift", [-3, -2, 3])
+def test_shifted_response_is_found_with_its_size(simulated, shift):
+    X, y, truth = simulated
+    u = truth.linear_response.groupby(level="run").shift(-shift).fillna(0.0)
+    comparison = compare(LinearTruth(u), X, y)
+    assert ("later" if shift > 0 else "earlier") in first_three(comparison)["delay"].title
+    test = comparison.tests.set_index("test").loc["delay"]
+    assert abs(test["size"] - shift * DT) < 0.02
+
+
+def test_feedforward_is_found():
+    found = first_three(compared(Effects(feedforward=(0.05, 0.1))))["cross-correlation"]
+    assert "follows f_t" in found.title
+    assert "pursuit" in found.meaning
+
+
+def test_outlying_run_is_found():
+    X, y, truth = runs(5)
+    other = y.index.get_level_values("run") == 2
+    comparison = compare(Oracle(truth.u_without_remnant), X, y + np.where(other, truth.n, 0.0))
+    assert "Run 2" in first_three(comparison)["outlying run"].title
+    assert comparison.by_run["exceeds"].tolist() == [False, True, False, False, False]
+
+
+def test_lost_control_is_found(simulated):
+    X, y, truth = simulated
+    X = X.copy()
+    X.iloc[3000:3150, 0] *= 8  # of run 2, from 38.08 s on
+    X["x"] = X["f_t"] - X["e"]
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    assert "In run 2" in first_three(comparison)["lost control"].title
+    where = comparison.tests.set_index("test").loc["lost control", "where"]
+    assert abs(where - 38.08) < 4.0
+
+
+def test_single_event_is_found(simulated):
+    X, y, truth = simulated
+    y = y.copy()
+    y.iloc[2048 + 750 : 2048 + 753] += 2 * y.std()
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    assert "A single event in run 2 at 30" in first_three(comparison)["outlier"].title
+
+
+def test_a_finding_says_all_there_is_to_say():
+    comparison = compared(Effects(gain_step=(41.0, 0.6), dead_zone=0.3, bias=0.05))
+    assert len(comparison.findings) >= 3
+    text = comparison.summary()
+    for finding in comparison.findings:
+        for part in (finding.title, finding.evidence, finding.meaning, finding.next_step):
+            assert part
+            assert part in text
+    assert repr(comparison).startswith("<Comparison of LinearTruth(): VAF ")
+
+
+def test_a_mean_that_flatters_is_noted():
+    X, y = make_tracking_runs("C1", n_runs=2, remnant_intensity=0.1, random_state=1)
+    model = ARXRegressor(nk=29, fit_intercept=True).fit(X, y)
+    assert not any("spread" in note for note in compare(model, X, y).notes)
+    far = y + 3 * y.std()
+    notes = compare(ARXRegressor(nk=29, fit_intercept=True).fit(X, far), X, far).notes
+    assert sum("larger than its spread" in note for note in notes) == 1

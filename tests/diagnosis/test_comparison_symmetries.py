@@ -1,0 +1,242 @@
+"""``compare`` under changes that must not matter, and with models of all kinds."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+from sklearn.ensemble import HistGradientBoostingRegressor
+from sklearn.linear_model import LinearRegression
+from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
+from sklearn.pipeline import make_pipeline
+from support.comparison import DT, NK, Gives, runs, vaf
+from support.hidden_effects import LinearTruth, Oracle
+from support.synthetic import with_levels
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelayShift,
+    RecursiveARX,
+    RunInTrimmer,
+    VAFScorer,
+    compare,
+)
+
+# What must not matter
+
+
+def points(comparison):
+    return [
+        comparison.vaf,
+        comparison.noise_ceiling,
+        *comparison.noise_ceiling_interval,
+        comparison.explainable_gap,
+    ]
+
+
+def p_of_tests(comparison, without=()):
+    tests = comparison.tests[~comparison.tests["test"].isin(without)]
+    return tests.set_index(["test", "signal"])["p"].sort_index()
+
+
+@pytest.fixture(scope="module")
+def of_truth(simulated):
+    X, y, truth = simulated
+    return compare(LinearTruth(truth.linear_response, 0.9), X, y)
+
+
+def assert_same(found, expected, without=()):
+    assert_allclose(points(found), points(expected), rtol=1e-7, atol=1e-7)
+    a, b = p_of_tests(found, without), p_of_tests(expected, without)
+    pd.testing.assert_series_equal(a, b, rtol=1e-5, atol=1e-12)
+
+
+def test_twice_the_same(of_truth, simulated):
+    X, y, truth = simulated
+    again = compare(LinearTruth(truth.linear_response, 0.9), X, y)
+    assert again.summary() == of_truth.summary()
+    assert again._repr_html_() == of_truth._repr_html_()
+    for table in ("by_run", "by_time", "by_frequency", "by_operating_point", "tests"):
+        pd.testing.assert_frame_equal(getattr(again, table), getattr(of_truth, table))
+
+
+def test_arguments_are_not_changed(simulated):
+    X, y, truth = simulated
+    X_before, y_before = X.copy(), y.copy()
+    compare(Oracle(truth.u_without_remnant), X, y)
+    pd.testing.assert_frame_equal(X, X_before)
+    pd.testing.assert_series_equal(y, y_before)
+
+
+def test_order_of_runs(of_truth, simulated):
+    X, y, truth = simulated
+    order = [3, 1, 2]
+    found = compare(
+        LinearTruth(truth.linear_response, 0.9),
+        pd.concat([X.loc[[k]] for k in order]),
+        pd.concat([y.loc[[k]] for k in order]),
+    )
+    assert_same(found, of_truth, without=("learning",))
+    a = found.by_run.set_index("run").sort_index()
+    b = of_truth.by_run.set_index("run").sort_index()
+    pd.testing.assert_frame_equal(a, b, rtol=1e-7)
+
+
+@pytest.mark.parametrize("factor", [1e-6, -3.0, 1e6])
+def test_unit_of_the_output(of_truth, simulated, factor):
+    X, y, truth = simulated
+    found = compare(LinearTruth(factor * truth.linear_response, 0.9), X, factor * y)
+    assert_same(found, of_truth)
+    assert_allclose(found.rmse, abs(factor) * of_truth.rmse)
+    columns = ["share", "p", "measured_phase"] if factor > 0 else ["share", "p"]
+    for column in columns:
+        assert_allclose(found.by_frequency[column], of_truth.by_frequency[column], rtol=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_unit_of_the_inputs(of_truth, simulated, factor):
+    X, y, truth = simulated
+    assert_same(compare(LinearTruth(truth.linear_response, 0.9), factor * X, y), of_truth)
+
+
+def test_origin_of_time(of_truth, simulated):
+    X, y, truth = simulated
+
+    def later(table):
+        frame = table.index.to_frame(index=False)
+        frame["time"] += 500.0
+        return table.set_axis(pd.MultiIndex.from_frame(frame))
+
+    model = LinearTruth(later(truth.linear_response), 0.9)
+    found = compare(model, later(X), later(y))
+    assert_same(found, of_truth)
+    assert_allclose(found.by_time["start"], of_truth.by_time["start"] + 500.0)
+    assert_allclose(found.time_frequency.index, of_truth.time_frequency.index + 500.0)
+    of_time = ["gain change", "remnant power change", "mean change", "outlier"]
+    where = [c.tests.set_index("test").loc[of_time, "where"] for c in (found, of_truth)]
+    assert_allclose(where[0], where[1] + 500.0)
+
+
+def test_arrays(simulated):
+    X, y, _ = simulated
+    X = X.reset_index(level="run")[["run", "e", "x", "f_t"]].set_axis(X.index)
+    table = compare(Gives(lambda rows: 0.3 * rows["e"]), X.drop(columns="run"), y)
+    array = compare(
+        Gives(lambda rows: 0.3 * rows[:, 1]),
+        X.to_numpy(),
+        y.to_numpy(),
+        run=0,
+        dt=DT,
+        roles={1: "e", 2: "x", 3: "f_t"},
+    )
+    # Labels of runs are those of an array of floats there.
+    assert_same(array, table, without=("outlying run", "outlier", "lost control"))
+    assert_allclose(array.by_time["start"], table.by_time["start"], atol=1e-9)
+
+
+def test_outer_levels_of_the_index(of_truth, simulated):
+    X, y, truth = simulated
+    X, y, u = (
+        with_levels(table, subject="S1", condition="C1") for table in (X, y, truth.linear_response)
+    )
+    found = compare(LinearTruth(u, 0.9), X, y)
+    assert_allclose(points(found), points(of_truth), rtol=1e-9)
+    assert found.by_run["run"].tolist() == ["S1/C1/1", "S1/C1/2", "S1/C1/3"]
+    assert found.traces.index.names == ["subject", "condition", "run", "time"]
+
+
+def test_roles_rename_columns(of_truth, simulated):
+    X, y, truth = simulated
+    other = X.rename(columns={"e": "error", "x": "plant", "f_t": "target"})
+    roles = {"error": "e", "plant": "x", "target": "f_t"}
+    model = LinearTruth(truth.linear_response, 0.9)
+    assert_same(compare(model, other, y, roles=roles), of_truth)
+
+
+def test_a_role_may_be_taken_away(arx, simulated):
+    X, y, _ = simulated
+    assert "x" not in compare(arx, X, y, roles={"x": ""}).traces
+
+
+def test_target_that_was_not_recorded(of_truth, simulated):
+    X, y, truth = simulated
+    found = compare(LinearTruth(truth.linear_response, 0.9), X[["e", "x"]], y)
+    assert_allclose(points(found), points(of_truth), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "repeats", [None, True, {1: "a", 2: "a", 3: "a"}, ["b", "b", "b"], np.zeros(3, int), (0, 0, 0)]
+)
+def test_repeats_said_in_other_ways(of_truth, simulated, repeats):
+    X, y, truth = simulated
+    model = LinearTruth(truth.linear_response, 0.9)
+    assert_same(compare(model, X, y, repeats=repeats), of_truth)
+
+
+@pytest.mark.parametrize(
+    ("repeats", "target", "route"),
+    [
+        (False, [0, 1, 2], "lines"),
+        ({1: "a", 2: "a"}, [0, 0, 1], "repeats"),
+        (["a", "b", "a"], [0, 1, 0], "repeats"),
+    ],
+)
+def test_repeats_that_split_the_runs(simulated, repeats, target, route):
+    X, y, truth = simulated
+    comparison = compare(Oracle(truth.u_without_remnant), X, y, repeats=repeats)
+    assert comparison.by_run["target"].tolist() == target
+    assert comparison.ceiling_route == route
+
+
+# Models
+
+
+def lags(X):
+    """The error at a few earlier instants of the same run."""
+    return np.column_stack(
+        [X.groupby(level="run")["e"].shift(k).fillna(0.0) for k in range(6, 20, 2)]
+    )
+
+
+class OnLags(Gives):
+    def fit(self, X, y=None):
+        self.function.fit(lags(X), y)
+        return self
+
+    def predict(self, X):
+        return self.function.predict(lags(X))
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        make_pipeline(Decimator(2), ARXRegressor(nk=4)),
+        make_pipeline(DelayShift(0.2), ARXRegressor(nk=3)),
+        make_pipeline(RunInTrimmer(4.0), ARXRegressor(nk=NK)),
+        RecursiveARX(nk=NK),
+        LinearRegression(),
+        OnLags(LinearRegression()),
+        OnLags(HistGradientBoostingRegressor(max_iter=30)),
+        GridSearchCV(
+            ARXRegressor(), {"nk": [7, 8]}, cv=LeaveOneGroupOut(), scoring=VAFScorer(), refit=True
+        ),
+    ],
+    ids=lambda model: type(model).__name__,
+)
+def test_models(model, simulated):
+    X, y, _ = simulated
+    X_fit, y_fit, _ = runs(2, seed=100, first_run=11)
+    options = {"groups": X_fit.index.get_level_values("run")} if "cv" in vars(model) else {}
+    model.fit(X_fit, y_fit, **options)
+    comparison = compare(model, X, y, estimation=(X_fit, y_fit))
+    traces = comparison.traces[comparison.traces["scored"]]
+    assert_allclose(comparison.vaf, vaf(traces["measured"], traces["predicted"]), rtol=1e-12)
+    assert_allclose(comparison.traces["predicted"], model.predict(X))
+    assert comparison.vaf < comparison.noise_ceiling + 1
+    assert comparison.findings
+    assert not re.search(r"\bnan\b", " ".join(map(str, comparison.findings)))
+    if isinstance(model, RunInTrimmer):
+        late = traces.index.get_level_values("time") >= 4.0
+        assert late.all()

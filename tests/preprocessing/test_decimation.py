@@ -1,0 +1,209 @@
+"""``Decimator`` against its twins, its marks, and the way back to full rate."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, StandardScaler
+from support import closed_loop as cl
+from support import naive
+from support.synthetic import DT, arx_runs, kept_rows, run_time, signals, stretches_of
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelayShift,
+    RunIndexError,
+    RunInTrimmer,
+)
+
+
+@pytest.mark.parametrize("factor", [2, 3, 5, 7, 8])
+@pytest.mark.parametrize("lengths", [[60], [61, 60, 97], [5, 64]])
+@pytest.mark.parametrize("method", ["ideal", "downsample", "aggregate"])
+def test_filters_against_their_twins(method, lengths, factor):
+    X = signals(lengths)
+    out = Decimator(factor, method=method).fit_transform(X)
+    twin = {"ideal": naive.brick_wall, "aggregate": naive.block_mean}.get(method, lambda s, _: s)
+    for begin, end in stretches_of(X):
+        for column in X:
+            expected = twin(X[column].to_numpy()[begin:end], factor)
+            np.testing.assert_allclose(out[column].to_numpy()[begin:end], expected, atol=1e-12)
+    number = np.rint(X.index.get_level_values("time").to_numpy() / DT)
+    np.testing.assert_array_equal(kept_rows(out), number % factor == 0)
+
+
+@pytest.mark.parametrize("factor", [2, 3, 7])
+@pytest.mark.parametrize("n_rows", [1, 2, 40, 1000, 1001])
+def test_odd_padding_against_its_twin(n_rows, factor):
+    """The ideal filter, of the run reflected about its end points by 50 rows of the new grid."""
+    X = signals([n_rows], n_columns=1)
+    e = X["e"].to_numpy()
+    margin = min(n_rows - 1, 50 * factor)
+    before = [2 * e[0] - e[i] for i in range(margin, 0, -1)]
+    after = [2 * e[-1] - e[n_rows - 1 - i] for i in range(1, margin + 1)]
+    expected = naive.brick_wall(np.array([*before, *e, *after]), factor)[margin : margin + n_rows]
+    found = Decimator(factor, padding="odd", dt=DT).fit_transform(X)["e"]
+    np.testing.assert_allclose(found, expected, atol=1e-11)
+
+
+def test_odd_padding_does_not_ring_on_a_ramp():
+    X = signals([400], n_columns=1)
+    X["e"] = np.linspace(0.0, 10.0, 400)
+    error = {
+        padding: np.abs(Decimator(4, padding=padding).fit_transform(X)["e"] - X["e"]).max()
+        for padding in ("periodic", "odd")
+    }
+    assert error["odd"] < 0.2
+    assert error["periodic"] > 3
+
+
+def test_filters_cross_no_run_and_no_gap_and_no_end_of_the_run_in():
+    X = signals([200, 200])
+    for decimator in (Decimator(4), Decimator(4, padding="odd"), Decimator(3, method="aggregate")):
+        whole = decimator.fit_transform(X)
+        np.testing.assert_array_equal(whole.loc[[2]], decimator.transform(X.loc[[2]]))
+        gapped = X.drop(X.index[80:120])
+        parts = [decimator.transform(X.iloc[part]) for part in (slice(80), slice(120, 200))]
+        np.testing.assert_array_equal(decimator.transform(gapped).loc[[1]], pd.concat(parts))
+        marked = RunInTrimmer(0.8).fit_transform(X)
+        window = decimator.transform(marked).loc[1].iloc[80:]
+        np.testing.assert_array_equal(window, decimator.transform(X.iloc[80:200]))
+
+
+def test_nan_stay_where_they_are_and_do_not_spread():
+    X = signals([200, 50])
+    holed = X.copy()
+    holed.iloc[[20, 21, 22], 0] = np.nan
+    holed.iloc[200:, 1] = np.nan
+    for decimator in (Decimator(4), Decimator(4, padding="odd"), Decimator(4, method="aggregate")):
+        out = decimator.fit_transform(holed)
+        np.testing.assert_array_equal(out.isna(), holed.isna())
+        bridged = X.copy()
+        bridged.iloc[[20, 21, 22], 0] = np.interp([20, 21, 22], [19, 23], X.iloc[[19, 23], 0])
+        expected = decimator.transform(bridged)
+        known = holed.notna().to_numpy()
+        np.testing.assert_allclose(out.to_numpy()[known], expected.to_numpy()[known], atol=1e-12)
+
+
+def test_factor_one_leaves_container_and_index():
+    X = signals([20, 30])
+    out = Decimator().fit_transform(X)
+    pd.testing.assert_frame_equal(out, X)
+    array = X.to_numpy()
+    np.testing.assert_array_equal(Decimator().fit_transform(array), array)
+    assert isinstance(Decimator().fit_transform(array), np.ndarray)
+    assert isinstance(Decimator(2).fit_transform(array), pd.DataFrame)
+    assert list(Decimator(2).fit_transform(array).index.names)[:2] == ["run", "time"]
+
+
+def test_the_mark_carries_factor_and_method_and_ends():
+    X = signals([20, 30])
+    for factor, method, padding in ((2, "ideal", "odd"), (3, "aggregate", "periodic")):
+        out = Decimator(factor, method=method, padding=padding).fit_transform(X)
+        assert out.index.names[-1] == f"decimation 1/{factor} {method} {padding}"
+
+
+def test_marks_survive_sklearn_transformers_with_pandas_output():
+    X, y = arx_runs(smooth=2)
+    direct = make_pipeline(Decimator(2), DelayShift(0.03), ARXRegressor()).fit(X, y)
+    for scaler in (StandardScaler(), MinMaxScaler(), FunctionTransformer()):
+        pipe = make_pipeline(RunInTrimmer(0.1), Decimator(2), scaler, DelayShift(0.03),
+                             ARXRegressor(2, 2, fit_intercept=True))  # fmt: skip
+        pipe.set_output(transform="pandas").fit(X, y)
+        assert pipe[-1].dt_ == 2 * DT
+        assert pipe.predict(X).shape == (len(X),)
+    pipe = make_pipeline(
+        Decimator(2), FunctionTransformer(lambda Z: 2 * Z), DelayShift(0.03), ARXRegressor()
+    ).fit(X, y)
+    np.testing.assert_allclose(pipe[-1].a_, direct[-1].a_, rtol=1e-9)
+    np.testing.assert_allclose(2 * pipe[-1].b_, direct[-1].b_, rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["ideal", "downsample", "aggregate"])
+def test_y_is_filtered_and_thinned_as_x_is(method):
+    X, y = arx_runs(lengths=[120, 97], smooth=1)
+    pipe = make_pipeline(Decimator(3, method=method), ARXRegressor(2, 2, 1)).fit(X, y)
+    twin = {"ideal": naive.brick_wall, "aggregate": naive.block_mean}.get(method, lambda s, _: s)
+    e, u, stretches = [], [], []
+    for begin, end in stretches_of(X):
+        at = sum(map(len, u))
+        e.append(twin(X["e"].to_numpy()[begin:end], 3)[::3])
+        u.append(twin(y.to_numpy()[begin:end], 3)[::3])
+        stretches.append((at, at + len(u[-1])))
+    phi, output, rows, _ = naive.regressor_rows(
+        np.concatenate(u), np.concatenate(e)[:, None], stretches, 2, (2,), (1,)
+    )
+    theta = np.linalg.lstsq(phi, output, rcond=None)[0]
+    np.testing.assert_allclose(pipe[-1].coef_, theta, rtol=1e-9)
+    assert pipe[-1].n_rows_used_ == len(rows)
+    assert pipe[-1].dt_ == pytest.approx(3 * DT)
+
+
+# The way back to full rate
+
+
+def through(signal, factor, method="ideal", padding="periodic"):
+    """Bring a signal to the kept rows and back: a model that passes its input on."""
+    index = run_time([len(signal)])
+    X = pd.DataFrame({"e": signal}, index=index)
+    pipe = make_pipeline(Decimator(factor, method=method, padding=padding), ARXRegressor(0, 1, 0))
+    return pipe.fit(X, signal).predict(X)
+
+
+@pytest.mark.parametrize("factor", [2, 3, 4, 7, 16])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+def test_a_band_limited_signal_comes_back(factor, share):
+    """Measured: 1.8e-3 of the amplitude up to 0.7, 3.6e-3 at 0.8 of the new Nyquist frequency."""
+    n = 4096
+    periods = round(share * n / (2 * factor))
+    signal = np.sin(2 * np.pi * periods * np.arange(n) / n + 0.3)
+    back = through(signal, factor)
+    inside = slice(30 * factor, -30 * factor)
+    assert np.abs(back - signal)[inside].max() < 4e-3
+    assert np.abs(back - signal)[::factor].max() < 1e-3  # kept rows are nearly unchanged
+
+
+@pytest.mark.parametrize("factor", [2, 4, 8])
+def test_the_target_of_the_thesis_comes_back(factor):
+    signal = cl.target(8192)
+    back = through(signal, factor)
+    power = np.mean(signal**2)
+    # The rows after the last kept one are extrapolated, by less than a step of the new grid.
+    assert np.mean((back - signal)[: -10 * factor] ** 2) / power < 1e-5
+    assert np.mean((back - signal) ** 2) / power < 1e-4
+
+
+def test_linear_interpolation_would_be_worse():
+    n, factor = 4096, 8
+    t = np.arange(n)
+    signal = np.sin(2 * np.pi * 64 * t / n)  # a quarter of the new Nyquist frequency
+    linear = np.interp(t, t[::factor], signal[::factor])
+    inside = slice(300, -300)
+    band_limited = through(signal, factor)
+    assert np.abs(linear - signal)[inside].max() > 20 * np.abs(band_limited - signal)[inside].max()
+
+
+@pytest.mark.parametrize("factor", [2, 3, 4, 5])
+def test_a_block_mean_belongs_to_the_middle_of_its_block(factor):
+    """A mean over d rows lies (d - 1)/2 rows after the first: a ramp comes back where it was."""
+    n = 2000
+    slow = np.sin(2 * np.pi * 5 * np.arange(n) / n)
+    back = through(slow, factor, method="aggregate")
+    inside = slice(100, -100)
+    assert np.abs(back - slow)[inside].max() < 3e-3
+    half_a_row_off = np.sin(2 * np.pi * 5 * (np.arange(n) + 0.5) / n)
+    assert np.abs(half_a_row_off - slow).max() > 5e-3
+
+
+def test_short_runs_and_rows_without_kept_ones():
+    X, y = arx_runs(seed=3, smooth=1)
+    pipe = make_pipeline(Decimator(4), ARXRegressor(1, 1, 1)).fit(X, y)
+    for rows in (slice(0, 1), slice(1, 4), slice(0, 5), slice(117, 120)):
+        assert np.isfinite(pipe.predict(X.iloc[rows])).all()
+
+
+def test_decimating_twice_is_refused():
+    X = signals([50])
+    with pytest.raises(RunIndexError, match="factor=6"):
+        make_pipeline(Decimator(2), Decimator(3)).fit(X)
