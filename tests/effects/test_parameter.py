@@ -9,7 +9,8 @@ from skhoid.effects import CoreKind, Dimension, HardeningStiffness, Parameter, c
 from skhoid.effects.dimension import HZ, ONE, RAD, E, S, T, U
 from skhoid.effects.operator_signals import Command, Spring
 from skhoid.effects.registry import effect
-from skhoid.testing import _parts, _signal_at, synthetic_record
+from skhoid.testing import synthetic_record
+from skhoid.testing.records import parts_of, signal_at
 
 X = Dimension.of_channel("x")
 
@@ -177,10 +178,10 @@ def test_dimensions_of_the_catalogue_are_right(name):
         for p in one.parameters:
             powers = {"u": p.dimension.u, "e": p.dimension.e, **dict(p.dimension.channels)}
             changed[p.name] = values[p.name] * np.prod([FACTORS[n] ** k for n, k in powers.items()])
-        signal = _signal_at(one.place, record)
+        signal = signal_at(one.place, record)
         expected = signal_in_other_units(one.apply(signal, record, **values), one.place)
         found = same.apply(signal_in_other_units(signal, one.place), other, **changed)
-        for a, b in zip(_parts(found).values(), _parts(expected).values(), strict=True):
+        for a, b in zip(parts_of(found).values(), parts_of(expected).values(), strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.effects import Bias, Effect, Parameter, Signature, Tremor
+from skhoid.effects import Bias, Dimension, Effect, Parameter, Signature, Tremor
 from skhoid.effects.catalogue import CLASSES
 from skhoid.plotting import IdentifiedEffectDisplay
 from skhoid.search.signatures import noises_in
@@ -22,7 +22,7 @@ class Hum(Effect):
     physics = "The mains hum."
     formula = "u + amplitude sin(2 pi 16.7 t + phase)"
     noise = "a hum"
-    parameters = (Parameter("amplitude", "{u}", 0.0, 5.0, (0.1,), "u", "of the hum"),)
+    parameters = (Parameter("amplitude", Dimension(u=1), 0.0, 5.0, (0.1,), "of the hum"),)
 
     def __init__(self, *, amplitude=None):
         self.amplitude = amplitude

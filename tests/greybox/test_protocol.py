@@ -7,7 +7,7 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.linear_model import LinearRegression
 
 from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor
-from skhoid.effects import Bias, Parameter
+from skhoid.effects import Bias, Dimension, Parameter
 from skhoid.greybox import GreyBox, SimulatedCore
 from skhoid.greybox.base import likelihood_fit
 from skhoid.greybox.cores import OperatorCore
@@ -25,7 +25,7 @@ class LagCore(OperatorCore):
 
     def __init__(self):
         super().__init__(fixed_delay=0.0)
-        lag = Parameter("lag", "s", 0.02, 5.0, (0.2,), "", "time constant")
+        lag = Parameter("lag", Dimension(s=1), 0.02, 5.0, (0.2,), "time constant")
         self.parameters = (*self.parameters[:2], lag)
 
     def response(self, command, gains, spring, values, dt):

@@ -1,0 +1,93 @@
+"""The checks of an effect, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ..effects.base import Effect
+from ..effects.core_kind import CoreKind
+from .application import check_apply, check_neutral, check_symmetries
+from .descriptions import check_description, check_estimator, check_starts, expect, name_of
+from .fits import check_recovery, check_simulation
+from .records import synthetic_record
+
+
+def check_effect(
+    effect: Effect,
+    *,
+    core: CoreKind | str = CoreKind.OPERATOR,
+    channels: Sequence[str] = (),
+    recovers: Mapping[str, float] | None = None,
+) -> None:
+    """Check that an effect keeps the rules which models and searches rely on.
+
+    It is documented; an estimator that ``clone``, ``pickle``, ``get_params`` and ``set_params``
+    work on; its starts lie within its limits, and there and at the limits ``apply`` gives finite
+    values of the right kind and shape. ``apply`` changes nothing, gives the same for the same,
+    treats runs alike and time by ``record.t``, and does nothing at ``neutral`` values. It simulates
+    alone and beside other effects. All this holds for each of its ``variants``.
+
+    Parameters
+    ----------
+    effect : Effect
+        An instance.
+    core : {"operator", "arx"} or CoreKind, default="operator"
+        Model that it is to act in.
+    channels : sequence of str, default=()
+        Columns that the effect needs besides e, x, f_t, motion_acc, dist and speed.
+    recovers : dict of str to float or None, default=None
+        Values of its parameters to simulate runs with, of which a model must estimate the same
+        from as little as 24 s. The error e has a standard deviation of 1 there, and the
+        output one of about 0.8. None does not try.
+
+    Raises
+    ------
+    AssertionError
+        Says what is wrong, and how to mend it.
+
+    See Also
+    --------
+    skhoid.effects.Effect : The base of all effects, and what it needs.
+
+    Examples
+    --------
+    >>> from skhoid.effects import DeadZone
+    >>> from skhoid.testing import check_effect
+    >>> check_effect(DeadZone(form="gap"), recovers={"width": 0.4})
+    """
+    if core not in (CoreKind.OPERATOR, CoreKind.ARX):
+        raise ValueError(f'core must be "operator" or "arx"; got {core!r}.')
+    expect(
+        isinstance(effect, Effect),
+        f"{effect!r} is no instance of skhoid.effects.Effect"
+        + (": pass an instance, not the class." if isinstance(effect, type) else "."),
+    )
+    record = synthetic_record(channels)
+    check_description(effect)
+    check_estimator(effect)
+    reason = effect.refusal(record, CoreKind(core))
+    expect(
+        reason is None,
+        f"{name_of(effect)} does not apply to the runs that it is checked on: {reason}. They have "
+        f"the columns {', '.join(record.channels)}; name others by channels=[...].",
+    )
+    variants = effect.variants(record)
+    expect(
+        isinstance(variants, list) and len(variants) > 0,
+        f"{name_of(effect)}.variants must return a list with one effect at least; got "
+        f"{variants!r}.",
+    )
+    for variant in variants:
+        expect(
+            isinstance(variant, Effect) and variant.name == effect.name,
+            f"{name_of(effect)}.variants must return effects of the same name; got {variant!r}.",
+        )
+        check_description(variant)
+        check_estimator(variant)
+        check_starts(variant, record)
+        check_apply(variant, record)
+        check_neutral(variant, record)
+        check_symmetries(variant, record)
+        check_simulation(variant, record, CoreKind(core))
+    if recovers is not None:
+        check_recovery(variants[0], record, CoreKind(core), dict(recovers))
