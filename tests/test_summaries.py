@@ -446,7 +446,7 @@ def test_names_cannot_run(kind, runs):
         "one input": ARXRegressor(2, 2, 15, inputs=[NASTY]),
         "two inputs": ARXRegressor(2, 2, 15),
         "search": DelaySearchCV(ARXRegressor(), nk=[6, 7]),
-        "recursive": RecursiveARX(2, 2, 15),
+        "recursive": RecursiveARX(2, 1, 15),
         "operator": OperatorRegressor(inputs=[NASTY]),
     }[kind]
     html = model.fit(X, y)._repr_html_()

@@ -53,8 +53,19 @@ SCORERS = {
 }
 
 
-@pytest.mark.parametrize("scorer", SCORERS.values(), ids=SCORERS.keys())
-@pytest.mark.parametrize("steps", PIPELINES.values(), ids=PIPELINES.keys())
+PAIRS = [
+    pytest.param(
+        steps,
+        scorer,
+        id=f"{before_it}-{by}",
+        marks=[pytest.mark.slow] * (before_it != "alone" and by != "window"),
+    )
+    for before_it, steps in PIPELINES.items()
+    for by, scorer in SCORERS.items()
+]
+
+
+@pytest.mark.parametrize(("steps", "scorer"), PAIRS)
 def test_scores_are_those_of_grid_search(runs, steps, scorer):
     X, y = runs
     nk = 0 if any(isinstance(step, DelayShift) for step in steps) else NK

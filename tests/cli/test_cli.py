@@ -257,7 +257,13 @@ def test_warnings_are_notes_on_one_line(capsys, monkeypatch):
 
 
 # What rich prints, too.
-@pytest.mark.parametrize("words", [["study", "list"], ["identify", "--nk", "7", "--no-pictures"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["study", "list"],
+        pytest.param(["identify", "--nk", "7", "--no-pictures"], marks=pytest.mark.slow),
+    ],
+)
 def test_a_reader_that_leaves_is_no_error(words):
     """As ``skhoid study list | head -1``, with ``python -m skhoid``."""
     reading, writing = os.pipe()

@@ -1,7 +1,7 @@
 """The thesis's statistical numbers and claims (Figs. 9-15, App. I) from the studies themselves.
 
-Names, values and tolerances are those of the reference file facts.json. The fast part computes
-some cells of one study; ``pytest -m whole tests/facts/test_studies.py`` computes all of them at
+Names, values and tolerances are those of the reference file facts.json. The slow part computes
+some cells; ``pytest -m whole tests/facts/test_studies.py`` computes all of them at
 full size, 100 estimation and 10 validation runs, in a few minutes.
 """
 
@@ -22,8 +22,7 @@ AS_GOOD = 0.05  # VAF points
 # Fourier coefficients below: a few runs in which E is nearly zero decide the mean of U / E.
 FROM_LINE = {"C1": 0, "C2": 4}
 FULL = pytest.param(True, id="full", marks=pytest.mark.whole)
-SIZES = [pytest.param(False, id="reduced"), FULL]
-SLOW_SIZES = [pytest.param(False, id="reduced", marks=pytest.mark.slow), FULL]
+SIZES = [pytest.param(False, id="reduced", marks=pytest.mark.slow), FULL]
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,7 @@ def facts():
     return {fact["name"]: fact for fact in json.loads(path.read_text())}
 
 
-@pytest.fixture(scope="module", params=SLOW_SIZES)
+@pytest.fixture(scope="module", params=SIZES)
 def delays(request):
     if request.param:
         return delay_study(100)
@@ -48,7 +47,7 @@ def forgetting(request):
     return forgetting_study(40, intensities=[0.0, 0.15])
 
 
-@pytest.fixture(scope="module", params=SLOW_SIZES)
+@pytest.fixture(scope="module", params=SIZES)
 def paths(request):
     """Of few runs, deviations over 128 instants of 100 runs are known within 0.05."""
     if request.param:
@@ -59,7 +58,7 @@ def paths(request):
     return path_study(100, conditions=["C4"], intensities=[0.15], step=0.64)
 
 
-@pytest.fixture(scope="module", params=SLOW_SIZES)
+@pytest.fixture(scope="module", params=SIZES)
 def responses(request):
     if request.param:
         return response_study(300)

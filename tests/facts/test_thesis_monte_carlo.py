@@ -126,7 +126,7 @@ def test_bias_of_order_1_is_the_largest_and_that_of_nm_the_smallest(state):
         assert (bias["nm"] < others.min(axis=0)).all()
 
 
-@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("state", ["C1", pytest.param("C2", marks=pytest.mark.slow)])
 def test_operator_from_batch_models(state):
     model = ARXRegressor(nk=NK, dt=DT)
     names = ["K_e", "T_L", "K_edot", "omega_nm", "zeta_nm"]

@@ -116,6 +116,7 @@ def test_a_block_that_always_kills_its_worker(table, tmp_path):
     assert len(list((tmp_path / "study" / "blocks").iterdir())) == len(table) / SIZE - 1
 
 
+@pytest.mark.slow
 def test_workers_that_all_die():
     with pytest.raises(WorkersLostError, match="Of 40 blocks 37 more are left"):
         list(results_of(list(range(40)), lambda job: os._exit(1), n_jobs=2))
@@ -152,6 +153,7 @@ def test_stopping_leaves_finished_blocks(table, tmp_path, interruptible):
     same(study().run(n_jobs=2), table)  # with workers that were stopped
 
 
+@pytest.mark.slow
 def test_stopping_while_results_wait():
     """No warning of joblib's that they were not used, which would hide the reason."""
     with pytest.raises(KeyboardInterrupt):  # noqa: PT012

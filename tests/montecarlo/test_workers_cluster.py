@@ -34,7 +34,7 @@ def table():
     return study().run()
 
 
-@pytest.fixture(params=[2, pytest.param(4, marks=pytest.mark.slow)], ids="{} workers".format)
+@pytest.fixture(params=[2, 4], ids="{} workers".format)
 def cluster(request):
     with (
         distributed.LocalCluster(
@@ -58,6 +58,7 @@ def same(one, two):
     pd.testing.assert_frame_equal(one, two, check_exact=True)
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_table(cluster, table, tmp_path):
     """Also when a worker is killed in the middle, and when the study goes on elsewhere."""
     same(study().run(tmp_path / "whole"), table)

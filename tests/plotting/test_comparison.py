@@ -558,7 +558,9 @@ def test_given_axes_are_used(display, found):
 
 
 @pytest.mark.parametrize("display", DISPLAYS)
-@pytest.mark.parametrize("which", ["of_one_run", "of_twelve_runs"])
+@pytest.mark.parametrize(
+    "which", [pytest.param("of_one_run", marks=pytest.mark.slow), "of_twelve_runs"]
+)
 def test_nothing_covers_data_or_text(display, which, request):
     """Legends lie outside all panels, and titles, labels and legends do not overlap."""
     figure = display.from_comparison(request.getfixturevalue(which)).figure_

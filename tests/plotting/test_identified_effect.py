@@ -193,7 +193,7 @@ def test_maps_are_what_apply_makes(effect, formula, with_runs, baseline, runs):
     assert effect.name in display.ax_.get_title()
 
 
-@pytest.mark.parametrize("with_runs", [True, False])
+@pytest.mark.parametrize("with_runs", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("effect", "kind"), OTHERS.items(), ids=[f"{e.name}" for e in OTHERS])
 def test_effects_are_drawn_by_what_they_answer(effect, kind, with_runs, baseline, runs):
     model = with_found(baseline, completed(effect), sd=0.05)

@@ -239,7 +239,13 @@ MODELS = {
 }
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name in ("several inputs", "pipeline")))
+        for name in MODELS
+    ],
+)
 def test_models_without_a_search_get_the_sections_that_apply(
     name: str, runs: tuple[pd.DataFrame, pd.Series]
 ) -> None:

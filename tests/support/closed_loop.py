@@ -90,7 +90,7 @@ def simulate(
     return Recording(e, u, x, f_t, n)
 
 
-@njit
+@njit(cache=True)
 def _derivative(z, f, delayed, white, physics):
     """z: neuromuscular position and rate, controlled element x and rate, the remnant's lags."""
     K_c, omega_b, _, _, omega_nm, zeta_nm, T_n = physics
@@ -106,7 +106,7 @@ def _derivative(z, f, delayed, white, physics):
     return dz
 
 
-@njit
+@njit(cache=True)
 def _run(f_t, white, physics, order, delay, dt, interpolated):
     K_e, T_L = physics[2], physics[3]
     n_samples = len(f_t)

@@ -241,7 +241,7 @@ def _gain(effects, t, duration, seed, run):
     return gain
 
 
-@njit
+@njit(cache=True)
 def _perceived(e, inner):
     """The error behind the static effects."""
     if inner[0] > 0:
@@ -253,7 +253,7 @@ def _perceived(e, inner):
     return e
 
 
-@njit
+@njit(cache=True)
 def _stick(u, before, outer):
     """The stick's stop, the limit of its rate and its steps; ``before`` is its last position."""
     level, move, quantum = outer
@@ -263,7 +263,7 @@ def _stick(u, before, outer):
     return min(max(u, -level), level)
 
 
-@njit
+@njit(cache=True)
 def _muscle(dz, z, i, force, physics):
     """The neuromuscular filter whose position and rate are z[i] and z[i + 1]."""
     omega_nm, zeta_nm, _ = physics
@@ -271,7 +271,7 @@ def _muscle(dz, z, i, force, physics):
     dz[i + 1] = omega_nm**2 * (force - z[i]) - 2 * zeta_nm * omega_nm * z[i + 1]
 
 
-@njit
+@njit(cache=True)
 def _derivative(dz, z, f, operator, f_d, white, held, now, physics, inner, level):
     """z: controlled element; pairs of neuromuscular filters (gain and lead at their inputs) of the
     operator and of the one without effects; the filter of f_t; the remnant's lags. A stick that is
@@ -293,7 +293,7 @@ def _derivative(dz, z, f, operator, f_d, white, held, now, physics, inner, level
         source = z[i]
 
 
-@njit
+@njit(cache=True)
 def _run(f_t, f_d, white, over_time, delay, offset, physics, order, inner, outer, dt):
     """Rows e, x, u, u without remnant, and the linear response to e.
 

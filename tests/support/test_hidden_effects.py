@@ -236,6 +236,7 @@ def test_remnant_has_the_spectrum_stated(condition, order):
     assert np.var(truth.n) == pytest.approx(variance, rel=0.05)
 
 
+@pytest.mark.slow
 def test_sampling_error_of_the_gap():
     """Against the spread of mean products of the remnant itself, known to 7 % by 100 draws."""
     n_runs, z = 3, []
