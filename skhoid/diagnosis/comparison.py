@@ -258,8 +258,8 @@ def compare(
                 "estimation is the pair (X, y) of the runs that the model was fitted on."
             )
         fitted = read_signals(model, *estimation, repeats=False, **options)
+    vaf = _pooled(signals, signals.predicted)  # which refuses an output of zeros
     ceiling = noise_ceiling(signals)
-    vaf = _pooled(signals, signals.predicted)
     known = np.isfinite(signals.one_step)
     # With rows that have no route left out, the ceiling is that of all rows that count.
     low, high = (edge - ceiling.vaf + vaf for edge in ceiling.interval)

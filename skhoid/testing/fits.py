@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from ..arx.batch import ARXRegressor
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.offsets import Bias
 from ..effects.record import Record
 from ..greybox.cores import ARXCore, OperatorCore
+from ..greybox.operator_regressor import OperatorRegressor
 from ..greybox.simulator import Simulator
 from ..human.controlled_element import ControlledElement
 from ..summaries import Estimate
@@ -67,9 +69,6 @@ def check_simulation(effect: Effect, record: Record, core: CoreKind) -> None:
 
 def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) -> None:
     """Simulate, estimate, compare."""
-    from .arx.batch import ARXRegressor
-    from .greybox.operator_regressor import OperatorRegressor
-
     who = name_of(effect)
     names = {p.name for p in effect.free}
     expect(
