@@ -35,5 +35,16 @@ from ._version import __version__ as __version__
 
 # The names are in __init__.pyi, beside this file; each is imported when it is first asked for.
 __getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
-# Without the modules: a star would import matplotlib with skhoid.plotting.
-__all__ = [name for name in _names if name not in {"effects", "exceptions", "plotting", "testing"}]
+_NAMESPACES = {
+    "effects",
+    "exceptions",
+    "experiment",
+    "human",
+    "interpret",
+    "montecarlo",
+    "plotting",
+    "testing",
+    "thesis",
+}
+# Without the namespaces: a star would import matplotlib with skhoid.plotting.
+__all__ = [name for name in _names if name not in _NAMESPACES]

@@ -2,8 +2,13 @@
 
 from . import effects as effects
 from . import exceptions as exceptions
+from . import experiment as experiment
+from . import human as human
+from . import interpret as interpret
+from . import montecarlo as montecarlo
 from . import plotting as plotting
 from . import testing as testing
+from . import thesis as thesis
 from .arx.batch import ARXRegressor as ARXRegressor
 from .arx.forgetting import forgetting_factor as forgetting_factor
 from .arx.recursive import RecursiveARX as RecursiveARX

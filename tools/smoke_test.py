@@ -1,4 +1,4 @@
-"""Whether an installed skhoid works: names, models, recordings, pictures, report, command line.
+"""Whether an installed skhoid works: names, models, recordings, report, command line.
 
     python tools/smoke_test.py
 
@@ -15,8 +15,8 @@ from pathlib import Path
 import skhoid
 
 MODULES = (
-    "arx diagnosis effects exceptions frequency greybox human io montecarlo plotting "
-    "preprocessing reporting simulation testing"
+    "arx diagnosis effects exceptions experiment greybox human interpret io montecarlo plotting "
+    "preprocessing recordings reporting runs search simulation testing thesis"
 )
 
 
@@ -39,7 +39,7 @@ assert len(skhoid.load_human_tracking()[0]) > 0
 assert len(skhoid.load_bicycle_rider()[0]) > 0
 
 with tempfile.TemporaryDirectory() as folder:
-    page = skhoid.reporting.report(model, X, y, effects=None).save(Path(folder) / "report.html")
+    page = skhoid.report(model, X, y, effects=None).save(Path(folder) / "report.html")
     assert page.stat().st_size > 100_000
     skhoid.write_runs(X, y, f"{folder}/runs.csv")
     words = ("identify", f"{folder}/runs.csv", "--input", "e", "--output", "u", "--time", "time")
