@@ -85,7 +85,7 @@ def test_recovers_the_remnant(condition, intensity, order):
         assert remnant.time_constant == pytest.approx(T_N, abs=3.5 * sd + 0.02 * T_N)
 
 
-@pytest.mark.slow
+@pytest.mark.whole
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("intensity", [0.05, 0.15])
 @pytest.mark.parametrize("condition", ["C2", "C4"])
@@ -98,7 +98,7 @@ def test_intervals_hold_what_they_say(condition, intensity, order):
     assert np.mean([remnant.p_value < 0.01 for remnant in found]) <= 0.04
 
 
-@pytest.mark.slow
+@pytest.mark.whole
 @pytest.mark.parametrize("order", ORDERS)
 def test_order_of_single_runs(order):
     found, truth = estimates("C1", order, 0.15, n_sets=100, n_runs=1, seed=17)

@@ -49,6 +49,7 @@ STUCK = {"intermittent"}
 QUICK = {
     *("tv_delay", "lapses", "tv_gain, sigmoid", "dead_zone"),
     *("feedforward", "saturation", "hardening_stiffness", "bias"),
+    "tremor",  # which is seen in the spectrum
 }
 
 
