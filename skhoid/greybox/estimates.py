@@ -49,7 +49,7 @@ def parameter_table(
         for key, value in effect.fixed.items():
             dimension = spec[key].dimension_on(simulator.record, effect.place)
             add(f"{name}__{key}", value, 0.0, dimension, f"{spec[key].meaning} (given)")
-        for key, number in derived(simulator, theta, covariance, name).items():
+        for key, number in derived_with_errors(simulator, theta, covariance, name).items():
             add(f"{name}__{key}", *number)
     table = pd.DataFrame(
         rows, columns=["parameter", "value", "sd", "low", "high", "unit", "meaning"]
@@ -57,7 +57,7 @@ def parameter_table(
     return table.set_index("parameter")
 
 
-def derived(
+def derived_with_errors(
     simulator: Simulator, theta: np.ndarray, covariance: np.ndarray, name: str
 ) -> dict[str, tuple[float, float, Dimension, str]]:
     """Numbers that follow from those of an effect, with standard errors by linearisation."""

@@ -249,7 +249,7 @@ def derivatives(
         h = relative * simulator.size(i, value)
         if value + h > simulator.high[i]:
             h = -h
-        np.subtract(simulator.beside(i, value + h)[::thin], here, out=rows[i])
+        np.subtract(simulator.run_with_change(i, value + h)[::thin], here, out=rows[i])
         rows[i] *= 1 / h
     rows[-1] = criterion.residual(output)
     return rows
@@ -312,8 +312,8 @@ def wide_derivatives(
         width = min(max(width, STEP * size), size)
         above = min(value + width, simulator.high[i])
         below = max(value - width, simulator.low[i])
-        rows[i] = simulator.beside(i, above)[:: criterion.thin]
-        rows[i] -= simulator.beside(i, below)[:: criterion.thin]
+        rows[i] = simulator.run_with_change(i, above)[:: criterion.thin]
+        rows[i] -= simulator.run_with_change(i, below)[:: criterion.thin]
         rows[i] /= above - below
     rows[-1] = criterion.residual(output)
     return criterion.whitened(rows)

@@ -155,7 +155,7 @@ class Simulator:
         self._theta = theta.copy()
         return self._states[-1].output
 
-    def beside(self, position: int, value: float) -> np.ndarray:
+    def run_with_change(self, position: int, value: float) -> np.ndarray:
         """Output with one parameter changed against the last ``run``."""
         assert self._theta is not None
         theta = self._theta.copy()

@@ -46,17 +46,17 @@ class Tied(Simulator):
         self._given = theta
         return super().run(self.back(theta))
 
-    def beside(self, position: int, value: float) -> np.ndarray:
+    def run_with_change(self, position: int, value: float) -> np.ndarray:
         if position != self.gain or not self.tied.any():
             theta = self._given.copy()
             theta[position] = value
-            return super().beside(position, float(self.back(theta)[position]))
+            return super().run_with_change(position, float(self.back(theta)[position]))
         before = self._theta
         theta = self._given.copy()
         theta[position] = value
         # The gain comes before the thresholds: all behind it runs again.
         self._theta = self.back(theta)
-        output = super().beside(position, value)
+        output = super().run_with_change(position, value)
         self._theta = before
         return output
 

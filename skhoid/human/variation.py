@@ -226,7 +226,7 @@ class Mixture:
     @property
     def changes(self) -> Span:
         """Times in s before and after which nothing changes."""
-        return span(self.first, self.second, self.weight)
+        return span_of_changes(self.first, self.second, self.weight)
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ class Shifted:
     @property
     def changes(self) -> Span:
         """Times in s before and after which nothing changes."""
-        own, extra = span(self.function), span(self.extra)
+        own, extra = span_of_changes(self.function), span(self.extra)
         return min(own[0] + self.lag, extra[0]), max(own[1] + self.lag, extra[1])
 
 
@@ -262,7 +262,7 @@ class Product:
     @property
     def changes(self) -> Span:
         """Times in s before and after which nothing changes."""
-        return span(self.first, self.second)
+        return span_of_changes(self.first, self.second)
 
 
 def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
@@ -308,7 +308,7 @@ def transition_of(*parameters: Parameter | None) -> Any:
     return None
 
 
-def span(*parameters: Parameter) -> Span:
+def span_of_changes(*parameters: Parameter) -> Span:
     """Times in s before and after which none of the parameters changes any more, to rounding."""
     spans = [getattr(p, "changes", (-np.inf, np.inf)) for p in parameters if callable(p)]
     begins, ends = zip((np.inf, -np.inf), *spans, strict=True)

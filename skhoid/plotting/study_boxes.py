@@ -343,8 +343,8 @@ class StudyBoxDisplay(Display):
         for panel in self.axes_[-1]:
             panel.set_xlabel(quantity(self.x))
         for panel, column in zip(self.axes_[0], columns, strict=True):
-            words = ", ".join(cell_text(name, level) for name, level in column.items())
-            panel.set_title(words, fontsize="medium")
+            title = ", ".join(cell_text(name, level) for name, level in column.items())
+            panel.set_title(title, fontsize="medium")
         handles: list[Any] = [
             Patch(facecolor=COLOURS[i % len(COLOURS)], alpha=0.75) for i in range(len(self._groups))
         ]

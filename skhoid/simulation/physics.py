@@ -151,7 +151,7 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
     t = (half_steps / 2 + begin - task.n_run_in) / task.sampling_rate
     # Constants stay scalars, which broadcast; parameters with one transition share its progress.
     progress: dict[Any, np.ndarray] = {}
-    p = {name: _checked(name, value, t, progress) for name, value in parameters.items()}
+    p = {name: _checked_values(name, value, t, progress) for name, value in parameters.items()}
     _check_rate(task, p)
     rows = np.zeros((t.size, _kernels.loop.N_PHYSICS))
     rows[:, 6], rows[:, 7], rows[:, 8] = p["K_c"], p["omega_b"], p["K_n"]
@@ -168,7 +168,7 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
     return rows, begin
 
 
-def _checked(name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]) -> Any:
+def _checked_values(name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]) -> Any:
     if not callable(parameter):
         return float(parameter)
     if isinstance(parameter, Transition):

@@ -80,7 +80,7 @@ def check_effects(task: CompensatoryTask) -> None:
             )
 
 
-def chosen(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Effects:
+def with_first_choices(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Effects:
     """The effects with open choices (form, channel) made: the first of each."""
     window = t[:, 0] > -0.5 / task.sampling_rate
     record = _record(task, {n: c[window] for n, c in channels.items()}, t[window])
@@ -114,7 +114,7 @@ def track_with_effects(
     if f_d.any():
         channels["dist"] = np.broadcast_to(f_d, out[0].shape)
     effects = Effects([("operator", _Operator(operator=task.operator))])
-    effects = Effects([*effects.steps, *chosen(task, channels, t).steps])
+    effects = Effects([*effects.steps, *with_first_choices(task, channels, t).steps])
     core, ones = OperatorCore(task.operator.tau_e), np.ones(4)
 
     answer = np.zeros(out[0].shape)

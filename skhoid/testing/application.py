@@ -122,7 +122,7 @@ def _equal(one: Any, other: Any) -> bool:
     return a.keys() == b.keys() and all(np.array_equal(a[k], b[k]) for k in a)
 
 
-def _whole(signal: Any, record: Record) -> dict[str, np.ndarray]:
+def _compared_arrays(signal: Any, record: Record) -> dict[str, np.ndarray]:
     """Arrays of a signal; of a command its sum, since effects may put its rate into position."""
     parts = parts_of(signal)
     if isinstance(signal, Command):
@@ -138,8 +138,8 @@ def check_neutral(effect: Effect, record: Record) -> None:
         values = {k: v for k, v in start.items() if not k.startswith("+")}
         values |= {**effect.fixed, **effect.neutral}
         given = signal_at(effect.place, record)
-        out = _whole(_applied(effect, record, values), record)
-        for name, expected in _whole(given, record).items():
+        out = _compared_arrays(_applied(effect, record, values), record)
+        for name, expected in _compared_arrays(given, record).items():
             expect(
                 np.allclose(out[name], expected, rtol=1e-9, atol=1e-9),
                 f"{name_of(effect)}.apply at its neutral values ({shown(effect.neutral)}) must "

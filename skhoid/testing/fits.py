@@ -81,7 +81,7 @@ def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) 
     )
     noise = np.random.default_rng(1).standard_normal(quiet.shape)
     output = quiet + NOISE * quiet.std() * noise
-    X, y = _table(record, output)
+    X, y = _as_dataset(record, output)
     assert record.controlled_element is not None
     element = ControlledElement(*record.controlled_element)
     if core == CoreKind.ARX:
@@ -103,7 +103,7 @@ def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) 
         )
 
 
-def _table(record: Record, output: np.ndarray) -> tuple[pd.DataFrame, pd.Series]:
+def _as_dataset(record: Record, output: np.ndarray) -> tuple[pd.DataFrame, pd.Series]:
     """Rows of the known samples of each run."""
     frames = []
     for j in range(record.n_runs):
