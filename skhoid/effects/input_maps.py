@@ -1,4 +1,4 @@
-"""Nonlinear answers to the error."""
+"""Nonlinear answers to the error: threshold, asymmetry, rectification, cubic gain, magnitude."""
 
 from __future__ import annotations
 

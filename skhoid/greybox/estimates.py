@@ -1,4 +1,4 @@
-"""Tables and texts of estimated parameters."""
+"""Tables of estimated parameters with standard errors and units, and their text."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def derived_with_errors(
 def arx_parameter_table(
     names: list[str], theta: np.ndarray, sd: np.ndarray, units: list[str]
 ) -> pd.DataFrame:
-    """The same of an ARX model that was fitted by least squares."""
+    """The same table for an ARX model fitted by least squares."""
     meaning = {"a": "of the output", "b": "of the input", "i": "constant"}
     columns = {
         "value": theta,

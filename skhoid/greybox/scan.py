@@ -1,4 +1,4 @@
-"""What a model leaves for many values of an effect beside a parent, cheaply."""
+"""Scans: what a model with an added effect leaves unexplained, cheaply for many values."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ FOLLOWED = 3  # iterations from a value that is scanned
 
 
 class Scan:
-    """The :class:`~skhoid.effects.ErrorScan` of an effect beside a parent.
+    """The :class:`~skhoid.effects.ErrorScan` of an effect that is added to a parent model.
 
-    ``bent`` tells whether what is missing may have bent the parent.
+    ``bent`` says whether what is missing may have bent the parent.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""A simulator whose thresholds follow the gains."""
+"""A simulator for fits: thresholds of the command scale with the gains, so that events stay."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .simulator import Simulator
 class Tied(Simulator):
     """A simulator whose thresholds of the command follow the gains.
 
-    A command and its thresholds that grow by the same factor have the same events. Of vectors
-    theta, thresholds are for the gain in ``reference``, such a vector too.
+    A command and its thresholds that grow by the same factor have the same events. In vectors
+    theta, thresholds are those at the gain of ``reference``, which is such a vector too.
     """
 
     def __init__(self, simulator: Simulator, reference: np.ndarray):
@@ -54,7 +54,7 @@ class Tied(Simulator):
         before = self._theta
         theta = self._given.copy()
         theta[position] = value
-        # The gain comes before the thresholds: all behind it runs again.
+        # The gain comes before the thresholds: every stage after it runs again.
         self._theta = self.back(theta)
         output = super().run_with_change(position, value)
         self._theta = before

@@ -1,4 +1,4 @@
-"""The human operator (Eqs. 3-5)."""
+"""``HumanOperator``: gains, lead, delay and neuromuscular system (Eqs. 3-5)."""
 
 from __future__ import annotations
 

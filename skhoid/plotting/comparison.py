@@ -1,4 +1,4 @@
-"""A model against measured runs, on one page."""
+"""Overview of a comparison: a model against measured runs, in several panels on one page."""
 
 from __future__ import annotations
 

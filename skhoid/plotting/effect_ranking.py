@@ -1,4 +1,4 @@
-"""Which effect is missing: all candidates of one step of a search."""
+"""Ranking of the effects tried in one step of a search, by the VAF gained."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class StudyBoxDisplay(Display):
         ``group``, the number of replications ``n``, ``low``, ``q1``, ``median``, ``q3`` and
         ``high`` of box and whiskers, and all results in ``values``, an array.
     group : str, default="remnant_order"
-        Column that is told by colour.
+        Column that is shown by colour.
     x : str, default="remnant_intensity"
         Column along the axis, a place for each of its values.
     by : sequence of str, default=()
@@ -137,7 +137,7 @@ class StudyBoxDisplay(Display):
         value : str or list of str
             Column of results. Several are panels below each other.
         group : str, default="remnant_order"
-            Column that is told by colour.
+            Column that is shown by colour.
         x : str, default="remnant_intensity"
             Column along the axis.
         by : str or list of str, default=()
