@@ -15,7 +15,7 @@ MOST_JUMPS = 100  # of friction in one sample
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def delayed(x, delay):
-    """Signals ``delay`` samples ago: of shape (1 or n_samples, 1 or n_runs), perhaps negative.
+    """Signals ``delay`` samples ago; ``delay`` (1 or n_samples, 1 or n_runs) may be negative.
 
     Interpolates by cubic Lagrange polynomials; before the first sample and after the last their
     values hold.

@@ -60,7 +60,7 @@ class _AnswerToTarget(Effect):
 
 
 class Feedforward(_AnswerToTarget):
-    """The target is answered, besides the error.
+    """The target is answered as well as the error.
 
     ``"inverse"``: gain times the inverse controlled element of f_t; ``"rate"``: gain times the
     target's rate; ``"gain"``: gain times the target.
@@ -446,7 +446,7 @@ class CrossAxis(Effect):
         names = record.with_role(OTHER) if self.channel is None else [self.channel]
         formed: list[Any] = super().variants(record)
         if self.form is None and record.core == CoreKind.ARX:
-            # It has no lead of its own that the two could differ in.
+            # It has no lead of its own, in which the two could differ.
             formed = [v for v in formed if v.form == "error"]
         return [v.with_choices(channel=name) for v in formed for name in names]
 

@@ -14,7 +14,7 @@ from .traces import Signature
 
 TREMBLING = (6.5, 14.0)  # Hz
 UNLIKELY = 1e-4  # probability that chance makes such a line anywhere in the band
-HIGH = 2.5  # times the spectrum beside it
+HIGH = 2.5  # times the neighbouring spectrum
 LEAST_TREMOR = 2e-3  # of the output's variance
 PERIODS, N_SHOWN = 4.0, 800  # of a realisation
 

@@ -51,7 +51,7 @@ class Core(Protocol):
         Usual values of the response's parameters, which a search starts from where what is missing
         has bent the estimates; empty where nothing is usual.
     ratios : tuple of Ratio
-        What tables show beside the parameters.
+        What tables show with the parameters.
     sizes : mapping of str to float
         Changes of parameters that change the output by its own size, where the parameters
         themselves do not show it.
@@ -205,7 +205,7 @@ class ARXCore:
         )
 
     def least_delay(self, dt: float) -> float:
-        return -self.nk * dt  # what nk delays beside
+        return -self.nk * dt  # because nk delays as well
 
     def delay(self, values: dict[str, float]) -> float:
         return 0.0

@@ -16,7 +16,7 @@ from .model import Model, best_of, in_order, scaled_sse, start_beside, without
 from .scan import Scan
 from .simulator import Simulator
 
-N_KEPT = 2  # variants that are followed to the end
+N_VARIANTS_KEPT = 2  # variants that are followed to the end
 AS_GOOD = 10.0  # n log(SSE / SSE) within which variants count as equal
 ALIKE = 0.9  # share of the gain of the best variant
 HOPEFUL = 1.0  # times the parent's squares, at most, before a search
@@ -77,7 +77,7 @@ def extended(
     explored.sort(key=lambda item: item[:2])
     finished: list[tuple[int, Model]] = []
     gain = before - explored[0][0]
-    for sse, number, variant, fit in explored[:N_KEPT]:
+    for sse, number, variant, fit in explored[:N_VARIANTS_KEPT]:
         simulator = with_(variant, parent.simulator.record)
         promising = before - sse > enough
         if finished and (not promising or before - sse < ALIKE * gain):

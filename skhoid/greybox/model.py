@@ -17,7 +17,7 @@ N_TRIED = 2  # iterations from every start
 MANY = 4  # starts, of which each gets one iteration only
 N_SCREENED = 10  # starts that are simulated more than once
 N_SCREENED_COARSELY = 4  # the same, where the response is not smooth
-N_KEPT = 2  # starts that are followed to the end
+N_STARTS_KEPT = 2  # starts that are followed to the end
 
 
 @dataclass
@@ -50,7 +50,7 @@ class Model:
 
     @property
     def n_parameters(self) -> int:
-        """Number of estimated parameters, with what effects found besides."""
+        """Number of estimated parameters, including numbers that effects found in the data."""
         return self.theta.size + sum(effect.n_hidden for _, effect in self.effects)
 
     def values(self) -> dict[str, float]:
@@ -86,14 +86,14 @@ def best_of(
     if len(starts) > most:
         starts.sort(key=lambda s: scaled_sse(simulator, criterion, s))
         starts = starts[:most]
-    if len(starts) > N_KEPT:
+    if len(starts) > N_STARTS_KEPT:
         first = 1 if len(starts) > MANY else N_TRIED
         tried = [
             minimise(simulator, criterion, np.asarray(s, dtype=float), max_iter=first, tol=1e-3)
             for s in starts
         ]
         tried.sort(key=lambda fit: fit.sse)
-        starts = [fit.theta for fit in tried[:N_KEPT]]
+        starts = [fit.theta for fit in tried[:N_STARTS_KEPT]]
     fits = [minimise(simulator, criterion, np.asarray(s, dtype=float), **end) for s in starts]  # type: ignore[arg-type]
     return Model(simulator, min(fits, key=lambda fit: fit.sse))
 

@@ -17,7 +17,7 @@ from .records import parts_of, signal_at, started_later
 
 
 def _tried(effect: Effect, record: Record) -> Iterator[dict[str, float]]:
-    """Values to apply the effect at: the starts, and each finite limit beside the first."""
+    """Values to apply the effect at: the starts, and the first start with each finite limit."""
     own = [
         {k: v for k, v in s.items() if not k.startswith("+")} | effect.fixed
         for s in effect.starts(record)

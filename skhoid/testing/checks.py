@@ -25,7 +25,7 @@ def check_effect(
     work on; its starts lie within its limits, and there and at the limits ``apply`` gives finite
     values of the right kind and shape. ``apply`` changes nothing, gives the same for the same,
     treats runs alike and time by ``record.t``, and does nothing at ``neutral`` values. It simulates
-    alone and beside other effects. All this holds for each of its ``variants``.
+    alone and with other effects. All this holds for each of its ``variants``.
 
     Parameters
     ----------
