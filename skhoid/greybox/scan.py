@@ -89,8 +89,8 @@ class Scan:
         found = self.parent.simulator.core.second_order(self.ordinary)
         if found is None:
             raise ValueError(
-                f"{type(self.variant).__name__} asks what sums of answers to commands leave, which "
-                "is known of operators only; other cores answer error_of(values, seconds)."
+                f"{type(self.variant).__name__} calls left or left_by_events, which need "
+                "an operator as the core; with other cores call error_of(values, seconds)."
             )
         omega, zeta = (np.array([value]) for value in found)
         return _kernels.greybox.held_linearly(omega, zeta, dt), float(2 * zeta[0] * omega[0])

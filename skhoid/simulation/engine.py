@@ -283,7 +283,7 @@ def _check_growth(
             f"t = {t:.2f} s (0 is the beginning of the measurement window). {ADVICE}"
         )
     if not (f_t.any() or f_d.any()):
-        raise UnstableLoopError(f"The loop is unstable: remnant alone moves it off. {ADVICE}")
+        raise UnstableLoopError(f"The loop is unstable under remnant alone. {ADVICE}")
 
 
 def entropy_of(random_state: Any) -> int:

@@ -137,7 +137,7 @@ def track_with_effects(
         else:
             raise ValueError(
                 f"The loop with the effects {effects.names[1:]} cannot be solved at "
-                f"t = {t[end - 1, 0]:.2f} s: they answer at once what they move themselves."
+                f"t = {t[end - 1, 0]:.2f} s: they answer, without delay, signals that they move."
             )
         if not np.abs(out[0]).max() < LOST * size:
             raise UnstableLoopError(

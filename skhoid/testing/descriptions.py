@@ -119,7 +119,7 @@ def _pickled(effect: Effect) -> Effect:
     except Exception as error:
         raise AssertionError(
             f"{name_of(effect)} cannot be pickled, which parallel searches need: pass it numbers, "
-            f"words and arrays, not functions made on the spot ({error})."
+            f"strings and arrays, not local functions ({error})."
         ) from error
 
 

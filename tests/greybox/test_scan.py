@@ -124,7 +124,7 @@ def test_an_arx_model_has_no_ordinary_dynamics_nor_second_order():
     assert scan.ordinary == scan.parameters
     assert scan.earlier(0.05) == {}
     columns = [x[:, :, None] for x in scan.commands(np.inf)]
-    with pytest.raises(ValueError, match=r"DeadZone asks .* operators only"):
+    with pytest.raises(ValueError, match=r"DeadZone calls left .* need an operator"):
         scan.left(columns, np.inf)
 
 
