@@ -1,4 +1,4 @@
-"""Compiled loops over plain arrays; loaded, with numba, on first use."""
+"""Compiled loops over plain arrays; they and numba are loaded on first use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of a simulated operator or system, sample by sample, for several runs at once.
+"""Kernels of models with effects: stages of simulation, whitening, nonlinear elements.
 
 Signals have shape (n_samples, n_runs), so that the loops over runs hide the latency of recursions.
 Coefficients with one row hold throughout, with n_samples rows they vary in time.
@@ -15,7 +15,7 @@ MOST_JUMPS = 100  # of friction in one sample
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def delayed(x, delay):
-    """Signals ``delay`` samples ago, of shape (1 or n_samples, 1 or n_runs), may be negative.
+    """Signals ``delay`` samples ago; ``delay`` (1 or n_samples, 1 or n_runs) may be negative.
 
     Interpolates by cubic Lagrange polynomials; before the first sample and after the last their
     values hold.
@@ -139,9 +139,9 @@ def held_linearly(omega, zeta, dt):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _recurred(x, t, det):
-    """Solve y(k) = x(k) + t y(k-1) - det y(k-2) from rest, in place; some lanes at a time.
+    """Solve y(k) = x(k) + t y(k-1) - det y(k-2) from rest, in place; some runs at a time.
 
-    Numbers in registers, several chains side by side: their latencies overlap.
+    Values stay in registers, and the latencies of several chains overlap.
     """
     n, runs = x.shape
     first = 0
@@ -179,8 +179,8 @@ def _recurred(x, t, det):
 def _linear(position, rate, q):
     """``second_order`` for constant matrices and no stiffness, as a difference equation.
 
-    The companion eliminated: z(k+1) = (a + d) z(k) - (a d - b c) z(k-1) + what goes in, which is a
-    sum over three samples of position and rate.
+    With the companion eliminated: z(k+1) = (a + d) z(k) - (a d - b c) z(k-1) + input, where the
+    input is a sum over three samples of position and rate.
     """
     n, runs = position.shape
     out = np.empty((n, runs))
@@ -194,7 +194,7 @@ def _linear(position, rate, q):
     p_before, r_before = q[4] - d * q[8] + b * q[10], q[5] - d * q[9] + b * q[11]
     p_first, r_first = b * q[6] - d * q[4], b * q[7] - d * q[5]
     m = max(n - 2, 0) * runs
-    # Slices, whose indices cannot be negative: only such loops are vectorised.
+    # Slices, because their indices cannot be negative: only such loops are vectorised.
     p0, p1, p2 = p[:m], p[runs : runs + m], p[2 * runs :]
     r0, r1, r2 = r[:m], r[runs : runs + m], r[2 * runs :]
     to = y[2 * runs :]
@@ -217,7 +217,7 @@ def second_order(position, rate, matrices, cubic, square, bound):
 
     s(k+1) = phi s(k) + before w(k) + after w(k+1), with s = (output, its companion) and
     w = (position - cubic output^3 - square output abs(output), rate); see ``held_linearly`` for the
-    matrices. The force of the spring at k + 1 is that of the output then, so that no stiffness
+    matrices. The force of the spring at k + 1 is that of the output at k + 1, so that no stiffness
     makes the steps unstable.
     """
     q = matrices[0]
@@ -243,7 +243,7 @@ def second_order(position, rate, matrices, cubic, square, bound):
             p0 = position[k, j] - _force(z[j], cubic, square)
             p1, r0, r1 = position[k + 1, j], rate[k, j], rate[k + 1, j]
             new = a * z[j] + b * v[j] + b0 * p0 + b1 * r0 + c0 * p1 + c1 * r1
-            if stiff:  # new + c0 force(new) is what it would be without the force of then
+            if stiff:  # new + c0 force(new) equals the output without the spring's new force
                 whole, new = new, 2 * z[j] - last[j]
                 last[j] = z[j]
                 for _ in range(N_NEWTON):
@@ -253,7 +253,7 @@ def second_order(position, rate, matrices, cubic, square, bound):
                     if abs(step) < 1e-12 * (1e-6 + abs(new)):
                         break
                 p1 -= _force(new, cubic, square)
-            if abs(z[j]) == bound:  # lost: it stays at the bound
+            if abs(z[j]) == bound:  # diverged: it stays at the bound
                 new = z[j]
             elif not abs(new) < bound:
                 new = bound if new > 0.0 else -bound
@@ -453,7 +453,7 @@ def events_scanned(position, slope, y, known, points, matrices, damping, of_erro
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def smooth_levels(x, step, offset, first, second, third):
-    """Levels ``step`` apart with round corners: sines of once, twice and three times the angle.
+    """Levels ``step`` apart with rounded corners: sines of one, two and three times the angle.
 
     ``first`` to ``third`` are the amplitudes of the sines.
     """
@@ -493,7 +493,7 @@ def rate_limited(x, step):
 def stuck(x, breakaway, kinetic, slides):
     """Stick until x is ``breakaway`` away, then jump to ``kinetic`` behind it.
 
-    What ``slides`` goes on behind x until that turns; else it sticks there again, and its jumps
+    If it ``slides``, it then follows x until that turns; else it sticks there again, and its jumps
     fall between samples.
     """
     n, runs = x.shape
@@ -525,7 +525,7 @@ def stuck(x, breakaway, kinetic, slides):
                         out[k - 1, j] += max(late - 0.5, 0.0) * sign * jump
                     value += sign * jump
                     away = x[k, j] - value
-                if abs(away) > breakaway and jump > 0.0:  # too far for jumps one by one
+                if abs(away) > breakaway and jump > 0.0:  # too far to take the jumps one by one
                     value = now = x[k, j] - kinetic if away > 0.0 else x[k, j] + kinetic
                 out[k, j] = now
                 continue

@@ -4,7 +4,7 @@ Runs lie side by side in one buffer, a fixed number of lanes to each quantity, s
 over them become vector instructions: ``track_many`` has eight lanes, ``track_one`` has one.
 
 A row of ``physics`` holds 2 zeta omega_nm; omega_nm^2; the gains times omega_nm^2 on f_t, on its
-rate, on x and on its rate; K_c; omega_b; K_n. Rows are half a step apart, as Runge-Kutta asks for
+rate, on x and on its rate; K_c; omega_b; K_n. Rows are half a step apart, as Runge-Kutta needs
 the middle of the step, from sample ``begin`` on; the first and the last hold before and after.
 ``remnant`` holds the coefficients of the remnant filter, see ``_rates``.
 """

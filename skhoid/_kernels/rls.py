@@ -8,7 +8,7 @@ lanes. No operation is reordered or fused: a lane gives the same bits alone and 
 
 Factor k is not forgotten further where D_k max(phi_k^2) exceeds ``HELD`` (the bound on P of
 Salgado, Goodwin and Middleton 1988, taken in the factors), nor is anything where all regressors are
-next to nothing beside what they were: information that is not replaced is kept.
+negligible compared with what they were: information that is not replaced is kept.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numba import njit
 from numba.extending import register_jitable
 
 MANY = 16  # lanes; fewer are unrolled before they could be vectorised
-CHUNK = 256  # rows that streaming takes at a time
+CHUNK = 256  # rows taken at a time in streaming
 
 HELD = 1e11  # D_k max(phi_k^2) up to which factor k is forgotten,
 CLIPPED = 1e3  # and this many times that, from which it is cut back

@@ -1,4 +1,4 @@
-"""What hand and stick do to the output."""
+"""Effects on the output: stops, rate limit, play, friction, quantisation, stiffening spring."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Saturation(Effect):
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
-        # Behind the remnant a stop shows in the output itself.
+        # A stop behind the remnant shows in the output itself.
         possible = self.form == "behind" or stop_of(record)
         return [v for v in made if v.form != "behind" or possible]
 
@@ -231,7 +231,7 @@ class Stiction(Effect):
     def scanned_beside(
         self, error_of: ErrorScan, values: dict[str, float]
     ) -> list[dict[str, float]]:
-        """Jumps of the same mean distance from the command, which is found first, and nearly."""
+        """Jumps with nearly the same mean distance from the command, which is found first."""
         if self.form != "jump" or self.fixed:
             return []
         mean, best = values["breakaway"] * (1 + values["kinetic"]) / 2, values

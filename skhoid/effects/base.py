@@ -1,4 +1,4 @@
-"""What an effect is."""
+"""The base class of all effects: open it for what an effect of your own must and may define."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ class Effect(Composable, BaseEstimator):
         How many numbers it finds in the data besides its parameters, such as the ends of
         intervals. They count in the BIC as parameters do.
     noise : str
-        What it adds to the output, in words such as "a sine", where that is noise to a free run,
+        What it adds to the output, such as "a sine", where that is noise to a free run,
         since no input explains it; "" for all other effects. Noise is not fitted by a search but
-        recognised by its ``signature``, and has a ``realisation`` for pictures.
+        recognised by its ``signature``, and has a ``realisation`` for plots.
     choices : dict of str to tuple of str
         Arguments that are choices, such as ``form``, with what there is to choose from. One that
         is None is open, and all are tried.
@@ -62,7 +62,7 @@ class Effect(Composable, BaseEstimator):
     See Also
     --------
     Parameter : One number of an effect.
-    CoreKind : What ``refusal`` is told.
+    CoreKind : The kinds of core that ``refusal`` is asked about.
     skhoid.testing.check_effect : Checks of an effect of your own.
 
     Examples
@@ -111,9 +111,9 @@ class Effect(Composable, BaseEstimator):
         return None
 
     def variants(self, record: Record) -> list[Effect]:
-        """The effect with each choice that is open made: one object a choice.
+        """The effect with its open choices made: one object for each combination.
 
-        Those of ``choices`` are; a subclass makes others, which depend on the record.
+        The choices are those of ``choices``; a subclass adds others that depend on the record.
         """
         made: list[Effect] = [self]
         for argument, options in self.choices.items():
@@ -132,7 +132,7 @@ class Effect(Composable, BaseEstimator):
         """Starts found by a search of the effect's own, none by default.
 
         ``error_of(values, seconds)`` is what the best multiple of the simulated output leaves of
-        the first seconds of the runs; see :class:`ErrorScan` for what else it tells.
+        the first seconds of the runs; see :class:`ErrorScan` for what else it offers.
         """
         return []
 
@@ -143,16 +143,16 @@ class Effect(Composable, BaseEstimator):
         return []
 
     def adjusted(self, error_of: Callable[[Effect], float], record: Record) -> Effect:
-        """The effect with choices that are no parameters adjusted after a first fit; itself, here.
+        """The effect with its choices adjusted after a first fit; by default the effect itself.
 
-        ``error_of(effect)`` is what the model leaves with another such effect in its place.
+        ``error_of(effect)`` is what the model leaves with another effect of this kind in its place.
         """
         return self
 
     def softened(self, amount: float) -> Effect | None:
         """A smooth effect that becomes this one as ``amount`` goes from 0.2 to zero, or None.
 
-        A search follows it where the effect itself is not smooth.
+        A search follows these where the effect itself is not smooth.
         """
         return None
 
@@ -163,7 +163,7 @@ class Effect(Composable, BaseEstimator):
     def realisation(
         self, values: dict[str, float], t: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Times in seconds, by default such as show it well, and a course of ``noise`` at them."""
+        """Times in seconds, by default a stretch that shows it well, and ``noise`` there."""
         raise NotImplementedError(f"{type(self).__name__} is noise and must implement realisation.")
 
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""All effects that a search tries."""
+"""The catalogue: the list of all effects that a search tries, and the same as a table."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def catalogue() -> pd.DataFrame:
     Returns
     -------
     table : DataFrame
-        One row an effect, indexed by its id: class, place, physics, formula, source.
+        One row per effect, indexed by its id: class, place, physics, formula, source.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Effects together, under fixed names."""
+"""Several effects in one model: named compositions, as ``effect_a + effect_b`` makes them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PLACES = ("input", "delay", "gain", "path", "command", "spring", "sum", "output"
 
 
 class Composable:
-    """What ``+`` puts together: the part of an effect that compositions are made of."""
+    """What ``+`` can combine: the base of effects that compositions rely on."""
 
     name: ClassVar[str]
     place: ClassVar[str]

@@ -1,4 +1,4 @@
-"""The kinds of linear cores that effects act in; open it to add one."""
+"""The kinds of linear core that effects act in; open it to add one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class CoreKind(StrEnum):
-    """What kind of linear core an effect acts in, as ``Effect.refusal`` is told.
+    """What kind of linear core an effect acts in: the argument ``core`` of ``Effect.refusal``.
 
     Attributes
     ----------

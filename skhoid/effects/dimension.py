@@ -1,4 +1,4 @@
-"""Dimensions of numbers, as exponents; open it for another unit that labels shall show."""
+"""Dimensions of parameters as exponents of units; open it to add a unit that labels can show."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Dimension:
     s : int, default=0
         Of the second.
     rad : int, default=0
-        Of the radian, which is a word in the label only.
+        Of the radian, which appears in the label only.
     Hz : int, default=0
         Of the hertz, which is one over the second with a name of its own.
     T : int, default=0
@@ -109,11 +109,11 @@ class Dimension:
         return self * other**-1 if isinstance(other, Dimension) else NotImplemented
 
     def with_output_as_input(self) -> Dimension:
-        """The same where what the output's unit is measured in is the unit of the input."""
+        """The same dimension, with the unit of the output replaced by that of the input."""
         return replace(self, u=0, e=self.e + self.u)
 
     def label(self, units: Mapping[str, str | None] | None = None) -> str:
-        """The unit in words.
+        """The unit as text.
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ def _to_power(name: str, power: int) -> str:
 
 
 def checked(dimension: Any, what: str) -> Dimension:
-    """A dimension, or an error that says how one is written."""
+    """The dimension itself, or an error that says how one is written."""
     if isinstance(dimension, Dimension):
         return dimension
     raise TypeError(

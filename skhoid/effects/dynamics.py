@@ -1,4 +1,4 @@
-"""Further linear dynamics of the operator."""
+"""Further linear dynamics: lag, lead, second neuromuscular mode, higher order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an effect may ask of the model that it is tried beside: open it to write ``scanned``."""
+"""What an effect may ask of the model to which it is added: open it to write ``scanned``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class ErrorScan(Protocol):
-    """What a fitted model leaves, for values of an effect that is tried beside it.
+    """What a fitted model leaves unexplained, for values of an effect that is tried in it.
 
     Models and searches pass one to ``Effect.scanned`` and ``Effect.scanned_beside``, which look for
     values to start estimation from. Calling it, ``error_of(values, seconds)``, suffices for most
@@ -17,7 +17,7 @@ class ErrorScan(Protocol):
 
     ``values`` are those of the effect's parameters by name, and changes of parameters of the model
     by ``"+"`` and their name, as ``{"width": 0.3, "+tau_e": -0.1}``: changes of what the model does
-    not have count nothing. ``seconds`` are those of the beginning of each run, ``inf`` for all.
+    not have are ignored. ``seconds`` are those of the beginning of each run, ``inf`` for all.
 
     See Also
     --------
@@ -25,7 +25,7 @@ class ErrorScan(Protocol):
 
     Examples
     --------
-    Of a time, the best of many values, where the default tries a few:
+    The best of many values of a time, where the default tries a few:
 
     >>> from skhoid.effects import Effect
     >>> class Late(Effect):
@@ -42,15 +42,15 @@ class ErrorScan(Protocol):
     def ordinary(self) -> dict[str, float]:
         """The same where the dynamics of the core are ordinary, and gains and delay fit them.
 
-        What is missing bends estimated dynamics. ``parameters`` where a core has no ordinary ones.
+        What is missing bends estimated dynamics. ``parameters`` if a core has no ordinary ones.
         """
 
     @property
     def explores(self) -> bool:
-        """Whether fewer rows count than in the fit; what hangs on single rows differs then."""
+        """Whether fewer rows count than in the fit; what depends on single rows differs then."""
 
     def __call__(self, values: dict[str, float], seconds: float) -> float:
-        """Squares that the best multiple of the output simulated at values leaves.
+        """Sum of squares that the best multiple of the output simulated at values leaves.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class ErrorScan(Protocol):
         """
 
     def fitted(self, values: dict[str, float]) -> tuple[float, dict[str, float]]:
-        """Squares on the whole runs, with the parameters of the model fitted beside values.
+        """Sum of squares on the whole runs, with the model fitted together with values.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class ErrorScan(Protocol):
         """
 
     def earlier(self, seconds: float) -> dict[str, float]:
-        """Changes of the model to ``ordinary``, answering that much earlier.
+        """Changes of the model to ``ordinary`` that make it answer that much earlier.
 
         Parameters
         ----------
@@ -101,7 +101,7 @@ class ErrorScan(Protocol):
         seconds : float
             Of the beginning of each run.
         ahead : float, default=0.0
-            What the delay is shorter, in seconds, where the core estimates one.
+            How much shorter the delay is, in seconds, where the core estimates one.
 
         Returns
         -------
@@ -109,7 +109,7 @@ class ErrorScan(Protocol):
         """
 
     def left(self, columns: Sequence[np.ndarray], seconds: float) -> np.ndarray:
-        """Squares that the best sums of answers to commands leave, of many sums at once.
+        """Sums of squares that the best sums of answers to commands leave, for many sums at once.
 
         Needs a core that answers as a system of second order, an operator.
 
@@ -127,7 +127,7 @@ class ErrorScan(Protocol):
         """
 
     def left_by_events(self, points: np.ndarray, seconds: float, of_error: bool) -> np.ndarray:
-        """Squares that commands held between events leave, of many at once.
+        """Sums of squares that commands held between events leave, for many at once.
 
         Needs a core that answers as a system of second order, an operator.
 

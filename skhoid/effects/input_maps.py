@@ -1,4 +1,4 @@
-"""Nonlinear answers to the error."""
+"""Nonlinear answers to the error: threshold, asymmetry, rectification, cubic gain, magnitude."""
 
 from __future__ import annotations
 
@@ -262,7 +262,7 @@ class CubicGain(Effect):
 
 
 class AbsoluteValue(Effect):
-    """The size of the error is answered besides its sign: the command gets gain abs(e).
+    """The size of the error is answered as well as its sign: the command gets gain abs(e).
 
     ``"together"`` with the error; ``"apart"`` earlier or later than that.
 

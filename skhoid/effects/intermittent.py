@@ -1,4 +1,4 @@
-"""Control that is not continuous: sampled by a clock, or by events."""
+"""Intermittent control: the command is sampled and held, by a clock or by events."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ KEPT_HOLDS = 10
 STARTS_EVENT = (0.02, 0.1, 0.2, 0.3, 0.4)
 HOLDS_EVENT = (0.04, 0.07, 0.09, 0.11, 0.13, 0.155, 0.185, 0.22, 0.26, 0.31)
 THRESHOLDS = tuple(np.geomspace(0.15, 1.3, 36).tolist())  # standard deviations
-RATIOS = tuple(np.geomspace(0.95, 1.6, 10).tolist())  # of gains, to those of a model without
+RATIOS = tuple(np.geomspace(0.95, 1.6, 10).tolist())  # of gains, relative to a model without it
 RATIOS_OF_ERROR = (0.8, 1.1, 1.6)
 LEAST_RATIO = 0.1  # s
 LAG_STEP = 0.04  # s, in which a shorter delay is tried
 SCANS_EVENT = (20.0, np.inf, np.inf, np.inf)  # s of the runs
 NO_HOLD = np.array([0.5, 1e-9])  # samples, and standard deviations
-HOPEFUL_EVENTS = 0.97  # of what the command leaves that is not held
+HOPEFUL_EVENTS = 0.97  # of what the continuous command leaves
 HOPEFUL_CLOCK = 0.975
 KEPT_EVENTS = (250, 12, 6, 4)
 FINER_EVENT = (0.0, 0.03, 0.015)  # of thresholds and ratios, twice as much of times
 BESIDE = np.array([-1.0, 0.0, 1.0])
-# Steps and how many to each side: of the refractory time, the threshold and the ratio.
+# Step and number to each side, for the refractory time, the threshold and the ratio.
 BESIDE_EVENT = (((0.1, 2), (0.03, 3), (0.03, 3)), ((0.04, 1), (0.01, 1), (0.01, 1)))
 
 
@@ -46,12 +46,13 @@ class Intermittent(Effect):
     hold_time : float or None, default=None
         Time between decisions (at least), in seconds; None estimates it.
     threshold : float or None, default=None
-        Change that makes a decision, in units of the output (``"event"``) or the error
+        Change that triggers a decision, in units of the output (``"event"``) or the error
         (``"error"``); None estimates it.
     phase : float or None, default=None
         First tick of the clock after the start of a run, in seconds; None estimates it.
     trigger : {"clock", "event", "error"} or None, default=None
-        What makes a decision: time alone, a change of the command, or of the error. None tries all.
+        What triggers a decision: time, a change of the command, or one of the error. None tries
+        all.
 
     References
     ----------
@@ -100,7 +101,7 @@ class Intermittent(Effect):
         )
 
     def starts(self, record: Record) -> list[dict[str, float]]:
-        """A grid, on which the delay is shorter by what the hold delays on average."""
+        """A grid on which the delay is shortened by the mean delay of the hold."""
         found = []
         for values in super().starts(record):
             hold = values.get("hold_time", self.hold_time or 0.0)
@@ -120,11 +121,11 @@ class Intermittent(Effect):
         return self._scanned_events(error_of, record)
 
     def _scanned_clock(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
-        """Times between ticks, ever finer: over a run they must be right to a share of a tick."""
+        """Times between ticks on ever finer grids: off by less than a tick over a whole run."""
         unit = record.time_unit
         duration = record.duration / unit
         operator = record.core != CoreKind.ARX
-        # Of a fast system the settling can be longer than a scan.
+        # In a fast system the settling can be longer than a scan.
         settled = record.dt * int(record.known.any(axis=1).argmax())
         begin = 0.0 if operator else settled
         holds = [0.1]
@@ -157,7 +158,7 @@ class Intermittent(Effect):
         return {**core, "hold_time": hold * unit, "phase": phase * unit}
 
     def _of_clocks(self, tried: Any, error_of: ErrorScan, dt: float, seconds: float) -> np.ndarray:
-        """Squares left by clocks of (hold time, phase)."""
+        """Sums of squares left by clocks of (hold time, phase)."""
         held = _kernels.greybox.held
         own = 0.0 if self.phase is None else self.phase
         columns = []
@@ -170,11 +171,11 @@ class Intermittent(Effect):
         return np.asarray(error_of.left(columns, seconds))
 
     def _of_continuous(self, error_of: ErrorScan, seconds: float) -> float:
-        """Squares left by the command as it is."""
+        """Sum of squares left by the continuous command."""
         return float(error_of.left([x[:, :, None] for x in error_of.commands(seconds)], seconds)[0])
 
     def _scanned_events(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
-        """Refractory times, thresholds and ratios of the gains on a grid, then beside its best.
+        """Refractory times, thresholds and ratios of the gains on a grid, then around its best.
 
         Ratios, because the events of a command depend on them.
         """
@@ -191,7 +192,7 @@ class Intermittent(Effect):
         powers = [np.mean(whole * whole), np.mean(whole * slope), np.mean(slope * slope)]
 
         def factor(ratio: Any) -> Any:
-            """Of the command, which is then as large as the output."""
+            """Factor that makes the command as large as the output."""
             square = powers[0] + 2 * ratio * powers[1] + ratio**2 * powers[2]
             return record.sd("u") / np.sqrt(square)
 

@@ -1,4 +1,4 @@
-"""Offsets and trim."""
+"""Offsets of the output (bias, drift) and trim (the integral of the error)."""
 
 from __future__ import annotations
 

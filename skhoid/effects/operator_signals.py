@@ -1,4 +1,4 @@
-"""What effects inside the operator work on."""
+"""Signals inside the operator that effects change: gains, spring, command."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ class Spring(NamedTuple):
     square: float = 0.0
 
     def stiffer(self, cubic: float = 0.0, square: float = 0.0) -> Spring:
-        """The spring with a further one beside it."""
+        """The spring with a further one in parallel."""
         return Spring(self.cubic + cubic, self.square + square)
 
     def force(self, output: np.ndarray) -> np.ndarray:
-        """What it takes to hold an output, besides the linear spring."""
+        """Force that holds an output, besides that of the linear spring."""
         return (self.cubic * output**2 + self.square * np.abs(output)) * output
 
 

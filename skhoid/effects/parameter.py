@@ -1,4 +1,4 @@
-"""What is declared of a number, and what it means in the units of the data."""
+"""Parameters of effects: name, dimension, bounds and starts, and these in units of the data."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Parameter:
         """The dimension in the core of a record, for an effect of a place.
 
         Written for operators, whose command has the unit of the output. The command of an ARX model
-        has that of its input; and what is slow or fast there, the output tells.
+        has that of its input; there the output determines what is slow or fast.
         """
         if record.core != CoreKind.ARX:
             return self.dimension

@@ -1,4 +1,4 @@
-"""Further paths from channels to the command."""
+"""Effects by which other channels are answered: target, preview, x, motion, disturbance."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .parameter import Parameter
 from .record import Record, differentiated
 from .time_variation import needs_channel
 
-X = Dimension.of_channel("x")  # is the target less the error: sized like the error
+X = Dimension.of_channel("x")  # is the target less the error: of the same size as the error
 SCAN_STEP = 0.06  # s, of the time of an answer to the target
 FASTEST = 0.06  # s; a faster answer to what the loop moves is the loop itself
 
 
 class _AnswerToTarget(Effect):
-    """What answers to the target share: a gain, and a form."""
+    """What answers to the target have in common: a gain and a form."""
 
     form: str | None
     neutral = {"gain": 0.0}
@@ -32,7 +32,7 @@ class _AnswerToTarget(Effect):
         return needs_target(record, self.form)
 
     choices = {"form": ("inverse", "rate", "gain")}
-    ahead = -1.0  # sign of the parameter that is a time, as time looked ahead
+    ahead = -1.0  # sign by which the time parameter becomes time looked ahead
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Times as close as the minima of the squares, with all gains solved for at each."""
@@ -44,7 +44,7 @@ class _AnswerToTarget(Effect):
         answers = [record.delayed(target, -self.ahead * float(t)) for t in times]
         columns = [np.repeat(x[:, :, None], times.size, axis=2) for x in error_of.commands(np.inf)]
         left = error_of.left([*columns, np.stack(answers, axis=2)], np.inf)
-        # Of neighbours the best, which leaves room for another minimum.
+        # Only the best of neighbours, which leaves room for another minimum.
         best = [i for i in np.argsort(left) if left[i] <= left[max(i - 1, 0) : i + 2].min()]
         scale = gain.scale_of(record, self.place)
         return [
@@ -60,7 +60,7 @@ class _AnswerToTarget(Effect):
 
 
 class Feedforward(_AnswerToTarget):
-    """The target is answered, besides the error.
+    """The target is answered as well as the error.
 
     ``"inverse"``: gain times the inverse controlled element of f_t; ``"rate"``: gain times the
     target's rate; ``"gain"``: gain times the target.
@@ -115,12 +115,12 @@ class Preview(_AnswerToTarget):
     """The target is answered before it comes, as a preview display allows.
 
     ``"spread"`` answers the mean of what ``"inverse"`` answers over a stretch of the target; the
-    other forms are as of :class:`Feedforward`.
+    other forms are as in :class:`Feedforward`.
 
     Parameters
     ----------
     gain : float or None, default=None
-        As of :class:`Feedforward`; None estimates it.
+        As in :class:`Feedforward`; None estimates it.
     time : float or None, default=None
         How far ahead, in seconds; None estimates it.
     stretch : float or None, default=None
@@ -313,7 +313,7 @@ class MotionFeedback(Effect):
         made = [v.with_choices(channel=n) for n in names for v in formed]
         if self.form == "feedthrough" or not record.with_role("x"):
             return made
-        # What u itself moves at once (acceleration of the controlled element) would give u back.
+        # What u moves at once (acceleration of the controlled element) would return u itself.
         return [
             v for v in made if v.form != "feedthrough" or not moved_by_output(record, v.channel)
         ]
@@ -446,7 +446,7 @@ class CrossAxis(Effect):
         names = record.with_role(OTHER) if self.channel is None else [self.channel]
         formed: list[Any] = super().variants(record)
         if self.form is None and record.core == CoreKind.ARX:
-            # It has no lead of its own that the two could differ in.
+            # It has no lead of its own, in which the two could differ.
             formed = [v for v in formed if v.form == "error"]
         return [v.with_choices(channel=name) for v in formed for name in names]
 
@@ -474,7 +474,7 @@ def of_inverse(form: str | None) -> bool:
 def integral_of(record: Record, name: str) -> np.ndarray:
     """Integral over time of what makes the controlled element follow a channel."""
     answer = record.inverse_dynamics(name)
-    # The trapezoid rule from rest one sample before; SciPy's rounds otherwise in the last bits.
+    # The trapezoid rule from rest one sample before; SciPy's rounds differently in the last bits.
     return record.dt * (np.cumsum(answer, axis=0) - answer / 2)
 
 

@@ -1,4 +1,4 @@
-"""Runs side by side: what effects and simulations work on."""
+"""Runs side by side as arrays, with roles and units: what effects and simulations work on."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Record:
         return {**self.__dict__, "_derived": {}}
 
     def part(self, runs: np.ndarray, thin: int) -> Record:
-        """Some of the runs, at every so-manieth sample."""
+        """Some of the runs, keeping every ``thin``-th sample."""
 
         def taken(values: np.ndarray) -> np.ndarray:
             some = values if values.shape[1] == 1 < self.n_runs else values[:, runs]
@@ -115,7 +115,7 @@ class Record:
         return self.channels[self.inputs[0]]
 
     def channel(self, name: str | None) -> np.ndarray:
-        """A channel by its name, which a choice has made known."""
+        """A channel by its name, which a choice has set."""
         assert name is not None
         return self.channels[name]
 
@@ -154,7 +154,7 @@ class Record:
         """A signal some seconds ago; negative delays look ahead."""
         samples = np.atleast_2d(np.asarray(delay, dtype=float)) / self.dt
         late = _kernels.greybox.delayed(_kernels.gate(signal), _kernels.gate(samples))
-        if self.core == CoreKind.ARX:  # zero before the recording, as its lags are
+        if self.core == CoreKind.ARX:  # zero before the recording, like its lags
             late *= np.clip(1.0 + np.arange(late.shape[0])[:, None] - samples, 0.0, 1.0)
         return late
 

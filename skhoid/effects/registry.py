@@ -1,4 +1,4 @@
-"""Effects by their ids; the catalogue fills it, and what takes an id looks it up here."""
+"""The registry of effects by id: the catalogue fills it, and ids are looked up here."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _CLASSES: dict[str, type[Effect]] = {}
 
 
 def register(classes: Iterable[type[Effect]]) -> dict[str, type[Effect]]:
-    """Make classes known by their ids, and return them so."""
+    """Register classes under their ids, and return them by id."""
     named = {c.name: c for c in classes}
     _CLASSES.update(named)
     return named

@@ -1,4 +1,4 @@
-"""Operators that change in the run."""
+"""Operators that change within a run: gains, drift, scheduling by a channel, lapses."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ class Lapses(Effect):
     depth : float or None, default=None
         Share of the command that is missing in a lapse; None estimates it.
     shift : float or None, default=None
-        What the stretches are later than ``intervals``, in seconds; None estimates it.
+        How much later the stretches are than ``intervals``, in seconds; None estimates it.
     intervals : list of (float, float) or None, default=None
         Beginnings and ends in seconds of time in the run; None finds them.
     form : {"command", "gain"} or None, default=None
@@ -351,19 +351,19 @@ def silent_stretches(record: Record) -> list[tuple[float, float]]:
         return []
     answer, y, known = record.prediction, record.y, record.known
     variance = float(np.median(((y - answer) ** 2)[known])) / 0.455 + 1e-12
-    # Residuals are alike over some tenths of a second: each counts as that much less.
+    # Residuals hardly change over some tenths of a second: each sample counts for less.
     weight = record.dt / (0.15 * record.time_unit)
     against = np.where(known, (y - answer) ** 2 - y**2, 0.0) / (2 * variance) * weight
-    evidence = np.clip(against, -5 * weight, 5 * weight).sum(axis=1)
+    log_ratio = np.clip(against, -5 * weight, 5 * weight).sum(axis=1)
     cost = 5.0  # of a change of state; the likelihood judges the stretches together later
-    n = evidence.size
+    n = log_ratio.size
     score = np.array([0.0, -cost])
     came = np.zeros((n, 2), dtype=np.int8)
     for k in range(n):
         stay, go = score[1], score[0] - cost
         back = score[1] - cost
         came[k] = (1 if back > score[0] else 0, 1 if stay >= go else 0)
-        score = np.array([max(score[0], back), max(stay, go) + evidence[k]])
+        score = np.array([max(score[0], back), max(stay, go) + log_ratio[k]])
     state = int(score[1] > score[0])
     states = np.zeros(n, dtype=bool)
     for k in range(n - 1, -1, -1):

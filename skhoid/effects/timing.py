@@ -1,4 +1,4 @@
-"""Delays."""
+"""Effects on the delay: another one than assumed, or one that varies in time."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ SCANNED_DELAYS = 24
 
 
 class WrongDelay(Effect):
-    """The delay is another than assumed.
+    """The delay differs from the assumed one.
 
     Parameters
     ----------
     extra : float or None, default=None
-        What the delay is longer, in seconds; None estimates it.
+        How much longer the delay is, in seconds; None estimates it.
 
     Notes
     -----
     It frees a delay that the model was given (``OperatorRegressor(delay=0.28)``, or ``nk`` of an
-    ARX model); a model that estimates its delay needs it not.
+    ARX model); a model that estimates its delay does not need it.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""What an output or a residual alone shows of effects, without a fit of them."""
+"""Signs of effects in the output or the residual alone (levels, stops), found without a fit."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 
 from .record import Record
 
-PILED = 0.02  # of the samples, at least, lie at a stop
-PILED_RATES = 0.10  # of the rates lie at the greatest rate
-RECURRING = 0.02  # as many distinct values as this share of the samples, at most, are levels
-COARSE = 0.1  # standard deviations of the output, at least, is a step
+PILED = 0.02  # least share of the samples that lie at a stop
+PILED_RATES = 0.10  # least share of the rates that lie at the greatest rate
+RECURRING = 0.02  # distinct values are levels if fewer than this share of the samples
+COARSE = 0.1  # least step, in standard deviations of the output
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Signature:
 
 
 def step_of(record: Record) -> float | None:
-    """Typical distance of the levels that the output takes; None where it takes no few."""
+    """Typical distance of the levels that the output takes; None where it takes too many."""
     return record.once("step", lambda: _step(record))
 
 

@@ -1,4 +1,4 @@
-"""A trembling hand: noise, and how the residual of a model shows it."""
+"""Tremor: noise from a trembling hand, recognised in the residual of a model."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .record import Record
 from .traces import Signature
 
 TREMBLING = (6.5, 14.0)  # Hz
-UNLIKELY = 1e-4  # probability of a line as high by chance, in all of the band
-HIGH = 2.5  # times the spectrum beside it
+UNLIKELY = 1e-4  # probability that chance makes such a line anywhere in the band
+HIGH = 2.5  # times the neighbouring spectrum
 LEAST_TREMOR = 2e-3  # of the output's variance
 PERIODS, N_SHOWN = 4.0, 800  # of a realisation
 
@@ -31,7 +31,7 @@ class Tremor(Effect):
 
     Notes
     -----
-    Its phase is not known beforehand: it is named and measured, and the free run stays as it is.
+    Its phase is not known beforehand: it is named and measured, and the free run does not change.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Models simulated from inputs, with physical parameters and effects, by maximum likelihood."""
+"""Grey-box models: physical parameters and effects, estimated in simulation."""
 
 from .base import GreyBox
 from .operator_regressor import OperatorRegressor

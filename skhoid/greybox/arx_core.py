@@ -1,4 +1,4 @@
-"""An ARX core at the smallest error of simulation, and its forecasts."""
+"""Fitting an ARX core by its simulation error, and forecasts with it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ N_ROUNDS = 5  # of Steiglitz and McBride
 
 
 def fitted_arx(core: ARXCore, record: Record, criterion: Criterion) -> Model:
-    """The core without effects at the smallest error of simulation."""
+    """The core without effects at its smallest simulation error."""
     starts = arx_starts(core, record, record.input, N_ROUNDS)
     simulator = Simulator(core, Effects([]), record)
     best = min(starts, key=lambda theta: scaled_sse(simulator, criterion, theta))

@@ -1,4 +1,4 @@
-"""Coefficients of an ARX model by least squares, to start from."""
+"""Starting values of ARX coefficients, by least squares and Steiglitz-McBride."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What models with effects share: estimation in simulation, and what comes of it.
+"""The base of models with effects: estimation in simulation, attributes and predictions.
 
 Open it to change how such a model is fitted, or to build one on a core of your own (``GreyBox``).
 """
@@ -37,13 +37,13 @@ N_LIKELIHOOD = {
     CoreKind.OPERATOR: 12,
     CoreKind.ARX: 2,
 }
-WORSE = 1.01  # squares of the simulation error by those of the round before, at most
+WORSE = 1.01  # largest ratio of the squares of the simulation error to those of the round before
 SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """Estimates of a core with effects, and what free runs and texts need beside them.
+    """Estimates of a core with effects, and what free runs and texts also need.
 
     ``effects`` have their choices made, with None for what was estimated, as ``theta`` has it;
     ``spread`` are standard deviations of the channels and of the output "u" in the fit,
@@ -88,8 +88,8 @@ class Simulation:
 class SimulatedModelMixin:
     """What a search asks of a model, by its core: see :class:`~.protocol.SimulatedModel`.
 
-    An estimator says by ``_simulated_core`` what its core is, and ``_take_over`` what of an
-    estimate its attributes show.
+    An estimator names its core in ``_simulated_core``, and sets its attributes from an estimate
+    in ``_take_over``.
     """
 
     effects: Any
@@ -146,7 +146,7 @@ class SimulatedModelMixin:
         Returns
         -------
         fitted : Model
-            The model from which a search starts, and likelihood goes on.
+            The model from which searches and the maximum-likelihood fit start.
         """
         return first_model(prepared, Effects.of(self.effects))
 
@@ -193,7 +193,7 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
 
     A subclass has the parameters ``inputs``, ``effects``, ``roles``, ``controlled_element``,
     ``settling``, ``dt`` and ``run``, stores them in ``__init__`` as every estimator does, and says
-    by ``_simulated_core`` what the core is, and how it is fitted without effects.
+    in ``_simulated_core`` what the core is and how it is fitted without effects.
     """
 
     controlled_element: ControlledElement | None
@@ -303,9 +303,9 @@ def labelled_covariance(model: Any) -> pd.DataFrame:
 def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     """Refine under an AR model of the residual, and again under that of the new residual.
 
-    Until neither moves: in a closed loop the first fit is biased, and so is its noise model, which
-    holds the bias for some rounds. A wrong model leaves ever more to the noise model instead: after
-    two rounds the free run may not become worse than a little. An ARX model gets these two.
+    Repeated until neither moves: in a closed loop the first fit is biased, and so is its noise
+    model, which keeps the bias for some rounds. A wrong model would leave ever more to the noise
+    model: after two rounds the free run may become only slightly worse. An ARX model gets two.
     """
     for i in range(N_LIKELIHOOD[model.simulator.record.core]):
         before, noise = model, criterion.noise

@@ -1,4 +1,4 @@
-"""The linear core of a model: a human operator, or an ARX system."""
+"""The linear cores of models: a human operator, or an ARX system."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ N_ROUNDS = 2  # of least squares for an ARX model behind an effect
 
 @dataclass(frozen=True)
 class Ratio:
-    """A number that tables show beside its parameters: ``over`` divided by ``under``."""
+    """A number that tables show with the parameters: ``over`` divided by ``under``."""
 
     name: str
     over: str
@@ -41,7 +41,7 @@ class Core(Protocol):
     kind : CoreKind
         Which core it is, for ``Effect.refusal``.
     parameters : tuple of Parameter
-        What is estimated. What is neither of ``gains`` nor of ``delays`` belongs to the response.
+        What is estimated. What is in neither ``gains`` nor ``delays`` belongs to the response.
     gains : tuple of str
         Names of the parameters that ``command`` takes. Thresholds of the command grow with the
         first.
@@ -51,10 +51,10 @@ class Core(Protocol):
         Usual values of the response's parameters, which a search starts from where what is missing
         has bent the estimates; empty where nothing is usual.
     ratios : tuple of Ratio
-        What tables show beside the parameters.
+        What tables show with the parameters.
     sizes : mapping of str to float
         Changes of parameters that change the output by its own size, where the parameters
-        themselves do not tell.
+        themselves do not show it.
     """
 
     kind: CoreKind
@@ -66,7 +66,7 @@ class Core(Protocol):
     sizes: Mapping[str, float]
 
     def on(self, record: Record) -> Record:
-        """The record with what effects must know of the core."""
+        """The record, completed by what effects must know about the core."""
 
     def least_delay(self, dt: float) -> float:
         """Least delay of the input in seconds that the core can take."""
@@ -75,7 +75,7 @@ class Core(Protocol):
         """Delay of the answer to the input in seconds, without effects."""
 
     def command(self, error: np.ndarray, gains: Gains, values: dict[str, float]) -> tuple:
-        """Position and rate command for a delayed error and gains as late."""
+        """Position and rate command for a delayed error and gains delayed alike."""
 
     def response(
         self, command: Command, gains: Gains, spring: Spring, values: dict[str, float], dt: float
@@ -83,13 +83,13 @@ class Core(Protocol):
         """Output for a command."""
 
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
-        """Changes of parameters by which the answer comes that much earlier; none, if it cannot."""
+        """Changes of parameters that make the answer that much earlier; none if it cannot be."""
 
     def second_order(self, values: dict[str, float]) -> tuple[float, float] | None:
         """Natural frequency and damping ratio of the response; None if it is another system."""
 
     def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
-        """Parameters by least squares for what reaches the core; none where they are not linear."""
+        """Least-squares parameters for what reaches the core; none if it is not linear in them."""
 
 
 class OperatorCore:
@@ -169,7 +169,7 @@ class ARXCore:
     """A(q) y = B(q) x(t - nk) + c with orders of one input (Eq. 6), c only with ``intercept``.
 
     ``sizes``: changes of the coefficients that change the output by its own size. Coefficients of
-    a fast sampled slow system are told apart in their last digits, so that their own size says
+    a fast sampled slow system differ in their last digits only, so that their own size says
     nothing.
     """
 
@@ -205,7 +205,7 @@ class ARXCore:
         )
 
     def least_delay(self, dt: float) -> float:
-        return -self.nk * dt  # what nk delays beside
+        return -self.nk * dt  # because nk delays as well
 
     def delay(self, values: dict[str, float]) -> float:
         return 0.0

@@ -1,4 +1,4 @@
-"""The controlled element, estimated from output and response."""
+"""The controlled element (K_c, omega_b) estimated from the recorded u and x."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from scipy.integrate import cumulative_trapezoid
 
 from ..effects.record import Record
 
-WORST_FIT = 0.2  # of the power of x, at most, is not explained
+WORST_FIT = 0.2  # largest share of the power of x that may stay unexplained
 
 
 def estimate_element(record: Record) -> tuple[float, float] | None:
     """K_c and omega_b from u and x by least squares on integrals of dx/dt = v, dv/dt = K_c u - ...
 
     x(t) = K_c (integral of integral of u) - omega_b (integral of x) + c_0 + c_1 t for each run; a
-    measured disturbance adds to u. None where x is not measured or does not answer u so.
+    measured disturbance adds to u. None where x is not measured or does not answer u in this way.
     """
     names = record.with_role("x")
     if not names or record.y is None:
@@ -29,7 +29,7 @@ def estimate_element(record: Record) -> tuple[float, float] | None:
             if known.size < 50:
                 continue
             span = slice(known[0], known[-1] + 1)
-            # Pieces of some seconds, each with its own start: integrals forget slow errors.
+            # Pieces of some seconds, each with its own start, so that integrals forget slow errors.
             for piece in _pieces(span, round(8.0 / record.dt)):
                 x = record.channels[names[0]][piece, j]
                 u = record.y[piece, j]

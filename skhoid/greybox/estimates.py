@@ -1,4 +1,4 @@
-"""Tables and texts of estimated parameters."""
+"""Tables of estimated parameters with standard errors and units, and their text."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def parameter_table(
         for key, value in effect.fixed.items():
             dimension = spec[key].dimension_on(simulator.record, effect.place)
             add(f"{name}__{key}", value, 0.0, dimension, f"{spec[key].meaning} (given)")
-        for key, number in derived(simulator, theta, covariance, name).items():
+        for key, number in derived_with_errors(simulator, theta, covariance, name).items():
             add(f"{name}__{key}", *number)
     table = pd.DataFrame(
         rows, columns=["parameter", "value", "sd", "low", "high", "unit", "meaning"]
@@ -57,7 +57,7 @@ def parameter_table(
     return table.set_index("parameter")
 
 
-def derived(
+def derived_with_errors(
     simulator: Simulator, theta: np.ndarray, covariance: np.ndarray, name: str
 ) -> dict[str, tuple[float, float, Dimension, str]]:
     """Numbers that follow from those of an effect, with standard errors by linearisation."""
@@ -89,7 +89,7 @@ def derived(
 def arx_parameter_table(
     names: list[str], theta: np.ndarray, sd: np.ndarray, units: list[str]
 ) -> pd.DataFrame:
-    """The same of an ARX model that was fitted by least squares."""
+    """The same table for an ARX model fitted by least squares."""
     meaning = {"a": "of the output", "b": "of the input", "i": "constant"}
     columns = {
         "value": theta,

@@ -16,9 +16,9 @@ from .model import Model, best_of, in_order, scaled_sse, start_beside, without
 from .scan import Scan
 from .simulator import Simulator
 
-N_KEPT = 2  # variants that are followed to the end
-AS_GOOD = 10.0  # n log(SSE / SSE) of variants that are not told apart
-ALIKE = 0.9  # of the gain of the best variant
+N_VARIANTS_KEPT = 2  # variants that are followed to the end
+AS_GOOD = 10.0  # n log(SSE / SSE) within which variants count as equal
+ALIKE = 0.9  # share of the gain of the best variant
 HOPEFUL = 1.0  # times the parent's squares, at most, before a search
 COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
 FINE_SIZES = (0.04, 0.013, 0.004)
@@ -56,7 +56,7 @@ def extended(
             starts = [restarted(simulator, coarse, start) for start in starts]
         if parent.other_core is not None:
             starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]
-        if last:  # what the variant before found, as far as it has the same parameters
+        if last:  # what the previous variant found, where it has the same parameters
             known = [(last.get(n), i) for i, n in enumerate(simulator.names)]
             again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
             starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
@@ -77,7 +77,7 @@ def extended(
     explored.sort(key=lambda item: item[:2])
     finished: list[tuple[int, Model]] = []
     gain = before - explored[0][0]
-    for sse, number, variant, fit in explored[:N_KEPT]:
+    for sse, number, variant, fit in explored[:N_VARIANTS_KEPT]:
         simulator = with_(variant, parent.simulator.record)
         promising = before - sse > enough
         if finished and (not promising or before - sse < ALIKE * gain):
@@ -89,17 +89,16 @@ def extended(
         finished.append((number, model))
     assert finished
     least = min(model.sse for _, model in finished)
-    # Of variants that are as good the first is the plainest, and physical.
+    # Of equally good variants the first is the plainest, and physical.
     most = least * np.exp(AS_GOOD / criterion.n)
     near = [item for item in finished if item[1].sse <= most]
     return min(near, key=lambda item: item[0])[1]
 
 
 def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
-    """Parameters with those of the core that least squares give for what reaches it, if better.
+    """Parameters with those of the core found anew by least squares, if that is better.
 
-    The parent's make up for a wrong delay, and with another delay lead back to where they come
-    from.
+    The parent's make up for a wrong delay, and with another delay would lead back to it.
     """
     core = simulator.core
     simulator.run(theta)
@@ -111,7 +110,7 @@ def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> 
 def beside_each_other(
     model: Model, templates: Mapping[str, Effect], criterion: Criterion, coarse: Criterion
 ) -> Model:
-    """Each effect but the last fitted anew beside the others, where that is better.
+    """Each effect but the last fitted anew together with the others, where that is better.
 
     ``templates`` are effects by their ids, with nothing chosen or estimated.
     """

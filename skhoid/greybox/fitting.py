@@ -12,13 +12,13 @@ from ..effects.record import Record
 from .simulator import Simulator
 
 AR_ORDER = 6  # what the kernel is written for
-WHITE_FLOOR = 3e-3  # of the residual's variance is white at least
+WHITE_FLOOR = 3e-3  # least share of the residual's variance that is white
 EXPLORED_RUNS = 3
 EXPLORED_STEP = 0.04  # s
 STEP = 1e-4  # of finite differences, relative
 COARSE_STEP = 5e-3  # where the response is not smooth
 WORTHWHILE = 1e-4  # share of the squares that a common scale must save
-SEARCHED = 0.02  # relative, to which parameters are found where the response is not smooth
+SEARCHED = 0.02  # relative accuracy of parameters where the response is not smooth
 MEMORY = 2.0  # s, over which scores may correlate
 
 
@@ -35,7 +35,7 @@ class RemnantModel:
 
 
 class Criterion:
-    """Squares of whitened residuals on every so-manieth row, and their derivatives."""
+    """Squares of whitened residuals on every ``thin``-th row, and their derivatives."""
 
     def __init__(
         self, record: Record, noise: RemnantModel | None = None, *, rate: float | None = None
@@ -54,7 +54,7 @@ class Criterion:
         n = self.record.known.sum(axis=0)
         runs = np.sort(np.argsort(-n, kind="stable")[:EXPLORED_RUNS])
         rate = self.record.criterion_rate
-        # What has no rate to count at is not thinned: an ARX model depends on the sampling time.
+        # Without a finite rate nothing is thinned: an ARX model depends on the sampling time.
         thin = max(1, int(EXPLORED_STEP / self.record.dt + 1e-6)) if np.isfinite(rate) else 1
         return Criterion(self.record.part(runs, thin), rate=rate / 2)
 
@@ -110,7 +110,7 @@ def remnant_model(residual: np.ndarray, known: np.ndarray) -> RemnantModel:
     )[0]
     counts = np.maximum(known.sum(axis=0), 1)
     power = (errors.reshape(residual.shape) ** 2).sum(axis=0) / counts
-    # Runs whose remnant is stronger count less; within a factor of three, lest one run decide.
+    # Runs with stronger remnant count less, within a factor of three: no single run decides.
     scale = np.sqrt(np.clip(power, power.mean() / 9, None))
     if power.mean() <= 0:
         return RemnantModel(ar, np.ones(residual.shape[1]))
@@ -173,7 +173,7 @@ def minimise(
         for _retry in range(6):
             step = np.zeros_like(theta)
             block = normal[np.ix_(free, free)]
-            # Scaled, lest units decide what is small.
+            # Scaled, so that units do not decide what is small.
             d = np.sqrt(np.where(np.diag(block) > 0, np.diag(block), 1.0))
             scaled = block / np.outer(d, d) + damping * np.eye(d.size)
             try:
@@ -249,7 +249,7 @@ def derivatives(
         h = relative * simulator.size(i, value)
         if value + h > simulator.high[i]:
             h = -h
-        np.subtract(simulator.beside(i, value + h)[::thin], here, out=rows[i])
+        np.subtract(simulator.run_with_change(i, value + h)[::thin], here, out=rows[i])
         rows[i] *= 1 / h
     rows[-1] = criterion.residual(output)
     return rows
@@ -258,12 +258,12 @@ def derivatives(
 def covariance_of(simulator: Simulator, criterion: Criterion, fit: Fit) -> np.ndarray:
     """Covariance of an operator's parameters; NaN for those at a bound.
 
-    Of four parts. Derivatives are differences over about a standard deviation, which says more
-    than a tangent of a response that is a step, or jagged. Where whitened residuals are not white,
-    a long-run covariance of the scores enlarges the variances. And what the estimates would move
-    if the sampling time were twice as long counts as a standard deviation of its own: no noise
-    makes up for what the simulation is accurate to. The same holds for the last step of a search
-    where the response is not smooth.
+    It has four parts. Derivatives are differences over about a standard deviation, which say more
+    than the tangent of a response that is a step, or jagged. Where whitened residuals are not
+    white, a long-run covariance of the scores enlarges the variances. How far the estimates would
+    move at twice the sampling time counts as a standard deviation of its own: the accuracy of the
+    simulation limits them whatever the noise. So does the last step of a search where the response
+    is not smooth.
     """
     theta = fit.theta
     free = (theta > simulator.low) & (theta < simulator.high)
@@ -304,7 +304,7 @@ def wide_derivatives(
     sigma: float,
     diagonal: np.ndarray,
 ) -> np.ndarray:
-    """Whitened differences over the standard deviation that each parameter has by itself."""
+    """Whitened differences over the standard deviation that each parameter has on its own."""
     rows = np.empty((theta.size + 1, *criterion.y.shape))
     for i, value in enumerate(theta):
         size = simulator.size(i, value)
@@ -312,8 +312,8 @@ def wide_derivatives(
         width = min(max(width, STEP * size), size)
         above = min(value + width, simulator.high[i])
         below = max(value - width, simulator.low[i])
-        rows[i] = simulator.beside(i, above)[:: criterion.thin]
-        rows[i] -= simulator.beside(i, below)[:: criterion.thin]
+        rows[i] = simulator.run_with_change(i, above)[:: criterion.thin]
+        rows[i] -= simulator.run_with_change(i, below)[:: criterion.thin]
         rows[i] /= above - below
     rows[-1] = criterion.residual(output)
     return criterion.whitened(rows)
@@ -330,7 +330,7 @@ def long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
 
 
 def change_if_coarser(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
-    """What the output would change by at twice the sampling time, on the criterion's rows."""
+    """Change of the output at twice the sampling time, on the criterion's rows."""
     record, output = simulator.record, simulator.run(theta)
     half = record.part(np.arange(record.n_runs), 2)
     change = Simulator(simulator.core, simulator.effects, half).run(theta) - output[::2]
@@ -345,6 +345,6 @@ def change_if_coarser(simulator: Simulator, criterion: Criterion, theta: np.ndar
 
 
 def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
-    """Pseudo-inverse of a Gram matrix, scaled lest units decide what is small."""
+    """Pseudo-inverse of a Gram matrix, scaled so that units do not decide what is small."""
     d = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     return np.linalg.pinv(matrix / np.outer(d, d), rcond=1e-12) / np.outer(d, d)

@@ -1,4 +1,4 @@
-"""Models on a record: a simulator with fitted parameters."""
+"""A fitted model on a record: a simulator, its parameters, and minimising from several starts."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from .simulator import Simulator
 
 N_TRIED = 2  # iterations from every start
 MANY = 4  # starts, of which each gets one iteration only
-N_SCREENED = 10  # starts that are more than simulated once
+N_SCREENED = 10  # starts that are simulated more than once
 N_SCREENED_COARSELY = 4  # the same, where the response is not smooth
-N_KEPT = 2  # starts that are followed to the end
+N_STARTS_KEPT = 2  # starts that are followed to the end
 
 
 @dataclass
 class Model:
     """A simulator with parameters at a minimum.
 
-    ``other_core`` are plain parameters of the core to start from as well, where the
-    minimum lies at a bound: what is missing has bent it then.
+    ``other_core`` are usual parameters of the core, a second place to start from where the
+    minimum lies at a bound because what is missing has bent it.
     """
 
     simulator: Simulator
@@ -50,7 +50,7 @@ class Model:
 
     @property
     def n_parameters(self) -> int:
-        """Parameters estimated, counting what effects found beside them."""
+        """Number of estimated parameters, including numbers that effects found in the data."""
         return self.theta.size + sum(effect.n_hidden for _, effect in self.effects)
 
     def values(self) -> dict[str, float]:
@@ -79,27 +79,27 @@ def best_of(
     *,
     explore: bool = False,
 ) -> Model:
-    """Minimise from several starts: a little from all, to the end from the best."""
+    """Minimise from several starts: a few iterations from each, then to the end from the best."""
     end = {"max_iter": 8, "tol": 2e-4} if explore else {"max_iter": 20, "tol": 1e-5}
     starts = list(starts)
     most = N_SCREENED if simulator.smooth else N_SCREENED_COARSELY
     if len(starts) > most:
         starts.sort(key=lambda s: scaled_sse(simulator, criterion, s))
         starts = starts[:most]
-    if len(starts) > N_KEPT:
+    if len(starts) > N_STARTS_KEPT:
         first = 1 if len(starts) > MANY else N_TRIED
         tried = [
             minimise(simulator, criterion, np.asarray(s, dtype=float), max_iter=first, tol=1e-3)
             for s in starts
         ]
         tried.sort(key=lambda fit: fit.sse)
-        starts = [fit.theta for fit in tried[:N_KEPT]]
+        starts = [fit.theta for fit in tried[:N_STARTS_KEPT]]
     fits = [minimise(simulator, criterion, np.asarray(s, dtype=float), **end) for s in starts]  # type: ignore[arg-type]
     return Model(simulator, min(fits, key=lambda fit: fit.sse))
 
 
 def scaled_sse(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:
-    """Squares that the best multiple of the output at some parameters leaves."""
+    """Sum of squares that the best multiple of the output at some parameters leaves."""
     table = criterion.whitened(
         np.stack([simulator.run(theta)[:: criterion.thin] * criterion.known, criterion.y])
     )
@@ -118,8 +118,8 @@ def start_beside(
 ) -> np.ndarray:
     """Parameters of the parent and start values of a further effect as one vector.
 
-    A start value called ``+`` and the name of a parameter of the parent is added to that, if there
-    is such; see ``effects.error_scan``. ``core`` replaces parameters of the parent.
+    A start value called ``+`` and the name of a parameter of the parent is added to it, if there
+    is one; see ``effects.error_scan``. ``core`` replaces parameters of the parent.
     """
     known = {**parent.values(), **(core or {})}
     for key, value in values.items():
@@ -133,7 +133,7 @@ def start_beside(
 def without(model: Model, name: str, core: dict[str, float] | None = None) -> Model:
     """A model without one of its effects, at the minimum of the simulation error nearby.
 
-    Without the effect it may run away; then ``core`` replaces its parameters at the start.
+    Without the effect it may diverge; then ``core`` replaces its parameters at the start.
     """
     kept = Effects([(n, e) for n, e in model.effects if n != name])
     simulator = Simulator(model.simulator.core, kept, model.simulator.record)

@@ -1,4 +1,4 @@
-"""An operator core at the smallest error of simulation, without effects."""
+"""Fitting an operator core without effects: its starts, and the smallest simulation error."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .simulator import Simulator
 
 
 def fit_plain_operator(core: OperatorCore, record: Record, criterion: Criterion) -> Model:
-    """An operator without effects; see ``Model.other_core`` for where it ends at a bound."""
+    """An operator without effects; see ``Model.other_core`` if it ends at a bound."""
     starts = operator_starts(core, record, criterion)
     model = fit_core(core, record, criterion, starts)
     simulator = model.simulator

@@ -1,4 +1,4 @@
-"""The human operator with its physical parameters, estimated by maximum likelihood."""
+"""``OperatorRegressor``: the human operator's physical parameters, by maximum likelihood."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class OperatorRegressor(GreyBox):
     effects : Effect, Effects, str, list of these, or None, default=None
         What the linear operator lacks; see :mod:`skhoid.effects`.
     roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not tell them: e, x, f_t, or a name
+        Roles of columns, ``{column: role}``, where names do not show them: e, x, f_t, or a name
         that begins with motion or dist; "" for none. Effects may use all columns.
     controlled_element : ControlledElement or None, default=None
         What the operator controls, for effects that use its inverse; None estimates it from
@@ -94,8 +94,8 @@ class OperatorRegressor(GreyBox):
     Residuals count at 25 Hz, above which operators have no power to speak of; the simulation runs
     at the sampling rate. Runs with more remnant weigh less.
 
-    Standard errors hold for remnant of any colour, and include what the estimates would move at
-    twice the sampling time: where there is little remnant, that is what limits them.
+    Standard errors hold for remnant of any colour, and include how far the estimates would move at
+    twice the sampling time, which limits them where there is little remnant.
 
     References
     ----------

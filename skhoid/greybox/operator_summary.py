@@ -1,4 +1,4 @@
-"""What a fitted model with effects says of itself."""
+"""The summary of a fitted model with effects."""
 
 from __future__ import annotations
 

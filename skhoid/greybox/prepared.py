@@ -1,4 +1,4 @@
-"""Data read for a model with effects, and refused where they cannot hold its parameters."""
+"""Reading and checking data for a model with effects; errors for data that cannot determine it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .side_by_side import SegmentColumns, build_record
 
 @dataclass(frozen=True)
 class SimulatedCore:
-    """The core that the parameters of an estimator ask for, and what is to be said of it.
+    """The core that the parameters of an estimator ask for, how to fit it, and its given values.
 
     ``estimated`` finds the core without effects at the minimum of the simulation error; ``given``
     are parameters that are not estimated, for the table.
@@ -42,9 +42,9 @@ class Prepared:
     """Data to fit, read and checked, and the core to fit to them.
 
     ``record`` has the runs side by side and ``columns`` says where they come from; ``table`` has
-    all columns of X, called ``names``, at full rate, of which ``channels`` are the positions of
-    those in the record. ``roles`` are theirs, ``units`` those of the data as tables of parameters
-    take them.
+    all columns of X, called ``names``, at full rate; ``channels`` are the positions of those in
+    the record, and ``roles`` are their roles. ``units`` are the units of the data, as tables of
+    parameters need them.
     """
 
     spec: SimulatedCore
@@ -71,7 +71,7 @@ class Prepared:
 
 
 def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
-    """Data as a record for the core of an estimator, which remembers the controlled element."""
+    """Data as a record for the core of an estimator, on which it sets the controlled element."""
     grid, _, output, thinned, values = data
     if estimator._takes_first and estimator.inputs is None and len(estimator._columns) > 1:
         # None has the role e.
@@ -138,7 +138,7 @@ def constants_of(element: ControlledElement) -> tuple[float, float]:
 
 
 def check_rows(record: Record, n_parameters: int, grid: ModelGrid, settling: float) -> None:
-    """Refuse data that cannot hold the parameters and the noise model."""
+    """Refuse data too short for the parameters and the noise model."""
     if not record.known.any() and record.y is not None and not record.y.any():
         raise ValueError("Input y contains NaN in all rows: nothing was measured.")
     criterion = Criterion(record, RemnantModel(np.zeros(AR_ORDER), np.ones(record.n_runs)))

@@ -19,7 +19,7 @@ class SimulatedModel(Protocol):
 
     ``OperatorRegressor`` and ``ARXRegressor`` are such models. One of your own is most easily a
     subclass of :class:`skhoid.greybox.GreyBox`, which has all of these but ``__init__``; any other
-    class will do that has them. A search calls ``prepare`` and ``first_fit`` once, on a clone,
+    class that has them will do. A search calls ``prepare`` and ``first_fit`` once, on a clone,
     tries effects on the record that it gets, and takes ``with_fit`` of what it found.
 
     Attributes
@@ -44,10 +44,10 @@ class SimulatedModel(Protocol):
     n_features_in_: int
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Parameters, as scikit-learn has it; the search clones the model."""
+        """Parameters, as in scikit-learn; the search clones the model."""
 
     def set_params(self, **params: Any) -> Any:
-        """Set parameters; a search that is given a controlled element sets it so."""
+        """Set parameters; a search that is given a controlled element sets it this way."""
 
     def fit(self, X: Any, y: Any) -> Any:
         """Estimate all parameters."""

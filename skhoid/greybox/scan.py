@@ -1,4 +1,4 @@
-"""What a model leaves for many values of an effect beside a parent, cheaply."""
+"""Scans: what a model with an added effect leaves unexplained, cheaply for many values."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ FOLLOWED = 3  # iterations from a value that is scanned
 
 
 class Scan:
-    """The :class:`~skhoid.effects.ErrorScan` of an effect beside a parent.
+    """The :class:`~skhoid.effects.ErrorScan` of an effect that is added to a parent model.
 
-    ``bent`` tells whether what is missing may have bent the parent.
+    ``bent`` says whether what is missing may have bent the parent.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Scan:
             change[f"+{name}"] += by
         return {name: value for name, value in change.items() if value}
 
-    def on(self, seconds: float) -> tuple[Simulator, Criterion]:
+    def on_first(self, seconds: float) -> tuple[Simulator, Criterion]:
         """The model on the first seconds."""
         if seconds not in self.by_seconds:
             short = Criterion(self.coarse.record.beginning(seconds), rate=self.coarse.rate)
@@ -64,7 +64,7 @@ class Scan:
         return self.by_seconds[seconds]
 
     def __call__(self, values: dict[str, float], seconds: float) -> float:
-        simulator, short = self.on(seconds)
+        simulator, short = self.on_first(seconds)
         theta = start_beside(self.parent, simulator, self.name, values)
         return scaled_sse(simulator, short, theta)
 
@@ -89,14 +89,14 @@ class Scan:
         found = self.parent.simulator.core.second_order(self.ordinary)
         if found is None:
             raise ValueError(
-                f"{type(self.variant).__name__} asks what sums of answers to commands leave, which "
-                "is known of operators only; other cores answer error_of(values, seconds)."
+                f"{type(self.variant).__name__} calls left or left_by_events, which need "
+                "an operator as the core; with other cores call error_of(values, seconds)."
             )
         omega, zeta = (np.array([value]) for value in found)
         return _kernels.greybox.held_linearly(omega, zeta, dt), float(2 * zeta[0] * omega[0])
 
     def left_by_events(self, points: np.ndarray, seconds: float, of_error: bool) -> np.ndarray:
-        simulator, short = self.on(seconds)
+        simulator, short = self.on_first(seconds)
         position, slope = self.commands(seconds)
         dt = simulator.record.dt
         matrices, damping = self.matrices(dt)
@@ -113,7 +113,7 @@ class Scan:
         )
 
     def left(self, columns: Sequence[np.ndarray], seconds: float) -> np.ndarray:
-        simulator, short = self.on(seconds)
+        simulator, short = self.on_first(seconds)
         matrices, _ = self.matrices(simulator.record.dt)
         n, runs, count = columns[0].shape
         answers = []
@@ -142,7 +142,7 @@ class Scan:
         return np.asarray(y @ y - np.einsum("ki,ki->k", solved, right))
 
     def fitted(self, values: dict[str, float]) -> tuple[float, dict[str, float]]:
-        simulator, coarse = self.on(np.inf)
+        simulator, coarse = self.on_first(np.inf)
         theta = start_beside(self.parent, simulator, self.name, values)
         mine = np.array([name.startswith(f"{self.name}__") for name in simulator.names])
         tied = Tied(simulator, theta)

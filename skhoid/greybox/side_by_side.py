@@ -1,4 +1,4 @@
-"""Rows of a table, and the same side by side as a record."""
+"""From rows of a table to runs side by side in a record, and back."""
 
 from __future__ import annotations
 

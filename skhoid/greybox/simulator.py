@@ -1,4 +1,4 @@
-"""Simulation of a core with effects: stages, of which only those behind a change run again."""
+"""Simulation of a core with effects in stages; only stages after a change run again."""
 
 from __future__ import annotations
 
@@ -155,8 +155,8 @@ class Simulator:
         self._theta = theta.copy()
         return self._states[-1].output
 
-    def beside(self, position: int, value: float) -> np.ndarray:
-        """Output with one parameter changed against the last ``run``."""
+    def run_with_change(self, position: int, value: float) -> np.ndarray:
+        """Output of the last ``run`` with one parameter changed."""
         assert self._theta is not None
         theta = self._theta.copy()
         theta[position] = value
@@ -172,13 +172,13 @@ class Simulator:
         return self._states[-1]
 
     def size(self, position: int, value: float) -> float:
-        """How much a parameter may be changed to change the output by its own size."""
+        """How large a change of a parameter changes the output by its own size."""
         own = self.core.sizes.get(self.names[position])
         return max(abs(value), 0.05 * self.scale[position]) if own is None else own
 
 
 def gains_of_delayed(gains: Gains, delay: Any, record: Record) -> Gains:
-    """The gains with which an error was seen that is answered now: as late as the error."""
+    """The gains at the time of the error that is answered now, so delayed as the error is."""
     error, rate = gains.error, gains.rate
     if len(error) > 1:
         error = record.delayed(error, delay)

@@ -1,4 +1,4 @@
-"""A simulator whose thresholds follow the gains."""
+"""A simulator for fits whose thresholds scale with the gains, so that events stay the same."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .simulator import Simulator
 class Tied(Simulator):
     """A simulator whose thresholds of the command follow the gains.
 
-    A command and its thresholds that grow by the same factor have the same events. Of vectors
-    theta, thresholds are for the gain in ``reference``, such a vector too.
+    A command and its thresholds that grow by the same factor have the same events. In vectors
+    theta, thresholds are those at the gain of ``reference``, which is such a vector too.
     """
 
     def __init__(self, simulator: Simulator, reference: np.ndarray):
@@ -46,17 +46,17 @@ class Tied(Simulator):
         self._given = theta
         return super().run(self.back(theta))
 
-    def beside(self, position: int, value: float) -> np.ndarray:
+    def run_with_change(self, position: int, value: float) -> np.ndarray:
         if position != self.gain or not self.tied.any():
             theta = self._given.copy()
             theta[position] = value
-            return super().beside(position, float(self.back(theta)[position]))
+            return super().run_with_change(position, float(self.back(theta)[position]))
         before = self._theta
         theta = self._given.copy()
         theta[position] = value
-        # The gain comes before the thresholds: all behind it runs again.
+        # The gain comes before the thresholds: every stage after it runs again.
         self._theta = self.back(theta)
-        output = super().beside(position, value)
+        output = super().run_with_change(position, value)
         self._theta = before
         return output
 

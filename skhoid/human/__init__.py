@@ -1,4 +1,4 @@
-"""The human operator and what is controlled: physics as small objects."""
+"""Physics as small objects: human operator, controlled element, parameters that vary in time."""
 
 from .controlled_element import ControlledElement
 from .discretisation import delay_samples, pade, zoh_parameters

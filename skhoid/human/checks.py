@@ -1,4 +1,4 @@
-"""Checks of the numbers that physics are made of."""
+"""Checks of physical parameters: finite, positive, or functions of time."""
 
 from __future__ import annotations
 

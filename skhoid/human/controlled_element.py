@@ -1,4 +1,4 @@
-"""The controlled element (Eq. 1)."""
+"""``ControlledElement``: dynamics between single and double integrator (Eq. 1)."""
 
 from __future__ import annotations
 

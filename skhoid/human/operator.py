@@ -1,4 +1,4 @@
-"""The human operator (Eqs. 3-5)."""
+"""``HumanOperator``: gains, lead, delay and neuromuscular system (Eqs. 3-5)."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ class HumanOperator:
         t : float, default=0.0
             Time in s.
         input : {"e", "f_t", "x"}, default="e"
-            Error, or what a pursuit display shows beside it. As e = f_t - x, identified responses
+            Error, or what a pursuit display shows in addition. As e = f_t - x, identified responses
             to e and x alone are H_e + H_ft and H_x + H_ft.
 
         Returns

@@ -1,4 +1,4 @@
-"""Parameters that vary in time: transitions, mixtures, and what they have in common."""
+"""Parameters that vary in time: sigmoid, step and ramp, mixtures, and their values at instants."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Transition:
         return self.along(self.progress(t))
 
     def along(self, progress: np.ndarray) -> np.ndarray:
-        """Values where so much of the transition has happened.
+        """Values where this share of the transition has happened.
 
         Parameters
         ----------
@@ -68,7 +68,7 @@ class Transition:
         raise NotImplementedError
 
     def later(self, lag: float) -> Any:
-        """The same transition at another time.
+        """The same transition, moved in time.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class Mixture:
     @property
     def changes(self) -> Span:
         """Times in s before and after which nothing changes."""
-        return span(self.first, self.second, self.weight)
+        return span_of_changes(self.first, self.second, self.weight)
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ class Shifted:
     @property
     def changes(self) -> Span:
         """Times in s before and after which nothing changes."""
-        own, extra = span(self.function), span(self.extra)
+        own, extra = span_of_changes(self.function), span_of_changes(self.extra)
         return min(own[0] + self.lag, extra[0]), max(own[1] + self.lag, extra[1])
 
 
@@ -262,7 +262,7 @@ class Product:
     @property
     def changes(self) -> Span:
         """Times in s before and after which nothing changes."""
-        return span(self.first, self.second)
+        return span_of_changes(self.first, self.second)
 
 
 def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
@@ -285,7 +285,7 @@ def frozen(owner: Any, t: float, *names: str) -> dict[str, float]:
 
 
 def mix(first: Parameter, second: Parameter, weight: Parameter) -> Parameter:
-    """:class:`Mixture`, in its simplest form."""
+    """A :class:`Mixture`, or the number or transition to which it simplifies."""
     if not callable(first) and not callable(second):
         if first == second:
             return first
@@ -297,7 +297,7 @@ def mix(first: Parameter, second: Parameter, weight: Parameter) -> Parameter:
 
 
 def transition_of(*parameters: Parameter | None) -> Any:
-    """How far along (0 to 1) the first of the parameters with one transition is; None if none."""
+    """The transition from 0 to 1 that the first varying parameter follows; None without any."""
     for parameter in parameters:
         if isinstance(parameter, Transition) and parameter.initial != parameter.final:
             return parameter.unit()
@@ -308,7 +308,7 @@ def transition_of(*parameters: Parameter | None) -> Any:
     return None
 
 
-def span(*parameters: Parameter) -> Span:
+def span_of_changes(*parameters: Parameter) -> Span:
     """Times in s before and after which none of the parameters changes any more, to rounding."""
     spans = [getattr(p, "changes", (-np.inf, np.inf)) for p in parameters if callable(p)]
     begins, ends = zip((np.inf, -np.inf), *spans, strict=True)

@@ -139,7 +139,7 @@ def legend_inside(panel: Axes, handles: Sequence[Any], labels: Sequence[str]) ->
 
 
 def legend_above(panel: Axes, columns: int | None = None) -> None:
-    """A legend above the right end of a panel, in one row unless told otherwise."""
+    """A legend above the right end of a panel, in one row unless ``columns`` says otherwise."""
     entries = legend_entries([panel])
     panel.legend(
         entries.values(),

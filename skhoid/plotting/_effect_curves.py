@@ -246,14 +246,14 @@ def _gain_labels(bench: Bench, factors: dict[str, np.ndarray]) -> dict[str, str]
     labels = {}
     for group in groups:
         factor = factors[group[0]]
-        words = " and ".join(named[key] for key in group)
+        label = " and ".join(named[key] for key in group)
         ends = factor[0], factor[-1]
         row = known.loc[named[group[0]]]
         size, unit = (row["value"], row["unit"]) if len(group) == 1 else (1.0, "-")
         if not np.isclose(*ends):
-            words += f": {size * ends[0]:.3g} to {size * ends[1]:.3g}"
-            words += "" if unit == "-" else f" {unit}"
-        labels[group[0]] = words
+            label += f": {size * ends[0]:.3g} to {size * ends[1]:.3g}"
+            label += "" if unit == "-" else f" {unit}"
+        labels[group[0]] = label
     return labels
 
 
@@ -383,5 +383,5 @@ def realisation(bench: Bench) -> Response:
 
 
 def _answered(bench: Bench) -> str:
-    """What the core answers, in words."""
+    """The name of what the core answers."""
     return "error" if bench.core.kind.is_operator else "input"

@@ -1,4 +1,4 @@
-"""A model against measured runs, on one page."""
+"""Overview of a comparison: a model against measured runs, in several panels on one page."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
 
     From above: the measured and the predicted output around the worst window of the worst run;
     the VAF points lost over time, the spectra of output, residual and noise, and the mean residual
-    over the channel with the strongest evidence; the output as explained, explainable and
+    over the channel with the clearest nonlinearity; the output as explained, explainable and
     remnant. What exceeds chance is red; in time, if runs share the target, what repeats over them.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
@@ -251,16 +251,16 @@ class ComparisonDisplay(ComparisonBaseDisplay):
 
 
 def _strongest(bins: pd.DataFrame, tests: pd.DataFrame) -> str | None:
-    """The channel with the strongest evidence of a nonlinearity, else furthest outside its band."""
+    """The channel with the clearest nonlinearity, else furthest outside its band."""
     shaped = tests[tests["test"].isin(["nonlinearity", "asymmetry"]) & exceeding(tests)]
     shaped = shaped[shaped["signal"].isin(bins["channel"]) & shaped["statistic"].notna()]
     if not shaped.empty:
         return str(shaped.loc[shaped["statistic"].idxmax(), "signal"])
     tested = bins[bins["valid"].eq(True)]
     bins = bins if tested.empty else tested
-    evidence = (bins["mean"].abs() / bins["band"]).groupby(bins["channel"], sort=False).max()
-    evidence = evidence.dropna()
-    return None if evidence.empty else str(evidence.idxmax())
+    in_bands = (bins["mean"].abs() / bins["band"]).groupby(bins["channel"], sort=False).max()
+    in_bands = in_bands.dropna()
+    return None if in_bands.empty else str(in_bands.idxmax())
 
 
 def _explain_in(place: Axes, panels: Any) -> None:

@@ -1,4 +1,4 @@
-"""Which effect is missing: all candidates of one step of a search."""
+"""Ranking of the effects tried in one step of a search, by the VAF gained."""
 
 from __future__ import annotations
 
@@ -189,11 +189,11 @@ class EffectRankingDisplay(Display):
             label=label,
         )
         bic = float(row["delta_bic"])
-        words = [f"{round(gain, 1) + 0.0:+.1f}"] if np.isfinite(gain) else []  # no -0.0
-        words += [f"ΔBIC {round(bic) + 0.0:+.0f}"] if np.isfinite(bic) else []
+        parts = [f"{round(gain, 1) + 0.0:+.1f}"] if np.isfinite(gain) else []  # no -0.0
+        parts += [f"ΔBIC {round(bic) + 0.0:+.0f}"] if np.isfinite(bic) else []
         cut = " (cut)" if gain < left else ""
         self.words_[name] = self.ax_.annotate(
-            ", ".join(words).replace("-", "−") + cut,
+            ", ".join(parts).replace("-", "−") + cut,
             (max(np.nan_to_num(gain), 0.0), i),
             xytext=(4, 0),
             textcoords="offset points",
@@ -237,19 +237,19 @@ class EffectRankingDisplay(Display):
             return f"Step {self.step}: no candidate applies"
         if added.empty:
             return f"Step {self.step}: no candidate is better by more than chance"
-        words = f"Step {self.step}: {added['effect'].iloc[0]} is added"
+        title = f"Step {self.step}: {added['effect'].iloc[0]} is added"
         if np.isfinite(self.margin_):
             second = tried["effect"].iloc[1]
             bic = tried["delta_bic"].to_numpy(dtype=float)
             points = f"{self.margin_:.1f} points and " if self.margin_ > 0.05 else ""
             lead = bic[0] - bic[1]
             if lead < 0:  # the second gains too little on held-out runs, or is less plain
-                words += f", though {second} is {-lead:.0f} better in BIC"
+                title += f", though {second} is {-lead:.0f} better in BIC"
             else:
-                words += f", {points}{lead:.0f} in BIC before {second}"
+                title += f", {points}{lead:.0f} in BIC before {second}"
             if second in self.confused_:
-                words += ", which these data cannot tell apart"
-        return words
+                title += ", which these data cannot tell apart"
+        return title
 
 
 def _finite(values: Any) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Measured against simulated output, before and after effects are added."""
+"""Measured and simulated output over time, before and after a search adds effects."""
 
 from __future__ import annotations
 

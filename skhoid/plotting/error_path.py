@@ -1,4 +1,4 @@
-"""How the error falls as effects are added."""
+"""Error path of a search: how the error falls as effects are added."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recursion remembers: weights of the past, and the memory horizon."""
+"""Forgetting profile of a recursive model: weights of past samples, and the memory horizon."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An identified effect itself: what it does, with its uncertainty."""
+"""Plot of one identified effect: what it does, with its uncertainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is explained, what could be, and what is noise: one bar."""
+"""Noise ceiling: the output as explained, explainable and remnant, in one bar."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class StudyBoxDisplay(Display):
         ``group``, the number of replications ``n``, ``low``, ``q1``, ``median``, ``q3`` and
         ``high`` of box and whiskers, and all results in ``values``, an array.
     group : str, default="remnant_order"
-        Column that is told by colour.
+        Column that is shown by colour.
     x : str, default="remnant_intensity"
         Column along the axis, a place for each of its values.
     by : sequence of str, default=()
@@ -137,7 +137,7 @@ class StudyBoxDisplay(Display):
         value : str or list of str
             Column of results. Several are panels below each other.
         group : str, default="remnant_order"
-            Column that is told by colour.
+            Column that is shown by colour.
         x : str, default="remnant_intensity"
             Column along the axis.
         by : str or list of str, default=()
@@ -343,8 +343,8 @@ class StudyBoxDisplay(Display):
         for panel in self.axes_[-1]:
             panel.set_xlabel(quantity(self.x))
         for panel, column in zip(self.axes_[0], columns, strict=True):
-            words = ", ".join(cell_text(name, level) for name, level in column.items())
-            panel.set_title(words, fontsize="medium")
+            title = ", ".join(cell_text(name, level) for name, level in column.items())
+            panel.set_title(title, fontsize="medium")
         handles: list[Any] = [
             Patch(facecolor=COLOURS[i % len(COLOURS)], alpha=0.75) for i in range(len(self._groups))
         ]

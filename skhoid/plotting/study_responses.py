@@ -151,7 +151,7 @@ class StudyResponseDisplay(Display):
         truth : callable, DataFrame or None, default=None
             The true response: a function of frequencies in rad/s, as ``frequency_response`` of a
             :class:`skhoid.HumanOperator` is, or a table of ``omega``, ``H_real`` and ``H_imag``.
-            It also tells which turn a phase belongs to; without, phases go on from line to line,
+            It also shows which turn a phase belongs to; without, phases go on from line to line,
             which a long delay between lines far apart makes slip.
         ax : array of Axes or None, default=None
             Where to draw, four rows of one for each method. None makes a figure.

@@ -1,4 +1,4 @@
-"""The closed loop on the computer: forcing functions, remnant, conditions, runs."""
+"""Simulation of the closed loop: forcing functions, remnant, conditions, runs."""
 
 from .conditions import Condition, mixed_condition, tracking_condition
 from .forcing import Multisine

@@ -22,7 +22,7 @@ T_M = 40.96  # s
 
 @dataclass(frozen=True)
 class Condition:
-    """What is controlled, and by whom.
+    """A controlled element and the operator who controls it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Running the kernel: blocks of runs, noise and forcing functions, and loops that are unstable."""
+"""Running the kernel of the loop: blocks of runs, noise, forcing functions, unstable loops."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from .with_effects import track_with_effects
 if TYPE_CHECKING:
     from .task import CompensatoryTask
 
-LOST = 1e2  # times the forcing functions: such an error is no tracking
-UNFORCED = 1e9  # the same where remnant alone moves the loop
+LOST = 1e2  # times the forcing functions: an error this large is not tracking
+UNFORCED = 1e9  # the same where remnant alone drives the loop
 ADVICE = (
     "Lower the operator's gain (K_e) or its delay, give it more lead (T_L), or shorten the time "
     "for which its gains do not fit the controlled element."
@@ -34,7 +34,7 @@ STREAMS = {"target": 2, "disturbance": 3}  # of random numbers; 0 is the runs' n
 class RunOptions:
     """Which runs of a task, and how; see :meth:`CompensatoryTask.simulate`.
 
-    ``stream`` tells apart noise for different uses; runs are those from number ``first_run`` on.
+    ``stream`` keeps noise for different uses apart; runs are those from number ``first_run`` on.
     """
 
     random_state: Any = None
@@ -49,7 +49,7 @@ class RunOptions:
 
 
 def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> TrackingRecord:
-    """Simulate runs; those of one number and random state are the same."""
+    """Simulate runs; a run is the same whenever its number and the random state are."""
     if isinstance(n_runs, bool) or not isinstance(n_runs, Integral) or n_runs < 1:
         raise ValueError(f"n_runs is a whole number, at least 1; got {n_runs!r}.")
     n_total, rate, remnant = task.n_run_in + task.n_samples, task.sampling_rate, task.remnant
@@ -231,7 +231,7 @@ def _without_remnant(
     f_d: np.ndarray,
     bound: float,
 ) -> tuple[np.ndarray, int]:
-    """Error of a run without remnant, and about where it exceeds ``bound``, or -1."""
+    """Error of a run without remnant, and roughly where it exceeds ``bound``, or -1."""
     (e, *_), lost = _kernels.loop.track_one(
         f_t,
         f_d,
@@ -250,9 +250,9 @@ def _without_remnant(
 def _check_stability(
     task: CompensatoryTask, physics: tuple[np.ndarray, int], response: Delay | ARXResponse
 ) -> None:
-    """Raise if the answer of constant dynamics to a pulse of the target grows."""
+    """Raise if the response of constant dynamics to a pulse of the target grows."""
     times = []
-    for patience in (1, 10, 100):  # a slow loop first answers, and dies out later
+    for patience in (1, 10, 100):  # a slow loop responds first and decays later
         n_samples = round(patience * (60.0 + 40 * response.delay_time) * task.sampling_rate)
         pulse = np.zeros((n_samples, 1))
         pulse[0] = 1.0
@@ -283,7 +283,7 @@ def _check_growth(
             f"t = {t:.2f} s (0 is the beginning of the measurement window). {ADVICE}"
         )
     if not (f_t.any() or f_d.any()):
-        raise UnstableLoopError(f"The loop is unstable: remnant alone moves it off. {ADVICE}")
+        raise UnstableLoopError(f"The loop is unstable under remnant alone. {ADVICE}")
 
 
 def entropy_of(random_state: Any) -> int:

@@ -65,7 +65,7 @@ class Multisine:
         sizes = (len(self.multiples), len(self.amplitudes), len(self.phases))
         if len(set(sizes)) > 1:
             raise ValueError(
-                "Multisine: multiples, amplitudes and phases must be as many; got {}, {} and "
+                "Multisine: multiples, amplitudes and phases must have one length; got {}, {} and "
                 "{}.".format(*sizes)
             )
         if any(n < 1 or n != int(n) for n in self.multiples):

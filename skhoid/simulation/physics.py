@@ -1,4 +1,4 @@
-"""What the kernel needs to know of a task: rows of physics, and how the output arises."""
+"""What the kernel needs to know about a task: rows of physics, delay, the operator's response."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from .. import _kernels
 from ..human import HumanOperator
 from ..human.operator import PURSUIT
-from ..human.variation import Transition, evaluate, span
+from ..human.variation import Transition, evaluate, span_of_changes
 from ..interpret.channel import ARXChannel
 from ..pipelines import taken_apart
 from ..runs.roles import role_of
@@ -26,7 +26,7 @@ SIGNED = set(PURSUIT)
 
 @dataclass(frozen=True)
 class Delay:
-    """A delay of the operator's output, in whole samples and weights for what is between."""
+    """A delay of the operator's output: whole samples, and weights for the fraction of one."""
 
     samples: int
     weights: np.ndarray
@@ -141,17 +141,17 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
     """
     parameters = parameters_of(task)
     n_steps = task.n_run_in + task.n_samples
-    varies = np.array(span(*parameters.values())) * task.sampling_rate + task.n_run_in
+    varies = np.array(span_of_changes(*parameters.values())) * task.sampling_rate + task.n_run_in
     if varies[0] > varies[1]:  # never
         varies = np.zeros(2)
-    # A sample more on each side, for what jumps between two.
+    # One more sample on each side, for parameters that jump between two.
     begin = int(np.clip(np.floor(varies[0]) - 1, 0, n_steps))
     end = int(np.clip(np.ceil(varies[1]) + 1, begin, n_steps))
     half_steps = np.arange(1 if task.is_constant else 2 * (end - begin) + 1)
     t = (half_steps / 2 + begin - task.n_run_in) / task.sampling_rate
     # Constants stay scalars, which broadcast; parameters with one transition share its progress.
     progress: dict[Any, np.ndarray] = {}
-    p = {name: _checked(name, value, t, progress) for name, value in parameters.items()}
+    p = {name: _checked_values(name, value, t, progress) for name, value in parameters.items()}
     _check_rate(task, p)
     rows = np.zeros((t.size, _kernels.loop.N_PHYSICS))
     rows[:, 6], rows[:, 7], rows[:, 8] = p["K_c"], p["omega_b"], p["K_n"]
@@ -168,7 +168,9 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
     return rows, begin
 
 
-def _checked(name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]) -> Any:
+def _checked_values(
+    name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]
+) -> Any:
     if not callable(parameter):
         return float(parameter)
     if isinstance(parameter, Transition):

@@ -55,7 +55,7 @@ class Remnant:
     Raises
     ------
     ValueError
-        If not just one of ``intensity`` and ``gain`` is given, or a number makes no sense.
+        If not exactly one of ``intensity`` and ``gain`` is given, or a number makes no sense.
 
     Examples
     --------

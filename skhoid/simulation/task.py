@@ -27,7 +27,7 @@ RUN_IN_WINDOWS = 7
 
 @dataclass(frozen=True, kw_only=True)
 class CompensatoryTask:
-    """A person steers: the closed loop of Fig. 1.
+    """The closed loop of Fig. 1: a person steers a controlled element.
 
     e = f_t - x; the operator answers e with u; remnant adds to u; the controlled element answers
     u + f_d with x. Integrated by fourth-order Runge-Kutta at the sampling rate, with forcing
@@ -49,7 +49,7 @@ class CompensatoryTask:
         How much of the operator's gains on target and output is in use: none (0), all (1), or a
         function of time, for a display that changes within the run.
     duration : float, default=81.92
-        Measurement window in s; what is beyond a whole number of samples is left out.
+        Measurement window in s; a fraction of a sample at its end is left out.
     run_in : float or None, default=None
         Time simulated before the window, in s, for transients to die out; None means seven
         windows, as in the thesis, and 20 s with ``effects``.
@@ -249,7 +249,7 @@ class CompensatoryTask:
         open_loop : bool, default=False
             Eq. G.1: the remnant is added to u, but does not go round the loop.
         keep_run_in : float, default=0.0
-            Also return so much of the run-in, in s, at negative time.
+            Also return this much of the run-in, in s, at negative time.
         n_jobs : int or None, default=None
             Number of threads, as in joblib.
         progress : bool, default=False

@@ -1,4 +1,4 @@
-"""Signals of simulated runs."""
+"""``TrackingRecord``: the signals of simulated runs, their scores and remnant intensity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated runs as a dataset, in the manner of scikit-learn."""
+"""``make_tracking_runs``: simulated runs as a dataset, in the manner of scikit-learn."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .tuning import tune_remnant
 CHANNELS = {"e": "e", "x": "x", "f_t": "f_t", "dist": "f_d"}
 REMNANT = ("remnant_intensity", "remnant_order", "remnant_gain")
 CHANGES = (*REMNANT, "adaptation_lag", "perturbation")  # options that change a task
-# Options of make_tracking_runs: what describes the task, and what is handed on.
+# Options of make_tracking_runs: those that describe the task, and those that are passed on.
 OF_TASK = (
     *("sampling_rate", "duration", "run_in", "target", "disturbance", "display", "operator"),
     *("controlled_element", "effects", "transport"),
@@ -78,7 +78,7 @@ def make_tracking_runs(
     remnant_order : {1, 2, 3, 4, "nm"}, default=2
         Order of the remnant filter (Eqs. 27-28).
     remnant_gain : float, callable, "table" or None, default=None
-        K_n in place of its search; ``"table"`` takes Table G.1 for ``remnant_intensity``.
+        K_n, given instead of searched; ``"table"`` takes Table G.1 for ``remnant_intensity``.
     channels : sequence of {"e", "x", "f_t", "dist"}, default=("e",)
         Columns of X: error, output of the controlled element, target, and the disturbance f_d.
     sampling_rate, duration : float, default=100.0 and 81.92
@@ -99,7 +99,7 @@ def make_tracking_runs(
         What the operator does beyond linear dynamics, such as ``DeadZone(width=0.3)``, with
         numbers for all parameters. The remnant's gain is tuned without effects.
     adaptation_lag : float, default=0.0
-        Time in s by which the operator's parameters follow the element's; below 0 they lead.
+        Time in s by which the operator's parameters lag the element's; below 0 they lead.
     perturbation : dict or None, default=None
         ``{"K_e", "K_edot", "omega_nm", "zeta_nm" or a gain of a pursuit display: number or
         function of time}``, added to the parameter.
@@ -128,7 +128,7 @@ def make_tracking_runs(
         ``parameters``, a DataFrame over time of K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm, K_c,
         omega_b, K_n, and of gains of a pursuit display that are not 0; ``arx_parameters``, one of
         a1, a2, b0, b1 under zero-order hold (not with such gains); ``nk``, their delay to the
-        nearest sample; ``task``. What concerns physics is missing for a fitted model.
+        nearest sample; ``task``. If a fitted model is the operator, its physics are missing.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def make_tracking_runs(
     >>> truth.nk, truth.arx_parameters.iloc[0].round(4).tolist()
     (29, [-1.9121, 0.9243, 0.0443, -0.0432])
     """
-    given = dict(locals())  # most of the options only travel on
+    given = dict(locals())  # most of the options are only passed on
     check_channel_names(channels)
     task = _tuned(task_of(condition, {name: given[name] for name in OF_TASK}), given)
     record = task.simulate(n_runs, **{name: given[name] for name in OF_SIMULATION})
@@ -157,7 +157,7 @@ def make_tracking_runs(
 
 
 def check_channel_names(channels: Any) -> None:
-    """Refuse what are no names of channels."""
+    """Refuse names that are not channels."""
     unknown = [name for name in channels if name not in CHANNELS]
     if unknown or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
         hint = " The disturbance f_d is the channel 'dist'." if "f_d" in channels else ""

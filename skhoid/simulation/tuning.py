@@ -1,4 +1,4 @@
-"""The remnant gain that gives a wanted intensity."""
+"""``tune_remnant``: the remnant gain that gives a wanted intensity."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .task import CompensatoryTask
 
 # Relative standard error of the gain above which realisations no longer determine it.
 LARGEST_ERROR = 0.5
-DOUBTFUL, MANY = 0.1, 400  # above such an error, so many realisations judge
+DOUBTFUL, MANY = 0.1, 400  # above this error, this many realisations decide
 EVER = 1e9  # s: before and after any transition
 STREAM = 1  # of random numbers, apart from those of the runs
 
@@ -122,7 +122,7 @@ def _constant_gain(task: CompensatoryTask, n_realisations: int, options: RunOpti
     root = curve.solve(wanted)
     error = np.inf if root is None else curve.relative_error(root, n_realisations)
     if error > DOUBTFUL and options.noise is None:
-        # A few realisations can miss how close the limit is.
+        # A few realisations may not show how close the limit is.
         curve = _IntensityCurve.of(task, max(MANY, n_realisations), options)
         judged = curve.solve(wanted)
         error = np.inf if judged is None else curve.relative_error(judged, n_realisations)
@@ -183,7 +183,7 @@ class _IntensityCurve:
         return K**2 * self.of_remnant / both
 
     def solve(self, wanted: float) -> float | None:
-        """Logarithm of the smallest gain whose mean intensity is ``wanted``; None if none is."""
+        """Logarithm of the smallest gain of mean intensity ``wanted``; None if there is none."""
         middle = 0.5 * np.log(self.of_forcing / self.of_remnant.mean())
         grid = middle + np.linspace(-12, 12, 481)
         above = np.flatnonzero(self.intensities(grid).mean(axis=-1) > wanted)
@@ -193,7 +193,7 @@ class _IntensityCurve:
         return brentq(lambda g: self.intensities(g).mean() - wanted, *around, xtol=1e-13)
 
     def relative_error(self, log_gain: float, n_realisations: int) -> float:
-        """Relative standard error of a gain solved for with so many realisations."""
+        """Relative standard error of a gain that was solved for with this many realisations."""
         if self.of_noise.size < 2:
             return 0.0
         h = 1e-4

@@ -1,9 +1,9 @@
-"""Effects in the loop: the answer of the simulation that also fits, put into the loop in sweeps.
+"""Effects in the closed loop, by the same simulation as in fits, repeated in sweeps.
 
 Up to any instant the operator's answer to a known error is known, and that answer moves the error
 only after the delay. So the loop is closed stretch by stretch: answer and error are computed in
-turn until neither changes, which a few sweeps reach for a stretch of some delays. In this way
-effects are simulated by their own ``apply``, those of users too.
+turn until neither changes, which takes a few sweeps for a stretch of some delays. In this way
+effects are simulated by their own ``apply``, also those of users.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from ..human.variation import evaluate
 if TYPE_CHECKING:
     from .task import CompensatoryTask
 
-RUN_IN = 20.0  # s; seven windows are for loops that hardly damp
+RUN_IN = 20.0  # s; the default of seven windows is for loops with little damping
 STRETCH = 2.0  # delays
 SHORTEST = 0.1  # s, of a stretch
 AHEAD = 3.0  # s of the forcing functions that a preview may ask for
 SWEEPS = 100
 SAME = 1e-9  # of the forcing functions
-LOST = 1e2  # times the forcing functions: such an error is no tracking
+LOST = 1e2  # times the forcing functions: an error this large is not tracking
 
 OPERATOR_GAINS = range(2, 6)  # columns of the physics, see _kernels.loop
 
@@ -80,7 +80,9 @@ def check_effects(task: CompensatoryTask) -> None:
             )
 
 
-def chosen(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Effects:
+def with_first_choices(
+    task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray
+) -> Effects:
     """The effects with open choices (form, channel) made: the first of each."""
     window = t[:, 0] > -0.5 / task.sampling_rate
     record = _record(task, {n: c[window] for n, c in channels.items()}, t[window])
@@ -114,7 +116,7 @@ def track_with_effects(
     if f_d.any():
         channels["dist"] = np.broadcast_to(f_d, out[0].shape)
     effects = Effects([("operator", _Operator(operator=task.operator))])
-    effects = Effects([*effects.steps, *chosen(task, channels, t).steps])
+    effects = Effects([*effects.steps, *with_first_choices(task, channels, t).steps])
     core, ones = OperatorCore(task.operator.tau_e), np.ones(4)
 
     answer = np.zeros(out[0].shape)
@@ -135,7 +137,7 @@ def track_with_effects(
         else:
             raise ValueError(
                 f"The loop with the effects {effects.names[1:]} cannot be solved at "
-                f"t = {t[end - 1, 0]:.2f} s: they answer at once what they move themselves."
+                f"t = {t[end - 1, 0]:.2f} s: they answer, without delay, signals that they move."
             )
         if not np.abs(out[0]).max() < LOST * size:
             raise UnstableLoopError(

@@ -1,4 +1,4 @@
-"""Checks of effects of your own."""
+"""Checks for effects of your own: ``check_effect``, and records to try effects on."""
 
 from .checks import check_effect
 from .records import synthetic_record

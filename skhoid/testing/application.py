@@ -1,4 +1,4 @@
-"""What ``apply`` of an effect must keep to, at any values of its parameters."""
+"""Checks of ``Effect.apply``: results, neutral values, symmetries."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .records import parts_of, signal_at, started_later
 
 
 def _tried(effect: Effect, record: Record) -> Iterator[dict[str, float]]:
-    """Values to apply the effect at: the starts, and each finite limit beside the first."""
+    """Values to apply the effect at: the starts, and the first start with each finite limit."""
     own = [
         {k: v for k, v in s.items() if not k.startswith("+")} | effect.fixed
         for s in effect.starts(record)
@@ -49,7 +49,7 @@ def check_apply(effect: Effect, record: Record) -> None:
         given = signal_at(effect.place, record)
         kept = copy.deepcopy(given)
         channels = {k: v.copy() for k, v in record.channels.items()}
-        with np.errstate(all="ignore"):  # what is not finite is told below
+        with np.errstate(all="ignore"):  # what is not finite is reported below
             _applied(effect, record, values)
             out = effect.apply(given, record, **values)
         at = f"{who}.apply at {shown(values)}"
@@ -92,7 +92,7 @@ def _check_kind(out: Any, place: str, record: Record, at: str) -> None:
         if place == "spring":
             needed = ()
         elif place == "delay" or kind is Gains or name == "delay":
-            needed = None  # anything that spreads over samples and runs
+            needed = None  # anything that broadcasts over samples and runs
         if needed is None:
             try:
                 fits = np.broadcast_shapes(values.shape, shape) == shape
@@ -122,8 +122,8 @@ def _equal(one: Any, other: Any) -> bool:
     return a.keys() == b.keys() and all(np.array_equal(a[k], b[k]) for k in a)
 
 
-def _whole(signal: Any, record: Record) -> dict[str, np.ndarray]:
-    """Arrays of a signal; of a command its sum, since effects may put its rate into position."""
+def _compared_arrays(signal: Any, record: Record) -> dict[str, np.ndarray]:
+    """Arrays of a signal; for a command its sum, since effects may move its rate into position."""
     parts = parts_of(signal)
     if isinstance(signal, Command):
         total = parts["position"] + differentiated(parts["rate"], record.dt)
@@ -138,8 +138,8 @@ def check_neutral(effect: Effect, record: Record) -> None:
         values = {k: v for k, v in start.items() if not k.startswith("+")}
         values |= {**effect.fixed, **effect.neutral}
         given = signal_at(effect.place, record)
-        out = _whole(_applied(effect, record, values), record)
-        for name, expected in _whole(given, record).items():
+        out = _compared_arrays(_applied(effect, record, values), record)
+        for name, expected in _compared_arrays(given, record).items():
             expect(
                 np.allclose(out[name], expected, rtol=1e-9, atol=1e-9),
                 f"{name_of(effect)}.apply at its neutral values ({shown(effect.neutral)}) must "
@@ -148,7 +148,7 @@ def check_neutral(effect: Effect, record: Record) -> None:
 
 
 def check_symmetries(effect: Effect, record: Record) -> None:
-    """Runs in another order, and a later start, give the same."""
+    """Runs in another order, and a later start, give the same result."""
     who = name_of(effect)
     order = np.array([2, 0, 1])
     values = {k: v for k, v in effect.starts(record)[0].items() if not k.startswith("+")}

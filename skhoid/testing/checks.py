@@ -1,4 +1,4 @@
-"""The checks of an effect, in one call."""
+"""``check_effect``: all checks of an effect in one call."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def check_effect(
     work on; its starts lie within its limits, and there and at the limits ``apply`` gives finite
     values of the right kind and shape. ``apply`` changes nothing, gives the same for the same,
     treats runs alike and time by ``record.t``, and does nothing at ``neutral`` values. It simulates
-    alone and beside other effects. All this holds for each of its ``variants``.
+    alone and with other effects. All this holds for each of its ``variants``.
 
     Parameters
     ----------
@@ -36,9 +36,9 @@ def check_effect(
     channels : sequence of str, default=()
         Columns that the effect needs besides e, x, f_t, motion_acc, dist and speed.
     recovers : dict of str to float or None, default=None
-        Values of its parameters to simulate runs with, of which a model must estimate the same
-        from as little as 24 s. The error e has a standard deviation of 1 there, and the
-        output one of about 0.8. None does not try.
+        Values of its parameters to simulate runs with, which a model must find again from as
+        little as 24 s. The error e has a standard deviation of 1 there, and the
+        output one of about 0.8. None leaves this check out.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""An effect as an object: is it documented, an estimator, and are its starts possible."""
+"""Checks of an effect as an object: its documentation, scikit-learn's contract, its starts."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def check_estimator(effect: Effect) -> None:
 
 
 def _pickled(effect: Effect) -> Effect:
-    """Through pickle, which finds classes by name; of one defined in a function, the arguments."""
+    """A copy through pickle, which finds classes by name; for local classes only the arguments."""
     kind = type(effect)
     found: Any = sys.modules.get(kind.__module__)
     for part in kind.__qualname__.split("."):
@@ -119,7 +119,7 @@ def _pickled(effect: Effect) -> Effect:
     except Exception as error:
         raise AssertionError(
             f"{name_of(effect)} cannot be pickled, which parallel searches need: pass it numbers, "
-            f"words and arrays, not functions made on the spot ({error})."
+            f"strings and arrays, not local functions ({error})."
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""An effect in a simulated model, and whether a fit finds its parameters again."""
+"""Checks of an effect in a model: it simulates, and a fit recovers its parameters."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from .records import DELAY, OPERATOR
 
 ARX = {"a1": -1.6, "a2": 0.68, "b0": 0.05, "b1": 0.03}
 NOISE = 0.02  # of the output's standard deviation
-SURE = 5.0  # standard errors that an estimate may be off
-CLOSE = 0.03  # of its value that it may be off however small its standard error
+SURE = 5.0  # standard errors by which an estimate may be off
+CLOSE = 0.03  # share of its value by which it may be off, however small its standard error
 
 
 def _core(core: CoreKind) -> tuple[Any, list[float]]:
@@ -81,7 +81,7 @@ def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) 
     )
     noise = np.random.default_rng(1).standard_normal(quiet.shape)
     output = quiet + NOISE * quiet.std() * noise
-    X, y = _table(record, output)
+    X, y = _as_dataset(record, output)
     assert record.controlled_element is not None
     element = ControlledElement(*record.controlled_element)
     if core == CoreKind.ARX:
@@ -103,8 +103,8 @@ def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) 
         )
 
 
-def _table(record: Record, output: np.ndarray) -> tuple[pd.DataFrame, pd.Series]:
-    """Rows of the known samples of each run."""
+def _as_dataset(record: Record, output: np.ndarray) -> tuple[pd.DataFrame, pd.Series]:
+    """X and y with the known samples of each run."""
     frames = []
     for j in range(record.n_runs):
         known = record.known[:, j]

@@ -1,4 +1,4 @@
-"""Recordings made up for checks: what effects are tried on."""
+"""Synthetic records and signals on which the checks try effects."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..runs.roles import OTHER
 DT = 0.02  # s
 DURATION = 24.0  # s
 N_RUNS = 3
-SILENT = 2.0  # s of zeros at the start, so that starting later is the same but for the time
+SILENT = 2.0  # s of zeros at the start, so that a later start only shifts time
 DELAY = 0.2  # s
 OPERATOR = {"K_e": 0.8, "K_edot": 0.3, "omega_nm": 9.0, "zeta_nm": 0.4}
 
@@ -76,7 +76,7 @@ def synthetic_record(channels: Sequence[str] = (), seed: int = 0) -> Record:
 
 
 def signal_at(place: str, record: Record, delay: float = DELAY) -> Any:
-    """What an effect of a place is given."""
+    """The signal that an effect at a place is given."""
     if place == "delay":
         return delay
     if place == "gain":
@@ -97,7 +97,7 @@ def parts_of(signal: Any) -> dict[str, np.ndarray]:
 
 
 def started_later(record: Record, shift: int) -> Record:
-    """The record with some samples of silence before it, at times before."""
+    """The record with some silent samples added before its start."""
 
     def padded(values: np.ndarray) -> np.ndarray:
         return np.concatenate([np.zeros_like(values[:shift]), values])

@@ -376,19 +376,19 @@ def test_choices_that_are_open_are_all_tried():
 
 
 def test_derived_numbers_have_dimensions(runs):
-    class Told(Compressed):
+    class WithSquare(Compressed):
         unit: object = Dimension(e=2)
 
         def derived(self, values):
             return {"square": (values["knee"] ** 2, self.unit, "of the knee")}
 
-    class Worded(Told):
+    class WithLabel(WithSquare):
         unit = "deg^2"
 
-    table = OperatorRegressor(effects=Told()).fit(*runs).parameters_
+    table = OperatorRegressor(effects=WithSquare()).fit(*runs).parameters_
     assert table.loc["compressed__square", "unit"] == "deg^2"
-    with pytest.raises(TypeError, match=r"Worded.derived, square: the dimension must be a Dimens"):
-        OperatorRegressor(effects=Worded()).fit(*runs)
+    with pytest.raises(TypeError, match=r"WithLabel.derived, square: the dimension must be a Dim"):
+        OperatorRegressor(effects=WithLabel()).fit(*runs)
 
 
 def test_a_class_defined_on_the_spot_passes_too():
@@ -470,7 +470,7 @@ BROKEN = [
 
 @pytest.mark.parametrize(("changes", "message"), BROKEN, ids=[m for _, m in BROKEN])
 def test_what_is_broken_is_told(changes, message):
-    # A signal of another kind than the effect expects fails in NumPy before it is told.
+    # A signal of another kind than the effect expects fails in NumPy before it is reported.
     if changes.get("place") in ("path", "gain"):
         changes = {**changes, "apply": lambda self, signal, record, knee: record.input}
     with pytest.raises(AssertionError, match=message):

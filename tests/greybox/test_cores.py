@@ -1,4 +1,4 @@
-"""A core says of itself what the engine asks; the engine knows no parameter of one core."""
+"""Cores answer what the engine asks; the engine knows no parameter of any single core."""
 
 import ast
 from dataclasses import replace

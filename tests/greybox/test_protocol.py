@@ -1,4 +1,4 @@
-"""A model of a user's own is searched as those of the package are, or refused with a reason."""
+"""A model of a user's own is searched like those of the package, or refused with a reason."""
 
 import numpy as np
 import pytest

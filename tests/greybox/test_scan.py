@@ -1,4 +1,4 @@
-"""What an effect may ask of the model that it is tried beside."""
+"""What an effect may ask of the model to which it is added."""
 
 import inspect
 from dataclasses import replace
@@ -92,7 +92,7 @@ def test_effects_ask_nothing_else():
 
 def test_squares_of_the_best_multiple(parent):
     scan, record = scan_of(parent, DeadZone(form="gap")), parent.simulator.record
-    bent = scan.on(np.inf)[0].run(np.array([*parent.theta, 0.3]))
+    bent = scan.on_first(np.inf)[0].run(np.array([*parent.theta, 0.3]))
     thin = Criterion(record).thin
     rows = record.known[::thin]
     x, y = bent[::thin][rows], record.y[::thin][rows]
@@ -124,7 +124,7 @@ def test_an_arx_model_has_no_ordinary_dynamics_nor_second_order():
     assert scan.ordinary == scan.parameters
     assert scan.earlier(0.05) == {}
     columns = [x[:, :, None] for x in scan.commands(np.inf)]
-    with pytest.raises(ValueError, match=r"DeadZone asks .* operators only"):
+    with pytest.raises(ValueError, match=r"DeadZone calls left .* need an operator"):
         scan.left(columns, np.inf)
 
 
@@ -144,7 +144,7 @@ def test_values_fitted_beside(operator):
     squares, values = scan.fitted({"width": 0.2})
     assert values.keys() == {"width"} | {f"+{name}" for name in scan.parameters}
     assert values["width"] == 0.2
-    started = scan.on(np.inf)[0].run(np.array([*operator.theta, 0.2]))
+    started = scan.on_first(np.inf)[0].run(np.array([*operator.theta, 0.2]))
     assert squares < Criterion(operator.simulator.record).sse(started)
 
 

@@ -198,8 +198,8 @@ def test_page_of_runs_that_do_not_repeat_shades_windows_beyond_chance(found):
 
 def test_page_says_how_good_and_what_first(found):
     first = Finding("gain", "The gain is 50 % too low.", "p < 0.001", "", "")
-    told = ComparisonDisplay.from_comparison(dataclasses.replace(found, findings=[first]))
-    title = told.figure_.get_suptitle()
+    display = ComparisonDisplay.from_comparison(dataclasses.replace(found, findings=[first]))
+    title = display.figure_.get_suptitle()
     assert f"VAF {found.vaf:.1f} %" in title
     assert f"noise ceiling {found.noise_ceiling:.1f} %" in title
     assert f"{found.explainable_gap:.1f} points" in title
@@ -569,12 +569,12 @@ def test_nothing_covers_data_or_text(display, which, request):
     legends = [*figure.legends, *(p.get_legend() for p in figure.axes if p.get_legend())]
     for legend, panel in itertools.product(legends, panels):
         assert not legend.get_window_extent().overlaps(panel.get_window_extent())
-    words = [text for legend in legends for text in legend.get_texts()]
+    texts = [text for legend in legends for text in legend.get_texts()]
     for panel in panels:
-        words += [panel.xaxis.label, panel.yaxis.label, panel.title]
-        words += [*tick_labels(panel.xaxis), *tick_labels(panel.yaxis), *panel.texts]
-    words += figure.texts
-    boxes = [w.get_window_extent() for w in words if w.get_visible() and w.get_text()]
+        texts += [panel.xaxis.label, panel.yaxis.label, panel.title]
+        texts += [*tick_labels(panel.xaxis), *tick_labels(panel.yaxis), *panel.texts]
+    texts += figure.texts
+    boxes = [w.get_window_extent() for w in texts if w.get_visible() and w.get_text()]
     page = figure.bbox
     for box in boxes:
         assert page.x0 <= box.x0

@@ -111,7 +111,7 @@ def search(request):
     return SEARCHES[request.param]
 
 
-def words_in(panel):
+def texts_in(panel):
     return [text.get_text() for text in panel.texts]
 
 
@@ -140,18 +140,18 @@ def test_staircase_has_the_ceiling_in_both_panels():
     bare = ErrorPathDisplay.from_estimator(SEARCHES["no ceiling"])
     assert bare.ceilings_ == {}
     assert bare.gap_ is None
-    assert any("ceiling not" in words for words in words_in(bare.axes_[0]))
+    assert any("ceiling not" in text for text in texts_in(bare.axes_[0]))
 
 
 def test_staircase_tells_what_is_left():
     display = ErrorPathDisplay.from_estimator(SEARCHES["one"])
     np.testing.assert_allclose(display.gap_.get_ydata(), [86.5, 88.0])
-    assert "1.5 points\nleft" in words_in(display.axes_[0])
+    assert "1.5 points\nleft" in texts_in(display.axes_[0])
     assert same_color(display.gap_.get_color(), BLACK)
     done = a_search(["dead_zone"], [76.0, 88.2])
     display = ErrorPathDisplay.from_estimator(done)
     assert display.gap_ is None
-    assert "nothing left" in words_in(display.axes_[0])
+    assert "nothing left" in texts_in(display.axes_[0])
 
 
 def test_a_ceiling_that_is_passed_is_a_lower_bound():
@@ -163,7 +163,7 @@ def test_a_ceiling_that_is_passed_is_a_lower_bound():
 def test_staircase_marks_what_no_effect_explains():
     display = ErrorPathDisplay.from_estimator(SEARCHES["unknown"])
     assert same_color(display.gap_.get_color(), EXCEEDING)
-    assert any("not in the\ncatalogue" in words for words in words_in(display.axes_[0]))
+    assert any("not in the\ncatalogue" in text for text in texts_in(display.axes_[0]))
     assert display.axes_[0].get_title() == (
         "Found: dead_zone; something is missing, not in the catalogue"
     )
@@ -248,7 +248,7 @@ def test_steps_break_at_gaps_and_skip_what_is_not_predicted():
     drawn = EffectStepsDisplay.from_estimator(search, window=(44, 46))
     assert np.isnan(drawn.lines_["baseline"].get_ydata()).all()
     search.predictions_ = kept.assign(**{"baseline": np.nan, "+ dead_zone": np.nan})
-    assert "not available" in words_in(EffectStepsDisplay.from_estimator(search).axes_[0])[0]
+    assert "not available" in texts_in(EffectStepsDisplay.from_estimator(search).axes_[0])[0]
 
 
 def test_window_passes_over_settling():
@@ -333,7 +333,7 @@ def test_ranking_of_nothing():
     search = copy.copy(SEARCHES["one"])
     full = search.ranking_
     search.ranking_ = full.iloc[:0]
-    assert "No candidate" in words_in(EffectRankingDisplay.from_estimator(search).ax_)[0]
+    assert "No candidate" in texts_in(EffectRankingDisplay.from_estimator(search).ax_)[0]
     search.ranking_ = full[(full["step"] == 1) & (full["status"] == "does not apply")]
     display = EffectRankingDisplay.from_estimator(search)
     assert display.ax_.get_title() == "Step 1: no candidate applies"

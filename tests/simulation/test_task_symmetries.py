@@ -1,4 +1,4 @@
-"""Symmetries of the loop: linearity, time, and runs that do not know each other."""
+"""Symmetries of the loop: linearity, time shifts, and independent runs."""
 
 from dataclasses import replace
 

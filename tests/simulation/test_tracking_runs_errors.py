@@ -95,7 +95,7 @@ def test_models_that_do_not_fit_the_loop():
 )
 @pytest.mark.parametrize("duration", [4.0, 0.5])
 def test_constant_loops_that_are_unstable(condition, operator, duration):
-    """Also where the run is too short to tell by its own error."""
+    """Also where the run is too short for its own error to show it."""
     message = r"unstable: its error grows by a factor e every [\d.]+ s. Lower .*\(K_e\)"
     with pytest.raises(UnstableLoopError, match=message):
         make(condition, operator=operator, duration=duration)
