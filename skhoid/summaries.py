@@ -60,7 +60,7 @@ class TextTable:
             widths[widths.index(max(widths))] -= 1
         return [
             "  ".join(
-                f"{_cut(cell, width):{'<' if title in LEFT_ALIGNED else '>'}{width}}"
+                f"{_shortened(cell, width):{'<' if title in LEFT_ALIGNED else '>'}{width}}"
                 for title, cell, width in zip(self.header, row, widths, strict=True)
             ).rstrip()
             for row in (self.header, *self.rows)
@@ -99,7 +99,7 @@ class Summary:
 
     def text(self) -> str:
         lines = [
-            _cut(self.title, WIDTH).center(WIDTH).rstrip(),
+            _shortened(self.title, WIDTH).center(WIDTH).rstrip(),
             "=" * WIDTH,
             *_in_two_columns(self.facts),
         ]
@@ -265,7 +265,7 @@ def _in_two_columns(facts: dict[str, str]) -> list[str]:
     return lines + [left] * bool(left)
 
 
-def _cut(text: str, width: int) -> str:
+def _shortened(text: str, width: int) -> str:
     if len(text) <= width:
         return text
     return text[: width // 2] + "…" + text[len(text) - (width - width // 2 - 1) :]

@@ -20,7 +20,7 @@ from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
 from .base import BaseARX
-from .model_summary import orders_in_words
+from .model_summary import orders_text
 from .orders import Orders
 from .strategies import EquationError, LinearSimulationError, SimulationError, Strategy
 
@@ -256,7 +256,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         return SimulatedCore(
             core=ARXCore(orders.na, orders.nb[0], orders.nk[0], orders.intercept),
             estimated=fitted_arx,
-            description=orders_in_words(orders),
+            description=orders_text(orders),
             errors_note="Standard errors take the residual, whitened by its AR model, as white.",
         )
 

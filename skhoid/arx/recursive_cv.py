@@ -20,7 +20,7 @@ from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursive import RecursiveARX
 from .rls import RecursionData, RecursionState, kernel_regressors, recurse
 from .searches.folds import folds_of
-from .searches.text import highest, standard_error
+from .searches.text import highest, standard_error_over_folds
 
 HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 
@@ -287,7 +287,7 @@ class RecursiveARXCV(RecursiveARX):
 
     def _summary(self) -> Summary:
         results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
-        shown, caption = highest(vaf, standard_error(results, self.best_index_))
+        shown, caption = highest(vaf, standard_error_over_folds(results, self.best_index_))
         header = ["N0 (samples)", "VAF (%)", "VAF, train (%)", "gain"]
         rows = [
             [

@@ -10,7 +10,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from ..exceptions import MissingDataWarning, RunTimeWarning
-from .cell_analysis import AnalysisPlan, Found, analyse_cell
+from .cell_analysis import AnalysisPlan, CellTables, analyse_cell
 from .read import Cell, read_cells
 from .result import ExperimentResult, verdicts
 
@@ -160,7 +160,7 @@ def _in_samples(memory_horizon: float, memory_time: float | None, dt: float) -> 
     return horizon
 
 
-def _found(cells: list[Cell], plan: AnalysisPlan, n_jobs: int | None) -> list[Found]:
+def _found(cells: list[Cell], plan: AnalysisPlan, n_jobs: int | None) -> list[CellTables]:
     """What the chain finds in each cell."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MissingDataWarning)  # the notes count it
@@ -171,7 +171,7 @@ def _found(cells: list[Cell], plan: AnalysisPlan, n_jobs: int | None) -> list[Fo
 
 
 def _joined(
-    found: list[Found], plan: AnalysisPlan, times: dict[Any, float], notes: list[str]
+    found: list[CellTables], plan: AnalysisPlan, times: dict[Any, float], notes: list[str]
 ) -> ExperimentResult:
     """The tables of all cells one after another, and what they say of change."""
     joined = {

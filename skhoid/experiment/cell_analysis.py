@@ -50,7 +50,7 @@ class AnalysisPlan:
 
 
 @dataclass(frozen=True)
-class Found:
+class CellTables:
     """Tables of one cell; see ExperimentResult."""
 
     paths: pd.DataFrame
@@ -62,7 +62,7 @@ class Found:
     notes: list[str]
 
 
-def analyse_cell(cell: Cell, plan: AnalysisPlan) -> Found:
+def analyse_cell(cell: Cell, plan: AnalysisPlan) -> CellTables:
     """Delay, batch models, recursions and validation."""
     levels = {SUBJECT: cell.subject, CONDITION: cell.condition}
     delay, notes = _delay(cell, plan)
@@ -70,7 +70,7 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> Found:
     # Samples are numbered as in RunLayout.sample_numbers.
     first, stop = (int(np.floor(t / plan.dt + 0.25)) for t in (cell.start, cell.stop))
     numbers = np.arange(first, stop, max(round(plan.step / plan.dt), 1))
-    judge = _Judge(cell, plan)
+    validation = _CrossValidation(cell, plan)
     theta: dict[str, list[np.ndarray]] = {form: [] for form in plan.horizons}
     for at, (a, b) in enumerate(zip(cell.starts[:-1], cell.starts[1:], strict=True)):
         part, output = shifted.iloc[a:b], cell.y.iloc[a:b]
@@ -82,9 +82,9 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> Found:
                 p0=1.0,
             ).fit(part, output)
             theta[form].append(_thinned(model, numbers, plan.dt))
-            judge.score(at, form, model.predict(shifted))
+            validation.score(at, form, model.predict(shifted))
         constant = ARXRegressor(fit_intercept=plan.fit_intercept).fit(part, output)
-        judge.score(at, "constant", constant.predict(shifted))
+        validation.score(at, "constant", constant.predict(shifted))
     paths = pd.concat(
         [_path_table(np.stack(each), form, cell, numbers, plan) for form, each in theta.items()]
     )
@@ -103,10 +103,10 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> Found:
         "paths": paths,
         "batch": batch,
         "scores": scores,
-        "validation": judge.table(),
+        "validation": validation.table(),
         "changes": changes,
     }
-    return Found(
+    return CellTables(
         **{
             name: table.assign(**levels)[[*levels, *table.columns]]
             for name, table in tables.items()
@@ -205,7 +205,7 @@ def _scores(cell: Cell, plan: AnalysisPlan) -> pd.DataFrame:
     )
 
 
-class _Judge:
+class _CrossValidation:
     """VAF of free runs, by the run that was fitted and the runs that are simulated."""
 
     def __init__(self, cell: Cell, plan: AnalysisPlan) -> None:

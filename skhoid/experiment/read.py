@@ -95,7 +95,7 @@ def read_cells(
         slices = [slice(*layout.run_starts[number : number + 2]) for number in kept]
         rows = np.concatenate([np.arange(s.start, s.stop) for s in slices])
         runs = keys[RUN].iloc[kept].tolist()
-        start, stop = _window(
+        start, stop = _shared_time(
             [layout.time[s][~trimmed[s]] for s in slices], layout.dt, name, runs, region, notes
         )
         part, of_part = (
@@ -117,7 +117,7 @@ def read_cells(
     return cells, layout.dt, notes
 
 
-def _window(
+def _shared_time(
     times: list[np.ndarray],
     dt: float,
     name: str,

@@ -251,7 +251,7 @@ def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> Fo
     vaf = of_lambda.pivot(index=RUNS, columns="memory_horizon", values="vaf_validation")
     best = float(vaf.mean().idxmax())
     worse = vaf.rsub(vaf[best], axis=0)
-    near = worse.mean() <= SIGNIFICANT * standard_error(worse)  # not where it is NaN
+    near = worse.mean() <= SIGNIFICANT * crossed_standard_error(worse)  # not where it is NaN
     close = [float(N0) for N0 in vaf.columns if best == N0 or near[N0]]
     if np.inf in close:
         best = np.inf
@@ -271,11 +271,11 @@ def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> Fo
 def _summary(table: pd.DataFrame) -> pd.DataFrame:
     grouped = with_gain(table, RUNS).groupby(["remnant_intensity", *SETTING])
     means = grouped[["vaf_estimation", "vaf_validation", "gain"]].mean()
-    errors = [standard_error(part.set_index(RUNS)[["gain"]])["gain"] for _, part in grouped]
+    errors = [crossed_standard_error(part.set_index(RUNS)[["gain"]])["gain"] for _, part in grouped]
     return means.assign(se_gain=errors)
 
 
-def standard_error(values: pd.DataFrame) -> pd.Series:
+def crossed_standard_error(values: pd.DataFrame) -> pd.Series:
     """Standard errors of means over estimation runs and validation runs, each drawn anew.
 
     Both vary: var(mean) = var_e / n_e + var_v / n_v, with the variances of the means over the

@@ -258,12 +258,12 @@ def _summary(r: ExperimentResult) -> list[str]:
         f"{counted(len(r.subjects), 'subject')}, {counted(len(r.conditions), 'condition')}; "
         f"{how_many} run{'s' * (many > 1)} of each, from {window['start'].min():g} to "
         f"{window['stop'].max():g} s at {1 / r.dt:g} Hz.",
-        f"Delay {_span(r.delays['delay'])} s; memory horizon {r.memory_horizon:g} samples, "
+        f"Delay {_range_text(r.delays['delay'])} s; memory horizon {r.memory_horizon:g} samples, "
         f"{r.memory_horizon * r.dt:g} s.",
         "",
         f"How they track (means over runs{' and conditions' * (len(r.conditions) > 1)})",
     ]
-    lines += _scores_in_words(r)
+    lines += _scores_text(r)
     lines += [
         "",
         "Who adapts (gains in the last against the first "
@@ -286,7 +286,7 @@ def _summary(r: ExperimentResult) -> list[str]:
     return lines
 
 
-def _scores_in_words(r: ExperimentResult) -> list[str]:
+def _scores_text(r: ExperimentResult) -> list[str]:
     table = r.score_table().xs("T_m", axis=1, level=1).dropna(axis=1, how="all")
     shown = table.round(3)
     lines = shown.to_string(index_names=False).splitlines()
@@ -366,6 +366,6 @@ def _listed(names: list[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _span(values: pd.Series) -> str:
+def _range_text(values: pd.Series) -> str:
     low, high = values.min(), values.max()
     return f"{low:g}" if np.isclose(low, high) else f"{low:g} to {high:g}"

@@ -165,18 +165,18 @@ def key_words(value: Any) -> tuple[int, ...]:
     return tuple(int.from_bytes(raw[i : i + 4], "little") for i in range(0, 16, 4))
 
 
-def differences(one: Any, two: Any, where: str = "") -> list[str]:
+def differing_parts(one: Any, two: Any, where: str = "") -> list[str]:
     """In words where two descriptions differ, the second being the one that is wanted."""
     if isinstance(one, dict) and isinstance(two, dict):
         found = []
         for key in [*one, *(key for key in two if key not in one)]:
             inner = f"{where}.{key}" if where else str(key)
-            found += differences(one.get(key), two.get(key), inner)
+            found += differing_parts(one.get(key), two.get(key), inner)
         return found
     if isinstance(one, list) and isinstance(two, list) and len(one) == len(two):
         found = []
         for i, (a, b) in enumerate(zip(one, two, strict=True)):
-            found += differences(a, b, f"{where}[{i}]")
+            found += differing_parts(a, b, f"{where}[{i}]")
         return found
     if one == two:
         return []

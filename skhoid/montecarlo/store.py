@@ -16,7 +16,7 @@ import pandas as pd
 from ..exceptions import StudyFolderError, StudyWarning
 from ..io._table import require
 from ..io.whole import is_left_over, written_whole
-from .identity import differences, digest
+from .identity import differing_parts, digest
 
 MANIFEST = "study.json"
 BLOCKS = "blocks"
@@ -47,7 +47,7 @@ class Store:
         if manifest.exists():
             there = read_manifest(self.folder) or {}
             if there != self.description:
-                apart = differences(there, self.description)
+                apart = differing_parts(there, self.description)
                 more = f" (and {len(apart) - 4} more)" if len(apart) > 4 else ""
                 raise StudyFolderError(
                     f"The folder {self.folder} belongs to a different study: "

@@ -25,7 +25,7 @@ from .study_result import (
     StudyResult,
     checked_orders,
     gains_of,
-    span,
+    range_text,
 )
 
 ALL_ORDERS = (1, 2, 3, 4, "nm")
@@ -203,7 +203,7 @@ def _claims(summary: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Fig. 9",
                 "without remnant n_k* = n_k^0",
-                f"{span(nk, 0)} where it is {span(true, 0)}",
+                f"{range_text(nk, 0)} where it is {range_text(true, 0)}",
                 bool((nk == true).all()),
             )
         )
@@ -218,7 +218,7 @@ def _claims(summary: pd.DataFrame) -> list[Claim]:
         for condition in dict.fromkeys(noisy["condition"]):
             of = (noisy["remnant_order"] == order) & (noisy["condition"] == condition)
             if of.any():
-                found = f"{span(above[of], 1, sign=True)} samples in {condition}"
+                found = f"{range_text(above[of], 1, sign=True)} samples in {condition}"
                 claims.append(Claim("Fig. 9", statement, found, bool(holds(above[of]).all())))
     first = noisy["remnant_order"] == "1"
     if first.any():
@@ -247,7 +247,7 @@ def _bias_claims(noisy: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Fig. 10",
                 "the relative bias of order 1 is more than ten times that of the others",
-                f"{span(ratio, 1)} times in single parameters and intensities",
+                f"{range_text(ratio, 1)} times in single parameters and intensities",
                 bool((ratio > 10).all(axis=None)),
             )
         )
@@ -306,7 +306,7 @@ def _other_claims(noisy: pd.DataFrame) -> list[Claim]:
                 "Fig. 12",
                 "order 2: the validation VAF with n_k^0 and with n_k* differ by nothing that "
                 "matters",
-                f"mean {span(gain, 2, sign=True)} points",
+                f"mean {range_text(gain, 2, sign=True)} points",
                 bool((gain.abs() < NEGLIGIBLE).all()),
             )
         )
@@ -316,7 +316,7 @@ def _other_claims(noisy: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Section V-B",
                 "order 2: omega_nm and zeta_nm are overestimated (11.25 rad/s and 0.35)",
-                f"{span(omega, 1)} rad/s and {span(second['zeta_nm_fixed'])}",
+                f"{range_text(omega, 1)} rad/s and {range_text(second['zeta_nm_fixed'])}",
                 bool((omega > 11.25).all() and (second["zeta_nm_fixed"] > 0.35).all()),
             )
         )

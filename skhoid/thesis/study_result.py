@@ -161,7 +161,7 @@ def gains_of(gains: str, intensities: Sequence[float]) -> dict[str, Any]:
     return {"remnant_gain": "table"} if gains == "table" else {}
 
 
-def span(values: Any, digits: int = 2, sign: bool = False) -> str:
+def range_text(values: Any, digits: int = 2, sign: bool = False) -> str:
     """Smallest and largest value in words."""
     values = np.asarray(values, dtype=float)
     low, high = np.nanmin(values), np.nanmax(values)
