@@ -89,7 +89,7 @@ class TextTable:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a fitted model says of itself."""
+    """The summary of a fitted model: facts, tables and notes."""
 
     title: str
     facts: dict[str, str]

@@ -72,7 +72,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         Seconds at the start of each run (and after each gap) that do not count in a fit with
         effects, which starts from rest.
     roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not tell them.
+        Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None

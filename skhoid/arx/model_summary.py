@@ -1,4 +1,4 @@
-"""What fitted ARX models say of themselves."""
+"""Summaries of fitted ARX models, batch and recursive."""
 
 from __future__ import annotations
 

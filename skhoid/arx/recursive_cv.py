@@ -1,4 +1,4 @@
-"""The choice of a memory horizon on validation runs."""
+"""RecursiveARXCV: the memory horizon of a recursive ARX model, chosen on validation runs."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class RecursiveARXCV(RecursiveARX):
     n_jobs : int or None, default=None
         Threads for the folds.
     roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not tell them.
+        Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -89,7 +89,7 @@ class RecursiveARXCV(RecursiveARX):
 
     See Also
     --------
-    skhoid.plotting.MemoryHorizonDisplay : A picture of the trade-off.
+    skhoid.plotting.MemoryHorizonDisplay : Plots the trade-off.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""The analysis of Section VI, of all subjects and conditions of an experiment."""
+"""analyse_experiment: the analysis of Section VI for all subjects and conditions."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def analyse_experiment(
     region : float, default=30.72
         Length of the first and the last region in s.
     transition_time : float, dict by condition, or None, default=None
-        When the controlled element changes, in s of the time index; for pictures.
+        When the controlled element changes, in s of the time index; shown in plots.
     fit_intercept : bool, default=False
         Add a constant to the models, for recordings that are not about zero.
     step : float, default=0.16

@@ -1,4 +1,4 @@
-"""The chain of Section VI for one subject in one condition."""
+"""The analysis of Section VI for one subject in one condition: delay, fits, validation."""
 
 from __future__ import annotations
 
@@ -120,13 +120,13 @@ def _delay(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, Any], list[str]]:
     """n_k* of the runs together, or the delay that was given."""
     given = plan.delay
     if given is not None and not isinstance(given, (int, float, np.number)):
-        key = (cell.subject, cell.condition)
+        pair = (cell.subject, cell.condition)
         given = dict(given)
         try:
-            given = next(given[k] for k in (key, *key) if k in given)
+            given = next(given[k] for k in (pair, *pair) if k in given)
         except StopIteration:
             raise ValueError(
-                f"delay has no entry for {cell.name}: neither {key!r}, nor its subject or its "
+                f"delay has no entry for {cell.name}: neither {pair!r}, nor its subject or its "
                 "condition."
             ) from None
     if given is not None:
@@ -153,7 +153,7 @@ def _thinned(model: RecursiveARX, numbers: np.ndarray, dt: float) -> np.ndarray:
 def _path_table(
     theta: np.ndarray, form: str, cell: Cell, numbers: np.ndarray, plan: AnalysisPlan
 ) -> pd.DataFrame:
-    """Estimates of the runs, and their mean, which is averaged first and converted then."""
+    """Estimates of the runs, and their mean, which is averaged before it is converted."""
     all_ = np.concatenate([theta, theta.mean(axis=0, keepdims=True)])
     operator, _, _ = arx_to_operator(all_, plan.dt)
     columns: dict[str, Any] = {
@@ -282,7 +282,7 @@ def _t_test(change: np.ndarray) -> tuple[float, float]:
 
 
 def _variation(theta: np.ndarray) -> dict[str, float]:
-    """How much the mean path varies over time, by what the scatter of the runs explains of it."""
+    """How much the mean path varies over time, relative to what the scatter of runs explains."""
     n_runs = len(theta)
     if n_runs < 2:
         return {}

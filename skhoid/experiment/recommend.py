@@ -1,4 +1,4 @@
-"""Which memory horizon to take in an experiment that is still to come."""
+"""recommend_forgetting: the memory horizon for an experiment that is still to come."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RUNS = ["remnant_intensity", "replication", "validation"]
 
 @dataclass(frozen=True, eq=False)
 class ForgettingAdvice:
-    """Which memory horizon suits an experiment, with the evidence.
+    """Which memory horizon suits an experiment, and the results that say so.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def recommend_forgetting(
     Returns
     -------
     advice : ForgettingAdvice
-        ``print(advice)`` says it in words; ``advice.plot()`` draws the evidence.
+        ``print(advice)`` shows it as text; ``advice.plot()`` draws VAF by memory horizon.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the analysis of an experiment found, in tables and in words."""
+"""What the analysis of an experiment found, as tables and as text."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ExperimentResult:
     paths : DataFrame
         Recursive estimates over time: ``run`` (or ``"mean"``), ``form`` (``"lambda"`` or
         ``"Lambda"``), ``time`` (s), a1, a2, b0, b1, K_e, T_L (s), K_edot (s), omega_nm (rad/s),
-        zeta_nm; NaN where the poles are no complex pair. The mean is that of the ARX parameters;
+        zeta_nm; NaN where the poles are not a complex pair. The mean is that of the ARX parameters;
         its operator parameters are converted from it.
     batch : DataFrame
         Batch models of the first (``form`` ``"ini"``) and the last region (``"fin"``): ``run``,
@@ -72,7 +72,7 @@ class ExperimentResult:
 
     See Also
     --------
-    skhoid.plotting.experiment.ExperimentDisplay : The picture that :meth:`plot` makes.
+    skhoid.plotting.experiment.ExperimentDisplay : The figure that :meth:`plot` makes.
 
     Notes
     -----
@@ -150,7 +150,7 @@ class ExperimentResult:
         return mean.loc[subjects, [(s, w) for s in SCORES for w in windows]]
 
     def summary(self) -> str:
-        """The result in words.
+        """The result as text.
 
         Returns
         -------
@@ -297,8 +297,8 @@ def _scores_text(r: ExperimentResult) -> list[str]:
         if score in table:
             said.append(f"highest {what} {table[score].idxmax()}, lowest {table[score].idxmin()}")
     if said:
-        words = "; ".join(said)
-        lines.append(words[0].upper() + words[1:] + ".")
+        sentence = "; ".join(said)
+        lines.append(sentence[0].upper() + sentence[1:] + ".")
     return lines
 
 
@@ -326,7 +326,7 @@ def _person(row: dict[str, Any]) -> str:
 
 
 def _said(condition: Any, parts: list[str]) -> str:
-    """What is said of a condition, a line for each part."""
+    """The text on a condition, a line for each part."""
     text = SEPARATOR.join(parts) + "."
     return text[0].upper() + text[1:] if condition == ALL else f"{condition}: {text}"
 

@@ -15,7 +15,7 @@ from .lines import Lines, Windows, all_bins, read_lines, signal_table
 from .phase import aligning_delay, phase_without_jumps
 from .response import FrequencyResponse
 
-N_NEIGHBOURS = 6  # bins without excitation, nearest to a line, that tell the remnant there
+N_NEIGHBOURS = 6  # bins without excitation, nearest to a line, from which the remnant is read
 DOF = 2 * N_NEIGHBOURS  # of the remnant: real and imaginary parts
 ABSENT = 1e-6  # of the strongest bin of a forcing function; weaker lines are rounding
 
@@ -56,7 +56,7 @@ def fourier_coefficients(
     period : float or None, default=None
         Base period in seconds of a ``forcing`` that does not know its own.
     roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not tell them.
+        Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None

@@ -1,4 +1,4 @@
-"""Phases of frequency responses at sparse lines."""
+"""Unwrapping the phase of frequency responses at sparse lines."""
 
 from __future__ import annotations
 

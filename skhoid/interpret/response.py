@@ -46,7 +46,7 @@ class FrequencyResponse:
     unit : str or None, default=None
         Unit of the magnitude.
     label : str or None, default=None
-        Name in pictures.
+        Name in plots.
     dof : int or None, default=None
         Degrees of freedom of a covariance estimated from few numbers; intervals are then those of
         Student's t.

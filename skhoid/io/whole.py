@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Writing files so that they are either whole or not there."""
 
 from __future__ import annotations
 

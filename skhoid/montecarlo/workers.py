@@ -1,4 +1,4 @@
-"""Jobs in joblib: results as they come, workers that die, and a bar with the time that is left."""
+"""Jobs in joblib: results as they finish, workers that die, and a progress bar."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def results_of(
 ) -> Generator[tuple[int, Any], None, None]:
     """Yield the place of each job and its result, in the order in which they finish.
 
-    Jobs whose workers die are sent again; those that kill them even alone are left out, and
-    raised about when all others are done. ``threads`` says that the work releases Python's lock,
-    so that threads do where no other backend is asked for.
+    Jobs whose workers die are sent again; those that kill them even alone are left out, and an
+    error names them when all others are done. ``threads`` says that the work releases Python's
+    lock, so that threads suffice where no other backend is asked for.
     """
     waiting, lost, in_a_row = dict(enumerate(jobs)), list[int](), 0
     while waiting:

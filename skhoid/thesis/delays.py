@@ -207,14 +207,14 @@ def _claims(summary: pd.DataFrame) -> list[Claim]:
                 bool((nk == true).all()),
             )
         )
-    words = {
+    statements = {
         "1": ("orders 1 and 2 overestimate the delay: order 1", lambda d: d > 0),
         "2": ("orders 1 and 2 overestimate the delay: order 2", lambda d: d > 0),
         "3": ("orders 3 and 4 underestimate it (shown for C1): order 3", lambda d: d < 0),
         "4": ("orders 3 and 4 underestimate it (shown for C1): order 4", lambda d: d < 0),
         "nm": ("with the neuromuscular filter n_k* is centred on n_k^0", lambda d: abs(d) < 1),
     }
-    for order, (statement, holds) in words.items():
+    for order, (statement, holds) in statements.items():
         for condition in dict.fromkeys(noisy["condition"]):
             of = (noisy["remnant_order"] == order) & (noisy["condition"] == condition)
             if of.any():
@@ -325,9 +325,9 @@ def _other_claims(noisy: pd.DataFrame) -> list[Claim]:
 
 def _figures(table: pd.DataFrame) -> dict[str, Any]:
     """Figs. 9 and 10 of each condition, rate and loop there is, and Fig. 12."""
-    keys = ["condition", "sampling_rate", "open_loop"]
+    columns = ["condition", "sampling_rate", "open_loop"]
     figures: dict[str, Any] = {}
-    for (condition, rate, open_loop), part in table.groupby(keys, sort=False):
+    for (condition, rate, open_loop), part in table.groupby(columns, sort=False):
         where = f"{condition}-{rate:g}Hz" + ("-open-loop" if open_loop else "")
         figures[f"fig9-{where}"] = partial(_draw_delays, part)
         figures[f"fig10-{where}"] = partial(_draw_bias, part)

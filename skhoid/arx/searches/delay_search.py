@@ -1,4 +1,4 @@
-"""The search for the input delay (thesis step 3)."""
+"""DelaySearchCV: the search for the input delay (thesis step 3)."""
 
 from __future__ import annotations
 

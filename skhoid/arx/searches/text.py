@@ -1,4 +1,4 @@
-"""What searches say of their candidates."""
+"""Candidates of a search for its summary: which to show, and the standard error of the best."""
 
 from __future__ import annotations
 
