@@ -176,7 +176,7 @@ class Estimate(NamedTuple):
 
     @classmethod
     def of(cls, row: pd.Series) -> Estimate:
-        """Of a row with the columns value, sd, low, high and unit."""
+        """Make it from a row with the columns value, sd, low, high and unit."""
         value, sd = float(row["value"]), float(row["sd"])
         low, high = (float(row.get(end, np.nan)) for end in ("low", "high"))
         if not (np.isfinite(sd) and sd > 0.0):

@@ -119,7 +119,7 @@ class RecursiveARX(PartialFit):
     memory_horizon_ : float or ndarray
         1 / (1 - λ) in samples.
     log_likelihood_ : dict
-        Of the one-step predictions by memory horizon; with ``forgetting="auto"``.
+        Log-likelihood of one-step predictions by memory horizon; with ``forgetting="auto"``.
     initial_coef_, initial_covariance_ : ndarray
         θ0 and P0; with ``combine="average_estimates"`` their means.
     n_updates_ : int

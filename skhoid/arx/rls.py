@@ -270,7 +270,7 @@ class RecursionState:
 
 @dataclass
 class Paths:
-    """What recursions leave at each instant; see ``advance`` of the kernel."""
+    """What recursions record at each instant; see ``advance`` of the kernel."""
 
     theta: np.ndarray
     errors: np.ndarray

@@ -229,8 +229,8 @@ def _begun(model: ARXRegressor, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray
 def _show(
     model: ARXRegressor, coef: np.ndarray, covariance: np.ndarray, variance: float, n_rows: int
 ) -> None:
-    """Set what an estimate of the equation error shows."""
-    for name in ONLY_SIMULATED:  # of a fit with effects before
+    """Set the attributes of an estimate by the equation error."""
+    for name in ONLY_SIMULATED:  # from an earlier fit with effects
         if hasattr(model, name):
             delattr(model, name)
     model.n_rows_used_, model.noise_variance_ = n_rows, variance

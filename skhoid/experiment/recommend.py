@@ -53,7 +53,7 @@ class ForgettingAdvice:
     window : tuple of float
         Where validation runs were scored, in s.
     sampling_rate : float
-        In Hz.
+        Sampling rate in Hz.
 
     Examples
     --------

@@ -174,7 +174,7 @@ class ExperimentResult:
         condition : label or None, default=None
             Condition; None is the only one.
         form : {"lambda", "Lambda"}, default="lambda"
-            Forgetting.
+            Which parameters are forgotten: all (λ), or b0 and b1 only (Λ).
         parameters : {"arx", "operator"}, default="arx"
             a1, a2, b0, b1, or K_e, T_L, K_edot, omega_nm, zeta_nm.
         subjects : sequence of labels or None, default=None

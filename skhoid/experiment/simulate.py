@@ -50,7 +50,7 @@ def simulate_experiment(
         (median 0.12). It is met in C1 and C2; in C3 to C6 the gain K_n goes from one to the
         other.
     sampling_rate : float, default=100.0
-        In Hz.
+        Sampling rate in Hz.
     duration : float, default=81.92
         Measurement window in s.
     run_in : float, default=8.08

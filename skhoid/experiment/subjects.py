@@ -50,7 +50,7 @@ class RecordingSetup:
     transition_time: float
 
 
-# Of the thesis: 90.00 s, in whose 50.00th the controlled element changes.
+# Runs of the thesis last 90.00 s, and the controlled element changes at 50.00 s.
 STANDARD = RecordingSetup(sampling_rate=100.0, duration=81.92, run_in=8.08, transition_time=41.92)
 
 

@@ -36,5 +36,5 @@ def written_whole(path: str | Path, *, sync: bool = False) -> Iterator[Path]:
 
 
 def is_left_over(path: Path) -> bool:
-    """Whether a file is of a process that was killed while it wrote."""
+    """Whether a file was left by a process that was killed while it wrote."""
     return path.name.startswith(".") and ".tmp" in path.suffixes

@@ -55,7 +55,7 @@ def identified_as(name: str, version: int = 1) -> Callable[[F], F]:
     Raises
     ------
     TypeError
-        If it decorates something else than a function.
+        If it decorates anything but a function.
     ValueError
         If the name is empty, the version not a whole number from 1, or the function made within
         another one: what such a function encloses would be no part of its identity.

@@ -135,7 +135,7 @@ def _send(
 def _send_to_dask(
     backend: Any, waiting: dict[int, Any], compute: Callable[[Any], Any], sent: Sent
 ) -> Iterator[tuple[int, Any]]:
-    """Through the client of joblib's dask backend, which itself never hears of killed workers.
+    """Send through the client of joblib's dask backend, which itself never hears of killed workers.
 
     Dask sends what was on a killed worker again itself, some four times in all.
     """
@@ -172,7 +172,7 @@ def _send_to_dask(
 
 
 class Workers:
-    """Whether a dask cluster has any, looked at now and then; it would wait for ever."""
+    """Watch whether a dask cluster has workers; without any it would wait for ever."""
 
     def __init__(self, client: Any, patience: float) -> None:
         self.client, self.patience = client, max(PATIENCE, patience)

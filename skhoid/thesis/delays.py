@@ -116,7 +116,7 @@ def delay_study(
     intensities : sequence of float, default=(0, 0.05, ..., 0.30)
         P_n.
     sampling_rates : sequence of float, default=(100,)
-        In Hz; App. G has 50, 100 and 200.
+        Sampling rates in Hz; App. G has 50, 100 and 200.
     open_loop : sequence of bool, default=(False,)
         Whether the remnant goes round the loop (False) or not (True, Eq. G.1).
     n_validation : int, default=10
