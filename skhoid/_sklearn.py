@@ -1,4 +1,4 @@
-"""The only importer of scikit-learn's private names."""
+"""Private names of scikit-learn, which no other file imports."""
 
 from sklearn.base import _fit_context as fit_context
 from sklearn.exceptions import NotFittedError

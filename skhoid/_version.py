@@ -1,3 +1,3 @@
-"""The version, which nothing but this file says."""
+"""The version number, kept here only."""
 
 __version__ = "0.1.0"

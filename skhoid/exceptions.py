@@ -263,16 +263,16 @@ class RunTimeWarning(UserWarning):
     """
 
 
-PYTHON_ONLY: set[str] = set()  # parts of messages that help who writes Python, and nobody else
+PYTHON_ONLY: set[str] = set()  # parts of messages that help only those who write Python
 
 
 def python_only(part: str) -> str:
-    """Such a part of a message, which the command line leaves out."""
+    """Register a part of a message that the command line leaves out."""
     PYTHON_ONLY.add(part)
     return part
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """The end of a message about an unknown word: the nearest that is known, if one is near."""
-    near = get_close_matches(word, list(known), n=1, cutoff=0.5)
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The end of a message about an unknown name: the nearest known one, if one is near."""
+    near = get_close_matches(name, list(known), n=1, cutoff=0.5)
     return f" Did you mean {near[0]!r}?" if near else ""

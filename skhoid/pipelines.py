@@ -1,4 +1,4 @@
-"""Taking pipelines and searches apart: their first and last steps, and the run-in between."""
+"""Taking pipelines and searches apart: first step, last step, and run-in trimmers between."""
 
 from __future__ import annotations
 

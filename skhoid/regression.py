@@ -1,4 +1,4 @@
-"""What regressors on runs share: the gate for data, prediction and score."""
+"""Base class of all regressors on runs: reads and checks data, predicts, scores, summarises."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class DataToFit(NamedTuple):
 
 
 class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
-    """A regressor that predicts the output of runs by simulation, on the grid marks leave."""
+    """A regressor that predicts the output of runs by simulation, on the grid that marks leave."""
 
     inputs: Any
     roles: dict | None
@@ -190,7 +190,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         X : DataFrame or array of shape (n_rows, n_columns), default=None
             Channels to validate on, best of runs that were not fitted.
         y : Series or array of shape (n_rows,), default=None
-            Their measured output. With data the header says the VAF of the free run, and that of
+            Their measured output. With data the header shows the VAF of the free run, and that of
             the predictions one step ahead of models that make them: the free run is what counts.
 
         Returns

@@ -60,7 +60,7 @@ class TextTable:
             widths[widths.index(max(widths))] -= 1
         return [
             "  ".join(
-                f"{_cut(cell, width):{'<' if title in LEFT_ALIGNED else '>'}{width}}"
+                f"{_shortened(cell, width):{'<' if title in LEFT_ALIGNED else '>'}{width}}"
                 for title, cell, width in zip(self.header, row, widths, strict=True)
             ).rstrip()
             for row in (self.header, *self.rows)
@@ -89,7 +89,7 @@ class TextTable:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a fitted model says of itself."""
+    """The summary of a fitted model: facts, tables and notes."""
 
     title: str
     facts: dict[str, str]
@@ -99,7 +99,7 @@ class Summary:
 
     def text(self) -> str:
         lines = [
-            _cut(self.title, WIDTH).center(WIDTH).rstrip(),
+            _shortened(self.title, WIDTH).center(WIDTH).rstrip(),
             "=" * WIDTH,
             *_in_two_columns(self.facts),
         ]
@@ -176,7 +176,7 @@ class Estimate(NamedTuple):
 
     @classmethod
     def of(cls, row: pd.Series) -> Estimate:
-        """Of a row with the columns value, sd, low, high and unit."""
+        """Make it from a row with the columns value, sd, low, high and unit."""
         value, sd = float(row["value"]), float(row["sd"])
         low, high = (float(row.get(end, np.nan)) for end in ("low", "high"))
         if not (np.isfinite(sd) and sd > 0.0):
@@ -265,7 +265,7 @@ def _in_two_columns(facts: dict[str, str]) -> list[str]:
     return lines + [left] * bool(left)
 
 
-def _cut(text: str, width: int) -> str:
+def _shortened(text: str, width: int) -> str:
     if len(text) <= width:
         return text
     return text[: width // 2] + "…" + text[len(text) - (width - width // 2 - 1) :]

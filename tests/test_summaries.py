@@ -1,4 +1,4 @@
-"""What fitted models say of themselves, as text and in notebooks."""
+"""Summaries of fitted models, as text and in notebooks."""
 
 from __future__ import annotations
 
@@ -208,7 +208,7 @@ def test_path_of_a_recursive_model(runs):
         ({"forgetting": "variable", "memory_horizon": 64}, "variable, λ = "),
     ],
 )
-def test_memory_in_words(runs, forgetting, words):
+def test_memory_as_text(runs, forgetting, words):
     assert words in facts_of(RecursiveARX(2, 2, 15, **forgetting).fit(*runs).summary())
 
 

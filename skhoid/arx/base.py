@@ -1,4 +1,4 @@
-"""What ARX estimators share: the gate for data, simulation, prediction and score."""
+"""Base class of ARX estimators: simulation, prediction, score, transfer function."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BOUND = 1e100  # of simulated outputs; its square still sums without overflow
 
 
 class BaseARX(RunRegressor):
-    """An ARX model with parameters ``coef_`` on the grid that marks of X leave."""
+    """An ARX model with parameters ``coef_`` on the grid that the marks of X leave."""
 
     na: Any
     nb: Any

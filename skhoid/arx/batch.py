@@ -20,7 +20,7 @@ from ..human.controlled_element import ControlledElement
 from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
 from .base import BaseARX
-from .model_summary import orders_in_words
+from .model_summary import orders_text
 from .orders import Orders
 from .strategies import EquationError, LinearSimulationError, SimulationError, Strategy
 
@@ -72,7 +72,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         Seconds at the start of each run (and after each gap) that do not count in a fit with
         effects, which starts from rest.
     roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not tell them.
+        Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -256,7 +256,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         return SimulatedCore(
             core=ARXCore(orders.na, orders.nb[0], orders.nk[0], orders.intercept),
             estimated=fitted_arx,
-            description=orders_in_words(orders),
+            description=orders_text(orders),
             errors_note="Standard errors take the residual, whitened by its AR model, as white.",
         )
 

@@ -1,4 +1,4 @@
-"""Why a least-squares problem has no unique solution, in words."""
+"""The error for least squares without a unique solution, which names the cause."""
 
 from __future__ import annotations
 

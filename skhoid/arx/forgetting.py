@@ -178,7 +178,7 @@ def read_forgetting(
 
 
 def _evaluated(function: Callable[[np.ndarray], Any], time: np.ndarray, n_params: int) -> Any:
-    """λ of a function, of which (n_params,) would mean as many instants at times."""
+    """λ of a function; a shape (n_params,) is refused, as it may also mean that many instants."""
     try:
         values = np.asarray(function(time.copy()), dtype=np.float64)
     except (TypeError, ValueError) as error:

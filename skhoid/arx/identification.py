@@ -24,7 +24,7 @@ OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesi
 
 @dataclass(frozen=True, kw_only=True)
 class ModelChoice:
-    """What is known of the models before: of orders and delay, None is searched for.
+    """What the caller fixes of the models: orders and delay that are None are searched for.
 
     Orders are not searched if ``na`` or ``nb`` is given (the other is then 2). Searches compare
     least squares; with ``method="iv"`` what they choose is fitted by instrumental variables.
@@ -118,7 +118,7 @@ class Identification:
 
     @property
     def held_out_view(self) -> dict[str, Any]:
-        """Which runs, or which part of a single run, a picture of the validation shows."""
+        """Which runs, or which part of a single run, a plot of the validation shows."""
         first = np.flatnonzero(self.held_out)[0]
         if len(self.layout.labels) == 1:
             end = float(self.layout.time[-1]) + self.layout.dt
@@ -251,7 +251,7 @@ def identify(
 def _held_out_rows(
     layout: RunLayout, validation_runs: list[Any] | None
 ) -> tuple[np.ndarray, tuple[str, str]]:
-    """Mark the validation rows, and say in words what they are."""
+    """Mark the validation rows, and describe both parts in text."""
     run = layout.run_of(np.arange(layout.n_rows))
     labels = layout.labels
     if validation_runs is None and len(labels) == 1:

@@ -30,7 +30,7 @@ STABLE_RADIUS = 0.9995
 
 
 @dataclass(frozen=True)
-class Estimate:
+class InstrumentalEstimate:
     """Parameters, their covariance, and how it went."""
 
     theta: np.ndarray
@@ -67,13 +67,13 @@ def estimate(
     dt: float,
     names: list[str],
     coloured: bool,
-) -> Estimate:
+) -> InstrumentalEstimate:
     """Estimate theta from output ``y``, inputs ``X`` and external signals ``R`` on model rows.
 
     ``coloured`` asks for a covariance that allows for a coloured filtered error.
     """
     lags = instrument_lags(dt, min(orders.nk), orders.n_params - orders.intercept, R.shape[1])
-    parts, n_missing = _parts(y, X, R, begin, end, orders, lags)
+    parts, n_missing = _stretches(y, X, R, begin, end, orders, lags)
     if not parts:
         raise ShortRunError(
             f"The instruments reach {int(lags[-1])} samples ({lags[-1] * dt:.3g} s) back, and no "
@@ -102,7 +102,7 @@ def estimate(
         covariance = newey_west(influence, np.arange(error.size), begin_of_part, settle - 1)
     else:
         covariance = bread * (filtered_error @ filtered_error) / max(error.size - theta.size, 1)
-    return Estimate(
+    return InstrumentalEstimate(
         theta,
         covariance,
         float(error @ error) / max(error.size - theta.size, 1),
@@ -127,7 +127,7 @@ def instrument_lags(dt: float, nk: int, n_params: int, n_signals: int) -> np.nda
     return nk + np.array(sorted(offsets))
 
 
-def _parts(
+def _stretches(
     y: np.ndarray,
     X: np.ndarray,
     R: np.ndarray,

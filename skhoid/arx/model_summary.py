@@ -1,4 +1,4 @@
-"""What fitted ARX models say of themselves."""
+"""Summaries of fitted ARX models, batch and recursive."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ WHITE = "Standard errors take the equation error as white{}."
 def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> Summary:
     """Summary of an ARX model whose equation error was minimised."""
     n, p = model.n_rows_used_, len(model.coef_)
-    facts = {"Model": orders_in_words(model.orders_), **signal_facts(model)}
+    facts = {"Model": orders_text(model.orders_), **signal_facts(model)}
     instrumental = bool(instruments)
     if instrumental:
         facts["Method"] = "instrumental variables"
@@ -83,7 +83,7 @@ def recursive_summary(model: RecursiveARX) -> Summary:
     """Summary of a recursive model: its last parameters, and their path."""
     has_path = "coef_path_" in vars(model)
     smoothed = has_path and model._smoothed
-    facts = {"Model": orders_in_words(model.orders_), **signal_facts(model)}
+    facts = {"Model": orders_text(model.orders_), **signal_facts(model)}
     facts["Method"] = "recursive least squares" + (", path smoothed" if smoothed else "")
     facts["Memory"] = _memory(model)
     facts["Rows"] = f"{model.n_updates_} updates"
@@ -119,7 +119,7 @@ def _response(model: BaseARX) -> str:
     return f"{model._output_name} from {', '.join(model.inputs_)}"
 
 
-def orders_in_words(orders: Orders) -> str:
+def orders_text(orders: Orders) -> str:
     nb, nk = (one_or_all(values) for values in (orders.nb, orders.nk))
     constant = ", intercept" if orders.intercept else ""
     return f"ARX, na = {orders.na}, nb = {nb}, nk = {nk}{constant}"

@@ -1,4 +1,4 @@
-"""Streaming: the estimator's way to go on as rows arrive."""
+"""``partial_fit`` of recursive ARX models, for rows that arrive one by one."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class PartialFit(BaseARX):
 
     @fit_context(prefer_skip_nested_validation=True)
     def _partial_fit(self, X: Any, y: Any, new_run: bool) -> Self:
-        """The way for all that :meth:`partial_fit` does not take at once."""
+        """Take what :meth:`partial_fit` does not take by its fast path."""
         stream, pending = vars(self).get("_stream"), vars(self).get("_pending")
         self._check_streaming("coef_" in vars(self))
         if "coef_" not in vars(self) and pending is None:
@@ -224,7 +224,7 @@ class PartialFit(BaseARX):
         )
 
     def _refresh(self, stream: Stream) -> None:
-        """Make attributes say what the stream says."""
+        """Set the fitted attributes from the stream."""
         self.coef_ = stream.state.theta
         self._forget(*OF_RUNS)
         self._states, self._last_share = [stream.state], np.ones(1)

@@ -1,4 +1,4 @@
-"""Recursive ARX models, whose parameters follow the data."""
+"""RecursiveARX: recursive least squares with forgetting, whose parameters follow the data."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class RecursiveARX(PartialFit):
     store_covariance : bool, default=False
         Keep ``covariance_path_``.
     roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not tell them.
+        Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -119,7 +119,7 @@ class RecursiveARX(PartialFit):
     memory_horizon_ : float or ndarray
         1 / (1 - λ) in samples.
     log_likelihood_ : dict
-        Of the one-step predictions by memory horizon; with ``forgetting="auto"``.
+        Log-likelihood of one-step predictions by memory horizon; with ``forgetting="auto"``.
     initial_coef_, initial_covariance_ : ndarray
         θ0 and P0; with ``combine="average_estimates"`` their means.
     n_updates_ : int
@@ -145,7 +145,7 @@ class RecursiveARX(PartialFit):
     See Also
     --------
     RecursiveARXCV : Chooses the memory horizon on validation runs.
-    skhoid.plotting.ParameterPathDisplay : A picture of the path.
+    skhoid.plotting.ParameterPathDisplay : Plots the path.
     reference_fits : Batch models of the constant parts to compare with.
 
     Notes

@@ -1,4 +1,4 @@
-"""The choice of a memory horizon on validation runs."""
+"""RecursiveARXCV: the memory horizon of a recursive ARX model, chosen on validation runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursive import RecursiveARX
 from .rls import RecursionData, RecursionState, kernel_regressors, recurse
 from .searches.folds import folds_of
-from .searches.text import highest, standard_error
+from .searches.text import highest, standard_error_over_folds
 
 HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 
@@ -63,7 +63,7 @@ class RecursiveARXCV(RecursiveARX):
     n_jobs : int or None, default=None
         Threads for the folds.
     roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not tell them.
+        Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -89,7 +89,7 @@ class RecursiveARXCV(RecursiveARX):
 
     See Also
     --------
-    skhoid.plotting.MemoryHorizonDisplay : A picture of the trade-off.
+    skhoid.plotting.MemoryHorizonDisplay : Plots the trade-off.
 
     Notes
     -----
@@ -287,7 +287,7 @@ class RecursiveARXCV(RecursiveARX):
 
     def _summary(self) -> Summary:
         results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
-        shown, caption = highest(vaf, standard_error(results, self.best_index_))
+        shown, caption = highest(vaf, standard_error_over_folds(results, self.best_index_))
         header = ["N0 (samples)", "VAF (%)", "VAF, train (%)", "gain"]
         rows = [
             [

@@ -18,7 +18,7 @@ from .forgetting import Forgetting, kernel_arrays
 from .orders import Orders, regressors
 
 NOTHING = np.empty((0, 0, 0))
-SPARSE = 10  # times the rows, beyond which instants are sorted instead of counted
+SPARSE = 10  # times the rows: with more instants they are sorted instead of counted
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ def _above(n_params: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class RecursionState:
-    """Where recursions stand, one a lane: theta, the factors of P, sums and counts."""
+    """State of recursions, one in each lane: theta, the factors of P, sums and counts."""
 
     def __init__(self, theta0: np.ndarray, P0: np.ndarray, lanes: int = 1) -> None:
         """Begin with one theta0 and P0, or with one for each lane on the first axis."""
@@ -270,7 +270,7 @@ class RecursionState:
 
 @dataclass
 class Paths:
-    """What recursions leave at each instant; see ``advance`` of the kernel."""
+    """What recursions record at each instant; see ``advance`` of the kernel."""
 
     theta: np.ndarray
     errors: np.ndarray
@@ -362,7 +362,7 @@ class Recursion:
 
 @dataclass(frozen=True)
 class RecursionPlan:
-    """How to run recursions: with which forgetting and resets, and what to keep."""
+    """How to run recursions: their forgetting, their resets, and what to keep."""
 
     orders: Orders
     forgetting: Forgetting

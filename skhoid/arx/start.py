@@ -1,4 +1,4 @@
-"""Where a recursion starts: theta0 and P0."""
+"""Start values of a recursion: theta0 and P0."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a batch ARX model is estimated, and by what it answers afterwards.
+"""Strategies of ARXRegressor: how it is estimated, and how it predicts afterwards.
 
 ``ARXRegressor.fit`` chooses one: the equation error, by least squares or instrumental variables,
 or the error of simulation, where there are effects.
@@ -40,7 +40,7 @@ ONLY_SIMULATED = ("noise_ar_", "loglik_", "bic_", "vaf_", "controlled_element_")
 
 
 class Strategy(Protocol):
-    """What an ARX model, once estimated, leaves to the way in which it was."""
+    """What depends on how an ARX model was estimated."""
 
     def free_run(self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         """Free run on the grid, from all columns of X at full rate."""
@@ -59,7 +59,7 @@ class Strategy(Protocol):
         """One-step errors on the grid; NaN where there are none."""
 
     def check_start(self, initial_state: str) -> None:
-        """Refuse a start of the simulation that there is not."""
+        """Refuse a start that this simulation does not have."""
 
     def summary(self, model: ARXRegressor) -> Summary:
         """What was estimated, and how."""
@@ -92,8 +92,8 @@ class AnswersByEquation:
 class EquationError(AnswersByEquation):
     """Coefficients that minimise the error of one step: by regression, or with instruments.
 
-    What was fitted, not parameters that were set since: ``hac`` says how standard errors were
-    found, and ``instruments`` are names of channels, none in least squares.
+    It holds what was fitted, whatever parameters were set since: ``hac`` says how standard errors
+    were found, and ``instruments`` are names of channels, none for least squares.
     """
 
     hac: bool
@@ -151,7 +151,7 @@ class EquationError(AnswersByEquation):
 
 @dataclass(frozen=True)
 class SimulationError:
-    """Coefficients and effects that minimise the error of simulation, and answer by it."""
+    """Coefficients and effects that minimise the error of simulation, and predict by it."""
 
     simulation: Simulation
 
@@ -229,8 +229,8 @@ def _begun(model: ARXRegressor, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray
 def _show(
     model: ARXRegressor, coef: np.ndarray, covariance: np.ndarray, variance: float, n_rows: int
 ) -> None:
-    """Set what an estimate of the equation error shows."""
-    for name in ONLY_SIMULATED:  # of a fit with effects before
+    """Set the attributes of an estimate by the equation error."""
+    for name in ONLY_SIMULATED:  # from an earlier fit with effects
         if hasattr(model, name):
             delattr(model, name)
     model.n_rows_used_, model.noise_variance_ = n_rows, variance

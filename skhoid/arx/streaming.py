@@ -1,4 +1,4 @@
-"""A recursion that goes on as rows arrive."""
+"""The recursion behind ``partial_fit``: its lags, clock and state from row to row."""
 
 from __future__ import annotations
 

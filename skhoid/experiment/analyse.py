@@ -1,4 +1,4 @@
-"""The analysis of Section VI, of all subjects and conditions of an experiment."""
+"""analyse_experiment: the analysis of Section VI for all subjects and conditions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from ..exceptions import MissingDataWarning, RunTimeWarning
-from .cell_analysis import AnalysisPlan, Found, analyse_cell
+from .cell_analysis import AnalysisPlan, CellTables, analyse_cell
 from .read import Cell, read_cells
 from .result import ExperimentResult, verdicts
 
@@ -67,7 +67,7 @@ def analyse_experiment(
     region : float, default=30.72
         Length of the first and the last region in s.
     transition_time : float, dict by condition, or None, default=None
-        When the controlled element changes, in s of the time index; for pictures.
+        When the controlled element changes, in s of the time index; shown in plots.
     fit_intercept : bool, default=False
         Add a constant to the models, for recordings that are not about zero.
     step : float, default=0.16
@@ -160,7 +160,7 @@ def _in_samples(memory_horizon: float, memory_time: float | None, dt: float) -> 
     return horizon
 
 
-def _found(cells: list[Cell], plan: AnalysisPlan, n_jobs: int | None) -> list[Found]:
+def _found(cells: list[Cell], plan: AnalysisPlan, n_jobs: int | None) -> list[CellTables]:
     """What the chain finds in each cell."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MissingDataWarning)  # the notes count it
@@ -171,7 +171,7 @@ def _found(cells: list[Cell], plan: AnalysisPlan, n_jobs: int | None) -> list[Fo
 
 
 def _joined(
-    found: list[Found], plan: AnalysisPlan, times: dict[Any, float], notes: list[str]
+    found: list[CellTables], plan: AnalysisPlan, times: dict[Any, float], notes: list[str]
 ) -> ExperimentResult:
     """The tables of all cells one after another, and what they say of change."""
     joined = {

@@ -1,4 +1,4 @@
-"""The chain of Section VI for one subject in one condition."""
+"""The analysis of Section VI for one subject in one condition: delay, fits, validation."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class AnalysisPlan:
 
 
 @dataclass(frozen=True)
-class Found:
+class CellTables:
     """Tables of one cell; see ExperimentResult."""
 
     paths: pd.DataFrame
@@ -62,7 +62,7 @@ class Found:
     notes: list[str]
 
 
-def analyse_cell(cell: Cell, plan: AnalysisPlan) -> Found:
+def analyse_cell(cell: Cell, plan: AnalysisPlan) -> CellTables:
     """Delay, batch models, recursions and validation."""
     levels = {SUBJECT: cell.subject, CONDITION: cell.condition}
     delay, notes = _delay(cell, plan)
@@ -70,7 +70,7 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> Found:
     # Samples are numbered as in RunLayout.sample_numbers.
     first, stop = (int(np.floor(t / plan.dt + 0.25)) for t in (cell.start, cell.stop))
     numbers = np.arange(first, stop, max(round(plan.step / plan.dt), 1))
-    judge = _Judge(cell, plan)
+    validation = _CrossValidation(cell, plan)
     theta: dict[str, list[np.ndarray]] = {form: [] for form in plan.horizons}
     for at, (a, b) in enumerate(zip(cell.starts[:-1], cell.starts[1:], strict=True)):
         part, output = shifted.iloc[a:b], cell.y.iloc[a:b]
@@ -82,9 +82,9 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> Found:
                 p0=1.0,
             ).fit(part, output)
             theta[form].append(_thinned(model, numbers, plan.dt))
-            judge.score(at, form, model.predict(shifted))
+            validation.score(at, form, model.predict(shifted))
         constant = ARXRegressor(fit_intercept=plan.fit_intercept).fit(part, output)
-        judge.score(at, "constant", constant.predict(shifted))
+        validation.score(at, "constant", constant.predict(shifted))
     paths = pd.concat(
         [_path_table(np.stack(each), form, cell, numbers, plan) for form, each in theta.items()]
     )
@@ -103,10 +103,10 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> Found:
         "paths": paths,
         "batch": batch,
         "scores": scores,
-        "validation": judge.table(),
+        "validation": validation.table(),
         "changes": changes,
     }
-    return Found(
+    return CellTables(
         **{
             name: table.assign(**levels)[[*levels, *table.columns]]
             for name, table in tables.items()
@@ -120,13 +120,13 @@ def _delay(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, Any], list[str]]:
     """n_k* of the runs together, or the delay that was given."""
     given = plan.delay
     if given is not None and not isinstance(given, (int, float, np.number)):
-        key = (cell.subject, cell.condition)
+        pair = (cell.subject, cell.condition)
         given = dict(given)
         try:
-            given = next(given[k] for k in (key, *key) if k in given)
+            given = next(given[k] for k in (pair, *pair) if k in given)
         except StopIteration:
             raise ValueError(
-                f"delay has no entry for {cell.name}: neither {key!r}, nor its subject or its "
+                f"delay has no entry for {cell.name}: neither {pair!r}, nor its subject or its "
                 "condition."
             ) from None
     if given is not None:
@@ -153,7 +153,7 @@ def _thinned(model: RecursiveARX, numbers: np.ndarray, dt: float) -> np.ndarray:
 def _path_table(
     theta: np.ndarray, form: str, cell: Cell, numbers: np.ndarray, plan: AnalysisPlan
 ) -> pd.DataFrame:
-    """Estimates of the runs, and their mean, which is averaged first and converted then."""
+    """Estimates of the runs, and their mean, which is averaged before it is converted."""
     all_ = np.concatenate([theta, theta.mean(axis=0, keepdims=True)])
     operator, _, _ = arx_to_operator(all_, plan.dt)
     columns: dict[str, Any] = {
@@ -205,7 +205,7 @@ def _scores(cell: Cell, plan: AnalysisPlan) -> pd.DataFrame:
     )
 
 
-class _Judge:
+class _CrossValidation:
     """VAF of free runs, by the run that was fitted and the runs that are simulated."""
 
     def __init__(self, cell: Cell, plan: AnalysisPlan) -> None:
@@ -282,7 +282,7 @@ def _t_test(change: np.ndarray) -> tuple[float, float]:
 
 
 def _variation(theta: np.ndarray) -> dict[str, float]:
-    """How much the mean path varies over time, by what the scatter of the runs explains of it."""
+    """How much the mean path varies over time, relative to what the scatter of runs explains."""
     n_runs = len(theta)
     if n_runs < 2:
         return {}

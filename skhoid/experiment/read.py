@@ -1,4 +1,4 @@
-"""The runs of an experiment by subject and condition, and what is amiss with them."""
+"""The runs of an experiment by subject and condition, and notes on what they lack."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def read_cells(
     measurement_time: float | None,
     region: float,
 ) -> tuple[list[Cell], float, list[str]]:
-    """The last runs of each subject and condition without run-in, dt, and what is amiss."""
+    """The last runs of each subject and condition without run-in, dt, and notes."""
     if not isinstance(getattr(X, "index", None), pd.MultiIndex):
         raise RunIndexError(
             "analyse_experiment needs the index levels 'run' and 'time' in X, and reads 'subject' "
@@ -80,11 +80,11 @@ def read_cells(
     output = pd.Series(np.asarray(y, dtype=float).ravel(), index=X.index, name="u")
     if isinstance(y, pd.Series):
         output.name, output.attrs = y.name, dict(y.attrs)
-    keys = X.index[layout.run_starts[:-1]].to_frame(index=False)
+    run_index = X.index[layout.run_starts[:-1]].to_frame(index=False)
     groups: dict[tuple[Any, Any], list[int]] = {}
-    for number, row in enumerate(keys.to_dict("records")):
-        key = row.get(SUBJECT, ALL), row.get(CONDITION, ALL)
-        groups.setdefault(key, []).append(number)
+    for number, row in enumerate(run_index.to_dict("records")):
+        pair = row.get(SUBJECT, ALL), row.get(CONDITION, ALL)
+        groups.setdefault(pair, []).append(number)
     cells = []
     for (subject, condition), numbers in groups.items():
         labels = {SUBJECT: subject, CONDITION: condition}
@@ -94,8 +94,8 @@ def read_cells(
         kept = numbers if last is None else numbers[-last:]
         slices = [slice(*layout.run_starts[number : number + 2]) for number in kept]
         rows = np.concatenate([np.arange(s.start, s.stop) for s in slices])
-        runs = keys[RUN].iloc[kept].tolist()
-        start, stop = _window(
+        runs = run_index[RUN].iloc[kept].tolist()
+        start, stop = _shared_time(
             [layout.time[s][~trimmed[s]] for s in slices], layout.dt, name, runs, region, notes
         )
         part, of_part = (
@@ -117,7 +117,7 @@ def read_cells(
     return cells, layout.dt, notes
 
 
-def _window(
+def _shared_time(
     times: list[np.ndarray],
     dt: float,
     name: str,

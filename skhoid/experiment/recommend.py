@@ -1,4 +1,4 @@
-"""Which memory horizon to take in an experiment that is still to come."""
+"""recommend_forgetting: the memory horizon for an experiment that is still to come."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RUNS = ["remnant_intensity", "replication", "validation"]
 
 @dataclass(frozen=True, eq=False)
 class ForgettingAdvice:
-    """Which memory horizon suits an experiment, with the evidence.
+    """Which memory horizon suits an experiment, and the results that say so.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class ForgettingAdvice:
     window : tuple of float
         Where validation runs were scored, in s.
     sampling_rate : float
-        In Hz.
+        Sampling rate in Hz.
 
     Examples
     --------
@@ -181,7 +181,7 @@ def recommend_forgetting(
     Returns
     -------
     advice : ForgettingAdvice
-        ``print(advice)`` says it in words; ``advice.plot()`` draws the evidence.
+        ``print(advice)`` shows it as text; ``advice.plot()`` draws VAF by memory horizon.
 
     Raises
     ------
@@ -251,7 +251,7 @@ def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> Fo
     vaf = of_lambda.pivot(index=RUNS, columns="memory_horizon", values="vaf_validation")
     best = float(vaf.mean().idxmax())
     worse = vaf.rsub(vaf[best], axis=0)
-    near = worse.mean() <= SIGNIFICANT * standard_error(worse)  # not where it is NaN
+    near = worse.mean() <= SIGNIFICANT * crossed_standard_error(worse)  # not where it is NaN
     close = [float(N0) for N0 in vaf.columns if best == N0 or near[N0]]
     if np.inf in close:
         best = np.inf
@@ -271,11 +271,11 @@ def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> Fo
 def _summary(table: pd.DataFrame) -> pd.DataFrame:
     grouped = with_gain(table, RUNS).groupby(["remnant_intensity", *SETTING])
     means = grouped[["vaf_estimation", "vaf_validation", "gain"]].mean()
-    errors = [standard_error(part.set_index(RUNS)[["gain"]])["gain"] for _, part in grouped]
+    errors = [crossed_standard_error(part.set_index(RUNS)[["gain"]])["gain"] for _, part in grouped]
     return means.assign(se_gain=errors)
 
 
-def standard_error(values: pd.DataFrame) -> pd.Series:
+def crossed_standard_error(values: pd.DataFrame) -> pd.Series:
     """Standard errors of means over estimation runs and validation runs, each drawn anew.
 
     Both vary: var(mean) = var_e / n_e + var_v / n_v, with the variances of the means over the

@@ -1,4 +1,4 @@
-"""What the analysis of an experiment found, in tables and in words."""
+"""What the analysis of an experiment found, as tables and as text."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ExperimentResult:
     paths : DataFrame
         Recursive estimates over time: ``run`` (or ``"mean"``), ``form`` (``"lambda"`` or
         ``"Lambda"``), ``time`` (s), a1, a2, b0, b1, K_e, T_L (s), K_edot (s), omega_nm (rad/s),
-        zeta_nm; NaN where the poles are no complex pair. The mean is that of the ARX parameters;
+        zeta_nm; NaN where the poles are not a complex pair. The mean is that of the ARX parameters;
         its operator parameters are converted from it.
     batch : DataFrame
         Batch models of the first (``form`` ``"ini"``) and the last region (``"fin"``): ``run``,
@@ -72,7 +72,7 @@ class ExperimentResult:
 
     See Also
     --------
-    skhoid.plotting.experiment.ExperimentDisplay : The picture that :meth:`plot` makes.
+    skhoid.plotting.experiment.ExperimentDisplay : The figure that :meth:`plot` makes.
 
     Notes
     -----
@@ -150,7 +150,7 @@ class ExperimentResult:
         return mean.loc[subjects, [(s, w) for s in SCORES for w in windows]]
 
     def summary(self) -> str:
-        """The result in words.
+        """The result as text.
 
         Returns
         -------
@@ -174,7 +174,7 @@ class ExperimentResult:
         condition : label or None, default=None
             Condition; None is the only one.
         form : {"lambda", "Lambda"}, default="lambda"
-            Forgetting.
+            Which parameters are forgotten: all (λ), or b0 and b1 only (Λ).
         parameters : {"arx", "operator"}, default="arx"
             a1, a2, b0, b1, or K_e, T_L, K_edot, omega_nm, zeta_nm.
         subjects : sequence of labels or None, default=None
@@ -258,12 +258,12 @@ def _summary(r: ExperimentResult) -> list[str]:
         f"{counted(len(r.subjects), 'subject')}, {counted(len(r.conditions), 'condition')}; "
         f"{how_many} run{'s' * (many > 1)} of each, from {window['start'].min():g} to "
         f"{window['stop'].max():g} s at {1 / r.dt:g} Hz.",
-        f"Delay {_span(r.delays['delay'])} s; memory horizon {r.memory_horizon:g} samples, "
+        f"Delay {_range_text(r.delays['delay'])} s; memory horizon {r.memory_horizon:g} samples, "
         f"{r.memory_horizon * r.dt:g} s.",
         "",
         f"How they track (means over runs{' and conditions' * (len(r.conditions) > 1)})",
     ]
-    lines += _scores_in_words(r)
+    lines += _scores_text(r)
     lines += [
         "",
         "Who adapts (gains in the last against the first "
@@ -286,7 +286,7 @@ def _summary(r: ExperimentResult) -> list[str]:
     return lines
 
 
-def _scores_in_words(r: ExperimentResult) -> list[str]:
+def _scores_text(r: ExperimentResult) -> list[str]:
     table = r.score_table().xs("T_m", axis=1, level=1).dropna(axis=1, how="all")
     shown = table.round(3)
     lines = shown.to_string(index_names=False).splitlines()
@@ -297,8 +297,8 @@ def _scores_in_words(r: ExperimentResult) -> list[str]:
         if score in table:
             said.append(f"highest {what} {table[score].idxmax()}, lowest {table[score].idxmin()}")
     if said:
-        words = "; ".join(said)
-        lines.append(words[0].upper() + words[1:] + ".")
+        sentence = "; ".join(said)
+        lines.append(sentence[0].upper() + sentence[1:] + ".")
     return lines
 
 
@@ -326,7 +326,7 @@ def _person(row: dict[str, Any]) -> str:
 
 
 def _said(condition: Any, parts: list[str]) -> str:
-    """What is said of a condition, a line for each part."""
+    """The text on a condition, a line for each part."""
     text = SEPARATOR.join(parts) + "."
     return text[0].upper() + text[1:] if condition == ALL else f"{condition}: {text}"
 
@@ -366,6 +366,6 @@ def _listed(names: list[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _span(values: pd.Series) -> str:
+def _range_text(values: pd.Series) -> str:
     low, high = values.min(), values.max()
     return f"{low:g}" if np.isclose(low, high) else f"{low:g} to {high:g}"

@@ -1,7 +1,4 @@
-"""Recordings of an experiment with several people, whose truth is known.
-
-A stand-in for those of Section VI.
-"""
+"""simulate_experiment: recordings of several people, with known truth, as in Section VI."""
 
 from __future__ import annotations
 
@@ -53,7 +50,7 @@ def simulate_experiment(
         (median 0.12). It is met in C1 and C2; in C3 to C6 the gain K_n goes from one to the
         other.
     sampling_rate : float, default=100.0
-        In Hz.
+        Sampling rate in Hz.
     duration : float, default=81.92
         Measurement window in s.
     run_in : float, default=8.08
@@ -107,8 +104,8 @@ def simulate_experiment(
     remnant power of a practised one; the differences fall by e in two runs. Gains scatter by 5 %
     from run to run.
 
-    Who has less than 15 deg of phase margin in C1 or C2, or in any condition an error larger
-    than the target, is drawn again, and so is a run that becomes unstable.
+    A person with less than 15 deg of phase margin in C1 or C2, or with an error larger than the
+    target in any condition, is drawn again, and so is a run that becomes unstable.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Subjects of a simulated experiment: people who differ, and learn."""
+"""Subjects of a simulated experiment: people who differ from each other and learn."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ RUN_TO_RUN = 0.05  # standard deviation of the logarithm of a run's gain
 MARGIN = 15.0  # deg of phase that a person keeps
 WORST_SCORE = 1.0  # var(e) / var(f_t): with more, doing nothing would be better
 DRAWS = 200
-# Keys of random streams of a subject; those of runs are (subject, condition, run, try).
+# Spawn keys of random streams of a subject; those of runs are (subject, condition, run, try).
 PERSON, TUNING = 1_000, 2_000
 BACKWARD = ("C5", "C6")  # from state 2 to state 1
 
@@ -50,7 +50,7 @@ class RecordingSetup:
     transition_time: float
 
 
-# Of the thesis: 90.00 s, in whose 50.00th the controlled element changes.
+# Runs of the thesis last 90.00 s, and the controlled element changes at 50.00 s.
 STANDARD = RecordingSetup(sampling_rate=100.0, duration=81.92, run_in=8.08, transition_time=41.92)
 
 
@@ -169,7 +169,7 @@ def draw_participant(
     for _ in range(DRAWS):
         subject = _drawn(number, rng, recording.sampling_rate, entropy, intensity)
         try:
-            # Whether a person will do must not depend on how long the runs are.
+            # Whether a person is accepted must not depend on how long the runs are.
             standard = Participant(subject, STANDARD)
             if _manages(standard):
                 return standard if recording == STANDARD else Participant(subject, recording)
@@ -184,7 +184,7 @@ def draw_participant(
 def _drawn(
     number: int, rng: np.random.Generator, rate: float, entropy: int, given: float | None
 ) -> Subject:
-    """A person, by as many random numbers each time."""
+    """A person; every call draws the same number of random numbers."""
     gains, leads = rng.standard_normal(2), rng.standard_normal(2)
     delay, frequency, damping, noise = rng.standard_normal(4)
     order = int(rng.choice(ORDERS))

@@ -1,4 +1,4 @@
-"""One input of a fitted ARX model, alone or at the end of pipelines and searches."""
+"""The response of a fitted ARX model to one input, also behind pipelines and searches."""
 
 from __future__ import annotations
 

@@ -160,7 +160,7 @@ def operator_parameters(
 
     See Also
     --------
-    skhoid.plotting.OperatorParametersDisplay : A picture of them.
+    skhoid.plotting.OperatorParametersDisplay : Plots them.
 
     Notes
     -----

@@ -12,10 +12,10 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 from ..runs import check_alignment, input_columns, output_name
 from ..runs.roles import columns_of_role
 from .lines import Lines, Windows, all_bins, read_lines, signal_table
-from .phase import aligning_delay, unwrapped
+from .phase import aligning_delay, phase_without_jumps
 from .response import FrequencyResponse
 
-N_NEIGHBOURS = 6  # bins without excitation, nearest to a line, that tell the remnant there
+N_NEIGHBOURS = 6  # bins without excitation, nearest to a line, from which the remnant is read
 DOF = 2 * N_NEIGHBOURS  # of the remnant: real and imaginary parts
 ABSENT = 1e-6  # of the strongest bin of a forcing function; weaker lines are rounding
 
@@ -56,7 +56,7 @@ def fourier_coefficients(
     period : float or None, default=None
         Base period in seconds of a ``forcing`` that does not know its own.
     roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not tell them.
+        Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -313,7 +313,7 @@ def _interpolate(omega: np.ndarray, ratios: np.ndarray, wanted: np.ndarray) -> n
     at = wanted[inside]
     for row, values in zip(result, flat, strict=True):
         delay = aligning_delay(omega, values)
-        phase = unwrapped(omega, values, delay) + omega * delay
+        phase = phase_without_jumps(omega, values, delay) + omega * delay
         curve = CubicSpline(np.log(omega), np.log(np.abs(values)) + 1j * phase)
         row[inside] = np.exp(curve(np.log(at)) - 1j * at * delay)
     result[:, np.searchsorted(wanted, omega * (1 - 1e-9))] = flat

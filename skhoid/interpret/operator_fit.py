@@ -15,8 +15,8 @@ from .arx_responses import response_and_gradient
 NAMES = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
 N_FREQUENCIES = 60
 FILTER = slice(2, 4)  # log omega_nm and log zeta_nm among the fitted parameters
-ZETA = (0.02, 5.0)  # bounds; an estimate on a bound is none
-FAR = 3.0  # times the rms misfit of its neighbour: then an instant starts anew
+ZETA = (0.02, 5.0)  # bounds; an estimate at a bound counts as no fit
+FAR = 3.0  # times the rms misfit of its neighbour, beyond which an instant starts anew
 DIFFERENCE = 1e-6  # of logarithms, for derivatives of the neuromuscular filter
 
 

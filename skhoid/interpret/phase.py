@@ -1,4 +1,4 @@
-"""Phases of frequency responses at sparse lines."""
+"""Unwrapping the phase of frequency responses at sparse lines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def aligning_delay(omega: np.ndarray, response: np.ndarray) -> float:
     return float(candidates[np.argmax((turns @ steps).real)])
 
 
-def unwrapped(omega: np.ndarray, response: np.ndarray, delay: float) -> np.ndarray:
+def phase_without_jumps(omega: np.ndarray, response: np.ndarray, delay: float) -> np.ndarray:
     """Phase in rad, without jumps after a delay is removed; runs follow their mean."""
     turn = omega * delay
     together = np.nan_to_num(_phasors(np.atleast_2d(response))).sum(axis=0)

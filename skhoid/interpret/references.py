@@ -1,4 +1,4 @@
-"""Batch models of the constant parts of runs, to compare paths with."""
+"""reference_fits: batch models of the constant parts of runs, to compare paths with."""
 
 from __future__ import annotations
 

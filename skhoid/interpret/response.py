@@ -13,7 +13,7 @@ from ..runs import run_name
 from .arx_responses import response_of_model
 from .channel import is_arx
 from .crossing import crossover_at_lines, warn_no_crossover
-from .phase import aligning_delay, unwrapped
+from .phase import aligning_delay, phase_without_jumps
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,7 +46,7 @@ class FrequencyResponse:
     unit : str or None, default=None
         Unit of the magnitude.
     label : str or None, default=None
-        Name in pictures.
+        Name in plots.
     dof : int or None, default=None
         Degrees of freedom of a covariance estimated from few numbers; intervals are then those of
         Student's t.
@@ -256,7 +256,7 @@ class FrequencyResponse:
         if reference is not None:
             other = self._at_own_lines(reference)
             return other.phase + np.degrees(np.angle(self.response / other.response))
-        return np.degrees(unwrapped(self.omega, self.response, self._delay(delay)))
+        return np.degrees(phase_without_jumps(self.omega, self.response, self._delay(delay)))
 
     def _delay(self, given: float | None = None) -> float:
         for delay in (given, self.delay):

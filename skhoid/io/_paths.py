@@ -1,4 +1,4 @@
-"""From what a user names (paths, patterns, lists of these) to existing files."""
+"""The existing files that a user names by paths, patterns or lists of these."""
 
 from __future__ import annotations
 

@@ -118,10 +118,12 @@ def _parse(
                 **_EXACT,
             )
         except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
-            raise ValueError(_misfit(path, text, separator, names) or f"{path}: {error}") from error
+            raise ValueError(
+                _ragged_row(path, text, separator, names) or f"{path}: {error}"
+            ) from error
 
 
-def _misfit(path: Path, text: str, separator: str, names: list[str]) -> str:
+def _ragged_row(path: Path, text: str, separator: str, names: list[str]) -> str:
     """What is wrong with a table of which a row has more cells than the header."""
     rows = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
     for row in rows:

@@ -1,4 +1,4 @@
-"""Figures as files."""
+"""Save figures as files, whole or not at all."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DPI = 120
 def save_figure(
     figure: Figure, path: str | Path, *, metadata: dict[str, str] | None = None
 ) -> Path:
-    """Save a figure in the format that the path's ending tells, and close it."""
+    """Save a figure in the format of the path's ending, and close it."""
     import matplotlib.pyplot as plt
 
     path = Path(path)

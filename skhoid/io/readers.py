@@ -48,7 +48,7 @@ def read_runs(
     ----------
     paths : path, glob pattern, or list of these
         ``"data/run*.csv"``, say. The matches of a pattern are in natural order (run2 before
-        run10), a list keeps its own. The extension tells the format: ``.csv``, ``.tsv``, ``.txt``
+        run10), a list keeps its own. The extension sets the format: ``.csv``, ``.tsv``, ``.txt``
         (separator comma, semicolon or tab, one header row; a decimal comma is recognised where
         the separator is none), ``.parquet``, ``.pq``, ``.mat`` (version 5 and 7.3). Parquet and
         MAT 7.3 need ``pip install "skhoid[io]"``.

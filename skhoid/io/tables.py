@@ -68,14 +68,14 @@ def _plain(frame: pd.DataFrame) -> pd.DataFrame:
     for name in table.columns:
         if table[name].dtype != object:
             continue
-        cells = table[name].map(_listed)
+        cells = table[name].map(_as_text)
         if pd.api.types.infer_dtype(cells, skipna=True).startswith("mixed"):
             cells = cells.map(str, na_action="ignore")
         table[name] = cells
     return table
 
 
-def _listed(value: Any) -> Any:
+def _as_text(value: Any) -> Any:
     if isinstance(value, list | tuple | np.ndarray):
         return ", ".join(map(str, value))
     return value

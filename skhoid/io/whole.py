@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Writing files so that they are either whole or not there."""
 
 from __future__ import annotations
 
@@ -36,5 +36,5 @@ def written_whole(path: str | Path, *, sync: bool = False) -> Iterator[Path]:
 
 
 def is_left_over(path: Path) -> bool:
-    """Whether a file is of a process that was killed while it wrote."""
+    """Whether a file was left by a process that was killed while it wrote."""
     return path.name.startswith(".") and ".tmp" in path.suffixes

@@ -29,7 +29,7 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
     y : Series of shape (n_rows,)
         The operator's output, with a name and the same index.
     path : path
-        The extension tells the format. ``.csv``, ``.tsv`` and ``.parquet`` (which needs
+        The extension sets the format. ``.csv``, ``.tsv`` and ``.parquet`` (which needs
         ``pip install "skhoid[io]"``) have the columns ``run``, ``time``, those of X and y.
         ``.mat`` (version 5) has one matrix for each channel, with a column for each run, and a
         vector ``time``; its runs must share their times, and lose their labels.

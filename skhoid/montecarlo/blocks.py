@@ -1,4 +1,4 @@
-"""Blocks of a study: what a worker is sent, simulates, and hands to the study's function."""
+"""Blocks of a study: a worker simulates their data sets and calls the study's function."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def compute(job: Job) -> pd.DataFrame:
 
 
 def joined(tables: list[pd.DataFrame]) -> pd.DataFrame:
-    """Tables one after another, what is wrong in the last columns."""
+    """Concatenate tables; errors and seeds are the last columns."""
     table = pd.concat(tables, ignore_index=True)
     last = {name: table.pop(name) if name in table else None for name in (ERROR, SEED)}
     return table.assign(**last)

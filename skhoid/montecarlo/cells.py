@@ -1,4 +1,4 @@
-"""Cells of a study: what conditions say about the simulation and ask the function."""
+"""Cells of a study: a row of conditions as options of the simulation and of the function."""
 
 from __future__ import annotations
 
@@ -50,30 +50,30 @@ def rows_of(conditions: Any) -> list[dict[str, Any]]:
 
 
 def labels_of(rows: list[dict[str, Any]], before: bool = False) -> list[dict[str, Any]]:
-    """The cells in words and numbers, for the columns of the results."""
+    """The cells as text and numbers, for the columns of the results."""
 
     def mark(value: Any) -> str:
         return digest(described(value, before=before))
 
     meant: dict[tuple[str, str], set[str]] = {}
     labels = [{name: _label(value, mark) for name, value in row.items()} for row in rows]
-    for row, words in zip(rows, labels, strict=True):
-        for name, word in words.items():
-            if isinstance(word, str):
-                meant.setdefault((name, word), set()).add(mark(row[name]))
-    for row, words in zip(rows, labels, strict=True):
-        for name, word in words.items():
-            if isinstance(word, str) and len(meant[name, word]) > 1:
-                words[name] = f"{word} {mark(row[name])[:6]}"
+    for row, of_row in zip(rows, labels, strict=True):
+        for name, label in of_row.items():
+            if isinstance(label, str):
+                meant.setdefault((name, label), set()).add(mark(row[name]))
+    for row, of_row in zip(rows, labels, strict=True):
+        for name, label in of_row.items():
+            if isinstance(label, str) and len(meant[name, label]) > 1:
+                of_row[name] = f"{label} {mark(row[name])[:6]}"
     return labels
 
 
 def _label(value: Any, mark: Callable[[Any], str]) -> Any:
     if value is None or isinstance(value, (bool, int, float, str, np.bool_, np.number)):
         return value
-    words = str(value)
-    if len(words) <= LONGEST and not re.search(r"\bat 0x|\n", words):
-        return words
+    text = str(value)
+    if len(text) <= LONGEST and not re.search(r"\bat 0x|\n", text):
+        return text
     name = getattr(value, "name", None) or getattr(value, "__name__", None)
     return name if isinstance(name, str) else f"{type(value).__name__} {mark(value)[:6]}"
 
@@ -81,7 +81,7 @@ def _label(value: Any, mark: Callable[[Any], str]) -> Any:
 def read_cell(
     row: dict[str, Any], shared: dict[str, Any], function: Callable[..., Any]
 ) -> dict[str, Any]:
-    """What a cell simulates, and what it asks the function."""
+    """What a cell simulates, and the settings it gives the function."""
     both = shared | row
     known = {"condition", *OF_TASK, *OF_SIMULATION}
     for name in both:

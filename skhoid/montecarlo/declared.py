@@ -1,4 +1,4 @@
-"""Functions of studies that are told by a declared name and version, not by their source."""
+"""Functions of studies that are identified by a declared name and version, not their source."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ BEFORE = {
 
 
 def identified_as(name: str, version: int = 1) -> Callable[[F], F]:
-    """Tell the function of a study by a name and a version, instead of by its source.
+    """Identify the function of a study by a name and a version, instead of by its source.
 
-    The folder of a study belongs to its function: other source is another study. A function with a
-    declared identity may be rewritten, renamed and moved, and its folders still open; in return it
-    is up to you to raise ``version`` when it returns other numbers (also those of functions that
-    it calls, and of its defaults).
+    The folder of a study belongs to its function: another source makes another study. A function
+    with a declared identity may be rewritten, renamed and moved, and its folders still open; in
+    return it is up to you to raise ``version`` when it returns other numbers (also those of
+    functions that it calls, and of its defaults).
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def identified_as(name: str, version: int = 1) -> Callable[[F], F]:
     Raises
     ------
     TypeError
-        If it decorates something else than a function.
+        If it decorates anything but a function.
     ValueError
         If the name is empty, the version not a whole number from 1, or the function made within
         another one: what such a function encloses would be no part of its identity.

@@ -1,4 +1,4 @@
-"""What studies of memory horizons measure: VAF of recursions of simulated runs by horizon."""
+"""The function of studies of memory horizons: VAF of recursions on simulated runs by horizon."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .vectorised import FORMS, delay_losses, least_squares, trade_off
 KEPT = 1.0  # s kept of the run-in, so that shifted signals have a past; more for long delays
 FIRST_PART = 30.72  # s: first and last part of a run, in which nothing changes
 TRANSITION = (30.72, 51.20)  # s: where validation runs are scored
-EARLIER, LATER = 0.13, 0.20  # s: n_k / f_s from so much below tau_e to so much above are tried
+EARLIER, LATER = 0.13, 0.20  # s below and above tau_e: the range in which n_k / f_s is searched
 SETTING = ["form", "memory_horizon"]
 
 
@@ -94,9 +94,9 @@ def forgetting_vaf(
 
 def with_gain(table: pd.DataFrame, data_set: list[str]) -> pd.DataFrame:
     """The gain in VAF over no forgetting (Eqs. 31-32), of the same data set and form."""
-    keys = [*data_set, "form"]
-    endless = table[np.isinf(table["memory_horizon"])].set_index(keys)["vaf_validation"]
-    base = table.join(endless.rename("base"), on=keys)["base"]
+    columns = [*data_set, "form"]
+    endless = table[np.isinf(table["memory_horizon"])].set_index(columns)["vaf_validation"]
+    base = table.join(endless.rename("base"), on=columns)["base"]
     return table.assign(gain=table["vaf_validation"] - base)
 
 

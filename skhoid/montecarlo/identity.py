@@ -1,4 +1,4 @@
-"""What a study is, in words that two processes, and two days, agree on."""
+"""Identity of a study: descriptions and digests that do not depend on process or date."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def described(value: Any, within: tuple[int, ...] = (), *, before: bool = False)
     the identity they declare, or else their name and source with what they enclose, estimators for
     their parameters and what they learned, arrays and all else for a digest of what they hold. The
     module that something is in is no part of it. ``within`` are the objects around it, so that what
-    refers to itself comes to an end. With ``before`` the words are those of folders that were made
-    when modules were part of it.
+    refers to itself comes to an end. With ``before`` the description is that of folders that
+    were made when modules were part of it.
     """
     if value is None or isinstance(value, (bool, str)):
         return value
@@ -159,24 +159,24 @@ def digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def key_words(value: Any) -> tuple[int, ...]:
-    """Four whole numbers that seed what belongs to a description."""
+def spawn_key(value: Any) -> tuple[int, ...]:
+    """Spawn key for the random numbers of what has this description: four whole numbers."""
     raw = hashlib.sha256(json.dumps(value, sort_keys=True).encode()).digest()
     return tuple(int.from_bytes(raw[i : i + 4], "little") for i in range(0, 16, 4))
 
 
-def differences(one: Any, two: Any, where: str = "") -> list[str]:
-    """In words where two descriptions differ, the second being the one that is wanted."""
+def differing_parts(one: Any, two: Any, where: str = "") -> list[str]:
+    """Where two descriptions differ, as text; the second is the one that is wanted."""
     if isinstance(one, dict) and isinstance(two, dict):
         found = []
         for key in [*one, *(key for key in two if key not in one)]:
             inner = f"{where}.{key}" if where else str(key)
-            found += differences(one.get(key), two.get(key), inner)
+            found += differing_parts(one.get(key), two.get(key), inner)
         return found
     if isinstance(one, list) and isinstance(two, list) and len(one) == len(two):
         found = []
         for i, (a, b) in enumerate(zip(one, two, strict=True)):
-            found += differences(a, b, f"{where}[{i}]")
+            found += differing_parts(a, b, f"{where}[{i}]")
         return found
     if one == two:
         return []

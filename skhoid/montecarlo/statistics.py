@@ -41,11 +41,11 @@ def summarize(
     quantiles : sequence of float, default=(0.05, 0.25, 0.5, 0.75, 0.95)
         Quantiles to give.
     confidence : float, default=0.95
-        Of the interval.
+        Confidence level of the interval.
     n_resamples : int, default=999
         Bootstrap samples.
     random_state : int, default=0
-        Their seed.
+        Seed of the bootstrap samples.
 
     Returns
     -------

@@ -16,7 +16,7 @@ import pandas as pd
 from ..exceptions import StudyFolderError, StudyWarning
 from ..io._table import require
 from ..io.whole import is_left_over, written_whole
-from .identity import differences, digest
+from .identity import differing_parts, digest
 
 MANIFEST = "study.json"
 BLOCKS = "blocks"
@@ -29,8 +29,8 @@ class Store:
     """The folder of one study.
 
     A block is written beside its place and then moved there, so that a file of its name is whole.
-    Files that are damaged all the same, or belong to other blocks, are told by the digest of the
-    study, their number and the checksums of their pages and table, and are computed again.
+    Files that are damaged all the same, or belong to other blocks, are recognised by the digest of
+    the study, their number and the checksums of their pages and table, and are computed again.
     """
 
     def __init__(self, folder: str | os.PathLike[str], description: dict[str, Any]) -> None:
@@ -47,7 +47,7 @@ class Store:
         if manifest.exists():
             there = read_manifest(self.folder) or {}
             if there != self.description:
-                apart = differences(there, self.description)
+                apart = differing_parts(there, self.description)
                 more = f" (and {len(apart) - 4} more)" if len(apart) > 4 else ""
                 raise StudyFolderError(
                     f"The folder {self.folder} belongs to a different study: "
@@ -162,7 +162,7 @@ def _uniform(column: pd.Series) -> pd.Series:
 
 
 def checksum(table: pd.DataFrame) -> str:
-    """Of the names, kinds and values of a table as :func:`uniform` makes it."""
+    """Checksum of the names, types and values of a table as :func:`uniform` makes it."""
     found = hashlib.sha256()
     for name, column in table.items():
         found.update(f"{name} {column.dtype} {len(column)} ".encode())

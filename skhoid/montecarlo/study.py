@@ -1,4 +1,4 @@
-"""Monte-Carlo studies: conditions x replications x a function of one simulated data set."""
+"""MonteCarloStudy: conditions x replications x a function of one simulated data set."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..simulation.tracking_runs import check_channel_names
 from ..simulation.tuning import tune_remnant
 from .blocks import ERROR, REPLICATION, DataSet, Job, compute, joined
 from .cells import labels_of, read_cell, rows_of
-from .identity import FORMAT, described, digest, key_words
+from .identity import FORMAT, described, digest, spawn_key
 from .store import Store, read_manifest, uniform
 from .workers import progress_bar, results_of
 
@@ -70,7 +70,7 @@ class MonteCarloStudy:
     Attributes
     ----------
     cells : DataFrame
-        Its cells, in the words that the results use.
+        Its cells, as the results show them.
 
     Raises
     ------
@@ -138,7 +138,7 @@ class MonteCarloStudy:
             raise ValueError(f"conditions: the cell {twice} is there twice.")
 
     def _describe(self, before: bool) -> None:
-        """Take the words, and with them the labels and seeds, of folders of now or of before."""
+        """Set the labels (and with them the seeds), as folders have them now or had them before."""
         self._before = before
         self.cells = uniform(pd.DataFrame(labels_of([cell["row"] for cell in self._cells], before)))
         self._labels = self.cells.to_dict("records")
@@ -146,11 +146,11 @@ class MonteCarloStudy:
     @property
     def description(self) -> dict[str, Any]:
         """What the study is; two studies of one description give the same table."""
-        in_words = partial(described, before=self._before)
+        as_json = partial(described, before=self._before)
         return ({} if self._before else {"identity": FORMAT}) | {
-            "function": in_words(self.function),
-            "cells": [in_words(cell["row"]) for cell in self._cells],
-            "simulation": in_words(self._cells[0]["shared"]),
+            "function": as_json(self.function),
+            "cells": [as_json(cell["row"]) for cell in self._cells],
+            "simulation": as_json(self._cells[0]["shared"]),
             "channels": list(self.channels),
             "n_replications": self.n_replications,
             "n_runs": self.n_runs,
@@ -269,8 +269,8 @@ class MonteCarloStudy:
         if self.common_noise:
             return self.entropy
         row, shared = self._cells[cell]["row"], self._cells[cell]["shared"]
-        words = key_words(described(row | shared, before=self._before))
-        sequence = np.random.SeedSequence(self.entropy, spawn_key=words)
+        key = spawn_key(described(row | shared, before=self._before))
+        sequence = np.random.SeedSequence(self.entropy, spawn_key=key)
         return int.from_bytes(sequence.generate_state(4).tobytes(), "little")
 
     def _tuned(self, cells: set[int], n_jobs: int | None) -> dict[int, CompensatoryTask | str]:

@@ -30,8 +30,8 @@ N_PARAMS = ORDERS.n_params
 def delay_losses(e: Any, u: Any, before: int, nks: Any) -> tuple[np.ndarray, np.ndarray]:
     """One-step losses of ARX[2, 2, nk] by ordinary least squares, for many delays and runs.
 
-    Those of :class:`~skhoid.DelaySearchCV` of each run's window alone: all candidates on the rows
-    of the window whose lags up to that of the longest one lie in it.
+    The losses that :class:`~skhoid.DelaySearchCV` finds on each run's window alone: all candidates
+    are fitted to the same rows, those whose lags lie in the window even for the longest delay.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ def delay_losses(e: Any, u: Any, before: int, nks: Any) -> tuple[np.ndarray, np.
     Notes
     -----
     Normal equations and one step of refinement, nine times as fast as the search's factorisation of
-    all lags, with losses from residuals. Where those before it explain all but 1e-10 of a
-    regressor's power, it is QR all the same.
+    all lags, with losses from residuals. Where the regressors before it explain all but
+    1e-10 of a regressor's power, QR is used all the same.
 
     References
     ----------
@@ -232,7 +232,7 @@ def trade_off(
     return vaf
 
 
-NO_FORGETTING = Forgetting(np.ones((1, 1)))  # in place of which those of the lanes come
+NO_FORGETTING = Forgetting(np.ones((1, 1)))  # stands in for the factors of the lanes
 
 
 def _inflation(factors: np.ndarray, form: str, lanes: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Jobs in joblib: results as they come, workers that die, and a bar with the time that is left."""
+"""Jobs in joblib: results as they finish, workers that die, and a progress bar."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def results_of(
 ) -> Generator[tuple[int, Any], None, None]:
     """Yield the place of each job and its result, in the order in which they finish.
 
-    Jobs whose workers die are sent again; those that kill them even alone are left out, and
-    raised about when all others are done. ``threads`` says that the work releases Python's lock,
-    so that threads do where no other backend is asked for.
+    Jobs whose workers die are sent again; those that kill them even alone are left out, and an
+    error names them when all others are done. ``threads`` says that the work releases Python's
+    lock, so that threads suffice where no other backend is asked for.
     """
     waiting, lost, in_a_row = dict(enumerate(jobs)), list[int](), 0
     while waiting:
@@ -135,7 +135,7 @@ def _send(
 def _send_to_dask(
     backend: Any, waiting: dict[int, Any], compute: Callable[[Any], Any], sent: Sent
 ) -> Iterator[tuple[int, Any]]:
-    """Through the client of joblib's dask backend, which itself never hears of killed workers.
+    """Send through the client of joblib's dask backend, which itself never hears of killed workers.
 
     Dask sends what was on a killed worker again itself, some four times in all.
     """
@@ -172,7 +172,7 @@ def _send_to_dask(
 
 
 class Workers:
-    """Whether a dask cluster has any, looked at now and then; it would wait for ever."""
+    """Watch whether a dask cluster has workers; without any it would wait for ever."""
 
     def __init__(self, client: Any, patience: float) -> None:
         self.client, self.patience = client, max(PATIENCE, patience)

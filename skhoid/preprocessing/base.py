@@ -1,4 +1,4 @@
-"""What the row-preserving transformers share."""
+"""Base class of the row-preserving transformers, and the reading of their tables."""
 
 from __future__ import annotations
 

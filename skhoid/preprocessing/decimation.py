@@ -1,4 +1,4 @@
-"""Decimation that keeps every row: filter inside runs, and mark the rows that stay."""
+"""Decimator: decimation that keeps every row and marks those that stay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Input delay at the full sampling rate."""
+"""DelayShift: delay the inputs, at the full sampling rate."""
 
 from __future__ import annotations
 

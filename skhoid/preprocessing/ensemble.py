@@ -1,4 +1,4 @@
-"""Averages over runs that share the forcing function."""
+"""ensemble_average: the mean of runs that share the forcing function."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
         One run with the label ``"mean"`` for each combination of outer levels, over the instants
         that all of its runs have.
     y_mean : Series
-        Averaged output.
+        The averaged output.
 
     Raises
     ------

@@ -78,7 +78,7 @@ def _odd_extension(part: np.ndarray, margin: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _window(up: int) -> np.ndarray:
+def _resampling_filter(up: int) -> np.ndarray:
     """The filter that resample_poly would design anew at every call."""
     return signal.firwin(20 * up + 1, 1 / up, window=("kaiser", 5.0))
 
@@ -112,6 +112,6 @@ def to_full_rate(
             continue
         margin = _ODD_ROWS // 2
         padded = np.pad(part, margin, mode="reflect", reflect_type="odd")
-        fine = signal.resample_poly(padded, up, 1, window=_window(up))
+        fine = signal.resample_poly(padded, up, 1, window=_resampling_filter(up))
         result[a:b] = fine[(wanted + margin * up).astype(np.int64)]
     return result

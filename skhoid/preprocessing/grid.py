@@ -1,4 +1,4 @@
-"""The rows a model is fitted on: what the marks of a layout leave of a recording."""
+"""ModelGrid: the rows a model is fitted on, which the marks of a recording leave."""
 
 from __future__ import annotations
 

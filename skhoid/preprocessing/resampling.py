@@ -1,4 +1,4 @@
-"""Regular time grids for recordings with an irregular clock."""
+"""resample_runs: regular time grids for recordings with an irregular clock."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     if TIME not in index.names:
         raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
     time = time_in_seconds(index.get_level_values(TIME))
-    keys = [name for name in index.names if name != TIME]
+    others = [name for name in index.names if name != TIME]
     values = X.to_numpy(dtype=float)
     if y is not None:
         values = np.column_stack([values, np.asarray(y, dtype=float)])
-    if keys:
+    if others:
         codes, labels = pd.factorize(index.droplevel(TIME))
         run_starts = contiguous_runs(codes, list(labels))
     else:
@@ -92,11 +92,11 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
         times.append(grid)
         origin.append(np.full(grid.size, a))
     rows = np.concatenate(origin)
-    levels = [index.get_level_values(name).take(rows) for name in keys]
-    arrays = dict(zip(keys, levels, strict=True)) | {TIME: np.concatenate(times)}
+    levels = [index.get_level_values(name).take(rows) for name in others]
+    arrays = dict(zip(others, levels, strict=True)) | {TIME: np.concatenate(times)}
     new_index = (
         pd.MultiIndex.from_arrays([arrays[n] for n in index.names], names=index.names)
-        if keys
+        if others
         else pd.Index(arrays[TIME], name=TIME)
     )
     result = np.vstack(pieces)

@@ -1,4 +1,4 @@
-"""Discarding the run-in without dropping a row."""
+"""RunInTrimmer: leave out the run-in without dropping a row."""
 
 from __future__ import annotations
 

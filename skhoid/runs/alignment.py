@@ -19,7 +19,7 @@ SET_OUTPUT_HINT = (
 
 
 def check_alignment(X: Any, y: Any, names: tuple[str, str] = ("X", "y")) -> None:
-    """Refuse ``y`` whose row index says something else than that of ``X``."""
+    """Refuse ``y`` whose row index disagrees with that of ``X``."""
     x_name, y_name = names
     y_index = getattr(y, "index", None)
     if not isinstance(y_index, pd.Index):

@@ -1,4 +1,4 @@
-"""By what data can be told apart from others."""
+"""Checksums of data, by which the same data are recognised."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def fingerprint(*tables: Any) -> str:
         for name, values in _parts(data):
             if np.issubdtype(values.dtype, np.number):
                 content = np.ascontiguousarray(values, dtype=float).tobytes()
-            else:  # run labels that are words
+            else:  # run labels that are text
                 content = repr(values.tolist()).encode()
             digest.update(repr(name).encode() + content)
     return digest.hexdigest()

@@ -82,7 +82,7 @@ class RunLayout:
 
 
 def run_name(label: Any) -> str:
-    """A run label in words; those of outer levels are joined, ``S1/C3/2``."""
+    """A run label as text; those of outer levels are joined, ``S1/C3/2``."""
     return "/".join(map(str, label)) if isinstance(label, tuple) else str(label)
 
 
@@ -100,7 +100,7 @@ def read_layout(
     run : column name or position, or None
         Column that holds the run label, for tables without a run index.
     fallback_dt : float or None
-        Sampling time when the index cannot tell it (runs of one row).
+        Sampling time when the index does not show it (runs of one row).
 
     Raises
     ------
@@ -253,7 +253,7 @@ def _layout_from_time(
     known = dt or fallback_dt
     few = within.sum() < 3
     if known is not None and (few or (np.abs(step[within] - known) <= 0.01 * known).any()):
-        typical = known  # of few rows around a gap the median tells nothing
+        typical = known  # of few rows around a gap the median says nothing
     if typical is None:
         typical = dt or fallback_dt
         if typical is None:

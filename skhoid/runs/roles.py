@@ -133,12 +133,12 @@ def run_column(names: list[Any], run: Any) -> int:
 
 
 def _position(names: list[Any], column: Any) -> int | None:
-    """Position of a column given by its name, or by its position where all names are words."""
+    """Position of a column given by its name, or by its position where all names are text."""
     if column in names:
         return names.index(column)
     whole = isinstance(column, (int, np.integer)) and not isinstance(column, bool)
-    words = all(isinstance(name, str) for name in names) or names == list(range(len(names)))
-    if whole and words and -len(names) <= column < len(names):
+    named = all(isinstance(name, str) for name in names) or names == list(range(len(names)))
+    if whole and named and -len(names) <= column < len(names):
         return int(column) % len(names)
     return None
 

@@ -25,7 +25,7 @@ from .study_result import (
     StudyResult,
     checked_orders,
     gains_of,
-    span,
+    range_text,
 )
 
 ALL_ORDERS = (1, 2, 3, 4, "nm")
@@ -116,7 +116,7 @@ def delay_study(
     intensities : sequence of float, default=(0, 0.05, ..., 0.30)
         P_n.
     sampling_rates : sequence of float, default=(100,)
-        In Hz; App. G has 50, 100 and 200.
+        Sampling rates in Hz; App. G has 50, 100 and 200.
     open_loop : sequence of bool, default=(False,)
         Whether the remnant goes round the loop (False) or not (True, Eq. G.1).
     n_validation : int, default=10
@@ -203,22 +203,22 @@ def _claims(summary: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Fig. 9",
                 "without remnant n_k* = n_k^0",
-                f"{span(nk, 0)} where it is {span(true, 0)}",
+                f"{range_text(nk, 0)} where it is {range_text(true, 0)}",
                 bool((nk == true).all()),
             )
         )
-    words = {
+    statements = {
         "1": ("orders 1 and 2 overestimate the delay: order 1", lambda d: d > 0),
         "2": ("orders 1 and 2 overestimate the delay: order 2", lambda d: d > 0),
         "3": ("orders 3 and 4 underestimate it (shown for C1): order 3", lambda d: d < 0),
         "4": ("orders 3 and 4 underestimate it (shown for C1): order 4", lambda d: d < 0),
         "nm": ("with the neuromuscular filter n_k* is centred on n_k^0", lambda d: abs(d) < 1),
     }
-    for order, (statement, holds) in words.items():
+    for order, (statement, holds) in statements.items():
         for condition in dict.fromkeys(noisy["condition"]):
             of = (noisy["remnant_order"] == order) & (noisy["condition"] == condition)
             if of.any():
-                found = f"{span(above[of], 1, sign=True)} samples in {condition}"
+                found = f"{range_text(above[of], 1, sign=True)} samples in {condition}"
                 claims.append(Claim("Fig. 9", statement, found, bool(holds(above[of]).all())))
     first = noisy["remnant_order"] == "1"
     if first.any():
@@ -247,7 +247,7 @@ def _bias_claims(noisy: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Fig. 10",
                 "the relative bias of order 1 is more than ten times that of the others",
-                f"{span(ratio, 1)} times in single parameters and intensities",
+                f"{range_text(ratio, 1)} times in single parameters and intensities",
                 bool((ratio > 10).all(axis=None)),
             )
         )
@@ -306,7 +306,7 @@ def _other_claims(noisy: pd.DataFrame) -> list[Claim]:
                 "Fig. 12",
                 "order 2: the validation VAF with n_k^0 and with n_k* differ by nothing that "
                 "matters",
-                f"mean {span(gain, 2, sign=True)} points",
+                f"mean {range_text(gain, 2, sign=True)} points",
                 bool((gain.abs() < NEGLIGIBLE).all()),
             )
         )
@@ -316,7 +316,7 @@ def _other_claims(noisy: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Section V-B",
                 "order 2: omega_nm and zeta_nm are overestimated (11.25 rad/s and 0.35)",
-                f"{span(omega, 1)} rad/s and {span(second['zeta_nm_fixed'])}",
+                f"{range_text(omega, 1)} rad/s and {range_text(second['zeta_nm_fixed'])}",
                 bool((omega > 11.25).all() and (second["zeta_nm_fixed"] > 0.35).all()),
             )
         )
@@ -325,9 +325,9 @@ def _other_claims(noisy: pd.DataFrame) -> list[Claim]:
 
 def _figures(table: pd.DataFrame) -> dict[str, Any]:
     """Figs. 9 and 10 of each condition, rate and loop there is, and Fig. 12."""
-    keys = ["condition", "sampling_rate", "open_loop"]
+    columns = ["condition", "sampling_rate", "open_loop"]
     figures: dict[str, Any] = {}
-    for (condition, rate, open_loop), part in table.groupby(keys, sort=False):
+    for (condition, rate, open_loop), part in table.groupby(columns, sort=False):
         where = f"{condition}-{rate:g}Hz" + ("-open-loop" if open_loop else "")
         figures[f"fig9-{where}"] = partial(_draw_delays, part)
         figures[f"fig10-{where}"] = partial(_draw_bias, part)

@@ -19,7 +19,7 @@ from ..montecarlo.study import MonteCarloStudy
 from ..montecarlo.vectorised import PARAMETERS, delay_losses, least_squares
 from ..simulation.conditions import T_M
 from ..simulation.tracking_runs import task_of, truth_of
-from .study_result import STATES, Claim, StudyResult, gains_of, span
+from .study_result import STATES, Claim, StudyResult, gains_of, range_text
 
 CELL = ["condition", "remnant_intensity"]
 TRANSITION = (T_M - 10.24, T_M + 10.24)  # s
@@ -167,7 +167,7 @@ def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Fig. 14",
                 "Λ makes the estimates notably steadier, those of a1 and a2 in particular",
-                f"deviations over those of λ: {span(a)} of a, {span(b)} of b",
+                f"deviations over those of λ: {range_text(a)} of a, {range_text(b)} of b",
                 bool((ratio < 1).all(axis=None) and a.to_numpy().max() < b.to_numpy().min()),
             )
         )
@@ -178,7 +178,7 @@ def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Fig. 15",
                 "omega_nm and zeta_nm are overestimated (11.25 rad/s and 0.35)",
-                f"{span(omega, 1)} rad/s and {span(zeta)}",
+                f"{range_text(omega, 1)} rad/s and {range_text(zeta)}",
                 bool((omega > 11.25).all() and (zeta > 0.35).all()),
             )
         )
@@ -197,7 +197,7 @@ def _correlation_claim(table: pd.DataFrame) -> Claim:
     return Claim(
         "Fig. 14",
         "a1 is negatively correlated with a2, and b0 with b1",
-        f"mean correlation over time {span(found[0])} and {span(found[1])}",
+        f"mean correlation over time {range_text(found[0])} and {range_text(found[1])}",
         bool(all((one < 0).all() for one in found)),
     )
 
@@ -221,7 +221,7 @@ def _lead_claims(table: pd.DataFrame) -> list[Claim]:
         Claim(
             "Fig. 15",
             "no stable estimates of T_L where the element is mostly 1/s²",
-            f"its interquartile range there is {span(spreads, 1)} times that at 1/s",
+            f"its interquartile range there is {range_text(spreads, 1)} times that at 1/s",
             bool(min(spreads) > 2),
         )
     ]

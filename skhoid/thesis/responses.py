@@ -20,7 +20,7 @@ from ..montecarlo.declared import identified_as
 from ..montecarlo.horizons import candidate_delays, succeeded
 from ..montecarlo.study import MonteCarloStudy
 from ..simulation.tracking_runs import task_of
-from .study_result import INTENSITIES, STATES, Claim, StudyResult, gains_of, span
+from .study_result import INTENSITIES, STATES, Claim, StudyResult, gains_of, range_text
 
 CELL = ["condition", "remnant_intensity"]
 METHODS = ("fc", "batch", "recursive")
@@ -194,7 +194,7 @@ def _claims(summary: pd.DataFrame) -> list[Claim]:
             Claim(
                 "App. I",
                 "with remnant Fourier coefficients scatter more than ARX models",
-                f"median complex deviations {span(more, 1)} times those of batch models",
+                f"median complex deviations {range_text(more, 1)} times those of batch models",
                 bool(min(more) > 1),
             )
         )

@@ -1,4 +1,4 @@
-"""The studies of the paper by the names of its figures."""
+"""The studies of the thesis by the names of its figures: ``paper_study`` makes one again."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .trade_off import forgetting_study
 
 @dataclass(frozen=True)
 class PaperStudy:
-    """A study of the paper: which function, with which options, draws which figures.
+    """A study of the thesis: which function, with which options, draws which figures.
 
     Parameters
     ----------
     function : callable
         One of the study functions.
     what : str
-        In a few words.
+        What it shows, in a few words.
     figures : tuple of str
         How the names of its figures begin; empty for all.
     options : dict
@@ -78,7 +78,7 @@ PAPER_STUDIES: dict[str, PaperStudy] = {
 def paper_study(
     name: str, n_replications: int = 100, *, every_figure: bool = False, **options: Any
 ) -> StudyResult:
-    """Make a study of the paper again.
+    """Make a study of the thesis again.
 
     Parameters
     ----------

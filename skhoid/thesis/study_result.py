@@ -1,4 +1,4 @@
-"""What the paper's studies have in common: their cells, claims, and results."""
+"""What the studies of the thesis have in common: their cells, claims and results."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ class Claim:
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """What a study of the paper found.
+    """What a study of the thesis found.
 
     Parameters
     ----------
     name : str
         As in ``skhoid study NAME``.
     title : str
-        In a sentence.
+        One sentence.
     table : DataFrame
         A row for each replication and setting.
     summary : DataFrame
@@ -71,7 +71,7 @@ class StudyResult:
     figures : dict of str to callable
         Functions that draw the thesis's figures, by name.
     notes : list of str
-        What else there is to say.
+        Further remarks.
 
     Examples
     --------
@@ -112,11 +112,11 @@ class StudyResult:
         Parameters
         ----------
         folder : path
-            Made if it is not there.
+            It is made if it does not exist.
         figures : bool, default=True
             Also draw.
         table_format : {"csv", "tsv", "parquet"}, default="csv"
-            Of the tables; Parquet needs ``pip install "skhoid[io]"``.
+            Format of the tables; Parquet needs ``pip install "skhoid[io]"``.
 
         Returns
         -------
@@ -161,8 +161,8 @@ def gains_of(gains: str, intensities: Sequence[float]) -> dict[str, Any]:
     return {"remnant_gain": "table"} if gains == "table" else {}
 
 
-def span(values: Any, digits: int = 2, sign: bool = False) -> str:
-    """Smallest and largest value in words."""
+def range_text(values: Any, digits: int = 2, sign: bool = False) -> str:
+    """Smallest and largest value as text."""
     values = np.asarray(values, dtype=float)
     low, high = np.nanmin(values), np.nanmax(values)
     form = f"{{:{'+' if sign else ''}.{digits}f}}"

@@ -13,7 +13,7 @@ import pandas as pd
 from ..arx.recursive_cv import HORIZONS
 from ..montecarlo.horizons import KEPT, SETTING, forgetting_vaf, succeeded, with_gain
 from ..montecarlo.study import MonteCarloStudy
-from .study_result import CONDITIONS, INTENSITIES, Claim, StudyResult, gains_of, span
+from .study_result import CONDITIONS, INTENSITIES, Claim, StudyResult, gains_of, range_text
 
 CELL = ["condition", "remnant_intensity"]
 VARYING = ("C3", "C4", "C5", "C6")
@@ -172,7 +172,7 @@ def _claims(summary: pd.DataFrame) -> list[Claim]:
                 Claim(
                     "Fig. 13",
                     "no significant difference between λ and Λ",
-                    f"Λ less λ at N0 = 256: {span(apart, 2, sign=True)} points",
+                    f"Λ less λ at N0 = 256: {range_text(apart, 2, sign=True)} points",
                     bool(apart.abs().max() < PRACTICALLY_NONE),
                 )
             )
@@ -192,7 +192,7 @@ def _claims_of_cells(best: pd.DataFrame, gain: pd.DataFrame) -> list[Claim]:
                 "Fig. 13",
                 "lower intensities require lower N0 (C3-C6)",
                 "; ".join(
-                    f"P_n = {P_n:g}: {span(values, 0)}"
+                    f"P_n = {P_n:g}: {range_text(values, 0)}"
                     for P_n, values in varying.groupby("remnant_intensity")["N0"]
                 ),
                 bool((steps >= -1).all() and (octaves.iloc[:, -1] > octaves.iloc[:, 0]).all()),
@@ -205,7 +205,7 @@ def _claims_of_cells(best: pd.DataFrame, gain: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Fig. 13",
                 "constant dynamics (C1, C2) require longer memories",
-                f"best N0 with remnant {span(constant['N0'], 0)}",
+                f"best N0 with remnant {range_text(constant['N0'], 0)}",
                 bool((constant["N0"] >= LONG).all()),
             )
         )
@@ -217,7 +217,7 @@ def _claims_of_cells(best: pd.DataFrame, gain: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Fig. 13",
                 "forgetting gains notably less in C5 and C6 (1/s² to 1/s) than in C3 and C4",
-                f"best mean gains {span(back, 1)} against {span(into, 1)} points",
+                f"best mean gains {range_text(back, 1)} against {range_text(into, 1)} points",
                 bool((back < into).all()),
             )
         )

@@ -16,7 +16,7 @@ from skhoid import (
     Remnant,
     recommend_forgetting,
 )
-from skhoid.experiment.recommend import change_window, standard_error
+from skhoid.experiment.recommend import change_window, crossed_standard_error
 from skhoid.montecarlo.horizons import forgetting_vaf
 
 FEW = {"n_replications": 6, "n_validation": 4}
@@ -121,7 +121,7 @@ def test_standard_error_of_crossed_runs():
     for _ in range(500):
         x = 2 * rng.standard_normal((6, 1)) + 3 * rng.standard_normal((1, 4))
         means.append(x.mean())
-        stated.append(standard_error(pd.DataFrame({"x": x.ravel()}, index=index))["x"] ** 2)
+        stated.append(crossed_standard_error(pd.DataFrame({"x": x.ravel()}, index=index))["x"] ** 2)
     assert np.sqrt(np.mean(stated)) == pytest.approx(np.std(means), rel=0.12)
 
 

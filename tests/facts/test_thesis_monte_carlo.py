@@ -1,4 +1,4 @@
-"""Remnant gains, delays and biases of the paper's Monte Carlo, recomputed in a reduced form.
+"""Remnant gains, delays and biases of the thesis's Monte Carlo, recomputed in a reduced form.
 
 ``pytest -m slow tests/facts/test_thesis_monte_carlo.py`` computes all cells.
 """

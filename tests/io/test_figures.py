@@ -21,7 +21,7 @@ def test_who_drew_it_is_kept(tmp_path):
     assert b"Software\0skhoid demo" in path.read_bytes()
 
 
-def test_a_picture_that_cannot_be_drawn_leaves_nothing(tmp_path):
+def test_a_figure_that_cannot_be_drawn_leaves_nothing(tmp_path):
     with pytest.raises(ValueError, match="doc"):
         save_figure(Figure(), tmp_path / "one.doc")
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""What a study is told by: seeds and folders outlive the move and the rewriting of code."""
+"""What identifies a study: seeds and folders outlive the move and the rewriting of code."""
 
 import importlib.util
 import json

@@ -52,7 +52,7 @@ def branch(**options):
 
 
 HINT = ["set_output(transform=", "ColumnTransformer"]
-# name: action, class of the error, words that must stand in its message
+# name: action, class of the error, parts that its message must have
 ERRORS = {
     "shuffled rows": (
         lambda: fit(X.iloc[SHUFFLED], Y.iloc[SHUFFLED]),
@@ -338,12 +338,12 @@ ERRORS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("action", "error", "words"), ERRORS.values(), ids=ERRORS.keys())
-def test_error_says_what_where_and_what_to_do(action, error, words):
+@pytest.mark.parametrize(("action", "error", "parts"), ERRORS.values(), ids=ERRORS.keys())
+def test_error_says_what_where_and_what_to_do(action, error, parts):
     with pytest.raises(error) as caught:
         action()
     message = str(caught.value)
-    missing = [word for word in words if word not in message]
+    missing = [part for part in parts if part not in message]
     assert not missing, f"{missing} not in: {message}"
 
 

@@ -1,4 +1,4 @@
-"""The paper's studies as a user meets them: results, claims, figures, files, options."""
+"""The thesis's studies as a user meets them: results, claims, figures, files, options."""
 
 import numpy as np
 import pandas as pd

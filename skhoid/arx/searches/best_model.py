@@ -1,4 +1,4 @@
-"""What searches share: they predict with their best estimator."""
+"""Base class of the searches: predictions, score and summary of the best estimator."""
 
 from __future__ import annotations
 

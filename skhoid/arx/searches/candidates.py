@@ -188,7 +188,7 @@ class Validation:
     def error_of_single_fold(self, scored: list[tuple[float, np.ndarray]]) -> float:
         """Standard error of the VAF of a single fold, from the spread over blocks of its rows.
 
-        A ratio estimator; NaN with several folds, whose own spread tells, and for bad models.
+        A ratio estimator; NaN for bad models, and with several folds, whose own spread is used.
         """
         if len(scored) > 1 or scored[0][1].size == 0:
             return np.nan

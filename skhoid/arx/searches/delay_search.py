@@ -1,4 +1,4 @@
-"""The search for the input delay (thesis step 3)."""
+"""DelaySearchCV: the search for the input delay (thesis step 3)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..least_squares import Triangle
 from .best_model import BestModel
 from .candidates import CandidateTable, Validation, as_candidate, has_fast_path, with_orders
 from .folds import folds_of
-from .text import highest, lowest, standard_error
+from .text import highest, lowest, standard_error_over_folds
 
 N_CANDIDATES = 50
 
@@ -194,11 +194,11 @@ class DelaySearchCV(BestModel):
 
     def _found(self) -> tuple[str, TextTable]:
         results, nk = self.cv_results_, self.cv_results_["nk"]
-        seconds = [_in_words(delay, number) for delay in results["delay"]]
+        seconds = [_delay_text(delay, number) for delay in results["delay"]]
         best = seconds[self.best_index_].strip("()")
         found = (
-            f"DelaySearchCV: nk = {_in_words(self.best_nk_)} ({best} s) is the best of "
-            f"{len(nk)} candidates, {_in_words(nk[0])} to {_in_words(nk[-1])}, by "
+            f"DelaySearchCV: nk = {_delay_text(self.best_nk_)} ({best} s) is the best of "
+            f"{len(nk)} candidates, {_delay_text(nk[0])} to {_delay_text(nk[-1])}, by "
         )
         header = ["nk", "delay (s)"]
         if "mean_test_score" not in results:
@@ -210,10 +210,10 @@ class DelaySearchCV(BestModel):
         else:
             found += f"cross-validated VAF of the free run, {self.best_score_:.1f} %."
             vaf = results["mean_test_score"]
-            shown, caption = highest(vaf, standard_error(results, self.best_index_))
+            shown, caption = highest(vaf, standard_error_over_folds(results, self.best_index_))
             header += ["VAF (%)"]
             cells = [[f"{v:.2f}"] for v in vaf]
-        rows = [[_in_words(nk[i]), seconds[i], *cells[i]] for i in shown]
+        rows = [[_delay_text(nk[i]), seconds[i], *cells[i]] for i in shown]
         return found, TextTable(caption, header, rows)
 
     def _candidates(self, shortest_run: int) -> list[Any]:
@@ -301,7 +301,7 @@ class DelaySearchCV(BestModel):
         self.delay_path_ = self.nk_path_ * self.dt_
 
 
-def _in_words(value: Any, form: Any = str) -> str:
+def _delay_text(value: Any, form: Any = str) -> str:
     """A delay, or those of several inputs."""
     return f"({', '.join(map(form, value))})" if isinstance(value, tuple) else str(form(value))
 

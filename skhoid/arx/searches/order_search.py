@@ -1,4 +1,4 @@
-"""The search for the orders, the delay and the decimation factor of an ARX model."""
+"""OrderSearchCV: orders, delay and decimation factor of an ARX model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What searches say of their candidates."""
+"""Candidates of a search for its summary: which to show, and the standard error of the best."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 N_SHOWN = 5
 
 
-def standard_error(results: dict[str, Any], index: int) -> float:
+def standard_error_over_folds(results: dict[str, Any], index: int) -> float:
     """Standard error over folds of the mean VAF of a candidate; NaN of a single fold."""
     n_folds = sum(key.startswith("split") and key.endswith("_test_score") for key in results)
     return float(results["std_test_score"][index] / np.sqrt(n_folds - 1)) if n_folds > 1 else np.nan
