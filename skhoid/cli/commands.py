@@ -1,4 +1,4 @@
-"""How a command becomes words of the parser."""
+"""The argument parser of skhoid, and how a command is added to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What options take, and when they do not apply."""
+"""Values of options: numbers and NAME=VALUE pairs, and refusal of options without effect."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _finite(text: str) -> float:
 
 
 def pairs(items: Iterable[str], option: str, example: str) -> dict[str, str]:
-    """NAME=VALUE words of an option that may be repeated."""
+    """NAME=VALUE pairs of an option that may be repeated."""
     found: dict[str, str] = {}
     for item in items:
         name, sign, value = item.partition("=")

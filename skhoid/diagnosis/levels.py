@@ -14,7 +14,7 @@ LEAST = 0.01  # of the samples
 TIMES_NEIGHBOURS = 4.0
 NEIGHBOURS = 21
 LEAST_STAYS = 5
-MOST_TOLD = 4  # levels
+MOST_LISTED = 4  # levels
 
 
 def level_tests(signals: Signals) -> list[Test]:
@@ -23,8 +23,8 @@ def level_tests(signals: Signals) -> list[Test]:
     levels, shares, p = held_levels(signals.y[rows], signals.layout.run_of(rows))
     if not levels.size:
         return [Test("level", signals.output, 0.0, 1.0, description="at no level")]
-    at = " and ".join(f"{level:.4g}" for level in np.sort(levels[:MOST_TOLD]))
-    more = f" (and {levels.size - MOST_TOLD} more levels)" if levels.size > MOST_TOLD else ""
+    at = " and ".join(f"{level:.4g}" for level in np.sort(levels[:MOST_LISTED]))
+    more = f" (and {levels.size - MOST_LISTED} more levels)" if levels.size > MOST_LISTED else ""
     share = float(shares.sum())
     return [
         Test(

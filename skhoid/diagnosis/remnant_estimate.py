@@ -76,7 +76,7 @@ class RemnantEstimate:
     p_value : float
         Probability of a misfit as large as that of the chosen order, if the remnant is of that
         order. Small: none of the filters describes it, and order and time constant are at best a
-        rough picture.
+        rough description.
     spectrum : DataFrame
         ``omega`` (rad/s), ``psd`` (squared unit of u per rad/s, one-sided), ``fitted``, the
         density of the chosen filter, and ``used`` (bool), the frequencies of the fit.
@@ -121,7 +121,7 @@ class RemnantEstimate:
     unit: str | None
 
     def summary(self) -> str:
-        """Say it in words.
+        """The estimate as text, with intervals and warnings.
 
         Returns
         -------
@@ -170,7 +170,7 @@ def remnant_estimate(
 
     The remnant n is what does not repeat in the residual over runs that share the target; with
     one run and a periodic target, the residual between the excited lines; otherwise it cannot be
-    told from what the model lacks, and the whole residual is an upper bound. Its spectrum is
+    separated from what the model lacks, and the whole residual is an upper bound. Its spectrum is
     compared with the filters ``|K_n / (T_n j omega + 1)^m|²`` (Eq. 27) of orders 1 to 4.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Checks of a recording for faults of units, clock and channels, before a model is blamed."""
+"""``check_channels``: faults of units, clock and channels of a recording."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def _first_samples(recording: RawRecording) -> Iterator[Finding]:
             begin = min(max(round(START / recording.dt), 2 * STILL), step.size // 4)
             early, late = step[:begin], step[begin:]
             late = np.abs(late[np.isfinite(late)])
-            # Of steps, and of a channel at rest, there is no telling what is a jump.
+            # In a stepped channel, or one at rest, a jump cannot be recognised.
             if begin < 2 or np.isnan(early).any() or np.mean(late > 0) < MOVING:
                 continue
             if (at := _jump(early, late)) is not None:

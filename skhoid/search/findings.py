@@ -1,4 +1,4 @@
-"""What a search computed, before anything is decided or said of it."""
+"""Numbers that a search rests on: steps, structure left, ceiling; computed before any verdict."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def gap_of(
 ) -> tuple[float, float, float]:
     """Explainable gap of a model in points, its standard error, and the VAF it refers to.
 
-    NaN where the data tell no noise ceiling.
+    NaN where the data give no noise ceiling.
     """
     layout = prepared.grid.layout
     read = RunsRead(

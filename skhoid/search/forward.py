@@ -1,4 +1,4 @@
-"""Forward search over effects, on records."""
+"""Forward search: adds the best effect step by step, and holds the criteria of what counts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
 from .signatures import traces_of
 
-LEAST_EVIDENCE = 25.0  # n log(SSE before / after) - k log n of an effect that counts
+LEAST_EVIDENCE = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
@@ -65,7 +65,7 @@ class Candidate:
 
     @property
     def passes(self) -> bool:
-        """Both keys, likelihood and free run; or a trace in the output itself."""
+        """Both criteria are met, evidence and free run; or the output itself shows the effect."""
         if self.trace:
             return self.gain > -LEAST_GAIN
         return self.evidence > LEAST_EVIDENCE and self.gain >= LEAST_GAIN
@@ -256,7 +256,7 @@ def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> 
 def plainest_first(candidates: list[Candidate]) -> None:
     """Put a plainer effect before the best where hardly anything is left to tell them apart.
 
-    With little remnant the likelihood tells the last digits of simulations apart.
+    With little remnant the likelihood responds to the last digits of simulations.
     """
     first = candidates[0] if candidates else None
     if first is None or not first.passes or first.trace or first.vaf < LITTLE_NOISE:

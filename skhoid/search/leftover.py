@@ -1,4 +1,4 @@
-"""Structure that a model leaves, by families that need no name."""
+"""Structure that the residual of a model holds, by families of responses without a named effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of what a search found."""
+"""Tables of a search: ranking, error path, held-out predictions, unexplained structure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pandas as pd
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
-from .explanations import words_of
+from .explanations import sentence_of
 from .findings import Findings
 from .forward import Candidate
 from .leftover import Leftover
@@ -88,7 +88,7 @@ def ranking_table(found: Findings, prepared: Prepared, display: str) -> pd.DataF
                     "vaf_gain": np.nan if c.reason else c.gain,
                     "p_value": c.p_value,
                     "confused_with": c.confused_with,
-                    "words": words_of(c.effect, display) + (f" {c.trace}." if c.trace else ""),
+                    "words": sentence_of(c.effect, display) + (f" {c.trace}." if c.trace else ""),
                     "status": status,
                     "reason": c.reason,
                 }

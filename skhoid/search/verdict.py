@@ -1,4 +1,4 @@
-"""What a search concludes from its numbers: open it to change when an effect is named."""
+"""The verdict of a search: when an effect is named, and when something is still missing."""
 
 from __future__ import annotations
 
