@@ -61,7 +61,7 @@ def is_given(options: argparse.Namespace, name: str) -> bool:
 
 
 def refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
-    """Refuse options that would have no effect; ``why`` goes on after their name."""
+    """Refuse options that would have no effect; ``why`` completes the sentence after their name."""
     for name in names:
         if is_given(options, name):
             raise ValueError(f"--{name.replace('_', '-')} {why}")

@@ -42,7 +42,7 @@ APPLY = {
     "experiment": ["subjects", "conditions", "runs", "last", "seed", *KEPT],
     "experiment with files": [*OF_FILES, "last", *KEPT],
 }
-WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # these have the cells of all others
+WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # whose cells include those of all others
 
 
 def study(options: argparse.Namespace) -> int:

@@ -290,7 +290,7 @@ def _overfit(vaf: float, fitted: Signals | None) -> dict[str, Any]:
     own, ratio = np.nan, np.nan
     if fitted is not None:
         own = _pooled(fitted, fitted.predicted)
-        # Both relative to their output's power, as runs differ in what is to be explained.
+        # Both relative to the power of their output, which differs between runs.
         ratio = (100 - vaf) / (100 - own) if own < 100 else np.nan
     verdict = None if np.isnan(ratio) else bool(ratio > OVERFIT)
     return {"estimation_vaf": own, "overfit_ratio": ratio, "overfit": verdict}

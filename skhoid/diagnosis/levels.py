@@ -68,7 +68,7 @@ def held_levels(values: np.ndarray, run: np.ndarray) -> tuple[np.ndarray, np.nda
     order = np.flatnonzero(held)[np.argsort(-count[held])]
     typical = float(np.median(count[stays > 0] / stays[stays > 0]))
     k = order[0]
-    # As many stays as were seen, each as long as elsewhere, would hold so many samples.
+    # Samples counted in stays of the typical length.
     p = poisson.sf(count[k] / typical - 1, max(expected[k] / typical, 1.0)) * (n + 1)
     levels = np.array([np.median(values[bins == k]) for k in order])
     return levels, count[order] / values.size, float(min(p, 1.0))

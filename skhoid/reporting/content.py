@@ -30,7 +30,7 @@ UNKNOWN = "unknown"
 MANY = 40  # runs in a table
 DRAWN = 8  # channels
 ABSENT = "not available"
-# Findings of a comparison that a search of the whole catalogue has answered.
+# Findings of a comparison that are settled by a search of the whole catalogue.
 ANSWERED = (
     "asymmetry",
     "bias",
@@ -380,7 +380,7 @@ def _p(p: float) -> str:
 
 
 def _why(row: pd.Series, winner: str) -> str:
-    """The reason for the place of a candidate."""
+    """Why a candidate is ranked where it is."""
     if row["status"] == "does not apply":
         return str(row["reason"])
     if row["status"] == "added":

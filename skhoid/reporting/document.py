@@ -281,7 +281,7 @@ def _search(
     try:
         return search.fit(X, y), ""
     except ValueError as error:
-        # A model of several inputs, say, which effects cannot be added to, can be reported on.
+        # A model that takes no effects, such as one of several inputs, can still be reported on.
         if not _is_fitted(model):
             raise
         return None, f"Not possible: {error}"

@@ -71,7 +71,7 @@ class Gallery:
         svg = text.getvalue()
         svg = svg[svg.index("<svg") :]
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg, count=1, flags=re.S)
-        # Its style is for *, which inside HTML would be the whole page.
+        # Matplotlib's style applies to *, which inside HTML would be the whole page.
         svg = re.sub(r"<style.*?</style>", "", svg, flags=re.S)
         prefix = f"p{next(self._numbers)}-"
         svg = re.sub(r"<[^<>]+>", lambda tag: NAMED.sub(rf"\g<0>{prefix}", tag[0]), svg)
@@ -265,7 +265,7 @@ def _legend_below(figure: Figure) -> None:
 
 
 def _without_validation(panel: Axes) -> None:
-    """Names that say no more than what runs these are: which, the page says."""
+    """Shorten labels that only say which runs these are, as the page says it."""
     artists: list[Any] = [*panel.get_children(), *panel.containers]
     for drawn in artists:
         label = str(drawn.get_label())

@@ -16,7 +16,7 @@ LIBRARIES = ("numpy", "scipy", "scikit-learn", "pandas", "numba", "matplotlib")
 
 
 def provenance(model: Any, X: Any, y: Any, made_with: dict[str, str] | None) -> dict[str, str]:
-    """What, by which name, to make the same report again."""
+    """What is needed to make the same report again, by name."""
     stated = {name[:1].upper() + name[1:]: str(text) for name, text in (made_with or {}).items()}
     others = [f"{name} {version(name)}" for name in LIBRARIES]
     made = {

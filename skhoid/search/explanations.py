@@ -45,7 +45,7 @@ EXPERIMENTS = {
     frozenset({"bias", "integral"}): "record a constant disturbance of 30 s",
     frozenset({"wrong_delay", "extra_lag"}): "use a forcing function with lines up to 30 rad/s",
 }
-# Why what is left has no name: all was tried, or only some, or the search ended too early.
+# Why structure left has no name: all effects were tried, only some, or the search ended early.
 NOT_IN_CATALOGUE = "something is missing, not in the catalogue"
 NOT_TRIED = "something is missing, not among the effects tried"
 CUT_SHORT = "something is missing, and max_effects is reached"
@@ -84,7 +84,7 @@ def changes_sentences(changes: dict[str, tuple[float, float, float]]) -> list[st
     lines = []
     for name, (value, sd, p) in changes.items():
         parameter = name.removesuffix("_change")
-        # Both are asked for each change: a share of one in a hundred for the two together.
+        # Two parameters are tested for each change: 0.005 each makes 0.01 for both.
         verb = "changes too" if p < 0.005 else "does not change"
         lines.append(f"{parameter} {verb}: by {100 * value:.0f} ± {100 * sd:.0f} % (p = {p:.2g})")
     return lines

@@ -21,7 +21,7 @@ def error_path(found: Findings, prepared: Prepared) -> pd.DataFrame:
     record, steps = prepared.record, found.steps
     assert record.y is not None
     rows = []
-    # Where an effect lets remnant pass a nonlinearity the baseline's ceiling is a lower bound.
+    # If an effect passes remnant through a nonlinearity, the baseline's ceiling is a lower bound.
     reachable = float(np.nanmax([found.ceiling, steps[-1].vaf + found.worst]))
     top = reachable if np.isfinite(found.ceiling) else np.nan
     for title, step in zip(["baseline", *found.added], steps, strict=True):

@@ -7,9 +7,9 @@ from enum import Enum, auto
 
 from .findings import Findings
 
-# What is left is unknown from so many points on, and from the first share of what could be
-# explained; from the second on what was found is no name for it. Several effects that leave
-# something may together imitate what is missing.
+# Structure left counts as unknown if it exceeds so many points and the first share of what could
+# be explained; above the second share, the effects found do not name it: several effects that
+# leave something may together imitate what is missing.
 BESIDE_ONE = (0.6, 0.1, 0.12)
 BESIDE_SEVERAL = (0.4, 0.04, 0.04)
 
