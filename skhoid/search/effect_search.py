@@ -25,7 +25,7 @@ from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..summaries import Summary, estimates_table
 from .explanations import VERDICTS, changes_sentences, experiments, summary_of
-from .findings import Findings, findings_of
+from .findings import SearchNumbers, numbers_of
 from .forward import HeldOutRows, Search, forward
 from .results import error_path, held_out_table, ranking_table, unexplained_table
 from .verdict import Verdict, decided
@@ -188,7 +188,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             if len(path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=path.model.effects)
             measured = np.asarray(y, dtype=float).ravel()
-            found = findings_of(search, path, best, prepared, measured)
+            found = numbers_of(search, path, best, prepared, measured)
             self.baseline_, self.best_estimator_ = baseline, best
             self._conclude(decided(found, tries_all=self._tries_all()))
             self._tabulate(found, prepared)
@@ -208,7 +208,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.stand_ins_ = verdict.stand_ins
         self.verdict_ = VERDICTS[verdict.outcome]
 
-    def _tabulate(self, found: Findings, prepared: Prepared) -> None:
+    def _tabulate(self, found: SearchNumbers, prepared: Prepared) -> None:
         self.unexplained_ = unexplained_table(found.left)
         self.explainable_gap_ = found.explainable_gap
         self.error_path_ = error_path(found, prepared)

@@ -90,7 +90,7 @@ def changes_sentences(changes: dict[str, tuple[float, float, float]]) -> list[st
     return lines
 
 
-def experiment(one: str, other: str) -> str:
+def experiment_between(one: str, other: str) -> str:
     """What to record to tell two effects apart."""
     proposal = EXPERIMENTS.get(frozenset({one, other}), ANY_EXPERIMENT)
     return f"{one} and {other} cannot be told apart here; this experiment would: {proposal}."
@@ -99,7 +99,7 @@ def experiment(one: str, other: str) -> str:
 def experiments(ranking: pd.DataFrame) -> list[str]:
     """What to record to tell the effects added from those that explain as much."""
     return [
-        experiment(row["effect"], other)
+        experiment_between(row["effect"], other)
         for _, row in ranking[ranking["status"] == "added"].iterrows()
         for other in row["confused_with"]
     ]

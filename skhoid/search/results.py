@@ -9,14 +9,14 @@ from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
 from .explanations import sentence_of
-from .findings import Findings
+from .findings import SearchNumbers
 from .forward import Candidate
 from .leftover import Leftover
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
 
 
-def error_path(found: Findings, prepared: Prepared) -> pd.DataFrame:
+def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
     """VAF and RMSE, held out, of the baseline and with each effect."""
     record, steps = prepared.record, found.steps
     assert record.y is not None
@@ -50,7 +50,7 @@ def unexplained_table(left: list[Leftover]) -> pd.DataFrame:
 
 
 def held_out_table(
-    found: Findings, prepared: Prepared, measured: np.ndarray, index: pd.Index | None
+    found: SearchNumbers, prepared: Prepared, measured: np.ndarray, index: pd.Index | None
 ) -> pd.DataFrame:
     """Measured output, and held-out free runs without and with each effect, at every row."""
     columns = {"measured": measured}
@@ -61,7 +61,7 @@ def held_out_table(
     return pd.DataFrame(columns, index=index)
 
 
-def ranking_table(found: Findings, prepared: Prepared, display: str) -> pd.DataFrame:
+def ranking_table(found: SearchNumbers, prepared: Prepared, display: str) -> pd.DataFrame:
     """One row per step and effect, best first."""
     rows = []
     path = found.path

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from .findings import Findings
+from .findings import SearchNumbers
 
 # Structure left counts as unknown if it exceeds so many points and the first share of what could
 # be explained; above the second share, the effects found do not name it: several effects that
@@ -38,7 +38,7 @@ class Verdict:
         return self.named if complete else [*self.named, "unknown"]
 
 
-def decided(found: Findings, *, tries_all: bool) -> Verdict:
+def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
     """Whether what was found is a name, and whether something is missing beside it."""
     ids, stand_ins, worst = found.ids, [], found.worst
     share = worst / max(worst + found.gained, 1e-300)
