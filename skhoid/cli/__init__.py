@@ -1,4 +1,4 @@
-"""The command line: thin, every capability is a function of the package."""
+"""Entry point of the command line: parses the arguments, runs the command, prints errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str or None, default=None
-        Words after ``skhoid``; None means those of the process.
+        Arguments after ``skhoid``; None means those of the process.
 
     Returns
     -------
@@ -40,13 +40,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     >>> main(["identify", "nothing-here.csv", "--time", "t"])  # says so on stderr
     2
     """
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments)
     parser = make_parser()
-    if not words:
+    if not given:
         parser.print_help(sys.stderr)
         return BAD_INPUT
-    options = parser.parse_args(words)
-    options.words = words
+    options = parser.parse_args(given)
+    options.command_line = given
     if options.debug:
         return _run(options)
     try:
@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    """Import the module of the command, and NumPy with it, now that the words are understood."""
+    """Import the module of the command, and NumPy with it, now that the arguments are valid."""
     module = import_module(f".{options.command}", __package__)
     return int(getattr(module, options.command)(options))
 

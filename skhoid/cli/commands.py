@@ -1,4 +1,4 @@
-"""How a command becomes words of the parser."""
+"""The argument parser of skhoid, and how a command is added to it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 class Parser(argparse.ArgumentParser):
-    """Remembers its arguments, which tab completion asks for; leaves examples as they are."""
+    """Remembers its arguments, for tab completion; keeps the layout of examples."""
 
     def __init__(self, *, description: str, **more: Any) -> None:
         self.arguments: list[argparse.Action] = []
@@ -34,6 +34,6 @@ def add_command(
     description: str,
     examples: str,
 ) -> Parser:
-    """Add a command to the parser; returns its own."""
+    """Add a command to the parser; returns the parser of the command."""
     command: Parser = commands.add_parser(name, help=help, description=description, epilog=examples)
     return command

@@ -1,4 +1,4 @@
-"""The command ``skhoid completion``: the tab key knows commands, options, files and names."""
+"""The command ``skhoid completion``: prints a shell script for completion by the tab key."""
 
 from __future__ import annotations
 

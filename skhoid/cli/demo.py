@@ -14,8 +14,8 @@ from ..simulation import make_tracking_runs
 from .files import check_folders
 from .options import refuse
 from .output import print_wrapped
+from .search_output import show_search, write_results
 from .tables import check_tables
-from .telling import leave, tell
 
 NEXT = """
 Next: skhoid diagnose                      the same on recordings of a real person
@@ -51,10 +51,10 @@ def demo(options: argparse.Namespace) -> int:
     )
     source = f"simulated runs of condition C1, remnant P_n = {options.remnant:g}"
     best = 100 * (1 - (truth.remnant**2).sum() / (y**2).sum())
-    story = tell(options, OperatorRegressor(), X, y, source)
+    story = show_search(options, OperatorRegressor(), X, y, source)
     if not options.json:
         _reveal(story.search_.best_estimator_, names, best, truth, hidden)
-    leave(
+    write_results(
         options,
         story,
         source,

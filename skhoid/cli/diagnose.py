@@ -7,8 +7,8 @@ import argparse
 from .files import new_file
 from .options import refuse
 from .recordings import read_recordings
+from .search_output import figure_folder, show_search, write_results
 from .tables import check_tables
-from .telling import leave, picture_folder, tell
 
 
 def diagnose(options: argparse.Namespace) -> int:
@@ -18,9 +18,9 @@ def diagnose(options: argparse.Namespace) -> int:
         refuse(options, ["overwrite"], "is for the file of --report FILE.")
     else:
         report = new_file(options.report, options.overwrite, new_folder=True)
-    folder = picture_folder(options, "skhoid-diagnose")
+    folder = figure_folder(options, "skhoid-diagnose")
     check_tables(options)
     X, y, estimator, source = read_recordings(options)
-    story = tell(options, estimator, X, y, source)
-    leave(options, story, source, report=report, folder=folder)
+    story = show_search(options, estimator, X, y, source)
+    write_results(options, story, source, report=report, folder=folder)
     return 0

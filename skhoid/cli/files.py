@@ -76,14 +76,14 @@ def new_file(name: str, overwrite: bool, *, new_folder: bool = False) -> Path:
     return path
 
 
-def check_picture(name: str, overwrite: bool) -> None:
-    """A picture to draw, checked before the work begins."""
+def check_plot_file(name: str, overwrite: bool) -> None:
+    """The file of a plot, checked before the work begins."""
     from matplotlib.figure import Figure
 
     path = new_file(name, overwrite)
     formats = Figure().canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in formats:
-        raise ValueError(f"{path} is no picture; its name ends in one of {', '.join(formats)}.")
+        raise ValueError(f"{path} is no image file; its name ends in one of {', '.join(formats)}.")
 
 
 def check_folders(*names: str | Path | None) -> None:
@@ -106,7 +106,7 @@ def _check_parents(path: Path) -> None:
 
 
 def without_screen() -> None:
-    """Draw into files, on machines without a display too."""
+    """Draw into files, so that it works on machines without a display too."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -122,7 +122,7 @@ def save_figures(
 ) -> list[str]:
     """Save figures by file name, and close them; returns the paths.
 
-    Of the ``others`` those go that the same command has drawn into the folder before. ``named``
+    Those of the ``others`` that the same command drew into the folder before are deleted. ``named``
     is X and y, whose names appear in the figures.
     """
     from ..plotting._axes import names_as_they_are

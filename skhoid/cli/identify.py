@@ -20,8 +20,8 @@ from .arguments.identify import LONGEST_DELAY
 from .files import check_no_files, read_files, save_figures, without_screen
 from .options import refuse
 from .output import WIDTH, print_json, say_files
+from .search_output import figure_folder
 from .tables import check_tables, save_tables
-from .telling import picture_folder
 
 PICTURES = ["simulation.png", "delay.png", "delay-vaf.png", "orders.png", "parameters.png"]
 CRITERIA = {"one_step": "lowest one-step error", "vaf": "highest cross-validated VAF"}
@@ -29,7 +29,7 @@ CRITERIA = {"one_step": "lowest one-step error", "vaf": "highest cross-validated
 
 def identify(options: argparse.Namespace) -> int:
     """Identify, and say, draw and write what is found."""
-    folder = picture_folder(options, "skhoid-identify")
+    folder = figure_folder(options, "skhoid-identify")
     check_tables(options)
     if options.nk is not None:
         refuse(options, ["longest_delay", "criterion"], "needs a search, and --nk gives the delay.")

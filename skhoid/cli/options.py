@@ -1,4 +1,4 @@
-"""What options take, and when they do not apply."""
+"""Values of options: numbers and NAME=VALUE pairs, and refusal of options without effect."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _finite(text: str) -> float:
 
 
 def pairs(items: Iterable[str], option: str, example: str) -> dict[str, str]:
-    """NAME=VALUE words of an option that may be repeated."""
+    """NAME=VALUE pairs of an option that may be repeated."""
     found: dict[str, str] = {}
     for item in items:
         name, sign, value = item.partition("=")
@@ -61,7 +61,7 @@ def is_given(options: argparse.Namespace, name: str) -> bool:
 
 
 def refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
-    """Refuse options that would have no effect; ``why`` goes on after their name."""
+    """Refuse options that would have no effect; ``why`` completes the sentence after their name."""
     for name in names:
         if is_given(options, name):
             raise ValueError(f"--{name.replace('_', '-')} {why}")

@@ -1,4 +1,4 @@
-"""What the command line prints, for people and, as JSON, for other programs."""
+"""How the command line prints: wrapped lines and notes for people, JSON for other programs."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def _finite(value: Any) -> Any:
 
 
 def say(text: str, options: argparse.Namespace) -> None:
-    """Print for people: with JSON on the output, nowhere."""
+    """Print for people; prints nothing where the output is JSON."""
     if not options.json:
         print(text, flush=True)
 
 
 def note(text: str) -> None:
-    """Print beside the results, on one line."""
+    """Print a note on stderr, on one line."""
     print(f"skhoid: note: {' '.join(text.split())}", file=sys.stderr)
 
 

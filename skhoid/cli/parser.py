@@ -1,4 +1,4 @@
-"""The words that the command line knows."""
+"""The parser of all commands, and the text of ``skhoid --help``."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from .files import new_file
 from .options import refuse
 from .output import print_json, print_wrapped, say_files
 from .recordings import read_recordings
+from .search_output import show_search, tables_of_comparison, write_report, write_results
 from .tables import check_tables, save_tables
-from .telling import leave, tables_of_comparison, tell, write_report
 from .wording import reworded
 
 OF_SEARCH = ["display", "max_effects", "controlled_element"]
@@ -30,11 +30,11 @@ def report(options: argparse.Namespace) -> int:
         refuse(options, OF_SEARCH, "is for the search, and --effects none makes none.")
     X, y, estimator, source = read_recordings(options)
     if search:
-        story = tell(options, estimator, X, y, source, aloud=False)
+        story = show_search(options, estimator, X, y, source, aloud=False)
         if not options.json:
             for line in story.search_.summary().splitlines():
                 print_wrapped(reworded(line, options))
-        leave(options, story, source, report=path)
+        write_results(options, story, source, report=path)
         return 0
     return _without_search(options, path, X, y, estimator, source)
 

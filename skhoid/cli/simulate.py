@@ -13,7 +13,7 @@ from ..io import write_runs
 from ..io.figures import save_figure
 from ..simulation import make_tracking_runs
 from ..summaries import counted
-from .files import check_picture, new_file, without_screen
+from .files import check_plot_file, new_file, without_screen
 from .options import refuse
 from .output import print_json, say
 
@@ -26,7 +26,7 @@ def simulate(options: argparse.Namespace) -> int:
     seed = secrets.randbelow(2**31) if options.seed is None else options.seed
     path = new_file(options.out, options.overwrite)
     if options.picture:
-        check_picture(options.picture, options.overwrite)
+        check_plot_file(options.picture, options.overwrite)
     X, y, truth = make_tracking_runs(
         options.condition,
         options.runs,
@@ -60,11 +60,11 @@ def simulate(options: argparse.Namespace) -> int:
         display: Any = TrackingDisplay.from_runs(X, y, truth=truth)
         save_figure(display.figure_, options.picture)
         say(f"picture: {options.picture}", options)
-    words = ["skhoid", "identify", str(path)]
-    words += ["--input", "e" if "e" in options.channels else options.channels[0]]
-    words += ["--output", "u", "--time", "time"]
-    words += [] if path.suffix.lower() == ".mat" else ["--run", "run"]
-    follow = shlex.join([*words, "--keep-means"])
+    arguments = ["skhoid", "identify", str(path)]
+    arguments += ["--input", "e" if "e" in options.channels else options.channels[0]]
+    arguments += ["--output", "u", "--time", "time"]
+    arguments += [] if path.suffix.lower() == ".mat" else ["--run", "run"]
+    follow = shlex.join([*arguments, "--keep-means"])
     say(f"next: {follow}", options)
     if options.json:
         print_json(

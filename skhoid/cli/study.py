@@ -1,4 +1,4 @@
-"""The command ``skhoid study``: Monte-Carlo studies."""
+"""The command ``skhoid study``: the paper's Monte-Carlo studies, ``experiment``, ``recommend``."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ APPLY = {
     "experiment": ["subjects", "conditions", "runs", "last", "seed", *KEPT],
     "experiment with files": [*OF_FILES, "last", *KEPT],
 }
-WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # these have the cells of all others
+WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # whose cells include those of all others
 
 
 def study(options: argparse.Namespace) -> int:
@@ -67,7 +67,7 @@ def study(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> None:
-    """Say what hinders a study before the work begins."""
+    """Refuse a study that cannot run, before the work begins."""
     name, known = options.name, ["list", *OTHERS, *PAPER_STUDIES]
     if name not in known:
         raise ValueError(
@@ -86,7 +86,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _applying(options: argparse.Namespace) -> tuple[str, list[str]]:
-    """What is asked for, in words, and the options that it takes."""
+    """A name for what is asked for, and the options that it takes."""
     name = options.name
     if name == "experiment":
         if options.files:

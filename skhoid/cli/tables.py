@@ -14,7 +14,7 @@ from .options import refuse
 
 
 def check_tables(options: argparse.Namespace) -> None:
-    """Say what hinders tables before the work begins."""
+    """Refuse tables that cannot be written, before the work begins."""
     if options.tables is None:
         refuse(options, ["table_format"], "needs --tables FOLDER: else no tables are written.")
         return

@@ -1,4 +1,4 @@
-"""Messages of the package, for those who do not write Python."""
+"""Messages of the package, with the command-line options that do what they say in Python."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def reworded(text: str, options: argparse.Namespace) -> str:
         text = text.replace(part, "")
     found = [
         "leave it out of FILES" if name == "files" else f"--{name.replace('_', '-')}"
-        for words, name in OPTION.items()
-        if re.search(words, text) and hasattr(options, name)
+        for pattern, name in OPTION.items()
+        if re.search(pattern, text) and hasattr(options, name)
     ]
     if not found:
         return text

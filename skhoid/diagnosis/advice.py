@@ -1,4 +1,4 @@
-"""Findings: what the tests say, in the words of the field, and what to do next."""
+"""Findings of a comparison: what its tests mean for the operator model, and what to do next."""
 
 from __future__ import annotations
 
@@ -100,13 +100,13 @@ def _effects(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[F
             bias.cost,
         )
     yield from _over_amplitude(c, sure)
-    # Distortion is what a nonlinearity or a change in time leaves: it is told once.
+    # Distortion is what a nonlinearity or a change in time leaves: it is reported once.
     causes = ("gain change", "nonlinearity", "asymmetry")
-    told = max((t.cost for (name, _), t in sure.items() if name in causes), default=0.0)
+    reported = max((t.cost for (name, _), t in sure.items() if name in causes), default=0.0)
     for (name, signal), test in sure.items():
         if name == "cross-correlation":
             yield _follows(c, test, signal, sure, then)
-        if name == "distortion" and test.cost > 2 * told:
+        if name == "distortion" and test.cost > 2 * reported:
             yield _distorted(test, signal)
         if name == "level":
             yield Finding(
@@ -234,7 +234,7 @@ def _in_time(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
 def _over_amplitude(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
     shaped = [t for (name, _), t in sure.items() if name == "nonlinearity"]
     asymmetric = [t for (name, _), t in sure.items() if name == "asymmetry"]
-    # What one sign does more than the other is no straight line either: it is told once.
+    # What one sign does more than the other is no straight line either: it is reported once.
     one_sided = {t.signal: t.statistic for t in asymmetric}
     shaped = [t for t in shaped if t.statistic > 2 * one_sided.get(t.signal, 0.0)]
     if shaped and not (asymmetric and max(one_sided.values()) > max(t.statistic for t in shaped)):

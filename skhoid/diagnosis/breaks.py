@@ -22,7 +22,7 @@ class Break:
 
     @property
     def ratio(self) -> float:
-        """Of one plus the first coefficient, after over before."""
+        """One plus the first coefficient, after the change over before."""
         return float((1 + self.after[0]) / max(1 + self.before[0], 1e-3))
 
 

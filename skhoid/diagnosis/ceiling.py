@@ -167,7 +167,7 @@ def _without_linear_misfit(
         return r, 0.0
     rest, spread = _answered(signals, group, noise, r, e, instrument, taps, 0)
     if group.n_runs > 1:
-        # What varies in time answers e with other taps at other times.
+        # A response that varies in time has other taps at other times.
         rest, more = _answered(signals, group, noise, rest, e, instrument, taps, N_IN_TIME)
         spread += more
     return rest, spread
@@ -219,7 +219,7 @@ def _varying(lagged: np.ndarray, shapes: np.ndarray) -> np.ndarray:
 def _part_by_way_of_error(
     r: np.ndarray, response: np.ndarray, group: Group, noise: NoiseDensity
 ) -> float:
-    """How much of a misfit answers e, from 0 to 1; the rest answers the target by another way.
+    """Share (0 to 1) of a misfit that responds to e; the rest responds to the target in other ways.
 
     Both are the same for what repeats. What does not repeat, n + Δe_n, tells them apart: without
     the right part of Δe_n it is closest to what white noise through a filter can be (the
@@ -270,7 +270,7 @@ def _on_lines(values: np.ndarray, group: Group) -> np.ndarray:
 
 
 def coherent_part(signals: Signals, group: Group, values: np.ndarray) -> np.ndarray | None:
-    """What a signal of each run (rows of ``values``) owes to causes outside the loop.
+    """Part of a signal, run by run (rows of ``values``), that is caused from outside the loop.
 
     With repeats the mean of the other runs; with a periodic target and one run the excited lines;
     otherwise the response to the target by a finite impulse response. None where there is no way:

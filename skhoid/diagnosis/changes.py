@@ -23,7 +23,7 @@ class BlockSums:
 
     ``gains`` are those with what the response owes to causes outside the loop: they test.
     ``placing`` are those with the whole response, which went on where the target rested: they
-    tell when, and would test nothing in a closed loop.
+    show when, and would test nothing in a closed loop.
     """
 
     edges: np.ndarray

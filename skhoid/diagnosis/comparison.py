@@ -1,4 +1,4 @@
-"""A fitted model against measured runs."""
+"""``compare`` and ``Comparison``: a fitted model against measured runs."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Comparison:
     ceiling_route : {"repeats", "lines", "none"}
         Where the ceiling is from.
     ceiling_note : str
-        The same in words.
+        The same as a sentence.
     traces : DataFrame
         ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
         a role, row by row.
@@ -139,7 +139,7 @@ class Comparison:
         return f"<Comparison of {self.model_name}: VAF {self.vaf:.1f}{ceiling}>"
 
     def summary(self) -> str:
-        """Say in words how good the model is, where it fails, and what to do next.
+        """Say how good the model is, where it fails, and what to do next.
 
         Returns
         -------
@@ -234,7 +234,7 @@ def compare(
 
     Tests use patterns that owe nothing to the remnant of their own run: the target, and what
     signals of the other runs have in common. They are valid in a closed loop whatever the colour
-    of the remnant. A finding is not a proof of a cause: see the words of each.
+    of the remnant. A finding is no proof of a cause: see its meaning.
 
     Examples
     --------
@@ -290,7 +290,7 @@ def _overfit(vaf: float, fitted: Signals | None) -> dict[str, Any]:
     own, ratio = np.nan, np.nan
     if fitted is not None:
         own = _pooled(fitted, fitted.predicted)
-        # Both relative to their output's power, as runs differ in what is to be explained.
+        # Both relative to the power of their output, which differs between runs.
         ratio = (100 - vaf) / (100 - own) if own < 100 else np.nan
     verdict = None if np.isnan(ratio) else bool(ratio > OVERFIT)
     return {"estimation_vaf": own, "overfit_ratio": ratio, "overfit": verdict}

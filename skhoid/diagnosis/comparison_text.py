@@ -1,4 +1,4 @@
-"""A comparison in words, and as a piece of HTML."""
+"""The summary of a comparison as text and as HTML."""
 
 from __future__ import annotations
 

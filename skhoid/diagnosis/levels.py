@@ -14,7 +14,7 @@ LEAST = 0.01  # of the samples
 TIMES_NEIGHBOURS = 4.0
 NEIGHBOURS = 21
 LEAST_STAYS = 5
-MOST_TOLD = 4  # levels
+MOST_LISTED = 4  # levels
 
 
 def level_tests(signals: Signals) -> list[Test]:
@@ -23,8 +23,8 @@ def level_tests(signals: Signals) -> list[Test]:
     levels, shares, p = held_levels(signals.y[rows], signals.layout.run_of(rows))
     if not levels.size:
         return [Test("level", signals.output, 0.0, 1.0, description="at no level")]
-    at = " and ".join(f"{level:.4g}" for level in np.sort(levels[:MOST_TOLD]))
-    more = f" (and {levels.size - MOST_TOLD} more levels)" if levels.size > MOST_TOLD else ""
+    at = " and ".join(f"{level:.4g}" for level in np.sort(levels[:MOST_LISTED]))
+    more = f" (and {levels.size - MOST_LISTED} more levels)" if levels.size > MOST_LISTED else ""
     share = float(shares.sum())
     return [
         Test(
@@ -68,7 +68,7 @@ def held_levels(values: np.ndarray, run: np.ndarray) -> tuple[np.ndarray, np.nda
     order = np.flatnonzero(held)[np.argsort(-count[held])]
     typical = float(np.median(count[stays > 0] / stays[stays > 0]))
     k = order[0]
-    # As many stays as were seen, each as long as elsewhere, would hold so many samples.
+    # Samples counted in stays of the typical length.
     p = poisson.sf(count[k] / typical - 1, max(expected[k] / typical, 1.0)) * (n + 1)
     levels = np.array([np.median(values[bins == k]) for k in order])
     return levels, count[order] / values.size, float(min(p, 1.0))

@@ -1,4 +1,4 @@
-"""Errors of gain, delay and mean of the response as a whole."""
+"""Tests of the residual for errors of gain, lag and mean of the whole response."""
 
 from __future__ import annotations
 

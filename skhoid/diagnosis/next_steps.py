@@ -1,4 +1,4 @@
-"""What to do next, in words that fit the model at hand."""
+"""Advice on what to do next, worded for the kind of model that was compared."""
 
 from __future__ import annotations
 

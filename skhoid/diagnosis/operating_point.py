@@ -20,7 +20,7 @@ N_DRAWS = 2000
 def by_operating_point(
     signals: Signals, ceiling: Ceiling, false_alarm: float
 ) -> tuple[pd.DataFrame, list[Test]]:
-    """Mean residual against the value that signals had, a response time before.
+    """Mean residual against the value that signals had one response time earlier.
 
     Remnant goes round the loop into e, x and u, and would sort itself into bins: with runs that
     share the target the straight line that it makes is taken out, otherwise the mean residual is
@@ -154,7 +154,7 @@ def _bins(
 
 
 def _linear_in_remnant(r: np.ndarray, z: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """What remnant that went round the loop gives residual and signal in common.
+    """The part that residual and signal share because remnant went round the loop.
 
     Both are Gaussian if the remnant is, and then the mean of the one given the other is a straight
     line, in the part of the signal that the other runs do not have.
@@ -187,7 +187,7 @@ def _shape(
     mean_square: float,
     valid: bool,
 ) -> Test:
-    """Is the mean residual over a channel not a straight line; is it not an odd function."""
+    """Tests whether the mean residual over a channel is a straight line, and an odd function."""
     scale = float(np.sqrt(np.average(z**2, weights=count))) or 1.0
     z = z / scale
     inverse = np.linalg.pinv(covariance, rcond=1e-6, hermitian=True)

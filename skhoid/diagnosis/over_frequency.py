@@ -1,4 +1,4 @@
-"""The residual over frequency: at the excited lines and between them, and the response measured."""
+"""The residual over frequency, at and between excited lines; measured response; distortion."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def _common_lines(parts: list[_GroupSpectra]) -> np.ndarray | None:
 
 
 def distortion_tests(signals: Signals, ceiling: Ceiling) -> list[Test]:
-    """Does the residual hold, at excited lines or beside them, what no linear response makes.
+    """Tests for power, at excited lines or beside them, that no linear response can make.
 
     At the lines, what is left of the residuals of several targets when the best linear response
     of each line is taken out; beside them, what repeats over runs. A nonlinearity of odd order

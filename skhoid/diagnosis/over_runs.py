@@ -55,7 +55,7 @@ def _vaf(signals: Signals, prediction: np.ndarray, keep: np.ndarray | None = Non
     power = np.bincount(run, signals.y[rows] ** 2, n)
     with np.errstate(invalid="ignore", divide="ignore"):
         vaf = np.maximum(100 * (1 - lost / power), VAF_FLOOR)
-    return np.where(power > 0, vaf, np.nan)  # a run in which the output rests has none
+    return np.where(power > 0, vaf, np.nan)  # a run in which the output is at rest has no VAF
 
 
 def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, list[Test]]:

@@ -25,7 +25,7 @@ TOP = ((0.5, 0.7), (0.8, 1.0))  # of the Nyquist frequency: bands whose densitie
 FLAT = 1.25  # ratio of these densities up to which they are a floor
 ABOVE_FLOOR = 10.0  # times the floor, down to which the density is fitted
 LEAST_BINS = 20
-TAPER = 0.1  # of the run; without, jumps from its end to its begin hide a steep spectrum
+TAPER = 0.1  # of the run; without, the jump from its end to its start hides a steep spectrum
 NEIGHBOURS = 11  # bins over which spectra are averaged for the sampling error of P_n
 UNLIKELY = 0.01  # p value of a filter that does not describe the spectrum
 N_BANDS = 12  # in which the spectrum is compared with the filter
@@ -76,7 +76,7 @@ class RemnantEstimate:
     p_value : float
         Probability of a misfit as large as that of the chosen order, if the remnant is of that
         order. Small: none of the filters describes it, and order and time constant are at best a
-        rough picture.
+        rough description.
     spectrum : DataFrame
         ``omega`` (rad/s), ``psd`` (squared unit of u per rad/s, one-sided), ``fitted``, the
         density of the chosen filter, and ``used`` (bool), the frequencies of the fit.
@@ -84,7 +84,7 @@ class RemnantEstimate:
         Where the noise comes from: what runs of one target do not repeat, the residual between
         excited lines, or the whole residual.
     warning : str
-        What to beware of, for a remnant of first order; otherwise empty.
+        A caution, for a remnant of first order; otherwise empty.
     n_runs : int
         Number of runs it rests on.
     output : str
@@ -121,7 +121,7 @@ class RemnantEstimate:
     unit: str | None
 
     def summary(self) -> str:
-        """Say it in words.
+        """The estimate as text, with intervals and warnings.
 
         Returns
         -------
@@ -170,7 +170,7 @@ def remnant_estimate(
 
     The remnant n is what does not repeat in the residual over runs that share the target; with
     one run and a periodic target, the residual between the excited lines; otherwise it cannot be
-    told from what the model lacks, and the whole residual is an upper bound. Its spectrum is
+    separated from what the model lacks, and the whole residual is an upper bound. Its spectrum is
     compared with the filters ``|K_n / (T_n j omega + 1)^m|²`` (Eq. 27) of orders 1 to 4.
 
     Parameters
@@ -210,8 +210,8 @@ def remnant_estimate(
 
     Order and time constant come from a Whittle likelihood of the averaged periodogram, up to
     60 rad/s, half the Nyquist frequency, or ten times a floor of white measurement noise. The
-    probabilities compare the four orders with each other; that one of them is true they take for
-    granted; ``p_value`` asks that. With no measurement noise the right order comes out in all of
+    probabilities compare the four orders with each other and take for granted that one of them is
+    true; ``p_value`` tests that. With no measurement noise the right order comes out in all of
     2,880 simulations of five runs (C1, C2 and C4, P_n 0.05 to 0.30, orders 1 to 4) and in 98 % of
     single runs; with white noise of a tenth of the remnant's power in little more than half of
     those of orders 3 and 4, since a steep spectrum then ends in the floor.

@@ -92,7 +92,7 @@ class Signals:
     def tapered(self, rows: np.ndarray, *signals: np.ndarray) -> np.ndarray:
         """Signals as columns that begin and end at zero, and are zero where not scored.
 
-        What a Fourier transform joins at the ends of a run then is no step.
+        A Fourier transform joins the two ends of a run; tapered, they make no step.
         """
         known = np.flatnonzero(self.scored[rows])
         weight = np.zeros(rows.size)
@@ -150,7 +150,7 @@ def read_signals(
     dt: float | None = None,
     run: Any = None,
 ) -> Signals:
-    """Predict, and sort rows, channels and repeats out."""
+    """Predict, and find the rows to score, the channels by role, and the repeats."""
     check_consistent_length(X, y)
     check_alignment(X, y)
     if run_in is not None and not run_in >= 0:
@@ -196,7 +196,7 @@ def sorted_signals(
     repeats: Any = None,
     run: Any = None,
 ) -> Signals:
-    """Sort rows, channels and repeats out; one-step predictions are left open.
+    """Find the rows to score, the channels by role, and the repeats; no one-step predictions.
 
     ``settling`` finds the rows in which the free run settles, and counts where ``run_in`` is None.
     """
@@ -271,7 +271,7 @@ def sorted_signals(
 def _settling_rows(
     model: Any, X: Any, layout: RunLayout, trimmed: np.ndarray, predicted: np.ndarray
 ) -> np.ndarray:
-    """Rows in which the prediction still depends on where in the recording it began.
+    """Rows in which the prediction still depends on where in the recording it started.
 
     A free run begins at rest, and the person does not. How long that lasts is measured: the same
     rows are predicted again from a later start, until both predictions agree.

@@ -1,4 +1,4 @@
-"""One row for each test of a residual."""
+"""``Test`` and the table of tests of a residual, with corrections for several tests."""
 
 from __future__ import annotations
 

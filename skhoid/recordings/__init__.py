@@ -1,4 +1,4 @@
-"""What is wrong with a recording, before anything is fitted to it."""
+"""Checks of recordings for faults, before anything is fitted: ``check_channels``, ``Finding``."""
 
 from .channels import check_channels
 from .findings import Finding

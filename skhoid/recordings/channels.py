@@ -1,4 +1,4 @@
-"""Checks of a recording for faults of units, clock and channels, before a model is blamed."""
+"""``check_channels``: faults of units, clock and channels of a recording."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _error_signal(recording: RawRecording) -> Iterator[Finding]:
 
 
 def _copies(recording: RawRecording) -> Iterator[Finding]:
-    """Channels that are another one, scaled, negated, or some samples late."""
+    """Channels that are copies of another one: scaled, negated, or some samples late."""
     names = [
         name
         for name, values in recording.values.items()
@@ -223,7 +223,7 @@ def _first_samples(recording: RawRecording) -> Iterator[Finding]:
             begin = min(max(round(START / recording.dt), 2 * STILL), step.size // 4)
             early, late = step[:begin], step[begin:]
             late = np.abs(late[np.isfinite(late)])
-            # Of steps, and of a channel at rest, there is no telling what is a jump.
+            # In a stepped channel, or one at rest, a jump cannot be recognised.
             if begin < 2 or np.isnan(early).any() or np.mean(late > 0) < MOVING:
                 continue
             if (at := _jump(early, late)) is not None:
@@ -274,7 +274,7 @@ def _jump(early: np.ndarray, late: np.ndarray) -> int | None:
 
 
 def _stillness(early: np.ndarray, late: np.ndarray) -> int | None:
-    """Equal samples at the beginning of a run, if there are many more than ever after."""
+    """Equal samples at the start of a run, if there are many more than ever later."""
     count = int(np.argmax(early > 0)) + 1 if early.any() else early.size
     longest = _longest_zero_run(late) + 1
     return count if count >= max(STILL, LONGER * longest) else None
@@ -391,7 +391,7 @@ def _slow_factor(changes: list[np.ndarray]) -> float | None:
     changing, still = (
         np.concatenate([_lengths(part == kind) for part in changes]) for kind in (True, False)
     )
-    # A clock that is no whole number of times slower: two lengths of stillness take turns.
+    # If the slower clock is no whole multiple, two lengths of stillness alternate.
     if still.size >= LEAST_STEPS and still.max() <= COARSEST:
         regular = [_share_of_two(lengths) >= REGULAR for lengths in (changing, still)]
         return size / number if all(regular) else None

@@ -1,4 +1,4 @@
-"""What a diagnosis tells its user: one thing found, what it means, and what to do next."""
+"""``Finding``: one fault or misfit, with its numbers, its meaning and what to do next."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Finding:
     evidence : str
         The numbers it rests on.
     meaning : str
-        What that says, in the words of manual-control research.
+        What that means, in the terms of manual-control research.
     next_step : str
         What to do about it.
     picture : str, default=""

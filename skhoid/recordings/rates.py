@@ -1,4 +1,4 @@
-"""Rate channels against the angles they should be the derivatives of."""
+"""Check of rate channels (velocities) against the angles whose derivatives they should be."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 from .findings import Finding
 from .raw import RawRecording, of_list
 
-RATE_WORDS = ("rate", "rates", "dot", "velocity", "vel", "speed", "derivative", "deriv")
-ANGLE_WORDS = ("angle", "angles", "ang", "position", "pos", "displacement", "attitude")
-UNIT_WORDS = ("deg", "rad", "degrees", "radians", "dps", "s", "sec", "mm", "cm", "px", "per")
+RATE_NAMES = ("rate", "rates", "dot", "velocity", "vel", "speed", "derivative", "deriv")
+ANGLE_NAMES = ("angle", "angles", "ang", "position", "pos", "displacement", "attitude")
+UNIT_NAMES = ("deg", "rad", "degrees", "radians", "dps", "s", "sec", "mm", "cm", "px", "per")
 
 LONGEST = 1.0  # s, over which changes of the angle are compared with the integral of the rate
 LEAST_STEPS = 30
@@ -91,35 +91,35 @@ def pairs(names: list[Any]) -> Iterator[tuple[Any, Any]]:
             yield angles[stem], name
 
 
-def _words(name: Any) -> list[str]:
-    words = [w.lower() for w in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", str(name))]
-    while len(words) > 1 and words[-1] in UNIT_WORDS:
-        words.pop()
-    return words
+def _parts(name: Any) -> list[str]:
+    parts = [w.lower() for w in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", str(name))]
+    while len(parts) > 1 and parts[-1] in UNIT_NAMES:
+        parts.pop()
+    return parts
 
 
 def _rate_stem(name: Any) -> str | None:
-    """What is left of a name without its word for rate; None if it has no such word."""
-    words = _words(name)
-    if len(words) > 1 and words[-1] in RATE_WORDS:
-        words = words[:-1]
-    elif words and (match := re.match(r"(.+)(dot|rate|vel|velocity)$", words[-1])):
-        words = [*words[:-1], match[1]]
+    """A name without the part that means rate; None if it has no such part."""
+    parts = _parts(name)
+    if len(parts) > 1 and parts[-1] in RATE_NAMES:
+        parts = parts[:-1]
+    elif parts and (match := re.match(r"(.+)(dot|rate|vel|velocity)$", parts[-1])):
+        parts = [*parts[:-1], match[1]]
     else:
         return None
-    return _without_angle(words)
+    return _without_angle(parts)
 
 
 def _angle_stem(name: Any) -> str:
-    return _without_angle(_words(name))
+    return _without_angle(_parts(name))
 
 
-def _without_angle(words: list[str]) -> str:
-    if len(words) > 1 and words[-1] in ANGLE_WORDS:
-        words = words[:-1]
-    elif words and (match := re.match(r"(.+)(angle|position|pos)$", words[-1])):
-        words = [*words[:-1], match[1]]
-    return "".join(words)
+def _without_angle(parts: list[str]) -> str:
+    if len(parts) > 1 and parts[-1] in ANGLE_NAMES:
+        parts = parts[:-1]
+    elif parts and (match := re.match(r"(.+)(angle|position|pos)$", parts[-1])):
+        parts = [*parts[:-1], match[1]]
+    return "".join(parts)
 
 
 def _gain(recording: RawRecording, angle: Any, rate: Any) -> Gain | None:

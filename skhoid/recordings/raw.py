@@ -1,4 +1,4 @@
-"""A recording as it is, before anything of it is taken for granted."""
+"""``RawRecording``: channels, runs and clock as recorded, before they are checked."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _slices(edges: np.ndarray) -> list[slice]:
 
 def of_list(names: list[Any]) -> str:
     """Names in a sentence; of many, the first few and how many more."""
-    words = [str(name) for name in names]
-    if len(words) > MOST_NAMED:
-        words = [*words[:MOST_NAMED], f"{len(words) - MOST_NAMED} more"]
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    listed = [str(name) for name in names]
+    if len(listed) > MOST_NAMED:
+        listed = [*listed[:MOST_NAMED], f"{len(listed) - MOST_NAMED} more"]
+    return listed[0] if len(listed) == 1 else f"{', '.join(listed[:-1])} and {listed[-1]}"

@@ -20,17 +20,17 @@ from ..runs import RunLayout, run_name
 from ..runs.fingerprint import as_frame
 from ..runs.roles import output_name, roles_of
 from ..search.effect_search import EffectSearchCV
-from ..search.explanations import HOW_TO_GO_ON, NOT_IN_CATALOGUE, stand_ins_in_words, unexplained_by
+from ..search.explanations import HOW_TO_GO_ON, NOT_IN_CATALOGUE, stand_ins_sentence, unexplained_by
 from ..search.forward import LEAST_EVIDENCE, LEAST_GAIN
 from ..summaries import DASH, Estimate, counted, number
-from .plots import Gallery, Picture
+from .plots import Gallery, Plot
 from .provenance import provenance
 
 UNKNOWN = "unknown"
 MANY = 40  # runs in a table
 DRAWN = 8  # channels
 ABSENT = "not available"
-# Findings of a comparison that a search of the whole catalogue has answered.
+# Findings of a comparison that are settled by a search of the whole catalogue.
 ANSWERED = (
     "asymmetry",
     "bias",
@@ -48,7 +48,7 @@ ANSWERED = (
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """What a report tells: models, the search for effects, and comparisons, or why there is none.
+    """What a report is made of: models, the search for effects, comparisons (or why none).
 
     ``final`` and ``after`` are the model and the comparison with the effects found.
     """
@@ -111,7 +111,7 @@ def content_of(
         "unit": units.get(str(output.name), ""),
         "rankings": [] if search is None else list(_rankings(search)),
         "no_search": results.no_search,
-        "keys": {"evidence": f"{LEAST_EVIDENCE:g}", "gain": f"{LEAST_GAIN:g}"},
+        "criteria": {"evidence": f"{LEAST_EVIDENCE:g}", "gain": f"{LEAST_GAIN:g}"},
         "parameters": _parameters(baseline, final),
         "with_before": final is not None,
         "effects": [] if final is None else gallery.effects(final, X, y),
@@ -170,7 +170,7 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
         )
     sentence += "."
     if search.stand_ins_:
-        sentence += f" {stand_ins_in_words(search.stand_ins_)}."
+        sentence += f" {stand_ins_sentence(search.stand_ins_)}."
     if kind == "unknown" and len(search.unexplained_):
         sentence += f" Left: {_unexplained(search)}."
     return {"kind": kind, "headline": headline, "sentence": sentence}
@@ -291,7 +291,7 @@ def _vaf_of_run(found: Comparison | None, position: int) -> str:
     return _fixed(table["vaf"].iloc[position], ".1f") if position < len(table) else DASH
 
 
-def _traces(X: Any, y: Any, gallery: Gallery, n_first: int) -> list[Picture]:
+def _traces(X: Any, y: Any, gallery: Gallery, n_first: int) -> list[Plot]:
     """The channels of the first run."""
     if not (isinstance(X, pd.DataFrame) and isinstance(y, pd.Series)):
         return []
@@ -314,7 +314,7 @@ def _model(baseline: Any) -> dict[str, str]:
 def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
     """The baseline, and one step for each effect added."""
     path = search.error_path_
-    pictures = gallery.steps(search)
+    plots = gallery.steps(search)
     worst = float(path["rmse"].max())
     last = path.iloc[-1]
     floor = np.nan  # error that the noise ceiling leaves
@@ -326,8 +326,8 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
         name = str(row["effect"])
         # The second of a kind is called dead_zone-2.
         kind, _, which = name.partition("-")
-        told = added[(added["effect"] == kind) & (added["delta_bic"].notna())]
-        entry = None if told.empty else told.iloc[min(int(which or 1), len(told)) - 1]
+        entries = added[(added["effect"] == kind) & (added["delta_bic"].notna())]
+        entry = None if entries.empty else entries.iloc[min(int(which or 1), len(entries)) - 1]
         before = path.iloc[max(step - 1, 0)]
         steps.append(
             {
@@ -341,7 +341,7 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
                 "words": "" if entry is None else _sentence(entry["words"]),
                 "parameters": "" if entry is None else entry["parameters"],
                 "confused": "" if entry is None else ", ".join(entry["confused_with"]),
-                "picture": pictures[step] if step < len(pictures) else None,
+                "picture": plots[step] if step < len(plots) else None,
             }
         )
     return steps
@@ -380,7 +380,7 @@ def _p(p: float) -> str:
 
 
 def _why(row: pd.Series, winner: str) -> str:
-    """The reason for the place of a candidate."""
+    """Why a candidate is ranked where it is."""
     if row["status"] == "does not apply":
         return str(row["reason"])
     if row["status"] == "added":
@@ -393,10 +393,10 @@ def _why(row: pd.Series, winner: str) -> str:
     evidence = f"evidence {_fixed(row['delta_bic'], '+.0f')} (more than {LEAST_EVIDENCE:g} asked)"
     gain = f"{_fixed(row['vaf_gain'], '+.2f')} points on held-out rows ({LEAST_GAIN:g} asked)"
     if gains:
-        return f"One key does not turn: {evidence}."
+        return f"One criterion is not met: {evidence}."
     if likely:
-        return f"One key does not turn: {gain}."
-    return f"Neither key turns: {evidence}, {gain}."
+        return f"One criterion is not met: {gain}."
+    return f"Neither criterion is met: {evidence}, {gain}."
 
 
 def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
@@ -432,7 +432,7 @@ def parameter_frame(model: Any) -> pd.DataFrame:
     return getattr(taken_apart(model)[1], "parameters_", nothing)
 
 
-def _paths(baseline: Any, gallery: Gallery) -> list[Picture]:
+def _paths(baseline: Any, gallery: Gallery) -> list[Plot]:
     model = taken_apart(baseline)[1]
     return gallery.paths(model) if hasattr(model, "coef_path_") else []
 

@@ -1,4 +1,4 @@
-"""The report as a document: what it holds, and how it is shown and saved."""
+"""``report`` and ``Report``: makes the page, shows it in a notebook or browser, saves it."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Report:
     Attributes
     ----------
     html : str
-        The whole page: one file with its pictures inside, which needs no network.
+        The whole page: one file with its plots inside, which needs no network.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def report(
     amplitude and run, the ranking of all effects tried with the reason for each, the error
     staircase (one step for each effect added, to click or to walk with the arrow keys),
     parameters with units and confidence, what to do next, and how the page was made. It is one
-    file, with its pictures inside, and needs no network.
+    file, with its plots inside, and needs no network.
 
     Parameters
     ----------
@@ -281,7 +281,7 @@ def _search(
     try:
         return search.fit(X, y), ""
     except ValueError as error:
-        # A model of several inputs, say, which effects cannot be added to, can be reported on.
+        # A model that takes no effects, such as one of several inputs, can still be reported on.
         if not _is_fitted(model):
             raise
         return None, f"Not possible: {error}"

@@ -1,4 +1,4 @@
-"""Pictures of a report, as SVG that stands inside its HTML."""
+"""Plots of a report, as SVG embedded in its HTML."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ STYLE: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Picture:
+class Plot:
     """An SVG element with what it shows; ``narrow`` is the same for a small screen."""
 
     svg: str
@@ -49,12 +49,12 @@ class Picture:
 
 
 class Gallery:
-    """Makes the pictures of one page, whose ids must differ.
+    """Makes the plots of one page, whose ids must differ.
 
     Parameters
     ----------
     names : iterable of str
-        Names from the data that pictures may show.
+        Names from the data that plots may show.
     """
 
     def __init__(self, names: Iterable[str] = ()) -> None:
@@ -71,7 +71,7 @@ class Gallery:
         svg = text.getvalue()
         svg = svg[svg.index("<svg") :]
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg, count=1, flags=re.S)
-        # Its style is for *, which inside HTML would be the whole page.
+        # Matplotlib's style applies to *, which inside HTML would be the whole page.
         svg = re.sub(r"<style.*?</style>", "", svg, flags=re.S)
         prefix = f"p{next(self._numbers)}-"
         svg = re.sub(r"<[^<>]+>", lambda tag: NAMED.sub(rf"\g<0>{prefix}", tag[0]), svg)
@@ -79,8 +79,8 @@ class Gallery:
         head = re.sub(r'\s(width|height|version|xmlns(:xlink)?)="[^"]*"', "", head)
         return f'{head} role="img" aria-label="{escape(label)}">{rest}'
 
-    def comparison(self, found: Comparison) -> list[Picture]:
-        """Where a model fails: one picture for each of the ways to look."""
+    def comparison(self, found: Comparison) -> list[Plot]:
+        """Where a model fails: one plot for each view."""
         from ..plotting import ComparisonDisplay, ResidualMapDisplay, RunComparisonDisplay
 
         with self._drawing() as new:
@@ -103,26 +103,26 @@ class Gallery:
             _without_validation(runs.axes[0])
             _slanted_if_long(runs.axes[0])
             _legend_below(runs)
-            pictures = [
-                self._picture(bar, "How much is explained, explainable, and noise"),
-                self._picture(runs, "Run by run"),
-                self._picture(
+            plots = [
+                self._plot(bar, "How much is explained, explainable, and noise"),
+                self._plot(runs, "Run by run"),
+                self._plot(
                     traces,
                     f"Measured and simulated output in run {display.run_}, where it is worst",
                     small,
                 ),
-                self._picture(time, "Where in time: points of VAF lost"),
-                self._picture(frequency, "Where in frequency: spectra"),
-                self._picture(amplitude, f"Where in amplitude: mean residual over {channel}"),
+                self._plot(time, "Where in time: points of VAF lost"),
+                self._plot(frequency, "Where in frequency: spectra"),
+                self._plot(amplitude, f"Where in amplitude: mean residual over {channel}"),
             ]
             panel = new(TILE)
             ResidualMapDisplay.from_comparison(found, ax=panel.axes[0])
             _rasterised(panel)
             _legend_below(panel)
-            pictures.append(self._picture(panel, "Where in time and frequency: residual power"))
-        return pictures
+            plots.append(self._plot(panel, "Where in time and frequency: residual power"))
+        return plots
 
-    def steps(self, search: Any) -> list[Picture]:
+    def steps(self, search: Any) -> list[Plot]:
         """Measured against held-out simulation at each step, all in the same window."""
         from ..plotting import EffectStepsDisplay
 
@@ -132,7 +132,7 @@ class Gallery:
             if not place.lines_:  # nothing could be simulated
                 return []
             limits = [panel.get_ylim() for panel in place.axes_]
-            pictures = []
+            plots = []
             for step, title in enumerate(titles):
                 shown = [0] if step == 0 else [0, step]
                 drawn = []
@@ -153,14 +153,14 @@ class Gallery:
                     f"Run {place.run_}, {place.window_[0]:.4g} to {place.window_[1]:.4g} s: "
                     f"measured output and {title}, by a model that was not fitted to these rows"
                 )
-                pictures.append(self._picture(drawn[0], caption, drawn[1]))
-        return pictures
+                plots.append(self._plot(drawn[0], caption, drawn[1]))
+        return plots
 
-    def effects(self, model: Any, X: Any, y: Any) -> list[Picture]:
+    def effects(self, model: Any, X: Any, y: Any) -> list[Plot]:
         """Each identified effect itself."""
         from ..plotting import IdentifiedEffectDisplay
 
-        pictures = []
+        plots = []
         with self._drawing() as new:
             for name in model.effects_.names:
                 panel = new(TILE)
@@ -169,11 +169,11 @@ class Gallery:
                 )
                 panel.axes[0].set_title("")
                 _legend_below(panel)
-                words = f"{name}: {display.physics}".rstrip(".")
-                pictures.append(self._picture(panel, words))
-        return pictures
+                caption = f"{name}: {display.physics}".rstrip(".")
+                plots.append(self._plot(panel, caption))
+        return plots
 
-    def channels(self, X: Any, y: Any) -> list[Picture]:
+    def channels(self, X: Any, y: Any) -> list[Plot]:
         """The recorded signals over time."""
         from ..plotting import TrackingDisplay
 
@@ -183,7 +183,7 @@ class Gallery:
             "Recorded channels over the time in a run",
         )
 
-    def paths(self, model: Any) -> list[Picture]:
+    def paths(self, model: Any) -> list[Plot]:
         """Parameters over time, of a model that follows the data."""
         from ..plotting import ParameterPathDisplay
 
@@ -193,7 +193,7 @@ class Gallery:
             "Parameters over the time in a run",
         )
 
-    def _stacked(self, n: int, draw: Callable[[Any], Any], caption: str) -> list[Picture]:
+    def _stacked(self, n: int, draw: Callable[[Any], Any], caption: str) -> list[Plot]:
         """Panels one below the other, over one time."""
         with self._drawing() as new:
             drawn = []
@@ -206,7 +206,7 @@ class Gallery:
                     _name_above(panel, int(LINE * width / TILE[0]))
                 _legend_below(figure)
                 drawn.append(figure)
-            return [self._picture(drawn[0], caption, drawn[1])]
+            return [self._plot(drawn[0], caption, drawn[1])]
 
     @contextmanager
     def _drawing(self) -> Iterator[Any]:
@@ -224,9 +224,9 @@ class Gallery:
         with mpl.rc_context(style):
             yield new
 
-    def _picture(self, figure: Figure, caption: str, narrow: Figure | None = None) -> Picture:
+    def _plot(self, figure: Figure, caption: str, narrow: Figure | None = None) -> Plot:
         small = "" if narrow is None else self.svg(narrow, caption)
-        return Picture(self.svg(figure, caption), caption, small)
+        return Plot(self.svg(figure, caption), caption, small)
 
 
 def _plain(label: str) -> str:
@@ -265,7 +265,7 @@ def _legend_below(figure: Figure) -> None:
 
 
 def _without_validation(panel: Axes) -> None:
-    """Names that say no more than what runs these are: which, the page says."""
+    """Shorten labels that only say which runs these are, as the page says it."""
     artists: list[Any] = [*panel.get_children(), *panel.containers]
     for drawn in artists:
         label = str(drawn.get_label())

@@ -16,8 +16,8 @@ LIBRARIES = ("numpy", "scipy", "scikit-learn", "pandas", "numba", "matplotlib")
 
 
 def provenance(model: Any, X: Any, y: Any, made_with: dict[str, str] | None) -> dict[str, str]:
-    """What, by which name, to make the same report again."""
-    told = {name[:1].upper() + name[1:]: str(text) for name, text in (made_with or {}).items()}
+    """What is needed to make the same report again, by name."""
+    stated = {name[:1].upper() + name[1:]: str(text) for name, text in (made_with or {}).items()}
     others = [f"{name} {version(name)}" for name in LIBRARIES]
     made = {
         "Date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -26,7 +26,7 @@ def provenance(model: Any, X: Any, y: Any, made_with: dict[str, str] | None) -> 
         "Data (SHA-256 of X, y)": fingerprint(X, y),
         **{f"Settings of {name}": text for name, text in settings(model).items()},
     }
-    return told | {name: text for name, text in made.items() if name not in told}
+    return stated | {name: text for name, text in made.items() if name not in stated}
 
 
 def settings(model: Any, name: str = "") -> dict[str, str]:
@@ -38,7 +38,7 @@ def settings(model: Any, name: str = "") -> dict[str, str]:
     inside = {k: v for k, v in given.items() if isinstance(v, BaseEstimator)}
     inside |= {k: v for k, v in given.get("steps", []) if isinstance(v, BaseEstimator)}
     own = {k: v for k, v in given.items() if k not in inside and k != "steps"}
-    told = {title: ", ".join(f"{k}={' '.join(repr(v).split())}" for k, v in own.items())}
+    found = {title: ", ".join(f"{k}={' '.join(repr(v).split())}" for k, v in own.items())}
     for key, value in inside.items():
-        told |= settings(value, key)
-    return told
+        found |= settings(value, key)
+    return found

@@ -1,4 +1,4 @@
-"""Which physical effect a model is missing."""
+"""The search for physical effects that a model is missing: ``EffectSearchCV`` and its parts."""
 
 from .effect_search import EffectSearchCV
 

@@ -1,4 +1,4 @@
-"""The search for missing effects, as an estimator."""
+"""``EffectSearchCV``: the search for missing effects, as a scikit-learn estimator."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from ..human.controlled_element import ControlledElement
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..summaries import Summary, estimates_table
-from .explanations import VERDICTS, changes_in_words, experiments, summary_of
-from .findings import Findings, findings_of
+from .explanations import VERDICTS, changes_sentences, experiments, summary_of
+from .findings import SearchNumbers, numbers_of
 from .forward import HeldOutRows, Search, forward
 from .results import error_path, held_out_table, ranking_table, unexplained_table
 from .verdict import Verdict, decided
@@ -37,10 +37,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     """Which physical effects a model is missing, judged on held-out runs.
 
     Every effect of a catalogue is added to the model in turn, and all parameters refitted
-    together in simulation. An effect counts when both keys turn: the whitened likelihood,
-    n log(SSE before / after) - k log n > 25 under one noise model for all, and the free run,
-    at least 0.2 points of VAF on held-out rows. The best is added, and the search goes on until
-    none pays; effects that pay no longer beside later ones are taken out again.
+    together in simulation. An effect counts when both criteria are met: by likelihood,
+    an evidence n log(SSE before / after) - k log n > 25 with one noise model for all; by free
+    run, a gain of at least 0.2 points of VAF on held-out rows. The best is added, and the search
+    goes on until none meets both; effects that no longer do beside later ones are taken out.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         Rows to hold out. None leaves one run out at a time, and of a single run three
         blocks, with guards of 5 s on either side.
     display : {"compensatory", "pursuit", "preview"}, default="compensatory"
-        What the operator could see; it decides on words, not on ranks.
+        What the operator could see; it decides how effects are described, not how they rank.
     controlled_element : ControlledElement or None, default=None
         What the operator controls. None estimates it from u and x where both are measured.
     max_effects : int, default=4
@@ -74,7 +74,8 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         structure that none of the effects tried explains; alone, that the effects which explain
         part of it, ``stand_ins_``, explain too little to be named.
     stand_ins_ : list of str
-        Ids of effects of ``best_estimator_`` that are no names for what is missing; else empty.
+        Ids of effects of ``best_estimator_`` that explain part of what is missing, but too little
+        to name it; else empty.
     verdict_ : str
         "nothing is missing", "effects found", or what the end ``"unknown"`` of ``best_effects_``
         means: "something is missing, not in the catalogue" if all of it was tried; "..., not
@@ -94,9 +95,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
         is the same in all runs), at, description, points, evidence.
     experiments_ : list of str
-        What to record to tell apart effects that these data do not.
+        What to record to tell apart effects that these data cannot.
     notes_ : list of str
-        What else the summary says: which other parameters change with gains that do.
+        Further sentences of the summary: which other parameters change together with the gains.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -187,7 +188,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             if len(path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=path.model.effects)
             measured = np.asarray(y, dtype=float).ravel()
-            found = findings_of(search, path, best, prepared, measured)
+            found = numbers_of(search, path, best, prepared, measured)
             self.baseline_, self.best_estimator_ = baseline, best
             self._conclude(decided(found, tries_all=self._tries_all()))
             self._tabulate(found, prepared)
@@ -207,12 +208,12 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.stand_ins_ = verdict.stand_ins
         self.verdict_ = VERDICTS[verdict.outcome]
 
-    def _tabulate(self, found: Findings, prepared: Prepared) -> None:
+    def _tabulate(self, found: SearchNumbers, prepared: Prepared) -> None:
         self.unexplained_ = unexplained_table(found.left)
         self.explainable_gap_ = found.explainable_gap
         self.error_path_ = error_path(found, prepared)
         self.ranking_ = ranking_table(found, prepared, self.display)
-        self.notes_ = changes_in_words(found.changes)
+        self.notes_ = changes_sentences(found.changes)
         self.experiments_ = experiments(self.ranking_)
 
     def _candidates(self) -> list[Effect]:

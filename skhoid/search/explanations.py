@@ -1,4 +1,4 @@
-"""What a search says in words."""
+"""Sentences about a search: its summary, what effects mean, what to record to tell them apart."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ EXPERIMENTS = {
     frozenset({"bias", "integral"}): "record a constant disturbance of 30 s",
     frozenset({"wrong_delay", "extra_lag"}): "use a forcing function with lines up to 30 rad/s",
 }
-# Why what is left has no name: all was tried, or only some, or the search ended too early.
+# Why structure left has no name: all effects were tried, only some, or the search ended early.
 NOT_IN_CATALOGUE = "something is missing, not in the catalogue"
 NOT_TRIED = "something is missing, not among the effects tried"
 CUT_SHORT = "something is missing, and max_effects is reached"
@@ -66,7 +66,7 @@ ANY_EXPERIMENT = (
 )
 
 
-def words_of(effect: Effect, display: str) -> str:
+def sentence_of(effect: Effect, display: str) -> str:
     """What an effect means, in one sentence, given what the operator could see."""
     seen = display != "compensatory" and (effect.name != "preview" or display == "preview")
     if effect.name in SHOWS_TARGET and not seen:
@@ -79,34 +79,34 @@ def words_of(effect: Effect, display: str) -> str:
     return effect.physics
 
 
-def changes_in_words(changes: dict[str, tuple[float, float, float]]) -> list[str]:
+def changes_sentences(changes: dict[str, tuple[float, float, float]]) -> list[str]:
     """Which neuromuscular parameters change with the gains, as sentences."""
     lines = []
     for name, (value, sd, p) in changes.items():
         parameter = name.removesuffix("_change")
-        # Both are asked for each change: a share of one in a hundred for the two together.
+        # Two parameters are tested for each change: 0.005 each makes 0.01 for both.
         verb = "changes too" if p < 0.005 else "does not change"
         lines.append(f"{parameter} {verb}: by {100 * value:.0f} ± {100 * sd:.0f} % (p = {p:.2g})")
     return lines
 
 
-def experiment(one: str, other: str) -> str:
+def experiment_between(one: str, other: str) -> str:
     """What to record to tell two effects apart."""
-    told = EXPERIMENTS.get(frozenset({one, other}), ANY_EXPERIMENT)
-    return f"{one} and {other} cannot be told apart here; this experiment would: {told}."
+    proposal = EXPERIMENTS.get(frozenset({one, other}), ANY_EXPERIMENT)
+    return f"{one} and {other} cannot be told apart here; this experiment would: {proposal}."
 
 
 def experiments(ranking: pd.DataFrame) -> list[str]:
-    """What to record to tell what was added from what explains as much."""
+    """What to record to tell the effects added from those that explain as much."""
     return [
-        experiment(row["effect"], other)
+        experiment_between(row["effect"], other)
         for _, row in ranking[ranking["status"] == "added"].iterrows()
         for other in row["confused_with"]
     ]
 
 
 def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str:
-    """Who does not explain what is left, as the end of "what ..."."""
+    """Which effects do not explain what is left, as the end of "what ..."."""
     if verdict == CUT_SHORT:
         return f"is not explained within max_effects={max_effects}"
     if verdict != NOT_TRIED:
@@ -117,8 +117,8 @@ def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str
     return f"none of the {n_tried} effects tried explains"
 
 
-def stand_ins_in_words(ids: Sequence[str]) -> str:
-    """What effects are that explain part of what is missing, and not enough to name it."""
+def stand_ins_sentence(ids: Sequence[str]) -> str:
+    """The sentence on effects that explain part of what is missing, but too little to name it."""
     return f"No name for it, though part of it follows: {', '.join(ids)}"
 
 
@@ -164,7 +164,7 @@ def summary_of(
                 f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): not enough."
             )
     if stand_ins:
-        lines.append(f"  {stand_ins_in_words(stand_ins)}.")
+        lines.append(f"  {stand_ins_sentence(stand_ins)}.")
     if ids and ids[-1] == "unknown" and len(unexplained):
         lines.append(f"  What {unexplained_by(verdict, ranking, max_effects)}:")
         for _, row in unexplained.iterrows():

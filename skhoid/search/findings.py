@@ -1,4 +1,4 @@
-"""What a search computed, before anything is decided or said of it."""
+"""Numbers that a search rests on: steps, structure left, ceiling; computed before any verdict."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SURE = 4.0  # standard errors
 
 
 @dataclass(frozen=True)
-class Findings:
+class SearchNumbers:
     """Numbers of a search.
 
     ``steps`` are judged models with none, the first, the first two ... of the effects ``added``
@@ -62,9 +62,9 @@ class Findings:
         return float(max(self.gained + self.worst, 0.0))
 
 
-def findings_of(
+def numbers_of(
     search: Search, path: Path, best: SimulatedModel, prepared: Prepared, measured: np.ndarray
-) -> Findings:
+) -> SearchNumbers:
     """Walk the path again, and look for what is left; ``measured`` has every row of y."""
     record = prepared.record
     assert record.y is not None
@@ -77,7 +77,7 @@ def findings_of(
     left = [item for item in left if item.points >= NOTED]
     if rest > SURE * rest_sd and rest >= NOTED:  # not where it is NaN
         left.insert(0, Leftover("repeats", "output", REPEATS, rest, np.nan))
-    return Findings(
+    return SearchNumbers(
         path=path,
         steps=steps,
         added=[n for n in path.model.effects.names if n not in before],
@@ -104,7 +104,7 @@ def gap_of(
 ) -> tuple[float, float, float]:
     """Explainable gap of a model in points, its standard error, and the VAF it refers to.
 
-    NaN where the data tell no noise ceiling.
+    NaN where the data give no noise ceiling.
     """
     layout = prepared.grid.layout
     read = RunsRead(

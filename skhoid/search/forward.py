@@ -1,4 +1,4 @@
-"""Forward search over effects, on records."""
+"""Forward search: adds the best effect step by step, and holds the criteria of what counts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
 from .signatures import traces_of
 
-LEAST_EVIDENCE = 25.0  # n log(SSE before / after) - k log n of an effect that counts
+LEAST_EVIDENCE = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
@@ -65,7 +65,7 @@ class Candidate:
 
     @property
     def passes(self) -> bool:
-        """Both keys, likelihood and free run; or a trace in the output itself."""
+        """Both criteria are met, evidence and free run; or the output itself shows the effect."""
         if self.trace:
             return self.gain > -LEAST_GAIN
         return self.evidence > LEAST_EVIDENCE and self.gain >= LEAST_GAIN
@@ -87,7 +87,7 @@ class SearchStep:
 
 
 def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -> np.ndarray:
-    """Free runs of each fold's rows by parameters that did not see them.
+    """Free runs of each fold's rows with parameters fitted without them.
 
     The parameters of a fold are one Gauss-Newton step from those of all rows, with the normal
     equations of its training rows; rows in no fold keep the prediction of all rows.
@@ -112,7 +112,7 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -
         scaled = block / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
         step[inside] = np.linalg.solve(scaled, gradient[inside] / scale) / scale
         moved = simulator.run(np.clip(model.theta + step, simulator.low, simulator.high))
-        # Beyond the reach of its linearisation a step may do harm to its own rows.
+        # Beyond the range of its linearisation a step may worsen even its own training rows.
         after = criterion.whitened(criterion.residual(moved)[None])[0].reshape(train.shape)
         if not np.sum(after[train] ** 2) <= gram[-1, -1]:
             moved = output
@@ -236,7 +236,7 @@ class Search:
     ) -> tuple[float, np.ndarray]:
         """Held-out VAF and predictions, by simulation error or likelihood, which is better.
 
-        The likelihood weighs what a wrong model gets wrong by its noise, and not by its size.
+        The likelihood weighs the errors of a wrong model by the noise, not by their size.
         """
         both = [
             held_out(fitted, self.criterion, self.folds),
@@ -248,7 +248,7 @@ class Search:
 
 
 def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> list[Any]:
-    """What a process does; one thread for small products."""
+    """The work of one process; a single thread, as the matrix products are small."""
     with threadpool_limits(1):
         return [function(item, *args) for item in items]
 
@@ -256,7 +256,7 @@ def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> 
 def plainest_first(candidates: list[Candidate]) -> None:
     """Put a plainer effect before the best where hardly anything is left to tell them apart.
 
-    With little remnant the likelihood tells the last digits of simulations apart.
+    With little remnant the likelihood responds to the last digits of simulations.
     """
     first = candidates[0] if candidates else None
     if first is None or not first.passes or first.trace or first.vaf < LITTLE_NOISE:
@@ -399,7 +399,7 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
         start = np.array([{**plain.values(), full: 0.0}[n] for n in simulator.names])
         model = Model(simulator, minimise(simulator, criterion, start))
         at = simulator.names.index(full)
-        # Of several minima along the time of a change the freed fit may find another.
+        # The loss has several minima over the time of a change: the freed fit may find another.
         beside = np.array([model.values()[n] for n in plain.simulator.names])
         fewer = min(plain.sse, minimise(plain.simulator, criterion, beside).sse)
         ratio = criterion.n * np.log(fewer / model.sse)
@@ -409,7 +409,7 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
 
 
 def better(search: Search, one: Model, other: Model) -> bool:
-    """Whether one model explains more than the other, under the noise of the better."""
+    """Whether one model explains more than the other, under the noise model of the better one."""
     criterion = Criterion(search.record)
     both = [output_error_fit(m) for m in (one, other)]
     best = min(both, key=lambda m: m.sse)
@@ -423,7 +423,7 @@ def better(search: Search, one: Model, other: Model) -> bool:
 
 
 def without_superfluous(search: Search, path: Path) -> Path:
-    """Take out effects that pay no longer beside those added after them."""
+    """Take out effects that no longer pay beside those added after them."""
     names = path.model.effects.names
     if len(names) < 2:
         return path

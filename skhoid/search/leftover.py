@@ -1,4 +1,4 @@
-"""Structure that a model leaves, by families that need no name."""
+"""Structure that the residual of a model holds, by families of responses without a named effect."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ REPEATS = "part of the residual repeats from run to run, or follows the target"
 
 @dataclass(frozen=True)
 class Leftover:
-    """What a family of responses finds in the residual, and where."""
+    """Structure that a family of responses finds in the residual, and where."""
 
     where: str
     at: str
@@ -58,8 +58,8 @@ def leftovers(model: Model, folds: Sequence[HeldOutRows]) -> list[Leftover]:
 
     A family is a set of responses: a nonlinear map of the error or of the output, gains and
     offsets that vary in time, or the linear response to a channel. Its part of
-    the residual, beside what the model's own parameters could take up, is estimated on
-    training rows and counted on held-out rows.
+    the residual, beyond what the model's own parameters could absorb, is estimated on training
+    rows and counted on held-out rows.
     """
     record = model.simulator.record
     criterion = Criterion(record)
@@ -209,7 +209,7 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
             continue
         role = record.roles.get(name, "")
         centred = channel - channel[record.known].mean()
-        # What the loop moves can give the output back without a delay.
+        # A channel that the loop moves could return the output itself without a delay.
         seconds = (
             lags
             if role in ("x", "") or role.startswith("motion")

@@ -1,4 +1,4 @@
-"""Tables of what a search found."""
+"""Tables of a search: ranking, error path, held-out predictions, unexplained structure."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import pandas as pd
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
-from .explanations import words_of
-from .findings import Findings
+from .explanations import sentence_of
+from .findings import SearchNumbers
 from .forward import Candidate
 from .leftover import Leftover
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
 
 
-def error_path(found: Findings, prepared: Prepared) -> pd.DataFrame:
+def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
     """VAF and RMSE, held out, of the baseline and with each effect."""
     record, steps = prepared.record, found.steps
     assert record.y is not None
     rows = []
-    # Where an effect lets remnant pass a nonlinearity the baseline's ceiling is a lower bound.
+    # If an effect passes remnant through a nonlinearity, the baseline's ceiling is a lower bound.
     reachable = float(np.nanmax([found.ceiling, steps[-1].vaf + found.worst]))
     top = reachable if np.isfinite(found.ceiling) else np.nan
     for title, step in zip(["baseline", *found.added], steps, strict=True):
@@ -50,7 +50,7 @@ def unexplained_table(left: list[Leftover]) -> pd.DataFrame:
 
 
 def held_out_table(
-    found: Findings, prepared: Prepared, measured: np.ndarray, index: pd.Index | None
+    found: SearchNumbers, prepared: Prepared, measured: np.ndarray, index: pd.Index | None
 ) -> pd.DataFrame:
     """Measured output, and held-out free runs without and with each effect, at every row."""
     columns = {"measured": measured}
@@ -61,7 +61,7 @@ def held_out_table(
     return pd.DataFrame(columns, index=index)
 
 
-def ranking_table(found: Findings, prepared: Prepared, display: str) -> pd.DataFrame:
+def ranking_table(found: SearchNumbers, prepared: Prepared, display: str) -> pd.DataFrame:
     """One row per step and effect, best first."""
     rows = []
     path = found.path
@@ -88,7 +88,7 @@ def ranking_table(found: Findings, prepared: Prepared, display: str) -> pd.DataF
                     "vaf_gain": np.nan if c.reason else c.gain,
                     "p_value": c.p_value,
                     "confused_with": c.confused_with,
-                    "words": words_of(c.effect, display) + (f" {c.trace}." if c.trace else ""),
+                    "words": sentence_of(c.effect, display) + (f" {c.trace}." if c.trace else ""),
                     "status": status,
                     "reason": c.reason,
                 }

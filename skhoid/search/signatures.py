@@ -1,4 +1,4 @@
-"""What an output or a residual alone shows of effects that no fit of them tells."""
+"""Effects seen in the output or residual itself, without a fit: stops, levels, kinds of noise."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..effects.traces import Signature, fastest_of, step_of, stop_of
 
 
 def traces_of(record: Record) -> dict[str, str]:
-    """Traces of stops, rate limits and levels in the measured output, in words by effect."""
+    """Sentences on stops, rate limits and levels seen in the measured output, by effect."""
     step = step_of(record)
     if step is not None:
         return {"quantised": f"the output takes few values, {step:.3g} apart"}

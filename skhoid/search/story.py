@@ -1,4 +1,4 @@
-"""The whole way from measured runs to named effects, told step by step."""
+"""``Story``: comparison and search in one, reported line by line as they run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..regression import units_of
 from ..runs import output_name, read_layout
 from ..summaries import Estimate, counted
 from .effect_search import EffectSearchCV
-from .explanations import HOW_TO_GO_ON, stand_ins_in_words, unexplained_by
+from .explanations import HOW_TO_GO_ON, stand_ins_sentence, unexplained_by
 
 # Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
 HIDDEN: dict[str, Effect] = {
@@ -78,8 +78,8 @@ class Story:
     ...     effects=Bias(level=0.1),
     ... )
     >>> story = Story(EffectSearchCV(OperatorRegressor(), effects=["bias", "drift"]), X, y)
-    >>> told = list(story.tell())
-    >>> told[0]
+    >>> lines = list(story.tell())
+    >>> lines[0]
     'Measured: 2 runs, 8192 rows at 50 Hz, 164 s in all'
     >>> story.search_.best_effects_
     ['bias']
@@ -91,7 +91,7 @@ class Story:
         self.y = y
 
     def tell(self) -> Iterator[str]:
-        """Do it, and say what comes out, as soon as it is known.
+        """Run the steps, and report each result as soon as it is known.
 
         Yields
         ------
@@ -207,7 +207,7 @@ class Story:
             yield f"  held-out VAF {path.iloc[0]:.1f} -> {path.iloc[-1]:.1f} %"
             yield f"  {parameter_line(search.best_estimator_)}"
         if search.stand_ins_:
-            yield f"  {stand_ins_in_words(search.stand_ins_)}"
+            yield f"  {stand_ins_sentence(search.stand_ins_)}"
         if search.best_effects_[-1:] == ["unknown"]:
             ends = unexplained_by(search.verdict_, search.ranking_, search.max_effects)
             yield f"  what {ends}:"

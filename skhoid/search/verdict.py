@@ -1,15 +1,15 @@
-"""What a search concludes from its numbers: open it to change when an effect is named."""
+"""The verdict of a search: when an effect is named, and when something is still missing."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from .findings import Findings
+from .findings import SearchNumbers
 
-# What is left is unknown from so many points on, and from the first share of what could be
-# explained; from the second on what was found is no name for it. Several effects that leave
-# something may together imitate what is missing.
+# Structure left counts as unknown if it exceeds so many points and the first share of what could
+# be explained; above the second share, the effects found do not name it: several effects that
+# leave something may together imitate what is missing.
 BESIDE_ONE = (0.6, 0.1, 0.12)
 BESIDE_SEVERAL = (0.4, 0.04, 0.04)
 
@@ -38,7 +38,7 @@ class Verdict:
         return self.named if complete else [*self.named, "unknown"]
 
 
-def decided(found: Findings, *, tries_all: bool) -> Verdict:
+def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
     """Whether what was found is a name, and whether something is missing beside it."""
     ids, stand_ins, worst = found.ids, [], found.worst
     share = worst / max(worst + found.gained, 1e-300)

@@ -92,7 +92,7 @@ def test_help_says_what_options_are_and_their_defaults(capsys):
         return " ".join(capsys.readouterr().out.split())
 
     assert "longest delay to try (default: 0.5)" in (said := help_of("identify"))
-    assert "for the pictures (default: skhoid-identify)" in said
+    assert "for the plots (default: skhoid-identify)" in said
     assert "the operator's physics, or ARX (default: operator)" in help_of("report")
     assert f"none, or of {', '.join(HIDDEN)} (default" in help_of("demo")
 

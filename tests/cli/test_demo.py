@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from skhoid.cli import main
 from skhoid.cli.files import save_figures
-from skhoid.cli.telling import wanted_effects
+from skhoid.cli.search_output import wanted_effects
 
 FEW = ["--effects", "bias", "drift", "saturation"]
 

@@ -27,7 +27,7 @@ def calls(monkeypatch):
         made.append({"model": model, "rows": len(X), **options})
         return Page()
 
-    monkeypatch.setattr("skhoid.cli.telling.report", report)
+    monkeypatch.setattr("skhoid.cli.search_output.report", report)
     return made
 
 

@@ -46,8 +46,8 @@ def test_simulate_draws(capsys, tmp_path):
     [
         ("precious.png", "precious.png exists; choose another name, or --overwrite."),
         ("nowhere/runs.png", "The folder nowhere of nowhere/runs.png does not exist."),
-        ("runs.csv", "runs.csv is no picture; its name ends in one of "),
-        ("precious", "precious is no picture"),  # Matplotlib would write precious.png
+        ("runs.csv", "runs.csv is no image file; its name ends in one of "),
+        ("precious", "precious is no image file"),  # Matplotlib would write precious.png
     ],
 )
 def test_a_picture_is_checked_before_anything_is_written(capsys, picture, message):

@@ -36,7 +36,9 @@ def test_what_helps_in_python_alone_is_left_out(capsys, monkeypatch, biased_file
     words = ["diagnose", biased_file[0], "--input", "error", "--output", "stick", "--run", "run"]
     words += ["--time", "time", "--effects", "bias", "--no-pictures"]
     said = []
-    monkeypatch.setattr("skhoid.cli.telling.reworded", lambda line, _: said.append(line) or line)
+    monkeypatch.setattr(
+        "skhoid.cli.search_output.reworded", lambda line, _: said.append(line) or line
+    )
     assert main(words) == 0
     for part in PYTHON_ONLY:
         assert any(part in line for line in said)

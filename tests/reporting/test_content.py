@@ -20,13 +20,13 @@ from skhoid.reporting.plots import Gallery
 @pytest.mark.parametrize(
     ("evidence", "gain", "expected"),
     [
-        (3.2, 0.33, "One key does not turn: evidence +3 (more than 25 asked)."),
-        (40.0, 0.15, "One key does not turn: +0.15 points on held-out rows (0.2 asked)."),
+        (3.2, 0.33, "One criterion is not met: evidence +3 (more than 25 asked)."),
+        (40.0, 0.15, "One criterion is not met: +0.15 points on held-out rows (0.2 asked)."),
         (
             -np.inf,
             -0.02,
-            "Neither key turns: evidence - (more than 25 asked), -0.02 points on held-out rows "
-            "(0.2 asked).",
+            "Neither criterion is met: evidence - (more than 25 asked), -0.02 points on "
+            "held-out rows (0.2 asked).",
         ),
         (40.0, 0.33, "It pays too, but bias has more evidence."),
     ],

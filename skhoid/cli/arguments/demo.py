@@ -7,7 +7,7 @@ from typing import Any
 from ..commands import add_command
 from ..options import at_least_one
 from .names import HIDDEN
-from .shared import add_output_options, add_picture_options, add_search_options
+from .shared import add_output_options, add_plot_options, add_search_options
 
 EXAMPLES = """\
 examples:
@@ -40,6 +40,6 @@ def add_demo(commands: Any) -> None:
     add("--remnant", type=float, default=0.1, metavar="P", help="P_n (default: 0.1)")
     add("--seed", type=int, default=0, metavar="N", help="of the simulation (default: 0)")
     add_search_options(add)
-    add_picture_options(add, "skhoid-demo")
+    add_plot_options(add, "skhoid-demo")
     add("--no-report", action="store_true", help="do not write report.html into that folder")
     add_output_options(add)

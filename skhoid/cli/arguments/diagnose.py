@@ -7,7 +7,7 @@ from typing import Any
 from ..commands import add_command
 from .shared import (
     add_output_options,
-    add_picture_options,
+    add_plot_options,
     add_recording_options,
     add_search_options,
 )
@@ -37,7 +37,7 @@ def add_diagnose(commands: Any) -> None:
     add = command.add_argument
     add_recording_options(add)
     add_search_options(add)
-    add_picture_options(add, "skhoid-diagnose")
+    add_plot_options(add, "skhoid-diagnose")
     add("--report", metavar="FILE", help="write a report, one HTML file")
     add("--overwrite", action="store_true", help="replace that FILE if it exists")
     add_output_options(add)

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..commands import add_command
 from ..options import at_least_one, positive
-from .shared import add_file_options, add_output_options, add_picture_options, add_run_in
+from .shared import add_file_options, add_output_options, add_plot_options, add_run_in
 
 EXAMPLES = """\
 examples:
@@ -93,5 +93,5 @@ def add_identify(commands: Any) -> None:
         action="store_true",
         help="no intercept, and VAF with the means kept, as the thesis does",
     )
-    add_picture_options(add, "skhoid-identify")
+    add_plot_options(add, "skhoid-identify")
     add_output_options(add)

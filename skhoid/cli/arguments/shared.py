@@ -45,7 +45,7 @@ def add_file_options(add: Callable[..., Any]) -> None:
 
 
 def add_run_in(add: Callable[..., Any]) -> None:
-    """The option of the time in which a run has not begun yet."""
+    """The option that discards the start of each run."""
     add(
         "--run-in",
         type=not_negative,
@@ -105,9 +105,9 @@ def add_search_options(add: Callable[..., Any], more: str = "") -> None:
     add("--max-effects", type=int, metavar="N", help=f"to add at most (default: {MAX_EFFECTS})")
 
 
-def add_picture_options(add: Callable[..., Any], folder: str) -> None:
-    """Options of the pictures."""
-    add("--out", metavar="FOLDER", help=f"for the pictures (default: {folder})")
+def add_plot_options(add: Callable[..., Any], folder: str) -> None:
+    """Options of the plots."""
+    add("--out", metavar="FOLDER", help=f"for the plots (default: {folder})")
     add("--no-pictures", action="store_true", help="draw nothing")
 
 

@@ -53,7 +53,7 @@ def add_study(commands: Any) -> None:
     add("--measurement-time", type=positive, metavar="S", help="keep the end of runs of files")
     add("--seed", type=int, metavar="N", help="of the simulation (default: 0)")
     add("--jobs", type=int, metavar="N", help="workers (default: 1; -1: all processors)")
-    add("--out", metavar="FOLDER", help="keep blocks, tables and pictures in FOLDER/NAME")
+    add("--out", metavar="FOLDER", help="keep blocks, tables and plots in FOLDER/NAME")
     add("--no-pictures", action="store_true", help="draw nothing")
     add_table_format(add, TABLES)
     add_output_options(add, tables=False)

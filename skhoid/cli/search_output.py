@@ -1,4 +1,4 @@
-"""Search for missing effects, say what is found, and leave pictures, tables and report."""
+"""The search of ``demo``, ``diagnose`` and ``report``: what it prints, plots and writes."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ OF_COMPARISON = (
 )
 
 
-def picture_folder(options: argparse.Namespace, default: str) -> Path | None:
-    """Where the pictures go, if anywhere, checked before the work begins."""
+def figure_folder(options: argparse.Namespace, default: str) -> Path | None:
+    """The folder for the plots, if any are drawn, checked before the work begins."""
     if options.no_pictures:
-        refuse(options, ["out"], "is for the pictures, and --no-pictures draws none.")
+        refuse(options, ["out"], "is for the plots, and --no-pictures draws none.")
         return None
     folder = Path(options.out or default)
     check_folders(folder)
@@ -63,10 +63,10 @@ def wanted_effects(options: argparse.Namespace) -> Any:
     return names
 
 
-def tell(
+def show_search(
     options: argparse.Namespace, estimator: Any, X: Any, y: Any, source: str, *, aloud: bool = True
 ) -> Story:
-    """Search, and tell the story meanwhile."""
+    """Search, and print each result as soon as it is known."""
     element = getattr(options, "controlled_element", None)
     search = EffectSearchCV(
         estimator,
@@ -85,7 +85,7 @@ def tell(
     return story
 
 
-def leave(
+def write_results(
     options: argparse.Namespace,
     story: Story,
     source: str,
@@ -94,13 +94,13 @@ def leave(
     folder: Path | None = None,
     head: dict[str, Any] | None = None,
 ) -> None:
-    """Write the report, the pictures and the tables, and say where; or print all as JSON."""
+    """Write the report, the plots and the tables, and say where; or print all as JSON."""
     if report is not None:
         write_report(options, report, story.search_, story.X, story.y, source)
-    pictures = draw(story, folder, options.command) if folder else []
+    plots = draw(story, folder, options.command) if folder else []
     tables = save_tables(tables_of(story), options)
     page = None if report is None else str(report)
-    files = {"report": page, "pictures": pictures, "tables": tables}
+    files = {"report": page, "pictures": plots, "tables": tables}
     if options.json:
         first = {"skhoid": __version__, "source": source, **(head or {})}
         print_json({**first, **story.as_dict(), **files})
@@ -119,7 +119,7 @@ def write_report(
     **more: Any,
 ) -> Report:
     """Make the report and write it."""
-    made_with = {"command": shlex.join(["skhoid", *options.words])}
+    made_with = {"command": shlex.join(["skhoid", *options.command_line])}
     if getattr(options, "seed", None) is not None:
         made_with["seed"] = str(options.seed)
     without_screen()
@@ -152,7 +152,7 @@ def tables_of_comparison(found: Comparison | None) -> dict[str, Any]:
 
 
 def draw(story: Story, folder: Path, command: str) -> list[str]:
-    """Draw what the story tells into a folder; returns the paths."""
+    """Draw the results of a search into a folder; returns the paths."""
     without_screen()
     from ..plotting import (
         EffectRankingDisplay,
