@@ -25,9 +25,9 @@ from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..summaries import Summary, estimates_table
 from .explanations import VERDICTS, changes_sentences, experiments, summary_of
-from .findings import SearchNumbers, numbers_of
 from .forward import HeldOutRows, Search, forward
 from .results import error_path, held_out_table, ranking_table, unexplained_table
+from .search_numbers import SearchNumbers, numbers_of
 from .verdict import Verdict, decided
 
 GUARD = 5.0  # s beside held-out blocks of a single run

@@ -9,9 +9,9 @@ from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
 from .explanations import sentence_of
-from .findings import SearchNumbers
 from .forward import Candidate
 from .leftover import Leftover
+from .search_numbers import SearchNumbers
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from .findings import SearchNumbers
+from .search_numbers import SearchNumbers
 
 # Structure left counts as unknown if it exceeds so many points and the first share of what could
 # be explained; above the second share, the effects found do not name it: several effects that
