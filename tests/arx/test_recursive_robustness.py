@@ -125,6 +125,7 @@ def test_nothing_moves_while_nothing_happens(params):
     np.testing.assert_allclose(middle, np.tile(TRUTH, (len(middle), 1)), rtol=0.05)
 
 
+@pytest.mark.slow
 @short_memory
 @pytest.mark.parametrize("kind", PAUSES)
 def test_short_memory_survives_every_pause(kind, params):
@@ -191,6 +192,7 @@ CHANNELS = ["dead", "constant", "duplicate", "scaled duplicate", "delayed duplic
 TWO = {"na": 2, "nb": [2, 1], "nk": [3, 0], "init": "zeros"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forgetting", [0.5, 0.95, 0.99, 1.0])
 @pytest.mark.parametrize("form", ["joint", "diagonal"])
 @pytest.mark.parametrize("kind", CHANNELS)
@@ -434,6 +436,7 @@ def soak(n_rows, **params):
 
 
 @compiled
+@pytest.mark.slow
 @pytest.mark.parametrize("forgetting", [0.95, 0.98, (0.98, 0.97, 0.95, 0.96)])
 def test_soak(forgetting):
     soak(1_000_000, forgetting=forgetting)
@@ -445,6 +448,7 @@ def test_soak_of_100_million_samples():
     soak(100_000_000, forgetting=0.98)
 
 
+@pytest.mark.slow
 @compiled
 def test_a_long_fit_is_finite():
     parts = list(soak_blocks(300_000, seed=1))

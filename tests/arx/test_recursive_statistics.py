@@ -16,6 +16,8 @@ from support.synthetic import A, B, arx_runs
 
 from skhoid import RecursiveARX, forgetting_factor
 
+pytestmark = pytest.mark.slow
+
 TRUTH = np.array([*A, *B])
 GRID = [*(2.0 ** np.arange(1, 14)), np.inf]
 

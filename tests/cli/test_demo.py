@@ -72,6 +72,7 @@ def test_diagnose_takes_delay_display_element_and_run_in(run_json, biased_file):
     assert found["best_effects"] == ["bias"]
 
 
+@pytest.mark.slow
 def test_diagnose_with_an_arx_core(run_json, biased_file):
     words = ["--core", "arx", "--nk", "15"]
     found = diagnose(run_json, *biased_file, *FEW, *words)

@@ -69,6 +69,7 @@ def test_report_without_a_search(capsys, run_json, calls, biased_file):
     assert f"VAF {vaf:.1f} %: K_e = " in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_real_report_without_a_search(run_json, biased_file):
     found = run_json("report", *biased_file, "--effects", "none", "--tables", "tables")
     assert found["comparison"]["vaf"] == found["vaf"] > 50
@@ -94,6 +95,7 @@ def test_a_file_is_kept_unless_overwritten(capsys, calls, biased_file, words):
     assert ". is a folder; name a file in it." in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_demo_leaves_a_report_with_its_seed(capsys, calls):
     words = ["demo", "--runs", "2", "--effect", "bias", "--effects", "bias", "--no-pictures"]
     assert main([*words, "--out", "here"]) == 0

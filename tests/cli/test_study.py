@@ -40,6 +40,7 @@ def test_json(capsys):
     assert found["claims"][0]["holds"] is None
 
 
+@pytest.mark.slow
 def test_all(capsys, tmp_path):
     words = ["study", "all", "--replications", "2", "--validation", "1", "--json"]
     words += ["--conditions", "C1", "--intensities", "0", "0.1", "--orders", "2", "nm"]
@@ -59,6 +60,7 @@ def test_recommend(capsys, tmp_path):
     assert (tmp_path / "recommend" / "trade-off.png").exists()
 
 
+@pytest.mark.slow
 def test_experiment(capsys, tmp_path):
     words = ["study", "experiment", "--subjects", "2", "--runs", "4", "--last", "3"]
     words += ["--conditions", "C4", "--out", str(tmp_path)]

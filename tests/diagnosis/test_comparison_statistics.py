@@ -21,6 +21,8 @@ from support.hidden_effects import (
 
 from skhoid import ARXRegressor, compare
 
+pytestmark = pytest.mark.slow
+
 whole = pytest.mark.whole
 CONDITIONS = ("C1", "C2", "C1", "C2", "C3", "C4", "C5", "C6")
 INTENSITIES = (0.05, 0.10, 0.15, 0.20, 0.30)

@@ -342,7 +342,7 @@ def test_parameters_of_effects_are_those_of_the_model():
     assert stored.get_params()["effects__bias__level"] == 1.0
 
 
-@pytest.mark.parametrize("n_jobs", [1, 2])
+@pytest.mark.parametrize("n_jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_grid_search_over_a_parameter_of_an_effect(runs, n_jobs):
     X, y = runs
     y = y + 0.05

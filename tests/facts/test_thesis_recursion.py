@@ -47,6 +47,8 @@ from skhoid.arx.forgetting import Forgetting
 from skhoid.arx.rls import RecursionState, multiplied_out, recurse
 from skhoid.interpret import arx_response, arx_response_covariance
 
+pytestmark = pytest.mark.slow
+
 CONDITIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
 VARYING = CONDITIONS[2:]
 inf = np.inf

@@ -192,7 +192,7 @@ def test_senseless_remnants(options, message):
         ({"amplitudes": (np.nan,)}, "amplitudes must be finite numbers"),
         ({"phases": (np.inf,)}, "phases must be finite numbers"),
         ({"phases": ()}, r"phases must be finite numbers; got \(\)"),
-        ({"phases": (1.0, 2.0)}, "as many; got 1, 1 and 2"),
+        ({"phases": (1.0, 2.0)}, "got 1, 1 and 2"),
         ({"period": 0.0}, "period must be positive, in s; got 0.0"),
         ({"period": np.nan}, "period must be positive"),
     ],

@@ -64,6 +64,7 @@ def test_bootstrap_of_other_statistics(statistic, name):
     pd.testing.assert_frame_equal(again, found, check_exact=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("statistic", ["mean", "std"])
 def test_intervals_hold_what_they_say(statistic):
     """Of 400 intervals of 90 % so many hold the truth, within 3.5 sigma (sigma = 1.5 %).

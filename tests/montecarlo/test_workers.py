@@ -101,6 +101,7 @@ def dying(marker, always=False, where=4):
     return function
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_once(table, tmp_path):
     same(study(dying(str(tmp_path / "m"))).run(tmp_path / "study", n_jobs=2), table)
     assert (tmp_path / "m").exists()
@@ -135,6 +136,7 @@ def interruptible():
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.slow
 def test_stopping_leaves_finished_blocks(table, tmp_path, interruptible):
     """As with Ctrl-C while workers are busy."""
     main, blocks = os.getpid(), tmp_path / "blocks"

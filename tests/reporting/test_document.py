@@ -190,6 +190,7 @@ def test_nothing_is_loaded_and_ids_are_unique(made: Report, page: Node) -> None:
     assert len(page.all("script")) == 1
 
 
+@pytest.mark.slow
 def test_the_same_data_give_the_same_page(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     X, y = select_runs(*runs, first=1)
     one, other = (report(ARXRegressor(nk=15), X, y, effects=None).html for _ in range(2))
@@ -273,6 +274,7 @@ def test_models_without_a_search_get_the_sections_that_apply(
     assert len(over_time) == (2 if name == "recursive" else 0)  # wide and narrow
 
 
+@pytest.mark.slow
 def test_arrays_without_names(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     X, y = (data.loc[0].to_numpy() for data in runs)
     page = parse(report(ARXRegressor(nk=15, dt=0.02), X[:, :1], y, effects=None).html)
@@ -280,6 +282,7 @@ def test_arrays_without_names(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     assert [row[0] for row in channels.rows] == ["x0", "u"]
 
 
+@pytest.mark.slow
 def test_polars_keeps_its_names(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     polars = pytest.importorskip("polars")
     X, y = (data.loc[0] for data in runs)
@@ -307,6 +310,7 @@ def test_nothing_missing_is_said(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     assert made.final_comparison is None
 
 
+@pytest.mark.slow
 def test_what_no_effect_tried_explains_is_said() -> None:
     X, y = make_tracking_runs(n_runs=3, remnant_intensity=0.05, sampling_rate=50, random_state=13)
     y = y.clip(-0.06, 0.06)

@@ -24,7 +24,7 @@ from skhoid.effects import Bias, DeadZone, Dimension, Effect, Effects, Parameter
 from skhoid.greybox.estimates import parameter_text
 from skhoid.greybox.model import Model, without
 from skhoid.search import effect_search
-from skhoid.search.findings import gap_of
+from skhoid.search.search_numbers import gap_of
 from skhoid.search.story import Story
 
 RATE = 50.0
