@@ -110,6 +110,7 @@ def some_instants(n, n_random=60):
     return np.unique(np.r_[:30, np.geomspace(30, n - 1, 60).astype(int), random])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forgetting", THESIS)
 @pytest.mark.parametrize("record", ["long_run", "long_pool"])
 def test_exponentially_weighted_least_squares_over_65536_samples(record, forgetting, request):
@@ -202,7 +203,7 @@ KINDS = st.sampled_from(["number", "parameters", "instants", "both", "function"]
 FORMS = st.sampled_from(["joint", "diagonal"])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(recording=recordings(MODELS), kind=KINDS, form=FORMS)
 def test_any_runs_any_forgetting(recording, kind, form):
     check_against_the_twin(recording, kind, form)

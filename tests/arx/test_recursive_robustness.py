@@ -207,6 +207,7 @@ def test_channels_that_add_nothing(kind, form, forgetting):
         assert np.sqrt(np.mean(quiet**2)) < 0.02  # of noise of 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", CHANNELS)
 def test_a_channel_that_comes_alive_is_learnt(kind):
     """What was before weighs 3e-4 of what came since, 8 N0 after the change."""

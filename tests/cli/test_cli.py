@@ -257,6 +257,7 @@ def test_warnings_are_notes_on_one_line(capsys, monkeypatch):
 
 
 # What rich prints, too.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -31,6 +31,7 @@ def calls(monkeypatch):
     return made
 
 
+@pytest.mark.slow
 def test_report_is_written_by_default_beside_the_story(capsys, biased_file, biased_runs):
     assert main(["report", *biased_file, "--effects", "bias", "--title", "Monday"]) == 0
     printed = capsys.readouterr().out

@@ -210,6 +210,7 @@ def test_killed_at_random_moments(table, tmp_path, n_jobs):
     same(pd.read_pickle(tmp_path / "study.pickle"), table)
 
 
+@pytest.mark.slow
 def test_rounds_for_backends_without_generators(monkeypatch):
     """ray and spark, by their joblib backends."""
     backend = type(Parallel(n_jobs=2)._backend)

@@ -557,6 +557,7 @@ def test_given_axes_are_used(display, found):
         own.plot(plt.subplots(9, 2)[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("display", DISPLAYS)
 @pytest.mark.parametrize(
     "which", [pytest.param("of_one_run", marks=pytest.mark.slow), "of_twelve_runs"]

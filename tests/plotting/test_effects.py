@@ -371,6 +371,7 @@ def test_given_axes_are_used(display):
         own.plot(plt.subplots(7)[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("display", OF_SEARCH)
 def test_nothing_covers_data_or_text(display, search):
     covers_nothing(display.from_estimator(search))

@@ -198,6 +198,7 @@ def test_the_same_data_give_the_same_page(runs: tuple[pd.DataFrame, pd.Series]) 
     assert undated[0] == undated[1]
 
 
+@pytest.mark.slow
 def test_text_from_the_user_stays_text(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     X, y = select_runs(*runs, first=2)
     names = {"x": EVIL, "f_t": "a$b$<img src=x onerror=alert(1)>"}
@@ -240,6 +241,7 @@ MODELS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
@@ -301,6 +303,7 @@ def test_a_run_too_short_to_compare(runs: tuple[pd.DataFrame, pd.Series]) -> Non
     assert "Not possible: No run has 64 successive rows" in section(page, "comparison").text
 
 
+@pytest.mark.slow
 def test_nothing_missing_is_said(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=12)
     made = report(OperatorRegressor(), X, y, effects=["bias", "dead_zone"])

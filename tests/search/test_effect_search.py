@@ -137,6 +137,7 @@ def test_what_is_hidden_is_named(name):
     assert search.verdict_ == "effects found"
 
 
+@pytest.mark.slow
 def test_processes_do_not_change_the_result():
     runs, names = recorded(**HIDDEN["bias"], seed=5), ["bias", "drift", "asym_gain"]
     one, two = (searched(runs, names, n_jobs=n) for n in (1, 2))
