@@ -136,6 +136,7 @@ def test_without_forgetting_and_prior_it_is_least_squares(n_runs):
     assert model.forgetting_ == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["joint", "diagonal"])
 @pytest.mark.parametrize("forgetting", [(1.0, 1.0, 0.99, 0.98), (0.9, 0.95, 0.97, 1.0), 0.95])
 def test_forgetting_matrix_over_a_long_run(forgetting, form):

@@ -135,6 +135,7 @@ def test_short_memory_survives_every_pause(kind, params):
     assert np.isfinite(model.predict(np.nan_to_num(e)[:, None])).all()
 
 
+@pytest.mark.slow
 @any_forgetting
 def test_stuck_signals(params):
     """Values that stay and have nothing to do with each other."""

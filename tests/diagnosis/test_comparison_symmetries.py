@@ -209,6 +209,7 @@ class OnLags(Gives):
         return self.function.predict(lags(X))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model",
     [

@@ -67,6 +67,7 @@ def estimates(condition, order, intensity, n_sets, n_runs=N_RUNS, seed=0):
     return found, intensity_of(y, truth.remnant)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("intensity", [0.05, 0.15, 0.30])
 @pytest.mark.parametrize("condition", ["C1", "C2"])

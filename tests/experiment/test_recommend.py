@@ -110,6 +110,7 @@ def test_several_intensities_and_a_folder(tmp_path):
     assert first.table["remnant_intensity"].unique().tolist() == [0.1, 0.2]
 
 
+@pytest.mark.slow
 def test_standard_error_of_crossed_runs():
     """Runs of both kinds vary; 500 draws of 6 x 4 give the deviation
     within 3 %, and the root of the mean stated variance within 4 %."""

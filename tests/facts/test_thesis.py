@@ -273,6 +273,7 @@ def test_chapter_5_with_any_noise():
     check("prelim.Kn.any_noise", tuned.remnant.gain)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", TABLE_5_3, ids=lambda row: f"d{row[0]}-{'F' if row[1] else 'NF'}")
 def test_table_5_3_with_any_noise(runs_with_any_noise, row):
     factor, filtered, orders, _, mean, tolerance = row

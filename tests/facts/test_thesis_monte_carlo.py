@@ -90,6 +90,7 @@ def cells(table, quick):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "state", "P_n", "expected", "tolerance"), cells(DELAYS, QUICK_CELLS)
 )

@@ -324,6 +324,7 @@ def check_against_appendix(ensemble, bias, sd_rel, ratio, lines=slice(None)):
     np.testing.assert_allclose(ensemble.stated_sd / actual, ratio, atol=0.2)
 
 
+@pytest.mark.slow
 def test_appendix_i_of_c1(ensemble):
     check_against_appendix(
         ensemble,  # appI.FC.C1_0.15, appI.H9_over_ensemble.C1_0.15

@@ -52,7 +52,15 @@ def check_delays(e, u, nks, rtol):
 
 
 @compiled
-@pytest.mark.parametrize("condition", ["C1", "C2", "C4", "C6"])
+@pytest.mark.parametrize(
+    "condition",
+    [
+        pytest.param("C1", marks=pytest.mark.slow),
+        "C2",
+        pytest.param("C4", marks=pytest.mark.slow),
+        pytest.param("C6", marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("P_n", [0.0, 0.05, 0.3])
 def test_delays_are_those_of_the_search(condition, P_n):
     """Without remnant too, where losses are next to nothing."""

@@ -546,6 +546,7 @@ def test_tables_of_nan_are_drawn(display, found):
     drawn.figure_.canvas.draw()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("display", DISPLAYS)
 def test_given_axes_are_used(display, found):
     own = display.from_comparison(found)

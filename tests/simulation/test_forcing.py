@@ -64,6 +64,7 @@ def test_random_phases():
     assert np.abs(np.exp(1j * phases).mean()) < 4 / np.sqrt(4000)
 
 
+@pytest.mark.slow
 def test_random_phases_with_a_crest_factor():
     for seed in range(5):
         drawn = Multisine().with_random_phases(seed, max_crest_factor=2.4)

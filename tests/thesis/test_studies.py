@@ -118,7 +118,14 @@ def test_responses_without_remnant_are_the_operators():
     assert [claim.holds for claim in found.claims] == [True]
 
 
-@pytest.mark.parametrize("name", ["fig9", "fig10", "fig12", "fig13", "appJ", "fig14", "fig15"])
+@pytest.mark.parametrize(
+    "name",
+    ["fig9", "fig13"]
+    + [
+        pytest.param(name, marks=pytest.mark.slow)
+        for name in ("fig10", "fig12", "appJ", "fig14", "fig15")
+    ],
+)
 def test_study_by_name_draws_its_own_figures(name):
     options = {"conditions": ["C4" if name[-1] in "45" else "C1"], "intensities": [0.0, 0.15]}
     if "n_validation" in PAPER_STUDIES[name].function.__kwdefaults__:
