@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
+from support.own_effect import Compressed
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs, run_labels
 from skhoid import effects as module
@@ -140,22 +141,6 @@ STUCK = [
     (Intermittent(trigger="error"), {"hold_time": 0.1, "threshold": 0.3}),
     (Intermittent(trigger="event"), {"hold_time": 0.1, "threshold": 0.3}),
 ]
-
-
-class Compressed(Effect):
-    """Large errors are answered by their logarithm."""
-
-    name = "compressed"
-    place = "input"
-    physics = "Large errors are answered less than in proportion."
-    formula = "e' = knee asinh(e / knee)"
-    parameters = (Parameter("knee", Dimension(e=1), 0.05, 10.0, (0.5,), "where the answer bends"),)
-
-    def __init__(self, *, knee=None):
-        self.knee = knee
-
-    def apply(self, signal, record, knee):
-        return knee * np.arcsinh(signal / knee)
 
 
 @pytest.fixture(scope="module")

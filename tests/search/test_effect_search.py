@@ -9,6 +9,7 @@ from scipy.signal import lfilter, lsim
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import KFold, LeaveOneGroupOut
+from support.own_effect import Compressed
 
 from skhoid import (
     EffectSearchCV,
@@ -20,7 +21,7 @@ from skhoid import (
 )
 from skhoid.diagnosis import run_signals
 from skhoid.diagnosis.ceiling import noise_ceiling
-from skhoid.effects import Bias, DeadZone, Dimension, Effect, Effects, Parameter, catalogue
+from skhoid.effects import Bias, DeadZone, Effects, catalogue
 from skhoid.greybox.estimates import parameter_text
 from skhoid.greybox.model import Model, without
 from skhoid.search import effect_search
@@ -31,22 +32,6 @@ RATE = 50.0
 K_E, K_EDOT, OMEGA, ZETA, TAU = 0.5, 0.25, 10.0, 0.35, 0.24  # TAU in whole samples
 REMNANT = 0.1  # of the output's power
 RIVALS = ["dead_zone", "asym_gain", "saturation", "bias", "gain_drift", "extra_lag", "lapses"]
-
-
-class Compressed(Effect):
-    """Large errors are answered by their logarithm."""
-
-    name = "compressed"
-    place = "input"
-    physics = "Large errors are answered less than in proportion."
-    formula = "e' = knee asinh(e / knee)"
-    parameters = (Parameter("knee", Dimension(e=1), 0.05, 10.0, (0.5,), "where the answer bends"),)
-
-    def __init__(self, *, knee=None):
-        self.knee = knee
-
-    def apply(self, signal, record, knee):
-        return knee * np.arcsinh(signal / knee)
 
 
 def recorded(
