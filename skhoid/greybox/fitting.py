@@ -35,17 +35,26 @@ class RemnantModel:
 
 
 class Criterion:
-    """Squares of whitened residuals on every ``thin``-th row, and their derivatives."""
+    """Squares of whitened residuals on every ``thin``-th row, and their derivatives.
+
+    ``rows`` of shape (n_samples, n_runs) are those that count besides being known; None: all.
+    """
 
     def __init__(
-        self, record: Record, noise: RemnantModel | None = None, *, rate: float | None = None
+        self,
+        record: Record,
+        noise: RemnantModel | None = None,
+        *,
+        rate: float | None = None,
+        rows: np.ndarray | None = None,
     ):
         assert record.y is not None
         rate = record.criterion_rate if rate is None else rate
         self.record, self.rate = record, rate
         self.thin = max(1, round(1.0 / (rate * record.dt)))
+        known = record.known if rows is None else record.known & rows
         self.y = np.ascontiguousarray(record.y[:: self.thin])
-        self.known = np.ascontiguousarray(record.known[:: self.thin])
+        self.known = np.ascontiguousarray(known[:: self.thin])
         self.power = float((self.y[self.known] ** 2).sum())
         self.set_noise(noise or RemnantModel.white(record.n_runs))
 
@@ -57,6 +66,10 @@ class Criterion:
         # Without a finite rate nothing is thinned: an ARX model depends on the sampling time.
         thin = max(1, int(EXPLORED_STEP / self.record.dt + 1e-6)) if np.isfinite(rate) else 1
         return Criterion(self.record.part(runs, thin), rate=rate / 2)
+
+    def on(self, rows: np.ndarray) -> Criterion:
+        """The same criterion on some of the rows, a mask of shape (n_samples, n_runs)."""
+        return Criterion(self.record, self.noise, rate=self.rate, rows=rows)
 
     def set_noise(self, noise: RemnantModel) -> None:
         self.noise = noise

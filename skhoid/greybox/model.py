@@ -18,6 +18,8 @@ MANY = 4  # starts, of which each gets one iteration only
 N_SCREENED = 10  # starts that are simulated more than once
 N_SCREENED_COARSELY = 4  # the same, where the response is not smooth
 N_STARTS_KEPT = 2  # starts that are followed to the end
+AT_BOUND = 1e-3  # of its size, by which a parameter is off a bound at most
+NO_CHANGE = 1e-14  # of the squares that the most influential parameter changes
 
 
 @dataclass
@@ -60,6 +62,32 @@ class Model:
         """Covariance of the parameters; NaN for those at a bound."""
         inside = (self.theta > self.simulator.low) & (self.theta < self.simulator.high)
         return self.fit.covariance(inside)
+
+    def at_bound(self, tol: float = AT_BOUND) -> list[str]:
+        """Names of parameters at a bound, within a share of their own size."""
+        simulator, found = self.simulator, []
+        for i, name in enumerate(simulator.names):
+            near = [
+                abs(self.theta[i] - bound) <= tol * simulator.size(i, bound)
+                for bound in (simulator.low[i], simulator.high[i])
+                if np.isfinite(bound)
+            ]
+            if any(near):
+                found.append(name)
+        return found
+
+    def undetermined(self) -> list[str]:
+        """Names of parameters that the data say nothing of.
+
+        The output does not depend on them, or their standard error exceeds their range.
+        """
+        simulator = self.simulator
+        size = np.array([simulator.size(i, v) for i, v in enumerate(self.theta)])
+        moved = np.diag(self.fit.normal) * size**2
+        sd = np.sqrt(np.diag(self.covariance()))
+        span = simulator.high - simulator.low
+        nothing = ~(moved > NO_CHANGE * moved.max()) | (np.isfinite(span) & (sd > span))
+        return [name for name, lost in zip(simulator.names, nothing, strict=True) if lost]
 
     def refined(self, criterion: Criterion, max_iter: int = 12, tol: float = 1e-5) -> Model:
         """The same model at the minimum of another criterion nearby."""
