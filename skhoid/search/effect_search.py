@@ -25,7 +25,8 @@ from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..summaries import Summary, estimates_table
 from .explanations import VERDICTS, changes_sentences, experiments, summary_of
-from .forward import HeldOutRows, Search, forward
+from .forward import Search, forward
+from .held_out import HeldOutRows
 from .results import error_path, held_out_table, ranking_table, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
 from .verdict import Verdict, decided

@@ -17,9 +17,12 @@ from ..effects.record import Record
 from ..greybox.base import vaf_of_output
 from ..greybox.cores import Core
 from ..greybox.extend import beside_each_other, extended
-from ..greybox.fitting import Criterion, Fit, RemnantModel, minimise, whitened_derivatives
+from ..greybox.fitting import Criterion, Fit, RemnantModel, minimise
+from ..greybox.loop import loop_of
 from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
+from .held_out import HeldOutRows, held_out
+from .in_loop import InLoop, LoopJudge
 from .signatures import traces_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
@@ -31,14 +34,6 @@ LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a pla
 AS_GOOD = 0.05  # points
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
-
-
-@dataclass
-class HeldOutRows:
-    """Rows to hold out, and rows to fit on, of shape (n_samples, n_runs)."""
-
-    test: np.ndarray
-    train: np.ndarray
 
 
 @dataclass
@@ -58,6 +53,7 @@ class Candidate:
     prediction: np.ndarray | None = None
     confused_with: list[str] = field(default_factory=list)
     trace: str = ""
+    in_loop: InLoop | None = None
 
     @property
     def id(self) -> str:
@@ -65,9 +61,14 @@ class Candidate:
 
     @property
     def passes(self) -> bool:
-        """Both criteria are met, evidence and free run; or the output itself shows the effect."""
+        """All criteria are met, or the output itself shows the effect."""
         if self.trace:
             return self.gain > -LEAST_GAIN
+        return self.helps and (self.in_loop is None or self.in_loop.helps)
+
+    @property
+    def helps(self) -> bool:
+        """Both criteria of the free run from the measured error are met."""
         return self.evidence > LEAST_EVIDENCE and self.gain >= LEAST_GAIN
 
 
@@ -79,46 +80,12 @@ class SearchStep:
     vaf: float
     prediction: np.ndarray
     candidates: list[Candidate]
+    in_loop: InLoop | None = None
 
     @property
     def best(self) -> Candidate | None:
         first = self.candidates[0] if self.candidates else None
         return first if first is not None and first.passes else None
-
-
-def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -> np.ndarray:
-    """Free runs of each fold's rows with parameters fitted without them.
-
-    The parameters of a fold are one Gauss-Newton step from those of all rows, with the normal
-    equations of its training rows; rows in no fold keep the prediction of all rows.
-    """
-    simulator, record = model.simulator, model.simulator.record
-    output = model.output
-    prediction = output.copy()
-    table = whitened_derivatives(simulator, criterion, model.theta, output)
-    by_row = table.reshape(len(table), *criterion.y.shape)
-    inside = (model.theta > simulator.low) & (model.theta < simulator.high)
-    if not inside.any():
-        return prediction
-    for fold in folds:
-        train = fold.train[:: criterion.thin]
-        rows = by_row[:, train]
-        gram = rows @ rows.T
-        normal, gradient = gram[:-1, :-1], gram[:-1, -1]
-        block = normal[np.ix_(inside, inside)]
-        ridge = 1e-9 * np.diag(block).max() if block.size else 0.0
-        step = np.zeros_like(model.theta)
-        scale = np.sqrt(np.maximum(np.diag(block), ridge + 1e-300))
-        scaled = block / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
-        step[inside] = np.linalg.solve(scaled, gradient[inside] / scale) / scale
-        moved = simulator.run(np.clip(model.theta + step, simulator.low, simulator.high))
-        # Beyond the range of its linearisation a step may worsen even its own training rows.
-        after = criterion.whitened(criterion.residual(moved)[None])[0].reshape(train.shape)
-        if not np.sum(after[train] ** 2) <= gram[-1, -1]:
-            moved = output
-        prediction[fold.test] = moved[fold.test]
-    assert record.y is not None
-    return np.where(np.isfinite(prediction), prediction, 0.0)
 
 
 def unique_name(effect: Effect, effects: Effects) -> str:
@@ -138,6 +105,8 @@ class Search:
         n_jobs: int | None = None,
     ):
         self.core, self.record, self.folds = core, record, folds
+        loop = loop_of(record)
+        self.loop = None if loop is None else LoopJudge(core, record, loop, folds)
         self.effects = [e for e in effects if not e.noise]
         self.noises = [e for e in effects if e.noise]  # which no input explains
         self.traces = traces_of(record)
@@ -212,13 +181,25 @@ class Search:
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
             c.trace = self.traces.get(c.id, "")
+        in_loop = self._in_loop(base, tried)
         most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
         for c in tried:  # levels may be those at which something else came to rest
             c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
         candidates.sort(key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence))
         plainest_first(candidates)
         mark_confused(candidates)
-        return SearchStep(base, base_vaf, base_prediction, candidates)
+        return SearchStep(base, base_vaf, base_prediction, candidates, in_loop)
+
+    def _in_loop(self, base: Model, tried: list[Candidate]) -> InLoop | None:
+        """Judge a parent, and those candidates that help it, in the closed loop."""
+        if self.loop is None:
+            return None
+        near = [c for c in tried if c.helps and c.model is not None]
+        models = [c.model for c in near if c.model]
+        found = self.loop.judged(base, models, self._each)
+        for c, judged in zip(near, found[1:], strict=True):
+            c.in_loop = judged
+        return found[0]
 
     def _refined(
         self, found: tuple[Effects, Fit], parent: Model, criterion: Criterion

@@ -16,7 +16,7 @@ from ..greybox.fitting import Criterion, derivatives
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
 from ..runs.roles import OTHER
-from .forward import HeldOutRows
+from .held_out import HeldOutRows
 
 LAGS = 12  # of a channel
 LONGEST_LAG = 1.2  # s

@@ -1,0 +1,258 @@
+"""A core with effects in its loop: open it for simulations that the remnant does not enter.
+
+In the loop the remnant travels through the controlled element into the error, and what answers the
+error answers the remnant of some time ago as well. A free run from the measured error holds that
+part; a model may follow it, and its estimates are biased. A run of the closed loop does not: with
+the controlled element G known, the error that a model would have made is
+
+    e(t) - G (u_model - u)(t),
+
+whatever the target and the disturbance are, recorded or not, since they are in the measured e.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.signal import cont2discrete, fftconvolve, lfilter
+
+from ..effects.composition import Effects
+from ..effects.core_kind import CoreKind
+from ..effects.record import Record
+from .cores import Core
+from .simulator import FreeParameter, Simulator
+
+SWEEPS = 40
+SAME = 1e-5  # of the error's standard deviation
+SOLVED = 0.02  # of it, above which a loop counts as not solved
+LARGEST = 300.0  # times it, of an error
+MEMORY = 12.0  # s, of the loop's answer to a short pulse
+PULSE = 0.5  # standard deviations of the error
+RINGS = 0.5  # of a pulse, in the last sixth of the memory: no loop that settles
+MOVED = 0.1  # relative change of a parameter, after which that answer is computed anew
+CURVED = 0.02  # of the output, by which the answer to a remnant and to its opposite differ
+DRAWS = 8  # of the remnant
+MISSING = 0.005  # share of the output, at most
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The way back from output to error.
+
+    ``b`` and ``a`` are the pulse transfer function of the controlled element at the rate of the
+    record; the loop is closed from the sample ``begin`` on, before which the measured error holds,
+    as what preceded the record is not known. ``remnant``, of shape (n_samples, n_runs, n_draws),
+    is drawn along where the model is not linear: thresholds answer it.
+    """
+
+    b: np.ndarray
+    a: np.ndarray
+    begin: int
+    remnant: np.ndarray | None = None
+
+    def moved(self, change: np.ndarray) -> np.ndarray:
+        """Change of the controlled output that a change of the output makes."""
+        change = change.copy()
+        change[: self.begin] = 0.0
+        return lfilter(self.b, self.a, change, axis=0)
+
+
+class LoopSimulator:
+    """Runs of the closed loop, with the face of a :class:`Simulator`.
+
+    The loop is solved in sweeps: what is left of e - (e_measured - G (u - u_measured)) is taken
+    through the loop's own sensitivity, which for a linear model ends after two sweeps. The same
+    sensitivity turns derivatives of the open answer into derivatives of the loop.
+    """
+
+    def __init__(self, core: Core, effects: Effects, record: Record, loop: Loop):
+        assert record.y is not None
+        self.core, self.effects, self.record, self.loop = core, effects, record, loop
+        open_loop = Simulator(core, effects, record)
+        self.parameters: list[FreeParameter] = open_loop.parameters
+        self.names, self.scale = open_loop.names, open_loop.scale
+        self.low, self.high, self.smooth = open_loop.low, open_loop.high, open_loop.smooth
+        self.size = open_loop.size
+        self._spread = float(np.std(record.input[record.known])) or 1.0
+        self._theta: np.ndarray | None = None
+        self._pulse: tuple[np.ndarray, np.ndarray | None] | None = None
+        self._set_draws(None)
+
+    def _set_draws(self, remnant: np.ndarray | None) -> None:
+        """Columns of all runs, once or for each draw of the remnant."""
+        record = self.record
+        self._draws = 1 if remnant is None else remnant.shape[2]
+        self._columns = record
+        self._noise = 0.0
+        if remnant is not None:
+            runs = np.tile(np.arange(record.n_runs), self._draws)
+            self._columns = record.part(runs, 1)
+            self._noise = np.concatenate(list(np.moveaxis(remnant, 2, 0)), axis=1)
+        self._error = self._columns.input
+        self._inside = self._error.copy()
+        self._chosen = False
+
+    def _with_error(self, error: np.ndarray) -> Record:
+        record = self._columns
+        channels = {**record.channels, record.inputs[0]: error}
+        for name in record.with_role("x")[:1]:
+            channels[name] = record.channels[name] - (error - self._error)
+        return replace(record, channels=channels, _derived={})
+
+    def _open(self, error: np.ndarray) -> Simulator:
+        return Simulator(self.core, self.effects, self._with_error(error))
+
+    def run(self, theta: np.ndarray) -> np.ndarray:
+        """Output in the loop, the mean over draws of the remnant; NaN where none is found."""
+        if self._theta is not None and np.array_equal(theta, self._theta):
+            return self._output
+        self._solve(theta)
+        if not self._chosen:
+            self._chosen = True
+            if self.loop.remnant is not None and self._is_curved(theta):
+                self._set_draws(self.loop.remnant)
+                self._chosen = True
+                self._solve(theta)
+        self._theta = theta.copy()
+        return self._output
+
+    def _solve(self, theta: np.ndarray) -> None:
+        assert self._columns.y is not None
+        error = self._inside
+        sensitivity = self._sensitivity(theta, error)
+        best: tuple[float, np.ndarray, np.ndarray, Simulator] | None = None
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(SWEEPS):
+                simulator = self._open(error)
+                answer = simulator.run(theta)
+                change = answer + self._noise - self._columns.y
+                left = self._error - self.loop.moved(change) - error
+                size = float(np.sqrt(np.mean(left**2))) / self._spread
+                size = size if np.isfinite(size) else np.inf
+                if best is None or size < best[0]:
+                    best = size, error, answer, simulator
+                if size < SAME or not np.isfinite(size):
+                    break
+                error = error + filtered(left, sensitivity)
+                error = np.clip(error, -LARGEST * self._spread, LARGEST * self._spread)
+        assert best is not None
+        size, self._inside, self._answer, self._last = best
+        if size > SOLVED:
+            self._inside = self._error.copy()
+            self._output = np.full_like(self.record.input, np.nan)
+        else:
+            self._output = self._mean(self._answer)
+
+    def _mean(self, signal: np.ndarray) -> np.ndarray:
+        if self._draws == 1:
+            return signal
+        return signal.reshape(len(signal), self._draws, -1).mean(axis=1)
+
+    def _sensitivity(self, theta: np.ndarray, error: np.ndarray) -> np.ndarray | None:
+        """Answer of the loop's error to a pulse, (1 + G H)^-1; None for one that does not settle."""
+        if self._pulse is not None:
+            before, found = self._pulse
+            if np.all(np.abs(theta - before) <= MOVED * (np.abs(before) + 1e-3 * self.scale)):
+                return found
+        n, at = len(error), len(error) // 3
+        length = min(round(MEMORY / self.record.dt), n - at)
+        pulse = np.zeros_like(error)
+        pulse[at] = PULSE * self._spread
+        above, below = (self._open(error + s * pulse).run(theta) for s in (1, -1))
+        with np.errstate(all="ignore"):
+            answer = ((above - below) / (2 * pulse[at, 0])).mean(axis=1)[at : at + length]
+            unit = np.r_[1.0, np.zeros(length - 1)]
+            around = fftconvolve(lfilter(self.loop.b, self.loop.a, unit), answer)[:length]
+            around[0] += 1.0
+            found = lfilter([1.0], around, unit) if np.isfinite(around).all() else None
+        if found is not None and not np.abs(found[-length // 6 :]).max() < RINGS:
+            found = None
+        self._pulse = theta.copy(), found
+        return found
+
+    def _is_curved(self, theta: np.ndarray) -> bool:
+        """Whether the model answers a remnant and its opposite differently."""
+        assert self.loop.remnant is not None
+        through = -self.loop.moved(self.loop.remnant[:, :, 0])
+        through = filtered(through, self._sensitivity(theta, self._inside))
+        both = [self._open(self._inside + s * through).run(theta) for s in (1, -1)]
+        bend = (both[0] + both[1]) / 2 - self._answer
+        return bool(np.std(bend) > CURVED * np.std(self._answer))
+
+    def run_with_change(self, position: int, value: float) -> np.ndarray:
+        """Output of the last ``run`` with one parameter changed, by the loop's sensitivity."""
+        change = self._mean(self._last.run_with_change(position, value) - self._answer)
+        return self._output + self.closed(change)
+
+    def closed(self, change: np.ndarray) -> np.ndarray:
+        """What the loop leaves of a change of the open answer."""
+        assert self._pulse is not None
+        inside = change.copy()
+        inside[: self.loop.begin] = 0.0
+        inside = filtered(inside, self._pulse[1])
+        inside[: self.loop.begin] = change[: self.loop.begin]
+        return inside
+
+    @property
+    def record_inside(self) -> Record:
+        """The record with the error and the controlled output of the last ``run``."""
+        error = self._mean(self._inside)
+        record = self.record
+        channels = {**record.channels, record.inputs[0]: error}
+        for name in record.with_role("x")[:1]:
+            channels[name] = record.channels[name] - (error - record.input)
+        return replace(record, channels=channels, _derived={})
+
+    @property
+    def last_state(self) -> Any:
+        """Signals of the last run."""
+        return self._last.last_state
+
+
+def filtered(signal: np.ndarray, response: np.ndarray | None) -> np.ndarray:
+    """A signal of shape (n_samples, n_runs) through an impulse response; None leaves it."""
+    if response is None:
+        return signal.copy()
+    return fftconvolve(signal, response[:, None], axes=0)[: len(signal)]
+
+
+def drawn(residual: np.ndarray, known: np.ndarray, n_draws: int = DRAWS) -> np.ndarray:
+    """Remnant of the kind of a residual: its spectrum in each run with other phases.
+
+    Of shape (n_samples, n_runs, n_draws). Phases are the same for every call.
+    """
+    random = np.random.default_rng(0)
+    centred = np.where(known, residual, 0.0)
+    n = len(centred)
+    spectrum = np.abs(np.fft.rfft(centred, axis=0))
+    share = np.maximum(known.mean(axis=0), 1e-3)
+    phases = random.uniform(0, 2 * np.pi, (*spectrum.shape, n_draws))
+    spectrum = spectrum / np.sqrt(share)
+    return np.fft.irfft(spectrum[:, :, None] * np.exp(1j * phases), n, axis=0)
+
+
+def loop_of(record: Record, settling: float = 3.0) -> Loop | None:
+    """The loop of a record, closed after ``settling`` seconds; None where it is not known.
+
+    It takes a measured output without gaps, an input of role e, and a known controlled element.
+    """
+    element = record.controlled_element
+    if element is None or record.y is None or record.roles.get(record.inputs[0]) != "e":
+        return None
+    if record.core == CoreKind.ARX:
+        return None
+    begin = round(settling / record.dt)
+    missing = ~record.known[begin:] & (record.y[begin:] == 0.0)
+    after = np.cumsum(record.known[::-1], axis=0)[::-1][begin:] > 0
+    if (missing & after).mean() > MISSING:
+        return None
+    b, a = pulse_response(element, record.dt)
+    return Loop(b, a, begin)
+
+
+def pulse_response(element: tuple[float, float], dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Pulse transfer function of K_c / (s (s + omega_b)) for an input that is linear in between."""
+    b, a, _ = cont2discrete(([element[0]], [1.0, element[1], 0.0]), dt, "foh")
+    return np.ravel(b), a

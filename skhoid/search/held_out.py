@@ -1,0 +1,54 @@
+"""Rows that a search holds out, and what models fitted without them predict there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..greybox.fitting import Criterion, whitened_derivatives
+from ..greybox.model import Model
+
+
+@dataclass
+class HeldOutRows:
+    """Rows to hold out, and rows to fit on, of shape (n_samples, n_runs)."""
+
+    test: np.ndarray
+    train: np.ndarray
+
+
+def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -> np.ndarray:
+    """Free runs of each fold's rows with parameters fitted without them.
+
+    The parameters of a fold are one Gauss-Newton step from those of all rows, with the normal
+    equations of its training rows; rows in no fold keep the prediction of all rows.
+    """
+    simulator, record = model.simulator, model.simulator.record
+    output = model.output
+    prediction = output.copy()
+    table = whitened_derivatives(simulator, criterion, model.theta, output)
+    by_row = table.reshape(len(table), *criterion.y.shape)
+    inside = (model.theta > simulator.low) & (model.theta < simulator.high)
+    if not inside.any():
+        return prediction
+    for fold in folds:
+        train = fold.train[:: criterion.thin]
+        rows = by_row[:, train]
+        gram = rows @ rows.T
+        normal, gradient = gram[:-1, :-1], gram[:-1, -1]
+        block = normal[np.ix_(inside, inside)]
+        ridge = 1e-9 * np.diag(block).max() if block.size else 0.0
+        step = np.zeros_like(model.theta)
+        scale = np.sqrt(np.maximum(np.diag(block), ridge + 1e-300))
+        scaled = block / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
+        step[inside] = np.linalg.solve(scaled, gradient[inside] / scale) / scale
+        moved = simulator.run(np.clip(model.theta + step, simulator.low, simulator.high))
+        # Beyond the range of its linearisation a step may worsen even its own training rows.
+        after = criterion.whitened(criterion.residual(moved)[None])[0].reshape(train.shape)
+        if not np.sum(after[train] ** 2) <= gram[-1, -1]:
+            moved = output
+        prediction[fold.test] = moved[fold.test]
+    assert record.y is not None
+    return np.where(np.isfinite(prediction), prediction, 0.0)
