@@ -16,8 +16,8 @@ index. Estimators, searches and transformers follow the scikit-learn API. By tas
 - Interpret: `operator_parameters`, `zoh_parameters`, `arx_to_operator`, `reference_fits`,
   `crossover`, `crossover_path`, `fourier_coefficients`, `FrequencyResponse`, `auto_psd`.
 - Simulate: `make_tracking_runs`, `CompensatoryTask`, `tracking_condition`, `mixed_condition`,
-  `HumanOperator`, `ControlledElement`, `Remnant`, `tune_remnant`, `Multisine`; what varies over
-  time is a `Sigmoid`, `Step`, `Ramp` or `Mixture`.
+  `HumanOperator`, `ControlledElement`, `LinearElement`, `Remnant`, `tune_remnant`, `Multisine`;
+  what varies over time is a `Sigmoid`, `Step`, `Ramp` or `Mixture`.
 - Plan an experiment: `recommend_forgetting`, `MonteCarloStudy`, `simulate_experiment`,
   `analyse_experiment`.
 - Draw: `skhoid.plotting`. Errors and warnings to catch: `skhoid.exceptions`.

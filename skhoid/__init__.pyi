@@ -40,6 +40,7 @@ from .experiment.simulate import simulate_experiment as simulate_experiment
 from .greybox import OperatorRegressor as OperatorRegressor
 from .human import ControlledElement as ControlledElement
 from .human import HumanOperator as HumanOperator
+from .human import LinearElement as LinearElement
 from .human import Mixture as Mixture
 from .human import Ramp as Ramp
 from .human import Sigmoid as Sigmoid

@@ -16,7 +16,7 @@ from ..greybox.cores import ARXCore
 from ..greybox.fitting import RemnantModel
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared, SimulatedCore
-from ..human.controlled_element import ControlledElement
+from ..human import ELEMENT
 from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
 from .base import BaseARX
@@ -66,8 +66,9 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     effects : Effect, Effects, str, list of these, or None, default=None
         What the linear model lacks, such as ``"dead_zone"``; see :mod:`skhoid.effects`. They need
         one linear input (named by ``inputs``, or of role ``e``), and may use all columns.
-    controlled_element : ControlledElement or None, default=None
-        For effects that use its inverse; None estimates it from output and x where needed.
+    controlled_element : ControlledElement, LinearElement, str, system or None, default=None
+        For effects that use its inverse: ``"1/(s(s+1))"``, or a transfer function of SciPy or
+        python-control; None estimates it from output and x where needed.
     settling : float, default=0.0
         Seconds at the start of each run (and after each gap) that do not count in a fit with
         effects, which starts from rest.
@@ -107,7 +108,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     loglik_, bic_, vaf_ : float
         With effects: logarithm of the likelihood without constants, Bayesian information
         criterion, and VAF in percent of the free run on the fitted rows.
-    controlled_element_ : ControlledElement or None
+    controlled_element_ : ControlledElement, LinearElement or None
         With effects: given or estimated.
     parameter_names_ : list of str
         Names of the entries of ``coef_``.
@@ -176,7 +177,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         "instruments": "no_validation",
         "covariance": [StrOptions({"ols", "hac"})],
         "effects": [Effect, Effects, str, list, tuple, None],
-        "controlled_element": [ControlledElement, None],
+        "controlled_element": ELEMENT,
         "settling": [Interval(Real, 0, None, closed="left")],
         "roles": [dict, None],
         "dt": [Interval(Real, 0, None, closed="neither"), None],
@@ -195,7 +196,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         instruments: Any = None,
         covariance: str = "ols",
         effects: Any = None,
-        controlled_element: ControlledElement | None = None,
+        controlled_element: Any = None,
         settling: float = 0.0,
         roles: dict | None = None,
         dt: float | None = None,

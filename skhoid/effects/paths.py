@@ -55,7 +55,9 @@ class _AnswerToTarget(Effect):
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
-        possible = self.form is not None or record.controlled_element is not None
+        element = record.controlled_element
+        known = element is not None and element.not_invertible is None
+        possible = self.form is not None or known
         return [v for v in made if possible or not of_inverse(v.form)]
 
 
@@ -481,9 +483,11 @@ def integral_of(record: Record, name: str) -> np.ndarray:
 def needs_target(record: Record, form: str | None) -> str | None:
     """Why a response to the target does not apply."""
     missing = needs_channel(None, record, "f_t", "target: a column of role f_t, or e and x")
-    if missing is None and of_inverse(form) and record.controlled_element is None:
+    if missing is not None or not of_inverse(form):
+        return missing
+    if record.controlled_element is None:
         return "the controlled element is not known: pass controlled_element=ControlledElement(...)"
-    return missing
+    return record.controlled_element.not_invertible
 
 
 def shaped_target(record: Record, form: str | None) -> np.ndarray:
@@ -505,8 +509,8 @@ def moved_by_output(record: Record, channel: str) -> bool:
     if record.y is None:
         return False
     motion, y, known = record.channels[channel], record.y, record.known
-    omega_b = (record.controlled_element or (1.0, 0.0))[1]
-    x = record.channels[record.with_role("x")[0]]
-    acceleration = differentiated(differentiated(x, record.dt), record.dt)
-    driven = [y, acceleration, acceleration + omega_b * differentiated(x, record.dt)]
+    name, element = record.with_role("x")[0], record.controlled_element
+    driven = [y, differentiated(record.rate(name), record.dt)]
+    if element is not None and element.not_invertible is None:
+        driven.append(record.inverse_dynamics(name))
     return any(abs(np.corrcoef(s[known], motion[known])[0, 1]) > 0.3 for s in driven)

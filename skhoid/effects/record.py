@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .. import _kernels
 from ..runs.roles import EXACT, OTHER
 from .core_kind import CoreKind
+
+if TYPE_CHECKING:
+    from ..human.linear_element import LinearElement
 
 
 @dataclass(frozen=True)
@@ -36,8 +39,8 @@ class Record:
         Samples at which the output counts.
     y : ndarray of shape (n_samples, n_runs) or None
         Measured output, zero where unknown.
-    controlled_element : (float, float) or None
-        K_c and omega_b.
+    controlled_element : LinearElement or None
+        What makes x of the output u.
     prediction : ndarray of shape (n_samples, n_runs) or None
         What a model without the effect predicts.
     core : CoreKind
@@ -58,7 +61,7 @@ class Record:
     inputs: tuple[str, ...]
     known: np.ndarray
     y: np.ndarray | None = None
-    controlled_element: tuple[float, float] | None = None
+    controlled_element: LinearElement | None = None
     prediction: np.ndarray | None = None
     core: CoreKind = CoreKind.OPERATOR
     time_unit: float = 1.0
@@ -144,9 +147,7 @@ class Record:
 
         def invert() -> np.ndarray:
             assert self.controlled_element is not None
-            K_c, omega_b = self.controlled_element
-            rate = self.rate(name)
-            return (differentiated(rate, self.dt) + omega_b * rate) / K_c
+            return self.controlled_element.inverse(self.channels[name], self.dt)
 
         return self.once(("inverse", name), invert)
 

@@ -19,7 +19,7 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.record import Record
-from ..human.controlled_element import ControlledElement
+from ..human import ELEMENT, as_element
 from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor
 from ..summaries import Summary
@@ -28,7 +28,7 @@ from .extend import beside_each_other, extended
 from .fitting import Criterion, RemnantModel, covariance_of
 from .model import Model
 from .operator_summary import simulated_summary
-from .prepared import Prepared, SimulatedCore, constants_of, prepared_for
+from .prepared import Prepared, SimulatedCore, prepared_for
 from .side_by_side import SegmentColumns, build_record
 from .simulator import Simulator
 
@@ -75,7 +75,7 @@ class Simulation:
             held,
             self.roles,
             estimator.inputs_,
-            controlled_element=None if element is None else constants_of(element),
+            controlled_element=None if element is None else as_element(element),
         )
 
     def free_run(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
@@ -196,7 +196,7 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
     in ``_simulated_core`` what the core is and how it is fitted without effects.
     """
 
-    controlled_element: ControlledElement | None
+    controlled_element: Any
     settling: float
     _takes_first = True
 
@@ -204,7 +204,7 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
         "inputs": ["array-like", str, int, None],
         "effects": [Effect, Effects, str, list, tuple, None],
         "roles": [dict, None],
-        "controlled_element": [ControlledElement, None],
+        "controlled_element": ELEMENT,
         "settling": [Interval(Real, 0, None, closed="left")],
         "dt": [Interval(Real, 0, None, closed="neither"), None],
         "run": "no_validation",

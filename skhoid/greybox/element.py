@@ -6,11 +6,12 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from ..effects.record import Record
+from ..human import LinearElement
 
 WORST_FIT = 0.2  # largest share of the power of x that may stay unexplained
 
 
-def estimate_element(record: Record) -> tuple[float, float] | None:
+def estimate_element(record: Record) -> LinearElement | None:
     """K_c and omega_b from u and x by least squares on integrals of dx/dt = v, dv/dt = K_c u - ...
 
     x(t) = K_c (integral of integral of u) - omega_b (integral of x) + c_0 + c_1 t for each run; a
@@ -55,7 +56,7 @@ def estimate_element(record: Record) -> tuple[float, float] | None:
     K_c, omega_b = columns[best]
     if target[best] > WORST_FIT or not K_c > 0:
         return None
-    return float(K_c), float(max(omega_b, 0.0))
+    return LinearElement((float(K_c),), (1.0, float(max(omega_b, 0.0)), 0.0))
 
 
 def _pieces(span: slice, length: int) -> list[slice]:

@@ -6,7 +6,6 @@ from numbers import Real
 from typing import Any
 
 from .._sklearn import Interval
-from ..human.controlled_element import ControlledElement
 from .base import GreyBox
 from .cores import OperatorCore
 from .operator_core import fit_plain_operator
@@ -33,9 +32,9 @@ class OperatorRegressor(GreyBox):
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where names do not show them: e, x, f_t, or a name
         that begins with motion or dist; "" for none. Effects may use all columns.
-    controlled_element : ControlledElement or None, default=None
-        What the operator controls, for effects that use its inverse; None estimates it from
-        output and x where needed.
+    controlled_element : ControlledElement, LinearElement, str, system or None, default=None
+        What the operator controls, for effects that use its inverse: ``"1/(s(s+1))"``, or a
+        transfer function of SciPy or python-control too; None estimates it from output and x.
     settling : float, default=3.0
         Seconds at the start of each run (and after each gap) that do not count in the fit, since
         what came before them is not known.
@@ -64,7 +63,7 @@ class OperatorRegressor(GreyBox):
         VAF of the free run on the fitted rows, in percent.
     n_rows_used_ : int
         Rows that count: measured, and not in the settling or a run-in.
-    controlled_element_ : ControlledElement or None
+    controlled_element_ : ControlledElement, LinearElement or None
         Given or estimated.
     dt_ : float
         Sampling time of the fitted grid in seconds.
@@ -125,7 +124,7 @@ class OperatorRegressor(GreyBox):
         inputs: Any = None,
         effects: Any = None,
         roles: dict | None = None,
-        controlled_element: ControlledElement | None = None,
+        controlled_element: Any = None,
         settling: float = 3.0,
         dt: float | None = None,
         run: Any = None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ..human import ControlledElement
 from ..summaries import Summary, estimates_table, grid_facts, quantity, signal_facts
 
 if TYPE_CHECKING:
@@ -30,7 +31,11 @@ def simulated_summary(model: Any, simulation: Simulation) -> Summary:
         "Noise model": f"AR({len(model.noise_ar_)})",
     }
     if element is not None:
-        facts["Element"] = f"K_c = {element.K_c:.4g}, omega_b = {element.omega_b:.4g} rad/s"
+        facts["Element"] = (
+            f"K_c = {element.K_c:.4g}, omega_b = {element.omega_b:.4g} rad/s"
+            if isinstance(element, ControlledElement)
+            else str(element)
+        )
     notes = [
         simulation.spec.errors_note,
         "What the model lacks is not in them: see compare and EffectSearchCV.",

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects.record import Record
 from ..exceptions import RankDeficiencyError, ShortRunError
-from ..human.controlled_element import ControlledElement
+from ..human import as_element, simplest
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, bad_output, still
 from ..runs import run_column
@@ -91,7 +91,7 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     roles[error] = "e"
     held = estimator._hold(grid, thinned[:, channels], names)
     given = estimator.controlled_element
-    element = None if given is None else constants_of(given)
+    element = None if given is None else as_element(given)
     record, sides = build_record(
         grid,
         names,
@@ -109,7 +109,7 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     if given is None:
         element = estimate_element(record)
         record = replace(record, controlled_element=element)
-    estimator.controlled_element_ = None if element is None else ControlledElement(*element)
+    estimator.controlled_element_ = None if element is None else simplest(element)
     known = estimator._units
     return Prepared(
         spec=spec,
@@ -124,17 +124,6 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         | {f"[{name}]": unit for name, unit in known.items()},
         n_missing=int(np.isnan(output).sum()),
     )
-
-
-def constants_of(element: ControlledElement) -> tuple[float, float]:
-    """K_c and omega_b of a controlled element that does not vary."""
-    K_c, omega_b = element.K_c, element.omega_b
-    if callable(K_c) or callable(omega_b):
-        raise ValueError(
-            "controlled_element must be constant here; got one that varies in time. Pass it at one "
-            "instant, controlled_element.at(t), or None to estimate it."
-        )
-    return float(K_c), float(omega_b)
 
 
 def check_rows(record: Record, n_parameters: int, grid: ModelGrid, settling: float) -> None:

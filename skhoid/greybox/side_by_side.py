@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..effects.record import Record
+from ..human import LinearElement
 from ..preprocessing.grid import ModelGrid
 from ..regression import segments
 from ..runs.roles import EXACT, target_is_sum, with_target
@@ -54,7 +55,7 @@ def build_record(
     *,
     output: np.ndarray | None = None,
     settling: float = 0.0,
-    controlled_element: tuple[float, float] | None = None,
+    controlled_element: LinearElement | None = None,
 ) -> tuple[Record, SegmentColumns]:
     """Put the rows of a grid side by side; NaN inputs must have been replaced before."""
     columns = SegmentColumns.of(grid)

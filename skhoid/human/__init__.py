@@ -2,19 +2,25 @@
 
 from .controlled_element import ControlledElement
 from .discretisation import delay_samples, pade, zoh_parameters
+from .linear_element import LinearElement
+from .linear_systems import ELEMENT, as_element, simplest
 from .margins import crossover
 from .operator import HumanOperator
 from .variation import Mixture, Ramp, Sigmoid, Step
 
 __all__ = [
+    "ELEMENT",
     "ControlledElement",
     "HumanOperator",
+    "LinearElement",
     "Mixture",
     "Ramp",
     "Sigmoid",
     "Step",
+    "as_element",
     "crossover",
     "delay_samples",
     "pade",
+    "simplest",
     "zoh_parameters",
 ]

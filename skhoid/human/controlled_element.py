@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .checks import check_parameters
+from .element_text import is_number
+from .linear_element import LinearElement
 from .variation import Parameter, frozen
 
 
@@ -20,15 +23,24 @@ class ControlledElement:
 
     Parameters
     ----------
-    K_c : float or callable, default=90.0
+    K_c : float, callable or str, default=90.0
         Gain, in units of x per unit of u and s². A function of time takes an array of instants (s).
+        A text, ``"1/(s(s+1))"``, is the whole transfer function.
     omega_b : float or callable, default=6.0
         Break frequency in rad/s.
+    numerator, denominator : sequence of float or None, default=None
+        Coefficients in falling powers of s (of z with ``dt``), in place of ``K_c`` and ``omega_b``.
+    dt : float or None, default=None
+        Sampling time in seconds of a discrete element, given by a text in z or by coefficients.
 
     Raises
     ------
     ValueError
-        If a parameter is negative or not finite.
+        If a parameter is negative or not finite, or a text cannot be read.
+
+    See Also
+    --------
+    LinearElement : Elements of any order, continuous and discrete.
 
     Examples
     --------
@@ -37,13 +49,86 @@ class ControlledElement:
     np.complex128(-7.426-0.743j)
     >>> ControlledElement(K_c=Sigmoid(90, 30, rate=0.5, time=40.96), omega_b=6.0)
     ControlledElement(K_c=Sigmoid(initial=90, final=30, rate=0.5, time=40.96), omega_b=6.0)
+    >>> ControlledElement("1/(s(s+1))")
+    LinearElement(numerator=(1.0,), denominator=(1.0, 1.0, 0.0))
+    >>> print(ControlledElement(numerator=[2.0], denominator=[1.0, 0.0]))
+    2/s
     """
 
     K_c: Parameter = 90.0
     omega_b: Parameter = 6.0
 
+    def __new__(
+        cls,
+        K_c: Parameter | str = 90.0,
+        omega_b: Parameter = 6.0,
+        *,
+        numerator: Sequence[float] | None = None,
+        denominator: Sequence[float] | None = None,
+        dt: float | None = None,
+    ) -> Any:
+        """An element of this form, or a ``LinearElement`` where another one is given."""
+        if isinstance(K_c, str) and not is_number(K_c):
+            return LinearElement.from_text(K_c, dt)
+        if numerator is not None and denominator is not None:
+            return cls.from_polynomials(numerator, denominator, dt)
+        if numerator is not None or denominator is not None:
+            raise ValueError("ControlledElement: numerator and denominator go together.")
+        if dt is not None:
+            raise ValueError(
+                "ControlledElement: dt is for a discrete element, of a text in z or of "
+                "coefficients; K_c and omega_b are of a continuous one."
+            )
+        return super().__new__(cls)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            K_c: Parameter | str = 90.0,
+            omega_b: Parameter = 6.0,
+            *,
+            numerator: Sequence[float] | None = None,
+            denominator: Sequence[float] | None = None,
+            dt: float | None = None,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         check_parameters(self, "K_c", "omega_b")
+
+    @classmethod
+    def from_polynomials(
+        cls, numerator: Sequence[float], denominator: Sequence[float], dt: float | None = None
+    ) -> LinearElement:
+        """An element of any form, by its coefficients.
+
+        Parameters
+        ----------
+        numerator, denominator : sequence of float
+            Coefficients in falling powers of s, or of z where ``dt`` is given.
+        dt : float or None, default=None
+            Sampling time in seconds of a discrete element.
+
+        Returns
+        -------
+        element : LinearElement
+        """
+        return LinearElement(tuple(numerator), tuple(denominator), dt)
+
+    @classmethod
+    def of(cls, system: Any) -> LinearElement:
+        """An element from an object of python-control or SciPy, or from a text.
+
+        Parameters
+        ----------
+        system : object
+            As of :meth:`skhoid.LinearElement.of`.
+
+        Returns
+        -------
+        element : LinearElement
+        """
+        return LinearElement.of(system)
 
     def at(self, t: float) -> ControlledElement:
         """The controlled element frozen at one instant.
@@ -57,7 +142,8 @@ class ControlledElement:
         -------
         controlled_element : ControlledElement
         """
-        return ControlledElement(**frozen(self, t, "K_c", "omega_b"))
+        K_c, omega_b = frozen(self, t, "K_c", "omega_b").values()
+        return ControlledElement(K_c, omega_b)
 
     def frequency_response(self, omega: Any, t: float = 0.0) -> np.ndarray:
         """H_CE(j omega), with parameters frozen at ``t``.

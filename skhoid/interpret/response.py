@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..human import ControlledElement, HumanOperator
+from ..human import ControlledElement, HumanOperator, LinearElement
 from ..runs import run_name
 from .arx_responses import response_of_model
 from .channel import is_arx
@@ -135,10 +135,11 @@ class FrequencyResponse:
         Parameters
         ----------
         system : object with ``frequency_response(omega, t)``, or fitted ARXRegressor
-            A :class:`~skhoid.HumanOperator`, a :class:`~skhoid.ControlledElement`, or an ARX
-            model, also at the end of pipelines and searches. The response of an ARX model includes
-            its delay ``nk`` and that of a :class:`~skhoid.DelayShift` before it, is NaN above
-            Nyquist, and has the covariance that follows from ``covariance_`` (Eqs. H.11-H.17).
+            A :class:`~skhoid.HumanOperator`, a :class:`~skhoid.ControlledElement`, a
+            :class:`~skhoid.LinearElement`, or an ARX model, also at the end of pipelines and
+            searches. The response of an ARX model includes its delay ``nk`` and that of a
+            :class:`~skhoid.DelayShift` before it, is NaN above Nyquist, and has the covariance
+            that follows from ``covariance_`` (Eqs. H.11-H.17).
         omega : array-like of shape (n_lines,)
             Frequencies in rad/s.
         t : float, default=0.0
@@ -167,7 +168,7 @@ class FrequencyResponse:
                 f"A {type(system).__name__} has one input; input={input!r} is for an operator or "
                 "a model with several."
             )
-        element = isinstance(system, ControlledElement)
+        element = isinstance(system, (ControlledElement, LinearElement))
         names: dict[str, Any] = {"input": "u", "output": "x"} if element else {}
         return cls(lines, system.frequency_response(lines, t), delay=0.0, **names)
 

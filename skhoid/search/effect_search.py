@@ -20,7 +20,7 @@ from ..greybox.base import likelihood_fit
 from ..greybox.fitting import Criterion
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import check_simulated_model
-from ..human.controlled_element import ControlledElement
+from ..human import ELEMENT
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..summaries import Summary, estimates_table
@@ -55,8 +55,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         blocks, with guards of 5 s on either side.
     display : {"compensatory", "pursuit", "preview"}, default="compensatory"
         What the operator could see; it decides how effects are described, not how they rank.
-    controlled_element : ControlledElement or None, default=None
-        What the operator controls. None estimates it from u and x where both are measured.
+    controlled_element : ControlledElement, LinearElement, str, system or None, default=None
+        What the operator controls: ``"1/(s(s+1))"``, or a transfer function of SciPy or
+        python-control too. None estimates it from u and x where both are measured.
     max_effects : int, default=4
         Effects to add at most.
     n_jobs : int or None, default=None
@@ -129,7 +130,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         "effects": [StrOptions({"all"}), list, tuple, str, Effect, Effects],
         "cv": ["cv_object"],
         "display": [StrOptions({"compensatory", "pursuit", "preview"})],
-        "controlled_element": [ControlledElement, None],
+        "controlled_element": ELEMENT,
         "max_effects": [Interval(Integral, 0, None, closed="left")],
         "n_jobs": [Integral, None],
     }
@@ -140,7 +141,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         effects: Any = "all",
         cv: Any = None,
         display: str = "compensatory",
-        controlled_element: ControlledElement | None = None,
+        controlled_element: Any = None,
         *,
         max_effects: int = 4,
         n_jobs: int | None = None,

@@ -20,7 +20,7 @@ from ..effects.record import Record
 from ..exceptions import UnstableLoopError
 from ..greybox.cores import OperatorCore
 from ..greybox.simulator import Simulator
-from ..human import HumanOperator
+from ..human import HumanOperator, LinearElement
 from ..human.variation import evaluate
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def track_with_effects(
 
 def _record(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Record:
     element = task.controlled_element
-    at_start = (float(evaluate(p, np.zeros(1))[0]) for p in (element.K_c, element.omega_b))
+    K_c, omega_b = (float(evaluate(p, np.zeros(1))[0]) for p in (element.K_c, element.omega_b))
     return Record(
         dt=1 / task.sampling_rate,
         t=t,
@@ -158,5 +158,5 @@ def _record(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarr
         roles={name: name for name in channels},
         inputs=("e",),
         known=np.ones(channels["e"].shape, dtype=bool),
-        controlled_element=tuple(at_start),  # type: ignore[arg-type]
+        controlled_element=LinearElement((K_c,), (1.0, omega_b, 0.0)),
     )

@@ -18,7 +18,6 @@ from ..effects.record import Record
 from ..greybox.cores import ARXCore, OperatorCore
 from ..greybox.operator_regressor import OperatorRegressor
 from ..greybox.simulator import Simulator
-from ..human.controlled_element import ControlledElement
 from ..summaries import Estimate
 from .application import shown
 from .descriptions import expect, name_of
@@ -82,8 +81,7 @@ def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) 
     noise = np.random.default_rng(1).standard_normal(quiet.shape)
     output = quiet + NOISE * quiet.std() * noise
     X, y = _as_dataset(record, output)
-    assert record.controlled_element is not None
-    element = ControlledElement(*record.controlled_element)
+    element = record.controlled_element
     if core == CoreKind.ARX:
         model: Any = ARXRegressor(2, 2, 10, effects=effect, controlled_element=element)
     else:

@@ -11,6 +11,7 @@ import numpy as np
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.record import Record, differentiated
 from ..greybox.cores import neutral_gains
+from ..human import LinearElement
 from ..runs.roles import OTHER
 
 DT = 0.02  # s
@@ -70,7 +71,7 @@ def synthetic_record(channels: Sequence[str] = (), seed: int = 0) -> Record:
         inputs=("e",),
         known=known,
         y=y,
-        controlled_element=(5.0, 1.0),
+        controlled_element=LinearElement((5.0,), (1.0, 1.0, 0.0)),
         prediction=0.9 * y,
     )
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from skhoid import LinearElement
 from skhoid.effects import CoreKind, Dimension, HardeningStiffness, Parameter, catalogue
 from skhoid.effects.dimension import HZ, ONE, RAD, E, S, T, U
 from skhoid.effects.operator_signals import Command, Spring
@@ -142,13 +143,14 @@ FACTORS = {"u": 2.0, "e": 4.0, "x": 4.0, "f_t": 4.0, "motion_acc": 8.0, "dist": 
 
 
 def in_other_units(record):
-    K_c, omega_b = record.controlled_element
+    element = record.controlled_element
+    K_c = element.numerator[0] * FACTORS["x"] / FACTORS["u"]
     return replace(
         record,
         y=FACTORS["u"] * record.y,
         prediction=FACTORS["u"] * record.prediction,
         channels={name: FACTORS[name] * values for name, values in record.channels.items()},
-        controlled_element=(K_c * FACTORS["x"] / FACTORS["u"], omega_b),
+        controlled_element=LinearElement((K_c,), element.denominator),
         _derived={},
     )
 

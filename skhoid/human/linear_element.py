@@ -1,0 +1,408 @@
+"""``LinearElement``: a controlled element of any order, continuous or discrete."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm, logm
+from scipy.signal import lfilter, lfilter_zi, tf2ss
+
+from .. import _kernels
+from .element_text import parsed, written
+
+SAME_CLOCK = 1e-6  # relative difference of two sampling times that are the same
+TINY = 1e-12  # relative to the largest coefficient: rounding
+CLOSE_TO_ONE = 1e-5  # of a pole in z that is an integrator
+ON_AXIS = 1e-9  # real part of a zero, relative to its size, that is on the stability limit
+
+
+@dataclass(frozen=True)
+class LinearElement:
+    """Linear, constant controlled element: x = numerator / denominator u.
+
+    Coefficients are in falling powers of s, or of z where ``dt`` is given; the denominator is
+    stored with 1 in front. ``ControlledElement("1/s")`` gives one, as :meth:`of` does.
+
+    Parameters
+    ----------
+    numerator, denominator : sequence of float
+        Coefficients; in units of x per unit of u, and seconds.
+    dt : float or None, default=None
+        Sampling time in seconds of a discrete element; None is a continuous one, of which u is
+        held between samples.
+    direct : bool, default=False
+        Whether x(k) answers u(k) already: u(k) is held up to sample k, as in recordings whose
+        program reads u, moves x, and then stores both. Else u(k) is held from sample k on, and
+        moves x(k+1) first.
+
+    Raises
+    ------
+    ValueError
+        If coefficients are not finite, the denominator is zero, or there are more zeros than poles.
+
+    See Also
+    --------
+    ControlledElement : K_c/(s (s + omega_b)), which may vary in time.
+
+    Examples
+    --------
+    >>> from skhoid import LinearElement
+    >>> element = LinearElement.of("90/(s^2 + 6s)")
+    >>> element
+    LinearElement(numerator=(90.0,), denominator=(1.0, 6.0, 0.0))
+    >>> print(element, element.n_integrators)
+    90/(s (s + 6)) 1
+    >>> b, a = LinearElement.of("1/s").discrete(dt=0.01)
+    >>> b, a
+    (array([0.  , 0.01]), array([ 1., -1.]))
+    """
+
+    numerator: tuple[float, ...]
+    denominator: tuple[float, ...]
+    dt: float | None = None
+    direct: bool = False
+
+    def __post_init__(self) -> None:
+        top, bottom = _coefficients(self.numerator), _coefficients(self.denominator)
+        if not bottom.any():
+            raise ValueError("LinearElement: the denominator is zero.")
+        if top.size > bottom.size:
+            raise ValueError(
+                f"LinearElement: {self._text(top, bottom)} has more zeros than poles, "
+                f"{top.size - 1} and {bottom.size - 1}: no recorded system has. Are numerator and "
+                "denominator exchanged?"
+            )
+        if self.dt is not None and not (np.isfinite(self.dt) and self.dt > 0):
+            raise ValueError(f"LinearElement: dt must be positive, in seconds; got {self.dt!r}.")
+        if self.direct and (self.dt is not None or top.size == bottom.size):
+            raise ValueError(
+                "LinearElement: direct=True is for continuous elements with more poles than "
+                "zeros; others say it by their coefficients."
+            )
+        object.__setattr__(self, "numerator", tuple(float(c) for c in top / bottom[0]))
+        object.__setattr__(self, "denominator", tuple(float(c) for c in bottom / bottom[0]))
+        if self.dt is not None:
+            object.__setattr__(self, "dt", float(self.dt))
+
+    def __repr__(self) -> str:
+        more = "" if self.dt is None else f", dt={self.dt!r}"
+        more += ", direct=True" if self.direct else ""
+        return (
+            f"LinearElement(numerator={self.numerator!r}, denominator={self.denominator!r}{more})"
+        )
+
+    def __str__(self) -> str:
+        text = self._text(np.array(self.numerator), np.array(self.denominator))
+        return text if self.dt is None else f"{text}, dt = {self.dt:g} s"
+
+    def _text(self, top: np.ndarray, bottom: np.ndarray) -> str:
+        return written(tuple(top), tuple(bottom), "s" if self.dt is None else "z")
+
+    @classmethod
+    def of(cls, system: Any, dt: float | None = None) -> LinearElement:
+        """An element from what describes one.
+
+        Parameters
+        ----------
+        system : str, LinearElement, ControlledElement, or object of python-control or SciPy
+            ``"1/(s(s+1))"``; a transfer function, zeros and poles, or a state space of one input
+            and one output; a :class:`~skhoid.ControlledElement` that does not vary.
+        dt : float or None, default=None
+            Sampling time in seconds, of a text in z.
+
+        Returns
+        -------
+        element : LinearElement
+
+        Raises
+        ------
+        ValueError
+            If a text cannot be read, or a system has several inputs, outputs or no sampling time.
+        TypeError
+            If it describes no element.
+        """
+        from .linear_systems import as_element
+
+        return as_element(system, dt)
+
+    @classmethod
+    def from_text(cls, text: str, dt: float | None = None) -> LinearElement:
+        """An element from a ratio of polynomials in s, or in z.
+
+        Parameters
+        ----------
+        text : str
+            ``"2(s+3)/(s^2 (s+0.5))"``.
+        dt : float or None, default=None
+            Sampling time in seconds, where the text is in z.
+
+        Returns
+        -------
+        element : LinearElement
+        """
+        top, bottom, variable = parsed(text)
+        if (variable == "z") != (dt is not None) and variable:
+            raise ValueError(
+                f"The controlled element {text!r} is in {variable}: "
+                + (
+                    "say its sampling time too, dt=... in seconds."
+                    if variable == "z"
+                    else f"dt={dt!r} is for one in z. Leave dt out."
+                )
+            )
+        return cls(tuple(top), tuple(bottom), dt)
+
+    @property
+    def order(self) -> int:
+        """Number of poles."""
+        return len(self.denominator) - 1
+
+    @property
+    def n_integrators(self) -> int:
+        """Number of poles at zero (of a discrete element: at one)."""
+        if self.dt is None:
+            return int((self.poles == 0).sum())
+        # Double poles at one come out of roots() apart by the square root of the rounding.
+        return int((np.abs(self.poles - 1.0) < CLOSE_TO_ONE).sum())
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Roots of the denominator, in rad/s where it is continuous."""
+        return np.roots(self.denominator)
+
+    @property
+    def zeros(self) -> np.ndarray:
+        """Roots of the numerator."""
+        return np.roots(self.numerator)
+
+    @property
+    def constants(self) -> tuple[float, float] | None:
+        """K_c and omega_b of an element K_c/(s (s + omega_b)), None of others."""
+        plain = self.dt is None and not self.direct
+        if not plain or len(self.numerator) != 1 or len(self.denominator) != 3:
+            return None
+        _, omega_b, rest = self.denominator
+        K_c = self.numerator[0]
+        return (K_c, omega_b) if rest == 0.0 and K_c >= 0 and omega_b >= 0 else None
+
+    def frequency_response(self, omega: Any, t: float = 0.0) -> np.ndarray:
+        """x/u at frequencies.
+
+        Parameters
+        ----------
+        omega : array-like of shape (n_frequencies,)
+            Frequencies in rad/s.
+        t : float, default=0.0
+            Not used: the element is constant.
+
+        Returns
+        -------
+        H : ndarray of complex, shape (n_frequencies,)
+            Infinite at an undamped pole.
+        """
+        s = 1j * np.asarray(omega, dtype=float)
+        q = s if self.dt is None else np.exp(s * self.dt)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.polyval(self.numerator, q) / np.polyval(self.denominator, q)
+
+    def discrete(self, dt: float, hold: str = "zoh") -> tuple[np.ndarray, np.ndarray]:
+        """The pulse transfer function x = b/a u on a grid of samples.
+
+        Parameters
+        ----------
+        dt : float
+            Sampling time in seconds.
+        hold : {"zoh", "foh"}, default="zoh"
+            Between samples u is constant, or a straight line.
+
+        Returns
+        -------
+        b, a : ndarray of shape (order + 1,)
+            Coefficients of z^0, z^-1, ...: exact; b[0] is zero unless x(k) answers u(k).
+
+        Raises
+        ------
+        ValueError
+            If a discrete element cannot be written at this rate.
+        """
+        if hold not in ("zoh", "foh"):
+            raise ValueError(f"hold must be 'zoh' or 'foh'; got {hold!r}.")
+        b, a = _pulse(self, float(dt), hold)
+        return b.copy(), a.copy()
+
+    def answer(self, u: np.ndarray, dt: float) -> np.ndarray:
+        """What x does, from rest, when u is the input and held between samples.
+
+        Parameters
+        ----------
+        u : ndarray of shape (n_samples,) or (n_samples, n_runs)
+            Input.
+        dt : float
+            Sampling time in seconds.
+
+        Returns
+        -------
+        x : ndarray of the shape of u
+        """
+        b, a = self.discrete(dt)
+        return lfilter(b, a, np.asarray(u, dtype=float), axis=0)
+
+    @property
+    def not_invertible(self) -> str | None:
+        """Why no input can be said that makes x follow a signal; None if it can."""
+        if not any(self.numerator):
+            return f"the controlled element {self} does not answer its input"
+        for zero in self.zeros:
+            if self.dt is None:
+                steady = zero.real < -ON_AXIS * max(1.0, abs(zero))
+            else:
+                # Zeros of sampling are on the negative axis, close to its end or beyond.
+                steady = abs(zero) < 1 - ON_AXIS or (zero.real < 0 and zero.imag == 0)
+            if not steady:
+                where = "the right half plane" if self.dt is None else "or outside the unit circle"
+                return (
+                    f"the controlled element {self} has a zero at {zero:.4g}, in {where} or on its "
+                    "edge: an input that makes it follow a signal grows without end"
+                )
+        return None
+
+    def inverse(self, x: np.ndarray, dt: float) -> np.ndarray:
+        """The input that makes x follow a signal: denominator / numerator x.
+
+        The polynomial part is taken by central differences; the rest is a stable filter that was
+        at rest in the first value of x. Zeros that sampling alone makes, on the negative real
+        axis, count by their gain at zero frequency.
+
+        Parameters
+        ----------
+        x : ndarray of shape (n_samples,) or (n_samples, n_runs)
+            Signal to follow.
+        dt : float
+            Sampling time in seconds.
+
+        Returns
+        -------
+        u : ndarray of the shape of x
+
+        Raises
+        ------
+        ValueError
+            If the element cannot be inverted, see ``not_invertible``.
+        """
+        reason = self.not_invertible
+        if reason is not None:
+            raise ValueError(f"There is no inverse: {reason}.")
+        signal = np.asarray(x, dtype=float)
+        beside = signal if signal.ndim == 2 else signal.reshape(-1, 1)
+        found = self._inverse(beside, dt) if self.dt is None else self._inverse_discrete(beside, dt)
+        return found.reshape(signal.shape)
+
+    def _inverse(self, x: np.ndarray, dt: float) -> np.ndarray:
+        gain = self.numerator[0]
+        monic = np.array(self.numerator) / gain
+        polynomial, rest = np.polydiv(np.array(self.denominator), monic)
+        total: np.ndarray | None = None
+        derivative = x
+        terms = []
+        for c in polynomial[::-1]:
+            terms.append((float(c), derivative))
+            derivative = _kernels.greybox.differentiated(_kernels.gate(derivative), dt)
+        for c, value in reversed(terms):
+            if c != 0.0:
+                total = c * value if total is None else total + c * value
+        assert total is not None
+        if rest.any():
+            b, a = LinearElement(tuple(rest), tuple(monic)).discrete(dt, "foh")
+            start = lfilter_zi(b, a)[:, None] * x[:1]
+            total = total + lfilter(b, a, x, axis=0, zi=start)[0]
+        return total / gain
+
+    def _inverse_discrete(self, x: np.ndarray, dt: float) -> np.ndarray:
+        b, a = self.discrete(dt)
+        lead = int(np.flatnonzero(np.abs(b) > TINY * np.abs(b).max())[0])
+        kept = b[lead]
+        zeros = []
+        for zero in np.roots(b[lead:]):
+            if zero.imag == 0 and zero.real < -1 + ON_AXIS:
+                kept = kept * (1 - zero.real)
+            else:
+                zeros.append(zero)
+        below = np.real(kept * np.poly(zeros)) if zeros else np.array([kept])
+        # u answers x some samples later: look ahead, with the last value held.
+        ahead = np.concatenate([x[lead:], np.repeat(x[-1:], min(lead, len(x)), axis=0)])[: len(x)]
+        before = np.repeat(x[:1], a.size - 1, axis=0)
+        past = np.concatenate([before, ahead])
+        moved = sum(c * past[a.size - 1 - i : len(past) - i] for i, c in enumerate(a))
+        if below.size == 1:
+            return moved / below[0]
+        start = lfilter_zi([1.0], below)[:, None] * moved[:1]
+        return lfilter([1.0], below, moved, axis=0, zi=start)[0]
+
+
+def _coefficients(values: Any) -> np.ndarray:
+    if not isinstance(values, (Sequence, np.ndarray)) and not np.isscalar(values):
+        values = list(values)
+    given = np.atleast_1d(np.asarray(values, dtype=float))
+    if given.ndim != 1 or not given.size or not np.isfinite(given).all():
+        raise ValueError(
+            f"LinearElement: coefficients must be a row of finite numbers; got {values!r}."
+        )
+    leading = np.flatnonzero(given)
+    return given[leading[0] :] if leading.size else given[-1:]
+
+
+@lru_cache(maxsize=64)
+def _pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarray, np.ndarray]:
+    if element.dt is not None and abs(dt / element.dt - 1) < SAME_CLOCK:
+        a = np.array(element.denominator)
+        return np.r_[np.zeros(a.size - len(element.numerator)), element.numerator], a
+    if element.order == 0:
+        return np.array([element.numerator[0]]), np.ones(1)
+    A, B, C, D = tf2ss(element.numerator, element.denominator)
+    n = len(A)
+    if element.dt is None:
+        poles = np.exp(dt * element.poles)
+        generator = np.block([[A, B], [np.zeros((1, n + 1))]])
+    else:
+        if np.any((element.poles.real <= 0) & (np.abs(element.poles.imag) < TINY)):
+            raise ValueError(
+                f"The controlled element {element} cannot be written at {dt:g} s: it has a pole "
+                "on the negative real axis, or a pure delay, which no continuous element has. "
+                f"Give it at dt={dt:g}, or resample the recording (resample_runs)."
+            )
+        held = np.block([[A, B], [np.zeros((1, n)), np.ones((1, 1))]])
+        generator = np.real(logm(held)) / element.dt
+        poles = element.poles.astype(complex) ** (dt / element.dt)
+    a = np.real(np.poly(poles))
+    h = _impulse_response(generator, C, D, dt, hold)
+    b = np.convolve(a, h)[: n + 1]
+    if element.direct:
+        b = np.r_[b[1:], 0.0]
+    return b, a
+
+
+def _impulse_response(
+    generator: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float, hold: str
+) -> np.ndarray:
+    """The first samples of the answer to one sample of input, from which b follows without loss."""
+    n = len(generator) - 1
+    if hold == "zoh":
+        step = expm(generator * dt)
+        A, first, direct = step[:n, :n], step[:n, n:], D
+    else:
+        with_slope = np.zeros((n + 2, n + 2))
+        with_slope[: n + 1, : n + 1] = generator * dt
+        with_slope[n, n + 1] = 1.0
+        step = expm(with_slope)
+        A, ramp = step[:n, :n], step[:n, n + 1 :]
+        first, direct = step[:n, n : n + 1] - ramp + A @ ramp, D + C @ ramp
+    h = [float(direct[0, 0])]
+    state = first
+    for _ in range(n):
+        h.append(float((C @ state)[0, 0]))
+        state = A @ state
+    return np.array(h)
