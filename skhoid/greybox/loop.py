@@ -16,11 +16,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.signal import cont2discrete, fftconvolve, lfilter
+from scipy.signal import fftconvolve, lfilter
 
 from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.record import Record
+from ..human.linear_element import LinearElement
 from .cores import Core
 from .simulator import FreeParameter, Simulator
 
@@ -34,6 +35,7 @@ RINGS = 0.5  # of a pulse, in the last sixth of the memory: no loop that settles
 MOVED = 0.1  # relative change of a parameter, after which that answer is computed anew
 CURVED = 0.02  # of the output, by which the answer to a remnant and to its opposite differ
 DRAWS = 8  # of the remnant
+ROUGH = 3  # differences that tell a rough signal from a smooth one
 MISSING = 0.005  # share of the output, at most
 
 
@@ -151,7 +153,7 @@ class LoopSimulator:
         return signal.reshape(len(signal), self._draws, -1).mean(axis=1)
 
     def _sensitivity(self, theta: np.ndarray, error: np.ndarray) -> np.ndarray | None:
-        """Answer of the loop's error to a pulse, (1 + G H)^-1; None for one that does not settle."""
+        """Answer of the error to a pulse, (1 + G H)^-1; None where it does not settle."""
         if self._pulse is not None:
             before, found = self._pulse
             if np.all(np.abs(theta - before) <= MOVED * (np.abs(before) + 1e-3 * self.scale)):
@@ -248,11 +250,31 @@ def loop_of(record: Record, settling: float = 3.0) -> Loop | None:
     after = np.cumsum(record.known[::-1], axis=0)[::-1][begin:] > 0
     if (missing & after).mean() > MISSING:
         return None
-    b, a = pulse_response(element, record.dt)
+    b, a = pulse_response(element, record, begin)
     return Loop(b, a, begin)
 
 
-def pulse_response(element: tuple[float, float], dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pulse transfer function of K_c / (s (s + omega_b)) for an input that is linear in between."""
-    b, a, _ = cont2discrete(([element[0]], [1.0, element[1], 0.0]), dt, "foh")
-    return np.ravel(b), a
+def pulse_response(
+    element: LinearElement, record: Record, begin: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pulse transfer function of an element, with what the output does between samples.
+
+    Steps before or after a sample, or a straight line: what leaves the smoothest rest of the
+    measured x, since a disturbance is smoother than a remnant. Steps where x is not measured.
+    """
+    names = record.with_role("x")
+    plain = element.discrete(record.dt)
+    if not names or element.dt is not None or element.direct:
+        return plain
+    held = [plain, element.discrete(record.dt, "foh")]
+    if len(element.numerator) < len(element.denominator):
+        held.append(replace(element, direct=True).discrete(record.dt))
+    known = np.all(record.known[begin:], axis=1)
+    known = known[ROUGH:] & known[:-ROUGH]
+
+    def roughness(b: np.ndarray, a: np.ndarray) -> float:
+        assert record.y is not None
+        rest = record.channels[names[0]] - lfilter(b, a, record.y, axis=0)
+        return float(np.sum(np.diff(rest[begin:], n=ROUGH, axis=0)[known] ** 2))
+
+    return min(held, key=lambda found: roughness(*found))
