@@ -15,9 +15,10 @@ from sklearn.exceptions import ConvergenceWarning
 
 from ..effects.composition import Effects
 from ..greybox.arx_core import forecast
-from ..greybox.base import Simulation, first_model, likelihood_fit, simulation_of
+from ..greybox.base import Simulation, first_model, simulation_of
 from ..greybox.estimates import arx_parameter_table
 from ..greybox.fitting import Criterion, RemnantModel
+from ..greybox.likelihood import likelihood_fit
 from ..greybox.model import Model
 from ..greybox.operator_summary import simulated_summary
 from ..greybox.prepared import Prepared, prepared_for

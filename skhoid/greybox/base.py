@@ -26,19 +26,12 @@ from ..summaries import Summary
 from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
 from .fitting import Criterion, RemnantModel, covariance_of
+from .likelihood import likelihood_fit, prior_of
 from .model import Model
 from .operator_summary import simulated_summary
 from .prepared import Prepared, SimulatedCore, prepared_for
 from .side_by_side import SegmentColumns, build_record
 from .simulator import Simulator
-
-# Rounds of noise model and refinement, at most.
-N_LIKELIHOOD = {
-    CoreKind.OPERATOR: 12,
-    CoreKind.ARX: 2,
-}
-WORSE = 1.01  # largest ratio of the squares of the simulation error to those of the round before
-SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
 
 
 @dataclass(frozen=True)
@@ -263,7 +256,7 @@ def simulation_of(
     record = model.simulator.record
     criterion = Criterion(record, noise)
     if record.core != CoreKind.ARX:
-        covariance = covariance_of(model.simulator, criterion, model.fit)
+        covariance = covariance_of(model.simulator, criterion, model.fit, prior_of(model.simulator))
     else:
         covariance = model.covariance()
     n, output = criterion.n, model.output
@@ -298,31 +291,6 @@ def labelled_covariance(model: Any) -> pd.DataFrame:
         return covariance
     names = model.parameters_.index[: len(covariance)]  # of an ARXRegressor
     return pd.DataFrame(covariance, index=names, columns=names)
-
-
-def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
-    """Refine under an AR model of the residual, and again under that of the new residual.
-
-    Repeated until neither moves: in a closed loop the first fit is biased, and so is its noise
-    model, which keeps the bias for some rounds. A wrong model would leave ever more to the noise
-    model: after two rounds the free run may become only slightly worse. An ARX model gets two.
-    """
-    for i in range(N_LIKELIHOOD[model.simulator.record.core]):
-        before, noise = model, criterion.noise
-        residual = criterion.residual(model.output)
-        criterion.set_noise(criterion.remnant_model(model.output))
-        model = model.refined(criterion)
-        moved = model.theta - before.theta
-        if i > 1 and _power(criterion.residual(model.output)) > WORSE * _power(residual):
-            criterion.set_noise(noise)
-            return before, noise
-        if criterion.n * (moved @ model.fit.normal @ moved) < SETTLED * model.sse:
-            break
-    return model, criterion.noise
-
-
-def _power(signal: np.ndarray) -> float:
-    return float((signal**2).sum())
 
 
 def vaf_of_output(record: Record, output: np.ndarray) -> float:

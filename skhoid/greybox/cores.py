@@ -15,6 +15,7 @@ from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import Parameter
 from ..effects.record import Record
 from .arx_starts import arx_starts
+from .prior import Usual
 
 BOUND = 1e9  # of simulated outputs
 OPERATORS_MOVE = 3.0  # rad/s, half of the output's power below it: what times are written for
@@ -50,6 +51,8 @@ class Core(Protocol):
     ordinary : mapping of str to float
         Usual values of the response's parameters, which a search starts from where what is missing
         has bent the estimates; empty where nothing is usual.
+    usual : mapping of str to Usual
+        What is known of parameters before any data, which counts where the data hardly do.
     ratios : tuple of Ratio
         What tables show with the parameters.
     sizes : mapping of str to float
@@ -62,6 +65,7 @@ class Core(Protocol):
     gains: tuple[str, ...]
     delays: tuple[str, ...]
     ordinary: Mapping[str, float]
+    usual: Mapping[str, Usual]
     ratios: tuple[Ratio, ...]
     sizes: Mapping[str, float]
 
@@ -102,6 +106,12 @@ class OperatorCore:
     gains: tuple[str, ...] = ("K_e", "K_edot")
     delays: tuple[str, ...] = ()
     ordinary: Mapping[str, float] = {"omega_nm": 11.0, "zeta_nm": 0.35}
+    # Of people in tracking tasks: McRuer and Jex (1967), Van Paassen (1994), Zaal et al. (2009).
+    usual: Mapping[str, Usual] = {
+        "omega_nm": Usual(9.5, 0.35, relative=True),
+        "zeta_nm": Usual(0.45, 0.5, relative=True),
+        "tau_e": Usual(0.22, 0.1),
+    }
     ratios: tuple[Ratio, ...] = (Ratio("T_L", "K_edot", "K_e", S, "lead time constant"),)
 
     def __init__(self, fixed_delay: float | None):
@@ -177,6 +187,7 @@ class ARXCore:
     gains: tuple[str, ...] = ()
     delays: tuple[str, ...] = ()
     ordinary: Mapping[str, float] = {}
+    usual: Mapping[str, Usual] = {}
     ratios: tuple[Ratio, ...] = ()
 
     def __init__(

@@ -9,6 +9,7 @@ from scipy.linalg import solve_toeplitz
 
 from .. import _kernels
 from ..effects.record import Record
+from .prior import NO_PRIOR, Prior
 from .simulator import Simulator
 
 AR_ORDER = 6  # what the kernel is written for
@@ -158,12 +159,15 @@ def minimise(
     max_iter: int = 20,
     tol: float = 1e-5,
     fixed: np.ndarray | None = None,
+    prior: Prior | None = None,
 ) -> Fit:
     """Levenberg-Marquardt with bounds by projection and finite differences.
 
     Stops when a step lowers the sum of squares by less than ``tol`` of itself. Where the response
-    is not smooth, its scale is solved for at the start, whatever is ``fixed``.
+    is not smooth, its scale is solved for at the start, whatever is ``fixed``. What a ``prior``
+    costs adds to the sum of squares that is minimised, not to that of the fit.
     """
+    prior = prior or NO_PRIOR
     low, high = simulator.low, simulator.high
     theta = np.clip(theta, low, high)
     held = np.zeros(theta.size, dtype=bool) if fixed is None else fixed
@@ -177,6 +181,8 @@ def minimise(
         theta, output, sse = rescaled(simulator, criterion, theta, output, sse)
     for _ in range(max_iter):
         normal, gradient = normal_equations(simulator, criterion, theta, output)
+        curvature, slope = prior.normal_equations(theta)
+        normal, gradient = normal + curvature, gradient + slope
         at_low = (theta <= low) & (gradient < 0)
         at_high = (theta >= high) & (gradient > 0)
         free = ~(held | at_low | at_high)
@@ -197,13 +203,13 @@ def minimise(
             trial = np.clip(theta + step, low, high)
             new_output = simulator.run(trial)
             new = criterion.sse(new_output)
-            if new < sse:
+            gain = sse - new + prior.cost(theta) - prior.cost(trial)
+            if gain > 0:
                 better = True
                 break
             damping *= 8
         if not better:
             break
-        gain = sse - new
         theta, output, sse = trial, new_output, new
         damping = max(damping / 6, 1e-9)
         if gain < tol * sse:
@@ -268,7 +274,9 @@ def derivatives(
     return rows
 
 
-def covariance_of(simulator: Simulator, criterion: Criterion, fit: Fit) -> np.ndarray:
+def covariance_of(
+    simulator: Simulator, criterion: Criterion, fit: Fit, prior: Prior | None = None
+) -> np.ndarray:
     """Covariance of an operator's parameters; NaN for those at a bound.
 
     It has four parts. Derivatives are differences over about a standard deviation, which say more
@@ -290,7 +298,10 @@ def covariance_of(simulator: Simulator, criterion: Criterion, fit: Fit) -> np.nd
         slopes = wide_derivatives(simulator, criterion, theta, output, sigma, diagonal)
         diagonal = (slopes[:-1] ** 2).sum(axis=1)
     slopes, residual = slopes[:-1][free], slopes[-1]
-    inverse = scaled_inverse(slopes @ slopes.T)
+    known, _ = (prior or NO_PRIOR).weighing(sigma**2).normal_equations(theta)
+    inverse = scaled_inverse(
+        slopes @ slopes.T + np.broadcast_to(known, 2 * (theta.size,))[np.ix_(free, free)]
+    )
     block = sigma**2 * inverse
     scores = (slopes * residual).reshape(len(slopes), *criterion.y.shape)
     lags = round(MEMORY / (criterion.thin * simulator.record.dt))

@@ -34,7 +34,6 @@ PULSE = 0.5  # standard deviations of the error
 RINGS = 0.5  # of a pulse, in the last sixth of the memory: no loop that settles
 MOVED = 0.1  # relative change of a parameter, after which that answer is computed anew
 CURVED = 0.02  # of the output, by which the answer to a remnant and to its opposite differ
-DRAWS = 8  # of the remnant
 ROUGH = 3  # differences that tell a rough signal from a smooth one
 MISSING = 0.005  # share of the output, at most
 
@@ -220,19 +219,18 @@ def filtered(signal: np.ndarray, response: np.ndarray | None) -> np.ndarray:
     return fftconvolve(signal, response[:, None], axes=0)[: len(signal)]
 
 
-def drawn(residual: np.ndarray, known: np.ndarray, n_draws: int = DRAWS) -> np.ndarray:
-    """Remnant of the kind of a residual: its spectrum in each run with other phases.
+def drawn(residual: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Remnant of the kind of a residual: its spectrum in each run with other phases, both signs.
 
-    Of shape (n_samples, n_runs, n_draws). Phases are the same for every call.
+    Of shape (n_samples, n_runs, 2). Phases are the same for every call.
     """
     random = np.random.default_rng(0)
     centred = np.where(known, residual, 0.0)
-    n = len(centred)
     spectrum = np.abs(np.fft.rfft(centred, axis=0))
-    share = np.maximum(known.mean(axis=0), 1e-3)
-    phases = random.uniform(0, 2 * np.pi, (*spectrum.shape, n_draws))
-    spectrum = spectrum / np.sqrt(share)
-    return np.fft.irfft(spectrum[:, :, None] * np.exp(1j * phases), n, axis=0)
+    spectrum /= np.sqrt(np.maximum(known.mean(axis=0), 1e-3))
+    phases = random.uniform(0, 2 * np.pi, spectrum.shape)
+    found = np.fft.irfft(spectrum * np.exp(1j * phases), len(centred), axis=0)
+    return np.stack([found, -found], axis=2)
 
 
 def loop_of(record: Record, settling: float = 3.0) -> Loop | None:

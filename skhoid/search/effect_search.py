@@ -16,8 +16,8 @@ from ..arx.searches.folds import folds_of
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
-from ..greybox.base import likelihood_fit
 from ..greybox.fitting import Criterion
+from ..greybox.likelihood import likelihood_fit
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import check_simulated_model
 from ..human import ELEMENT

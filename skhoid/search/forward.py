@@ -18,11 +18,10 @@ from ..greybox.base import vaf_of_output
 from ..greybox.cores import Core
 from ..greybox.extend import beside_each_other, extended
 from ..greybox.fitting import Criterion, Fit, RemnantModel, minimise
-from ..greybox.loop import loop_of
 from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
 from .held_out import HeldOutRows, held_out
-from .in_loop import InLoop, LoopJudge
+from .in_loop import InLoop, LoopJudge, LoopParent
 from .signatures import traces_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
@@ -80,7 +79,26 @@ class SearchStep:
     vaf: float
     prediction: np.ndarray
     candidates: list[Candidate]
-    in_loop: InLoop | None = None
+    loop: LoopParent | None = None
+
+    def rank(self) -> None:
+        """Put the best first; it has passed in the closed loop too, where that is known."""
+        while True:
+            self.candidates.sort(
+                key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence)
+            )
+            plainest_first(self.candidates)
+            first = self.candidates[0] if self.candidates else None
+            if first is None or not first.passes or self.judge(first):
+                break
+        mark_confused(self.candidates)
+
+    def judge(self, candidate: Candidate) -> bool:
+        """Whether a candidate passes in the closed loop too."""
+        if self.loop is not None and candidate.in_loop is None and not candidate.trace:
+            assert candidate.model is not None
+            candidate.in_loop = self.loop.judged(candidate.model)
+        return candidate.passes
 
     @property
     def best(self) -> Candidate | None:
@@ -105,8 +123,7 @@ class Search:
         n_jobs: int | None = None,
     ):
         self.core, self.record, self.folds = core, record, folds
-        loop = loop_of(record)
-        self.loop = None if loop is None else LoopJudge(core, record, loop, folds)
+        self.loop = LoopJudge.of(core, record, folds)
         self.effects = [e for e in effects if not e.noise]
         self.noises = [e for e in effects if e.noise]  # which no input explains
         self.traces = traces_of(record)
@@ -181,25 +198,13 @@ class Search:
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
             c.trace = self.traces.get(c.id, "")
-        in_loop = self._in_loop(base, tried)
         most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
         for c in tried:  # levels may be those at which something else came to rest
             c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
-        candidates.sort(key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence))
-        plainest_first(candidates)
-        mark_confused(candidates)
-        return SearchStep(base, base_vaf, base_prediction, candidates, in_loop)
-
-    def _in_loop(self, base: Model, tried: list[Candidate]) -> InLoop | None:
-        """Judge a parent, and those candidates that help it, in the closed loop."""
-        if self.loop is None:
-            return None
-        near = [c for c in tried if c.helps and c.model is not None]
-        models = [c.model for c in near if c.model]
-        found = self.loop.judged(base, models, self._each)
-        for c, judged in zip(near, found[1:], strict=True):
-            c.in_loop = judged
-        return found[0]
+        loop = None if self.loop is None else self.loop.around(base)
+        step = SearchStep(base, base_vaf, base_prediction, candidates, loop)
+        step.rank()
+        return step
 
     def _refined(
         self, found: tuple[Effects, Fit], parent: Model, criterion: Criterion
@@ -289,7 +294,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     rivals = [c for c in first.candidates[1:3] if c.passes]
     if len(greedy.steps) > 1 and len(greedy.ids) > 1:
         for rival in rivals:
-            if rival.id in greedy.ids[:1]:
+            if rival.id in greedy.ids[:1] or not first.judge(rival):
                 continue
             other = follow(search, first, rival, 2)
             if len(other.ids) > 1 and set(other.ids[:2]) != set(greedy.ids[:2]):

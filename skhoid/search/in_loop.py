@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,99 +12,101 @@ from ..effects.composition import Effects
 from ..effects.record import Record
 from ..greybox.base import vaf_of_output
 from ..greybox.cores import Core
-from ..greybox.fitting import Criterion, Fit, minimise
-from ..greybox.loop import Loop, LoopSimulator, drawn
+from ..greybox.fitting import Criterion, minimise
+from ..greybox.loop import Loop, LoopSimulator, drawn, loop_of
 from ..greybox.model import Model
 from .held_out import HeldOutRows, held_out
 
 LEAST_EVIDENCE = 12.0  # of an effect that counts
+LEAST_RATE = 45.0  # Hz, to which records are thinned
 ITERATIONS = 10
 TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
 class InLoop:
-    """A model fitted in the closed loop, and its VAF on held-out rows.
+    """A model in the closed loop: its VAF on held-out rows, and what it has over a parent there."""
 
-    ``evidence`` and ``gain`` (points of VAF) are over a parent; NaN for the parent itself.
-    """
-
-    model: Model
     vaf: float
-    evidence: float = np.nan
-    gain: float = np.nan
+    evidence: float
+    gain: float
 
     @property
     def helps(self) -> bool:
         return self.evidence > LEAST_EVIDENCE and self.gain > 0.0
 
 
-@dataclass(frozen=True)
 class LoopJudge:
     """The loop of a record, in which models are fitted and judged."""
 
-    core: Core
-    record: Record
-    loop: Loop
-    folds: Sequence[HeldOutRows]
+    def __init__(self, core: Core, record: Record, loop: Loop, folds: Sequence[HeldOutRows]):
+        self.core, self.record, self.loop, self.folds = core, record, loop, folds
+        self.plain = Criterion(record)
 
-    def judged(
-        self, base: Model, models: Sequence[Model], each: Callable[..., list[Any]]
-    ) -> list[InLoop]:
-        """A parent, and models with more effects, under one noise model.
+    @classmethod
+    def of(cls, core: Core, record: Record, folds: Sequence[HeldOutRows]) -> LoopJudge | None:
+        """The loop of a record, thinned to a rate that is fast enough; None where it has none."""
+        thin = max(1, int(1 / (LEAST_RATE * record.dt) + 1e-6))
+        if thin > 1:
+            record = record.part(np.arange(record.n_runs), thin)
+        loop = loop_of(record)
+        if loop is None:
+            return None
+        rows = [HeldOutRows(fold.test[::thin], fold.train[::thin]) for fold in folds]
+        return cls(core, record, loop, rows)
 
-        Where a model is not linear, a remnant of the kind that the parent leaves is drawn along.
-        """
+    def around(self, parent: Model) -> LoopParent:
+        """The loop around a model; a remnant of the kind that it leaves is drawn along."""
         assert self.record.y is not None
-        remnant = drawn(self.record.y - base.output, self.record.known)
-        here = replace(self, loop=replace(self.loop, remnant=remnant))
-        plain = Criterion(self.record)
-        parent = here.model(base.effects, here.fitted((base.effects, [base.theta]), plain))
-        known = parent.values()
-        work = [
-            (
-                m.effects,
-                [m.theta, np.array([{**m.values(), **known}[n] for n in m.simulator.names])],
-            )
-            for m in models
-        ]
-        fits = each(here.fitted, work, plain)
-        all_ = [
-            parent,
-            *(here.model(effects, fit) for (effects, _), fit in zip(work, fits, strict=True)),
-        ]
-        criterion = Criterion(self.record)
-        criterion.set_noise(criterion.remnant_model(min(all_, key=lambda m: m.sse).output))
-        found = [here.held_out(m, criterion) for m in all_]
-        first, n = found[0], criterion.n
-        rest = []
-        for one in found[1:]:
-            ratio = n * np.log(max(first.model.sse, 1e-300) / max(one.model.sse, 1e-300))
-            more = one.model.n_parameters - first.model.n_parameters
-            evidence = ratio - more * np.log(n)
-            rest.append(replace(one, evidence=evidence, gain=one.vaf - first.vaf))
-        return [first, *rest]
+        open_run = type(parent.simulator)(self.core, parent.effects, self.record).run(parent.theta)
+        remnant = drawn(self.record.y - open_run, self.record.known)
+        return LoopParent(self, replace(self.loop, remnant=remnant), parent)
 
-    def fitted(self, work: tuple[Effects, list[np.ndarray]], criterion: Criterion) -> Fit:
+    def fitted(self, loop: Loop, effects: Effects, starts: Sequence[np.ndarray]) -> Model:
         """Effects beside the core, at the smallest error of the loop that some starts lead to."""
-        effects, starts = work
-        simulator: Any = LoopSimulator(self.core, effects, self.record, self.loop)
+        simulator: Any = LoopSimulator(self.core, effects, self.record, loop)
         fits = [
-            minimise(simulator, criterion, start, max_iter=ITERATIONS, tol=TOLERANCE)
+            minimise(simulator, self.plain, start, max_iter=ITERATIONS, tol=TOLERANCE)
             for start in starts
         ]
-        return min(fits, key=lambda fit: fit.sse)
+        return Model(simulator, min(fits, key=lambda fit: fit.sse))
 
-    def model(self, effects: Effects, fit: Fit) -> Model:
-        """A fit in the loop as a model, whose output is that of the loop."""
-        simulator: Any = LoopSimulator(self.core, effects, self.record, self.loop)
-        return Model(simulator, fit)
 
-    def held_out(self, fitted: Model, criterion: Criterion) -> InLoop:
-        """Refine under a noise model, and predict held-out rows; by what predicts them better."""
+class LoopParent:
+    """A model in its loop, beside which others are judged."""
+
+    def __init__(self, judge: LoopJudge, loop: Loop, parent: Model):
+        self.judge, self.loop = judge, loop
+        self.fit = judge.fitted(loop, parent.effects, [parent.theta])
+
+    def judged(self, model: Model) -> InLoop:
+        """A model with more effects, and the parent, under the noise model of the better one."""
+        known = self.fit.values()
+        names = model.simulator.names
+        other = np.array([{**model.values(), **known}[name] for name in names])
+        fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
+        criterion = Criterion(self.judge.record)
+        best = min(self.fit, fitted, key=lambda m: m.sse)
+        criterion.set_noise(criterion.remnant_model(best.output))
+        (parent, before), (refined, after) = (
+            self._held_out(m, criterion) for m in (self.fit, fitted)
+        )
+        ratio = criterion.n * np.log(max(parent.sse, 1e-300) / max(refined.sse, 1e-300))
+        more = refined.n_parameters - parent.n_parameters
+        return InLoop(after, ratio - more * np.log(criterion.n), after - before)
+
+    @property
+    def vaf(self) -> float:
+        """Held-out VAF of the parent in the loop."""
+        criterion = Criterion(self.judge.record)
+        criterion.set_noise(criterion.remnant_model(self.fit.output))
+        return self._held_out(self.fit, criterion)[1]
+
+    def _held_out(self, fitted: Model, criterion: Criterion) -> tuple[Model, float]:
+        """Refined under a noise model; held-out VAF of the fit that predicts them better."""
         refined = fitted.refined(criterion, max_iter=ITERATIONS, tol=TOLERANCE)
-        vafs = [
-            vaf_of_output(self.record, held_out(model, by, self.folds))
-            for model, by in ((fitted, Criterion(self.record)), (refined, criterion))
+        predicted = [
+            held_out(model, by, self.judge.folds)
+            for model, by in ((fitted, self.judge.plain), (refined, criterion))
         ]
-        return InLoop(refined, max(vafs))
+        return refined, max(vaf_of_output(self.judge.record, p) for p in predicted)

@@ -1,0 +1,186 @@
+"""Maximum likelihood with a noise model that is estimated together with the model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ..effects.core_kind import CoreKind
+from .fitting import AR_ORDER, Criterion, Fit, RemnantModel, minimise
+from .model import Model
+from .prior import Prior
+from .simulator import Simulator
+
+# Rounds of noise model and refinement, at most.
+N_LIKELIHOOD = {
+    CoreKind.OPERATOR: 12,
+    CoreKind.ARX: 2,
+}
+WORSE = 1.01  # largest ratio of the squares of the simulation error to those of the round before
+SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
+
+JOINT_RATE = 12.5  # Hz: faster, errors of the simulation count more than the remnant
+JOINT_FLOOR = 1e-5  # least share of the residual's variance that is white
+TOLERATED = 1.25  # times the squares of the simulation error, at most, of an unbiased estimate
+STEADY = 0.02  # of n log(SSE), by which a round must be better to go on
+DELAYS = (0.15, 0.25, 0.35)  # s, to start from
+NEEDED = 8.0  # of n log(SSE), that a gain on the error rate must save
+
+
+def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
+    """Refine under an AR model of the residual that is estimated along with the parameters.
+
+    In a closed loop the smallest simulation error is biased: the remnant goes round the loop into
+    the error, and a response that is too slow, or to something else, follows it. The likelihood of
+    a model with the right noise model is not, and with one that keeps the bias it is. So for an
+    operator both are estimated together, from several places to start: see :func:`joint_fit`.
+    """
+    kind = model.simulator.record.core
+    model, noise = settled(model, criterion)
+    if kind == CoreKind.ARX or not model.simulator.smooth:
+        return model, noise
+    found = joint_fit(model)
+    if found is None:
+        return model, noise
+    criterion.set_noise(criterion.remnant_model(found.output))
+    theta = found.theta
+    fit = Fit(theta, criterion.sse(found.output), criterion.n, found.fit.normal, found.fit.gradient)
+    return Model(model.simulator, fit, model.other_core), criterion.noise
+
+
+def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
+    """Refine under an AR model of the residual, and again under that of the new residual.
+
+    Repeated until neither moves: in a closed loop the first fit is biased, and so is its noise
+    model, which keeps the bias for some rounds. A wrong model would leave ever more to the noise
+    model: after two rounds the free run may become only slightly worse. An ARX model gets two.
+    """
+    for i in range(N_LIKELIHOOD[model.simulator.record.core]):
+        before, noise = model, criterion.noise
+        residual = criterion.residual(model.output)
+        criterion.set_noise(criterion.remnant_model(model.output))
+        model = model.refined(criterion)
+        moved = model.theta - before.theta
+        if i > 1 and _power(criterion.residual(model.output)) > WORSE * _power(residual):
+            criterion.set_noise(noise)
+            return before, noise
+        if criterion.n * (moved @ model.fit.normal @ moved) < SETTLED * model.sse:
+            break
+    return model, criterion.noise
+
+
+def _power(signal: np.ndarray) -> float:
+    return float((signal**2).sum())
+
+
+def prior_of(simulator: Simulator) -> Prior:
+    """What is known of the parameters of a core before any data."""
+    return Prior.of(simulator.names, simulator.core.usual)
+
+
+def joint_fit(model: Model) -> Model | None:
+    """Parameters and noise model at their largest common probability; None where it fails.
+
+    The likelihood of both is that of a person's remnant as an AR process; what is usual for people
+    decides where it hardly changes, as between a delay and the lag of a limb. A gain on the error
+    rate that is not needed is left out.
+    """
+    simulator = model.simulator
+    core = simulator.core
+    starts = [model.theta]
+    at = {name: simulator.names.index(name) for name in core.usual if name in simulator.names}
+    free_delay = [at[name] for name in core.delays if name in at]
+    for delay in DELAYS if free_delay else DELAYS[:1]:
+        start = model.theta.copy()
+        for name, usual in core.usual.items():
+            if name in at:
+                start[at[name]] = usual.centre
+        start[free_delay] = delay
+        starts.append(start)
+    best = _best(simulator, starts, np.zeros(model.theta.size, dtype=bool))
+    if best is None:
+        return None
+    extra = [simulator.names.index(name) for name in core.gains[1:]]
+    held = np.zeros(model.theta.size, dtype=bool)
+    held[extra] = True
+    if extra and best[1][extra].any():
+        plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
+        without = _best(simulator, plain, held)
+        if without is not None and without[0] < best[0] + NEEDED:
+            best = without
+    theta = best[1]
+    plain_criterion = Criterion(simulator.record)
+    output = simulator.run(theta)
+    if plain_criterion.sse(output) > TOLERATED * plain_criterion.sse(model.output):
+        return None
+    size = theta.size
+    fit = Fit(theta, plain_criterion.sse(output), plain_criterion.n, np.eye(size), np.zeros(size))
+    return Model(simulator, fit, model.other_core)
+
+
+def _best(
+    simulator: Simulator, starts: Iterable[np.ndarray], held: np.ndarray
+) -> tuple[float, np.ndarray] | None:
+    found = [_joint(simulator, start, held) for start in starts]
+    known = [one for one in found if one is not None]
+    return min(known, key=lambda one: one[0]) if known else None
+
+
+def _joint(
+    simulator: Simulator, theta: np.ndarray, held: np.ndarray
+) -> tuple[float, np.ndarray] | None:
+    """From one start: n log(SSE / n), what the prior costs, and the parameters."""
+    prior = prior_of(simulator)
+    criterion = Criterion(simulator.record, rate=JOINT_RATE)
+    last = np.inf
+    theta = np.clip(theta, simulator.low, simulator.high)
+    for _ in range(N_LIKELIHOOD[CoreKind.OPERATOR]):
+        residual = criterion.residual(simulator.run(theta))
+        noise = autoregression(residual, criterion.known)
+        if noise is None:
+            return None
+        criterion.set_noise(noise)
+        sse = criterion.sse(simulator.run(theta))
+        if not np.isfinite(sse) or sse <= 0 or criterion.n <= theta.size:
+            return None
+        loss = criterion.n * np.log(sse / criterion.n) + prior.distance(theta)
+        if last - loss < STEADY:
+            break
+        last, best = loss, theta
+        fit = minimise(
+            simulator,
+            criterion,
+            theta,
+            max_iter=6,
+            fixed=held,
+            prior=prior.weighing(sse / criterion.n),
+        )
+        theta = fit.theta
+    return last, best
+
+
+def autoregression(residual: np.ndarray, known: np.ndarray) -> RemnantModel | None:
+    """AR model of residuals (n, runs) by least squares, one for all runs."""
+    order = AR_ORDER
+    gram = np.zeros((order + 1, order + 1))
+    if residual.shape[0] <= order:
+        return None
+    for column, rows in zip(residual.T, known.T, strict=True):
+        whole = np.lib.stride_tricks.sliding_window_view(rows, order + 1).all(axis=1)
+        windows = np.lib.stride_tricks.sliding_window_view(column, order + 1)[whole]
+        gram += windows.T @ windows
+    gram = gram[::-1, ::-1]
+    past = gram[1:, 1:]
+    white = JOINT_FLOOR * np.trace(past) / order
+    if not white > 0:
+        return None
+    ar = -np.linalg.solve(past + white * np.eye(order), gram[1:, 0])
+    errors = lfilter(np.r_[1.0, ar], [1.0], residual, axis=0) * known
+    power = (errors**2).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    if not power.mean() > 0:
+        return RemnantModel(ar, np.ones(residual.shape[1]))
+    # Runs with stronger remnant count less, within a factor of three.
+    scale = np.sqrt(np.clip(power, power.mean() / 9, None))
+    return RemnantModel(ar, scale / np.sqrt(power.mean()))
