@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ..effects.core_kind import CoreKind
 from .fitting import AR_ORDER, Criterion, Fit, RemnantModel, minimise
@@ -177,10 +176,4 @@ def autoregression(residual: np.ndarray, known: np.ndarray) -> RemnantModel | No
     if not white > 0:
         return None
     ar = -np.linalg.solve(past + white * np.eye(order), gram[1:, 0])
-    errors = lfilter(np.r_[1.0, ar], [1.0], residual, axis=0) * known
-    power = (errors**2).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    if not power.mean() > 0:
-        return RemnantModel(ar, np.ones(residual.shape[1]))
-    # Runs with stronger remnant count less, within a factor of three.
-    scale = np.sqrt(np.clip(power, power.mean() / 9, None))
-    return RemnantModel(ar, scale / np.sqrt(power.mean()))
+    return RemnantModel(ar, np.ones(residual.shape[1]))

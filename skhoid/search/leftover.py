@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -13,10 +13,12 @@ from ..effects.composition import Effects
 from ..effects.operator_signals import Gains
 from ..effects.record import Record, differentiated
 from ..greybox.fitting import Criterion, derivatives
+from ..greybox.loop import LoopSimulator
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
 from ..runs.roles import OTHER
 from .held_out import HeldOutRows
+from .in_loop import LoopJudge
 
 LAGS = 12  # of a channel
 LONGEST_LAG = 1.2  # s
@@ -25,6 +27,7 @@ PIECES = 9  # of a run
 MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
 LAGGED = 0.2  # s, by which an output of limited rate stays behind
 LEAST_EVIDENCE = 25.0
+IN_LOOP = ("channel", "frequency")  # families that may follow the remnant round the loop
 REPEATS = "part of the residual repeats from run to run, or follows the target"
 
 
@@ -53,21 +56,36 @@ class _Probe(Effect):
         return self.shape(signal, record)  # type: ignore[operator]
 
 
-def leftovers(model: Model, folds: Sequence[HeldOutRows]) -> list[Leftover]:
+def leftovers(
+    model: Model, folds: Sequence[HeldOutRows], judge: LoopJudge | None = None
+) -> list[Leftover]:
     """Families that explain part of the residual of a model, best first.
 
     A family is a set of responses: a nonlinear map of the error or of the output, gains and
     offsets that vary in time, or the linear response to a channel. Its part of
     the residual, beyond what the model's own parameters could absorb, is estimated on training
-    rows and counted on held-out rows.
+    rows and counted on held-out rows. With a ``judge`` linear responses count for no more than they
+    explain in the closed loop, where they cannot follow the remnant.
     """
+    found = _found(model, folds)
+    if judge is not None and any(item.where in IN_LOOP for item in found):
+        inside = judge.around(model).fit
+        points = {(i.where, i.at): i.points for i in _found(inside, judge.folds)}
+        found = [
+            replace(item, points=min(item.points, points.get((item.where, item.at), 0.0)))
+            if item.where in IN_LOOP
+            else item
+            for item in found
+        ]
+    return sorted((item for item in found if item.points > 0), key=lambda item: -item.points)
+
+
+def _found(model: Model, folds: Sequence[HeldOutRows]) -> list[Leftover]:
     record = model.simulator.record
     criterion = Criterion(record)
-    output = model.output
-    criterion.set_noise(criterion.remnant_model(output))
+    criterion.set_noise(criterion.remnant_model(model.output))
     base = model.refined(criterion, max_iter=4)
-    output = base.output
-    own = derivatives(base.simulator, criterion, base.theta, output)
+    own = derivatives(base.simulator, criterion, base.theta, base.output)
     found = []
     for where, at, description, columns in _families(base):
         if not len(columns):
@@ -76,7 +94,7 @@ def leftovers(model: Model, folds: Sequence[HeldOutRows]) -> list[Leftover]:
         result = _judged(own, thin, criterion, folds)
         if result is not None:
             found.append(Leftover(where, at, description, *result))
-    return sorted(found, key=lambda item: -item.points)
+    return found
 
 
 def _judged(
@@ -136,15 +154,18 @@ def _more(gains: Gains, name: str, shape: np.ndarray) -> np.ndarray:
 
 
 def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
-    record = model.simulator.record
+    simulator = model.simulator
+    closed = simulator if isinstance(simulator, LoopSimulator) else None
+    record = simulator.record if closed is None else closed.record_inside
     values = model.values()
-    output = model.output
+    output = Simulator(simulator.core, model.effects, record).run(model.theta)
 
     def with_probe(place: str, shape: object, first: bool = True) -> np.ndarray:
         probe = ("probe", _Probe(place, shape))
         steps = [probe, *model.effects.steps] if first else [*model.effects.steps, probe]
-        simulator = Simulator(model.simulator.core, Effects(steps), record)
-        return simulator.run(np.array([values[n] for n in simulator.names])) - output
+        probed = Simulator(simulator.core, Effects(steps), record)
+        change = probed.run(np.array([values[n] for n in probed.names])) - output
+        return change if closed is None else closed.closed(change)
 
     def knots(signal: np.ndarray) -> np.ndarray:
         return np.quantile(signal[record.known], np.linspace(0.05, 0.95, HINGES))

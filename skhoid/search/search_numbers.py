@@ -70,7 +70,7 @@ def numbers_of(
     assert record.y is not None
     steps = walked(search, path)
     before = path.steps[0].parent.effects.names
-    left = leftovers(path.model, search.folds)
+    left = leftovers(path.model, search.folds, search.loop)
     noises, others = noises_in(record.y - path.model.output, record, search.noises)
     left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
     rest, rest_sd, vaf = gap_of(best, prepared, measured)
