@@ -120,8 +120,13 @@ class LoopSimulator:
         return self._output
 
     def _solve(self, theta: np.ndarray) -> None:
+        """Solve the loop from the last error, or else from the measured one."""
+        if not self._solved(theta, self._inside):
+            self._pulse = None
+            self._solved(theta, self._error)
+
+    def _solved(self, theta: np.ndarray, error: np.ndarray) -> bool:
         assert self._columns.y is not None
-        error = self._inside
         sensitivity = self._sensitivity(theta, error)
         best: tuple[float, np.ndarray, np.ndarray, Simulator] | None = None
         with np.errstate(over="ignore", invalid="ignore"):
@@ -140,11 +145,12 @@ class LoopSimulator:
                 error = np.clip(error, -LARGEST * self._spread, LARGEST * self._spread)
         assert best is not None
         size, self._inside, self._answer, self._last = best
-        if size > SOLVED:
+        found = size <= SOLVED
+        nothing = np.full_like(self.record.input, np.nan)
+        self._output = self._mean(self._answer) if found else nothing
+        if not found:
             self._inside = self._error.copy()
-            self._output = np.full_like(self.record.input, np.nan)
-        else:
-            self._output = self._mean(self._answer)
+        return found
 
     def _mean(self, signal: np.ndarray) -> np.ndarray:
         if self._draws == 1:

@@ -63,7 +63,7 @@ class Candidate:
         """All criteria are met, or the output itself shows the effect."""
         if self.trace:
             return self.gain > -LEAST_GAIN
-        return self.helps and (self.in_loop is None or self.in_loop.helps)
+        return self.helps and not (self.in_loop is not None and self.in_loop.refutes)
 
     @property
     def helps(self) -> bool:

@@ -25,15 +25,19 @@ TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class InLoop:
-    """A model in the closed loop: its VAF on held-out rows, and what it has over a parent there."""
+    """A model in the closed loop: its VAF on held-out rows, and what it has over a parent there.
 
-    vaf: float
-    evidence: float
-    gain: float
+    NaN where the loop cannot be solved, as with what jumps or sticks.
+    """
+
+    vaf: float = np.nan
+    evidence: float = np.nan
+    gain: float = np.nan
 
     @property
-    def helps(self) -> bool:
-        return self.evidence > LEAST_EVIDENCE and self.gain > 0.0
+    def refutes(self) -> bool:
+        """Whether the loop is known, and the model no better than the parent there."""
+        return self.evidence <= LEAST_EVIDENCE or self.gain <= 0.0
 
 
 class LoopJudge:
@@ -81,10 +85,14 @@ class LoopParent:
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
+        if not (model.simulator.smooth and np.isfinite(self.fit.sse)):
+            return InLoop()
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
+        if not (np.isfinite(fitted.sse) and np.isfinite(fitted.output).all()):
+            return InLoop()
         criterion = Criterion(self.judge.record)
         best = min(self.fit, fitted, key=lambda m: m.sse)
         criterion.set_noise(criterion.remnant_model(best.output))
@@ -97,7 +105,9 @@ class LoopParent:
 
     @property
     def vaf(self) -> float:
-        """Held-out VAF of the parent in the loop."""
+        """Held-out VAF of the parent in the loop; NaN where the loop cannot be solved."""
+        if not np.isfinite(self.fit.sse):
+            return np.nan
         criterion = Criterion(self.judge.record)
         criterion.set_noise(criterion.remnant_model(self.fit.output))
         return self._held_out(self.fit, criterion)[1]
