@@ -25,7 +25,8 @@ from ..human.linear_element import LinearElement
 from .cores import Core
 from .simulator import FreeParameter, Simulator
 
-SWEEPS = 40
+SWEEPS = 30
+SMALL_STEP = 0.4
 SAME = 1e-5  # of the error's standard deviation
 SOLVED = 0.02  # of it, above which a loop counts as not solved
 LARGEST = 300.0  # times it, of an error
@@ -120,17 +121,18 @@ class LoopSimulator:
         return self._output
 
     def _solve(self, theta: np.ndarray) -> None:
-        """Solve the loop from the last error, or else from the measured one."""
+        """Solve the loop from the last error, else from the measured one, else in small steps."""
         if not self._solved(theta, self._inside):
             self._pulse = None
-            self._solved(theta, self._error)
+            if not self._solved(theta, self._error):
+                self._solved(theta, self._error, SMALL_STEP)
 
-    def _solved(self, theta: np.ndarray, error: np.ndarray) -> bool:
+    def _solved(self, theta: np.ndarray, error: np.ndarray, step: float = 1.0) -> bool:
         assert self._columns.y is not None
         sensitivity = self._sensitivity(theta, error)
         best: tuple[float, np.ndarray, np.ndarray, Simulator] | None = None
         with np.errstate(over="ignore", invalid="ignore"):
-            for _ in range(SWEEPS):
+            for _ in range(round(SWEEPS / step)):
                 simulator = self._open(error)
                 answer = simulator.run(theta)
                 change = answer + self._noise - self._columns.y
@@ -141,7 +143,7 @@ class LoopSimulator:
                     best = size, error, answer, simulator
                 if size < SAME or not np.isfinite(size):
                     break
-                error = error + filtered(left, sensitivity)
+                error = error + step * filtered(left, sensitivity)
                 error = np.clip(error, -LARGEST * self._spread, LARGEST * self._spread)
         assert best is not None
         size, self._inside, self._answer, self._last = best

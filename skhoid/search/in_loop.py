@@ -82,16 +82,17 @@ class LoopParent:
     def __init__(self, judge: LoopJudge, loop: Loop, parent: Model):
         self.judge, self.loop = judge, loop
         self.fit = judge.fitted(loop, parent.effects, [parent.theta])
+        self.solved = bool(np.isfinite(self.fit.output).all())
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
-        if not (model.simulator.smooth and np.isfinite(self.fit.sse)):
+        if not (model.simulator.smooth and self.solved):
             return InLoop()
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
-        if not (np.isfinite(fitted.sse) and np.isfinite(fitted.output).all()):
+        if not np.isfinite(fitted.output).all():
             return InLoop()
         criterion = Criterion(self.judge.record)
         best = min(self.fit, fitted, key=lambda m: m.sse)
@@ -106,7 +107,7 @@ class LoopParent:
     @property
     def vaf(self) -> float:
         """Held-out VAF of the parent in the loop; NaN where the loop cannot be solved."""
-        if not np.isfinite(self.fit.sse):
+        if not self.solved:
             return np.nan
         criterion = Criterion(self.judge.record)
         criterion.set_noise(criterion.remnant_model(self.fit.output))

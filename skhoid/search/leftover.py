@@ -70,7 +70,7 @@ def leftovers(
     found = _found(model, folds)
     if judge is not None and any(item.where in IN_LOOP for item in found):
         inside = judge.around(model).fit
-        if not np.isfinite(inside.sse):
+        if not np.isfinite(inside.output).all():
             return sorted(found, key=lambda item: -item.points)
         points = {(i.where, i.at): i.points for i in _found(inside, judge.folds)}
         found = [
