@@ -49,6 +49,8 @@ class Record:
         Rate in Hz at which residuals count, at most.
     ahead : float
         Seconds by which the answer may come earlier than the core's delay.
+    least_delay : float
+        Seconds after which what the output moves is answered at the earliest.
     """
 
     dt: float
@@ -64,6 +66,7 @@ class Record:
     time_unit: float = 1.0
     criterion_rate: float = 25.0  # operators do not answer faster than half of it
     ahead: float = np.inf
+    least_delay: float = 0.0
     _derived: dict = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from .arx_starts import arx_starts
 
 BOUND = 1e9  # of simulated outputs
 OPERATORS_MOVE = 3.0  # rad/s, half of the output's power below it: what times are written for
+LEAST_DELAY = 0.1  # s, of an operator: see OperatorRegressor
 SLOWEST, FASTEST = 0.02, 1.0  # rad per sample, of what an ARX model describes
 N_ROUNDS = 2  # of least squares for an ARX model behind an effect
 
@@ -95,7 +96,8 @@ class Core(Protocol):
 class OperatorCore:
     """Human operator: K_e e + K_edot de/dt, delayed, through the neuromuscular system (Eqs. 3-5).
 
-    ``fixed_delay`` in seconds, or None to estimate it.
+    ``fixed_delay`` in seconds, or None to estimate it; ``least`` is the least delay in seconds with
+    which anything that the operator moves is answered, unless a shorter one is given.
     """
 
     kind = CoreKind.OPERATOR
@@ -104,8 +106,8 @@ class OperatorCore:
     ordinary: Mapping[str, float] = {"omega_nm": 11.0, "zeta_nm": 0.35}
     ratios: tuple[Ratio, ...] = (Ratio("T_L", "K_edot", "K_e", S, "lead time constant"),)
 
-    def __init__(self, fixed_delay: float | None):
-        self.fixed_delay = fixed_delay
+    def __init__(self, fixed_delay: float | None, least: float = LEAST_DELAY):
+        self.fixed_delay, self.least = fixed_delay, least
         self.sizes: Mapping[str, float] = {}
         free = (
             Parameter("K_e", U / E, -50.0, 50.0, (0.5,), "gain on the error"),
@@ -113,7 +115,7 @@ class OperatorCore:
             Parameter("omega_nm", RAD / S, 1.5, 60.0, (10.0,), "neuromuscular frequency"),
             Parameter("zeta_nm", ONE, 0.02, 3.0, (0.4,), "neuromuscular damping ratio"),
         )
-        delay = Parameter("tau_e", S, 0.0, 1.5, (0.25,), "effective time delay")
+        delay = Parameter("tau_e", S, least, 1.5, (0.25,), "effective time delay")
         self.parameters: tuple[Parameter, ...] = free
         if fixed_delay is None:
             self.parameters = (*free, delay)
@@ -121,10 +123,11 @@ class OperatorCore:
             self.kind = CoreKind.OPERATOR_FREE_DELAY
 
     def on(self, record: Record) -> Record:
-        return record
+        ahead = np.inf if self.fixed_delay is None else self.fixed_delay - self.least_delay(0.0)
+        return replace(record, ahead=ahead, least_delay=self.least)
 
     def least_delay(self, dt: float) -> float:
-        return 0.0
+        return self.least if self.fixed_delay is None else min(self.least, self.fixed_delay)
 
     def delay(self, values: dict[str, float]) -> float:
         return self.fixed_delay if self.fixed_delay is not None else values["tau_e"]
@@ -202,6 +205,7 @@ class ARXCore:
             time_unit=OPERATORS_MOVE / pace(record),
             criterion_rate=np.inf,
             ahead=self.nk * record.dt,
+            least_delay=record.dt,
         )
 
     def least_delay(self, dt: float) -> float:

@@ -20,6 +20,7 @@ COARSE_STEP = 5e-3  # where the response is not smooth
 WORTHWHILE = 1e-4  # share of the squares that a common scale must save
 SEARCHED = 0.02  # relative accuracy of parameters where the response is not smooth
 MEMORY = 2.0  # s, over which scores may correlate
+NO_CHANGE = 1e-14  # of the squares that the most influential parameter changes
 
 
 @dataclass(frozen=True)
@@ -268,8 +269,15 @@ def derivatives(
     return rows
 
 
+def felt(simulator: Simulator, theta: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+    """Which parameters change the output at all, from squares of derivatives by each."""
+    size = np.array([simulator.size(i, value) for i, value in enumerate(theta)])
+    moved = diagonal * size**2
+    return moved > NO_CHANGE * moved.max(initial=0.0)
+
+
 def covariance_of(simulator: Simulator, criterion: Criterion, fit: Fit) -> np.ndarray:
-    """Covariance of an operator's parameters; NaN for those at a bound.
+    """Covariance of an operator's parameters; NaN for those at a bound or without effect.
 
     It has four parts. Derivatives are differences over about a standard deviation, which say more
     than the tangent of a response that is a step, or jagged. Where whitened residuals are not
@@ -289,6 +297,7 @@ def covariance_of(simulator: Simulator, criterion: Criterion, fit: Fit) -> np.nd
     for _ in range(1 if simulator.smooth else 2):
         slopes = wide_derivatives(simulator, criterion, theta, output, sigma, diagonal)
         diagonal = (slopes[:-1] ** 2).sum(axis=1)
+    free &= felt(simulator, theta, diagonal)
     slopes, residual = slopes[:-1][free], slopes[-1]
     inverse = scaled_inverse(slopes @ slopes.T)
     block = sigma**2 * inverse

@@ -8,7 +8,7 @@ from typing import Any
 from .._sklearn import Interval
 from ..human.controlled_element import ControlledElement
 from .base import GreyBox
-from .cores import OperatorCore
+from .cores import LEAST_DELAY, OperatorCore
 from .operator_core import fit_plain_operator
 from .prepared import SimulatedCore
 
@@ -26,6 +26,11 @@ class OperatorRegressor(GreyBox):
     delay : float or None, default=None
         Effective time delay tau_e in seconds, kept as given until the effect ``wrong_delay`` frees
         it; None estimates it.
+    least_delay : float or None, default=None
+        Least time in seconds after which the operator answers what the loop moves (the error, the
+        output, the motion); None means 0.1 s, since effective delays of people who see or feel are
+        not shorter. A shorter one would make the model the inverse of the controlled element. A
+        ``delay`` below it is taken as given.
     inputs : column name or list with one, or None, default=None
         The error. None means the column of role ``e``.
     effects : Effect, Effects, str, list of these, or None, default=None
@@ -100,7 +105,8 @@ class OperatorRegressor(GreyBox):
     References
     ----------
     Van Grootheest, thesis, Eqs. 3-5 and its reference [8]: Zaal et al., Modeling human
-    multimodal perception and control using genetic maximum likelihood estimation (2009).
+    multimodal perception and control using genetic maximum likelihood estimation (2009). McRuer and
+    Jex, A review of quasi-linear pilot models (1967), for the least delay.
 
     Examples
     --------
@@ -116,12 +122,14 @@ class OperatorRegressor(GreyBox):
     _parameter_constraints: dict = {
         **GreyBox._parameter_constraints,
         "delay": [Interval(Real, 0, 10, closed="both"), None],
+        "least_delay": [Interval(Real, 0, 1, closed="both"), None],
     }
 
     def __init__(
         self,
         delay: float | None = None,
         *,
+        least_delay: float | None = None,
         inputs: Any = None,
         effects: Any = None,
         roles: dict | None = None,
@@ -131,6 +139,7 @@ class OperatorRegressor(GreyBox):
         run: Any = None,
     ):
         self.delay = delay
+        self.least_delay = least_delay
         self.inputs = inputs
         self.effects = effects
         self.roles = roles
@@ -141,8 +150,9 @@ class OperatorRegressor(GreyBox):
 
     def _simulated_core(self) -> SimulatedCore:
         delay = None if self.delay is None else float(self.delay)
+        least = LEAST_DELAY if self.least_delay is None else float(self.least_delay)
         return SimulatedCore(
-            core=OperatorCore(delay),
+            core=OperatorCore(delay, least),
             estimated=fit_plain_operator,
             description="human operator, Eqs. 3-5",
             errors_note="Standard errors allow for remnant of any colour.",

@@ -101,8 +101,9 @@ class Simulator:
 
         def delayed(s: StageSignals, theta: Any) -> StageSignals:
             late = s.delay
-            if np.ndim(late) or late != 0.0:
-                late = np.maximum(late, core.least_delay(record.dt))
+            least = core.least_delay(record.dt)
+            if np.ndim(late) or late != 0.0 or least > 0.0:
+                late = np.maximum(late, least)
                 return s._replace(error=record.delayed(s.error, late), delay=late)
             return s
 
