@@ -57,6 +57,10 @@ class Criterion:
         self.y = np.ascontiguousarray(record.y[:: self.thin])
         self.known = np.ascontiguousarray(known[:: self.thin])
         self.power = float((self.y[self.known] ** 2).sum())
+        self.power_about_mean = (
+            self.power
+            - self.known.sum() * float(self.y[self.known].mean() if self.known.any() else 0.0) ** 2
+        )
         self.set_noise(noise or RemnantModel.white(record.n_runs))
 
     def coarse(self) -> Criterion:
@@ -176,6 +180,7 @@ def minimise(
         return Fit(theta, np.inf, criterion.n, normal, gradient)
     if not simulator.smooth:
         theta, output, sse = rescaled(simulator, criterion, theta, output, sse)
+    better = True
     for _ in range(max_iter):
         normal, gradient = normal_equations(simulator, criterion, theta, output)
         at_low = (theta <= low) & (gradient < 0)

@@ -44,6 +44,14 @@ class OperatorRegressor(GreyBox):
     settling : float, default=3.0
         Seconds at the start of each run (and after each gap) that do not count in the fit, since
         what came before them is not known.
+    initial : {"rest", "estimate"} or None, default=None
+        How simulations begin. ``"rest"``: with all signals zero before the first sample.
+        ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
+        run best; in ``predict``, as if the inputs had always been as in the first row. None takes
+        that only where runs show that they do not begin at rest.
+    start : dict or None, default=None
+        Values to start the fit from, ``{parameter: value}`` by the names of ``parameters_``, beside
+        the model's own starts.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -71,6 +79,8 @@ class OperatorRegressor(GreyBox):
         Rows that count: measured, and not in the settling or a run-in.
     controlled_element_ : ControlledElement or None
         Given or estimated.
+    initial_ : str
+        How free runs begin: ``"rest"`` or ``"estimate"``.
     dt_ : float
         Sampling time of the fitted grid in seconds.
     inputs_ : list of str
@@ -135,6 +145,8 @@ class OperatorRegressor(GreyBox):
         roles: dict | None = None,
         controlled_element: ControlledElement | None = None,
         settling: float = 3.0,
+        initial: str | None = None,
+        start: dict | None = None,
         dt: float | None = None,
         run: Any = None,
     ):
@@ -145,6 +157,8 @@ class OperatorRegressor(GreyBox):
         self.roles = roles
         self.controlled_element = controlled_element
         self.settling = settling
+        self.initial = initial
+        self.start = start
         self.dt = dt
         self.run = run
 
@@ -157,4 +171,5 @@ class OperatorRegressor(GreyBox):
             description="human operator, Eqs. 3-5",
             errors_note="Standard errors allow for remnant of any colour.",
             given={} if delay is None else {"tau_e": delay},
+            start=self.start or {},
         )

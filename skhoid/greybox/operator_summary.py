@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from ..summaries import Summary, estimates_table, grid_facts, quantity, signal_facts
-
 from .model import AT_BOUND
 
 if TYPE_CHECKING:
@@ -65,7 +64,7 @@ def delay_notes(table: pd.DataFrame, least: float) -> list[str]:
         return [f"The delay given, {value:.2f} s, is below the least of a person, {least:.2f} s."]
     if sd != 0.0 and value <= least * (1 + AT_BOUND):
         return [
-            f"tau_e is at its least, {least:.2f} s: people do not answer sooner. The fit would make "
-            "it shorter still, so something else answers at once, or the channels are misaligned."
+            f"tau_e is at its least, {least:.2f} s: people do not answer sooner. The fit would "
+            "make it shorter still: something else answers at once, or channels are misaligned."
         ]
     return []

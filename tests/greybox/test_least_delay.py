@@ -12,7 +12,7 @@ from skhoid.greybox.cores import OperatorCore
 @pytest.fixture(scope="module")
 def quick():
     """Somebody who answers at once, whose delay would be 0."""
-    X, y = make_tracking_runs(duration=20.48, channels=["e", "x"], random_state=0)
+    X, _ = make_tracking_runs(duration=20.48, channels=["e", "x"], random_state=0)
     e = X["e"].to_numpy()
     filtered = np.convolve(e, np.exp(-np.arange(60) / 8.0), "full")[: e.size]
     return X, pd.Series(filtered, X.index, name="u")
