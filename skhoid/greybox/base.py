@@ -115,13 +115,11 @@ class Simulation:
         free = self._run(record, self.begins)
         if initial == REST:
             return columns.rows(free)
-        known = measured(grid, columns, output)
-        record = replace(record, y=columns.beside(np.nan_to_num(output)), known=known, _derived={})
+        known, y = measured(grid, columns, output), columns.beside(np.nan_to_num(output))
+        record = replace(record, y=y, known=known, _derived={})
         fitted = self._run(record, ESTIMATE)
         left = error_of(record, free), error_of(record, fitted)
-        return columns.rows(
-            free if initial is None and not pays(*left, record.y[known]) else fitted
-        )
+        return columns.rows(free if initial is None and not pays(*left, y[known]) else fitted)
 
 
 class SimulatedModelMixin:
@@ -317,7 +315,7 @@ def check_start(start: Mapping[str, Any], core: Core, record: Record, effects: E
                 f"start names {name!r}, which is not estimated. There are: {known}."
                 f"{did_you_mean(name, names)}"
             )
-        if not isinstance(value, Real) or not np.isfinite(value):
+        if not isinstance(value, Real) or not np.isfinite(float(value)):
             raise ValueError(f"start={{{name!r}: ...}} must be a finite number; got {value!r}.")
 
 

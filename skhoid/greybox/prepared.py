@@ -28,7 +28,7 @@ class SimulatedCore:
     """The core that the parameters of an estimator ask for, how to fit it, and its given values.
 
     ``estimated`` finds the core without effects at the minimum of the simulation error; ``given``
-    are parameters that are not estimated, for the table; ``start`` are further values to start from.
+    are parameters that are not estimated, for the table; ``start`` are more values to start from.
     """
 
     core: Core
