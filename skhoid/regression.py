@@ -148,7 +148,8 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         """Simulate the output from the inputs alone (free run).
 
         The output is zero before each run, and before the first row after a gap or a marked
-        run-in; inputs are zero before the recording begins. A NaN input holds the last value, and
+        run-in; inputs are zero before the recording begins. Models with ``initial_`` equal to
+        ``"estimate"`` begin as if the inputs had always been as in the first row. A NaN input holds the last value, and
         a warning says how many. Unstable models stay finite (within 1e100).
 
         Parameters

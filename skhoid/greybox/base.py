@@ -42,8 +42,8 @@ N_LIKELIHOOD = {
     CoreKind.ARX: 2,
 }
 N_FREELY = {CoreKind.OPERATOR: 2, CoreKind.ARX: 0}  # rounds of which the free run may get worse
-# Largest ratio of the squares of the simulation error to those of the round before.
-WORSE = {CoreKind.OPERATOR: 1.01, CoreKind.ARX: 1.05}
+# Largest ratio of the squares of the simulation error to those of the round before (ARX: of all).
+WORSE = {CoreKind.OPERATOR: 1.01, CoreKind.ARX: 1.02}
 SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
 
 
@@ -410,14 +410,16 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     model gets two.
     """
     core = model.simulator.record.core
+    power = 0.0
     for i in range(N_LIKELIHOOD[core]):
         before, noise = model, criterion.noise
-        residual = criterion.residual(model.output)
+        if i == 0 or core != CoreKind.ARX:
+            power = _power(criterion.residual(model.output))
         criterion.set_noise(criterion.remnant_model(model.output))
         model = model.refined(criterion)
         moved = model.theta - before.theta
-        worse = _power(criterion.residual(model.output)) / max(_power(residual), 1e-300)
-        if i >= N_FREELY[core] and worse > WORSE[core]:
+        after = _power(criterion.residual(model.output))
+        if i >= N_FREELY[core] and after > WORSE[core] * power:
             if not noise.ar.size:
                 return before.under(criterion), criterion.noise
             criterion.set_noise(noise)

@@ -102,8 +102,9 @@ class Criterion:
         """Sum of squares; infinite where the output is not finite."""
         if not np.isfinite(output[-1]).all():
             return np.inf
-        r = self.whitened(self.residual(output)[None])[0]
-        value = float(r @ r)
+        with np.errstate(over="ignore", invalid="ignore"):
+            r = self.whitened(self.residual(output)[None])[0]
+            value = float(r @ r)
         return value if np.isfinite(value) else np.inf
 
     def remnant_model(self, output: np.ndarray) -> RemnantModel:

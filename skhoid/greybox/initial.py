@@ -38,8 +38,9 @@ def pays(rest: float, other: float, y: np.ndarray) -> bool:
 def error_of(record: Record, output: np.ndarray) -> float:
     """Sum of squares over what is known; infinite where the output is not finite."""
     assert record.y is not None
-    error = (record.y - output)[record.known]
-    total = float(error @ error)
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = (record.y - output)[record.known]
+        total = float(error @ error)
     return total if np.isfinite(total) else np.inf
 
 
