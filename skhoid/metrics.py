@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
-from .pipelines import raw_layout, reach_model, trimmed_rows
+from .pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from .preprocessing.run_in import run_in_rows
 from .runs import RunLayout, check_alignment, read_layout
 
@@ -276,5 +276,5 @@ class VAFScorer:
             model, X = reach_model(estimator, X)
             return model._score_at_model_rate(X, y, keep, self.average, self.centered)
         measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
-        prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
+        prediction = prediction_from(estimator, X, y)
         return vaf_of_rows(measured, prediction, keep, layout, self.average, self.centered)

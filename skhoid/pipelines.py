@@ -69,3 +69,11 @@ def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
                 measurement_time=step.measurement_time,
             )
     return trimmed
+
+
+def prediction_from(estimator: Any, X: Any, y: Any) -> np.ndarray:
+    """Free run of X that begins where y does, of models that can; else what they predict."""
+    model, passed = reach_model(estimator, X)
+    if not hasattr(model, "_prediction_from"):
+        return np.asarray(estimator.predict(X), dtype=float).ravel()
+    return model._prediction_from(passed, y)

@@ -47,6 +47,10 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         """Simulated output on the grid, from all columns of X at full rate."""
         raise NotImplementedError
 
+    def _run_from(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+        """The same, from initial states that fit an output on the grid."""
+        return self._free_run(grid, values)
+
     def _read_X(self, X: Any, *, reset: bool) -> tuple[ModelGrid, np.ndarray]:
         """Read the layout and all columns of X, checked."""
         layout, values = read_table(self, X, reset=reset)
@@ -144,7 +148,9 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         """Simulate the output from the inputs alone (free run).
 
         The output is zero before each run, and before the first row after a gap or a marked
-        run-in; inputs are zero before the recording begins. A NaN input holds the last value, and
+        run-in; inputs are zero before the recording begins. Models with ``initial_`` equal to
+        ``"estimate"`` begin as if the inputs had always been as in the first row. A NaN input
+        holds the last value, and
         a warning says how many. Unstable models stay finite (within 1e100).
 
         Parameters
@@ -164,6 +170,8 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
     def score(self, X: Any, y: Any) -> float:
         """Score the free run by its VAF in percent, pooled over runs.
 
+        Models that estimate initial states take those that fit ``y`` best.
+
         Parameters
         ----------
         X : DataFrame or array of shape (n_rows, n_columns)
@@ -176,11 +184,17 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         vaf : float
             Unclipped, at least -1000; rows of a marked run-in are left out.
         """
+        prediction = self._prediction_from(X, y)
+        layout = self._read_X(X, reset=False)[0].layout
+        keep = scored_rows(layout, None, None)
+        return vaf_of_rows(self._read_y(X, y), prediction, keep, layout, "pooled", False)
+
+    def _prediction_from(self, X: Any, y: Any) -> np.ndarray:
+        """Free run from initial states that fit y where the model has such; else ``predict``."""
         self._check_fitted()
         grid, values = self._read_X(X, reset=False)
-        prediction = grid.to_full_rate(self._free_run(grid, values))
-        keep = scored_rows(grid.layout, None, None)
-        return vaf_of_rows(self._read_y(X, y), prediction, keep, grid.layout, "pooled", False)
+        output = grid.thin_output(self._read_y(X, y))
+        return grid.to_full_rate(self._run_from(grid, values, output))
 
     def summary(self, X: Any = None, y: Any = None) -> str:
         """Say in a table what was fitted, how, and how sure the parameters are.

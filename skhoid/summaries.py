@@ -164,7 +164,8 @@ def grid_facts(model: Any) -> dict[str, str]:
 class Estimate(NamedTuple):
     """A parameter as text: value, standard error, ends of its interval, and unit.
 
-    What was given has the standard error 0, what lies at a bound NaN; both show a dash.
+    What was given has the standard error 0; what lies at a bound, or what the data do not
+    determine, NaN. All show a dash. What is not determined has an interval all the same: its range.
     """
 
     value: str
@@ -179,6 +180,7 @@ class Estimate(NamedTuple):
         """Make it from a row with the columns value, sd, low, high and unit."""
         value, sd = float(row["value"]), float(row["sd"])
         low, high = (float(row.get(end, np.nan)) for end in ("low", "high"))
+        without = " (at its bound)" if np.isnan(low) else " (not determined)"
         if not (np.isfinite(sd) and sd > 0.0):
             sd = low = high = np.nan
         unit = "" if row["unit"] == "-" else str(row["unit"])
@@ -188,7 +190,7 @@ class Estimate(NamedTuple):
             number(low, sd),
             number(high, sd),
             unit,
-            remark="" if np.isfinite(row["sd"]) else " (at its bound)",
+            remark="" if np.isfinite(row["sd"]) else without,
         )
 
     @property

@@ -237,7 +237,7 @@ def test_a_trimmed_run_in_is_left_out_of_stock_searches(data):
     spoilt = y.copy()
     early = X.index.get_level_values("time") < 0.3
     spoilt[early] = 50.0
-    pipe = make_pipeline(RunInTrimmer(0.3), ARXRegressor(2, 2, 3))
+    pipe = make_pipeline(RunInTrimmer(0.3), ARXRegressor(2, 2, 3, initial="rest"))
     search = GridSearchCV(pipe, {"arxregressor__na": [1, 2]}, scoring=VAFScorer(),
                           cv=LeaveOneGroupOut())  # fmt: skip
     search.fit(X, spoilt, groups=run_labels(X))
@@ -256,7 +256,7 @@ def test_a_trimmed_run_in_is_left_out_of_stock_searches(data):
 def test_a_run_in_marked_beforehand_is_left_out(data):
     X, y = data
     marked = RunInTrimmer(0.3).fit_transform(X)
-    model = ARXRegressor(2, 2, 3).fit(marked, y)
+    model = ARXRegressor(2, 2, 3, initial="rest").fit(marked, y)
     kept = X.index.get_level_values("time") >= 0.295
     expected = naive.vaf(y[kept], model.predict(marked)[kept])
     assert VAFScorer()(model, marked, y) == pytest.approx(expected, rel=1e-12)

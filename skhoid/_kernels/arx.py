@@ -13,11 +13,12 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def free_run(X, begin, end, past, theta, at, na, nb, nk, y0, bound):
+def free_run(X, begin, end, past, theta, at, na, nb, nk, y0, bound, held):
     """Simulate Eq. 6 without noise from the inputs alone.
 
-    ``y0[s, i]`` is the output ``i + 1`` samples before stretch ``s``. The output is held within
-    ``+-bound``, so that an unstable model stays finite.
+    ``y0[s, i]`` is the output ``i + 1`` samples before stretch ``s``. Inputs before the first known
+    row are zero, or ``held``: as in that row. The output is held within ``+-bound``, so that an
+    unstable model stays finite.
     """
     out = np.zeros(X.shape[0])
     constant = na + nb.sum()
@@ -30,8 +31,8 @@ def free_run(X, begin, end, past, theta, at, na, nb, nk, y0, bound):
             for j in range(nb.size):
                 for k in range(nb[j]):
                     row = t - nk[j] - k
-                    if row >= past[s]:
-                        value += theta[now, entry] * X[row, j]
+                    if row >= past[s] or held:
+                        value += theta[now, entry] * X[max(row, past[s]), j]
                     entry += 1
             for i in range(na):
                 row = t - 1 - i

@@ -108,11 +108,37 @@ class BaseARX(RunRegressor):
         return self._simulate(grid, self._held_inputs(grid, values))
 
     def _simulate(
-        self, grid: ModelGrid, inputs: np.ndarray, y0: np.ndarray | None = None
+        self,
+        grid: ModelGrid,
+        inputs: np.ndarray,
+        y0: np.ndarray | None = None,
+        held: bool = False,
+        most: int | None = None,
     ) -> np.ndarray:
-        """Free run on the grid."""
-        stretches = (grid.begin, grid.end, grid.past)
-        return free_run_output(inputs, stretches, self.orders_, *self._parameters(grid), y0)
+        """Free run on the grid, or of the first ``most`` rows of its stretches."""
+        end = grid.end if most is None else np.minimum(grid.end, grid.begin + most)
+        stretches = (grid.begin, end, grid.past)
+        return free_run_output(inputs, stretches, self.orders_, *self._parameters(grid), y0, held)
+
+    def _from_fitted_states(
+        self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, held: bool
+    ) -> np.ndarray:
+        """Free run on the grid whose outputs before each stretch fit a measured output best."""
+        free = self._simulate(grid, inputs, held=held)
+        na = self.orders_.na
+        if na == 0:
+            return free
+        responses = np.empty((free.size, na))
+        rest = np.zeros_like(inputs)
+        for lag in range(na):
+            y0 = np.zeros((grid.begin.size, na))
+            y0[:, lag] = 1.0
+            responses[:, lag] = self._simulate(grid, rest, y0) - self._simulate(grid, rest)
+        for begin, end in zip(grid.begin, grid.end, strict=True):
+            known = np.flatnonzero(~np.isnan(output[begin:end])) + begin
+            fitted = np.linalg.lstsq(responses[known], output[known] - free[known], rcond=None)[0]
+            free[begin:end] += responses[begin:end] @ fitted
+        return free
 
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
         """Sets of parameters, and which of them each row of the grid has."""
@@ -141,29 +167,23 @@ class BaseARX(RunRegressor):
         """
         if initial_state not in ("zero", "estimate"):
             raise ValueError(f"initial_state must be 'zero' or 'estimate'; got {initial_state!r}.")
-        if initial_state == "zero":
-            return self.predict(X)
         self._check_fitted()
-        if y is None:
+        if initial_state == "estimate" and y is None:
             raise ValueError("initial_state='estimate' needs the measured output y.")
         grid, values = self._read_X(X, reset=False)
-        output = grid.thin_output(self._read_y(X, y))
+        output = None
+        if initial_state == "estimate":
+            output = grid.thin_output(self._read_y(X, y))
+        return grid.to_full_rate(self._simulated(grid, values, output))
+
+    def _simulated(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
+    ) -> np.ndarray:
+        """Free run on the grid from rest, or from initial states that fit an output."""
         inputs = self._held_inputs(grid, values)
-        free = self._simulate(grid, inputs)
-        na = self.orders_.na
-        if na == 0:
-            return grid.to_full_rate(free)
-        responses = np.empty((free.size, na))
-        rest = np.zeros_like(inputs)
-        for lag in range(na):
-            y0 = np.zeros((grid.begin.size, na))
-            y0[:, lag] = 1.0
-            responses[:, lag] = self._simulate(grid, rest, y0) - self._simulate(grid, rest)
-        for begin, end in zip(grid.begin, grid.end, strict=True):
-            known = np.flatnonzero(~np.isnan(output[begin:end])) + begin
-            fitted = np.linalg.lstsq(responses[known], output[known] - free[known], rcond=None)[0]
-            free[begin:end] += responses[begin:end] @ fitted
-        return grid.to_full_rate(free)
+        if output is None:
+            return self._simulate(grid, inputs)
+        return self._from_fitted_states(grid, inputs, output, held=False)
 
     def predict_ahead(self, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
         """Predict each row from the output measured ``horizon`` samples before it.
@@ -230,7 +250,7 @@ class BaseARX(RunRegressor):
         self._check_fitted()
         grid, values = self._read_X(X, reset=False)
         output = self._read_y(X, y)
-        free = self._free_run(grid, values)
+        free = self._run_from(grid, values, grid.thin_output(output))
         full = np.zeros(output.size)
         rows = np.arange(output.size) if grid.rows is None else grid.rows
         thinned = np.full(output.size, np.nan)
@@ -245,10 +265,12 @@ def free_run_output(
     theta: np.ndarray,
     at: np.ndarray,
     y0: np.ndarray | None = None,
+    held: bool = False,
 ) -> np.ndarray:
     """Simulate stretches (begin, end, past), each from ``na`` initial outputs, zero by default.
 
-    Row t has the parameters ``theta[at[t]]``.
+    Row t has the parameters ``theta[at[t]]``. Inputs before a stretch are zero, or ``held`` as in
+    its first row.
     """
     if y0 is None:
         y0 = np.zeros((stretches[0].size, max(orders.na, 1)))
@@ -258,6 +280,7 @@ def free_run_output(
         *_as_kernels_take(orders, theta, at),
         _kernels.gate(y0),
         BOUND,
+        held,
     )
 
 

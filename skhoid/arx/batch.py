@@ -72,6 +72,17 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     settling : float, default=0.0
         Seconds at the start of each run (and after each gap) that do not count in a fit with
         effects, which starts from rest.
+    initial : {"rest", "estimate"} or None, default=None
+        How simulations begin. ``"rest"``: with all signals zero before the first sample.
+        ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
+        run best; in ``predict``, as if the inputs had always been as in the first row. None takes
+        that only where runs show that they do not begin at rest.
+    start : dict or None, default=None
+        Values to start a fit with effects from, ``{parameter: value}`` by the names of
+        ``parameters_``, beside the model's own starts.
+    n_starts : int, default=24
+        How many systems of different poles are tried as starts of a fit with effects, beside those
+        that least squares find; fixed ones, so that a fit can be repeated.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
@@ -112,6 +123,8 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         With effects: given or estimated.
     parameter_names_ : list of str
         Names of the entries of ``coef_``.
+    initial_ : str
+        How free runs begin: ``"rest"`` or ``"estimate"``.
     dt_ : float
         Sampling time of the fitted grid in seconds.
     inputs_ : list of str
@@ -179,6 +192,9 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         "effects": [Effect, Effects, str, list, tuple, None],
         "controlled_element": ELEMENT,
         "settling": [Interval(Real, 0, None, closed="left")],
+        "initial": [StrOptions({"rest", "estimate"}), None],
+        "start": [dict, None],
+        "n_starts": [Interval(Integral, 0, None, closed="left")],
         "roles": [dict, None],
         "dt": [Interval(Real, 0, None, closed="neither"), None],
         "run": "no_validation",
@@ -198,6 +214,9 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         effects: Any = None,
         controlled_element: Any = None,
         settling: float = 0.0,
+        initial: str | None = None,
+        start: dict | None = None,
+        n_starts: int = 24,
         roles: dict | None = None,
         dt: float | None = None,
         run: Any = None,
@@ -213,6 +232,9 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         self.effects = effects
         self.controlled_element = controlled_element
         self.settling = settling
+        self.initial = initial
+        self.start = start
+        self.n_starts = n_starts
         self.roles = roles
         self.dt = dt
         self.run = run
@@ -255,10 +277,13 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
             raise ValueError(NO_EFFECTS_BY_INSTRUMENTS)
         orders = Orders.of(self.na, self.nb, self.nk, 1, bool(self.fit_intercept))
         return SimulatedCore(
-            core=ARXCore(orders.na, orders.nb[0], orders.nk[0], orders.intercept),
+            core=ARXCore(
+                orders.na, orders.nb[0], orders.nk[0], orders.intercept, n_starts=self.n_starts
+            ),
             estimated=fitted_arx,
             description=orders_text(orders),
             errors_note="Standard errors take the residual, whitened by its AR model, as white.",
+            start=self.start or {},
         )
 
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
@@ -274,6 +299,9 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         return self._strategy.free_run(self, grid, values)
+
+    def _run_from(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+        return self._strategy.run_from(self, grid, values, output)
 
     def _ahead(
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
@@ -294,15 +322,19 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
             Measured output, needed to estimate the initial state.
         initial_state : {"zero", "estimate"}, default="zero"
             ``"estimate"`` chooses the ``na`` outputs before each run (and gap, and end of the
-            run-in) by least squares on ``y``, as MATLAB's ``compare`` does. Not with effects.
+            run-in) by least squares on ``y``, as MATLAB's ``compare`` does.
 
         Returns
         -------
         y_sim : ndarray of shape (n_rows,)
         """
         self._check_fitted()
-        self._strategy.check_start(initial_state)
         return super().simulate(X, y, initial_state=initial_state)
+
+    def _simulated(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
+    ) -> np.ndarray:
+        return self._strategy.simulated(self, grid, values, output)
 
     def _summary(self) -> Summary:
         return self._strategy.summary(self)

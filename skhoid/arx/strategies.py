@@ -18,6 +18,7 @@ from ..greybox.arx_core import forecast
 from ..greybox.base import Simulation, first_model, simulation_of
 from ..greybox.estimates import arx_parameter_table
 from ..greybox.fitting import Criterion, RemnantModel
+from ..greybox.initial import ESTIMATE, HELD
 from ..greybox.likelihood import likelihood_fit
 from ..greybox.model import Model
 from ..greybox.operator_summary import simulated_summary
@@ -28,6 +29,7 @@ from ..runs import input_columns
 from ..runs.roles import is_external, role_of
 from ..summaries import Summary
 from .base import BaseARX, check_row_count
+from .beginning import Beginning
 from .excitation import rank_error
 from .instruments import estimate
 from .least_squares import Triangle, newey_west
@@ -59,8 +61,15 @@ class Strategy(Protocol):
     def one_step_errors(self, model: ARXRegressor, X: Any, y: Any) -> np.ndarray:
         """One-step errors on the grid; NaN where there are none."""
 
-    def check_start(self, initial_state: str) -> None:
-        """Refuse a start that this simulation does not have."""
+    def run_from(
+        self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray, output: np.ndarray
+    ) -> np.ndarray:
+        """Free run on the grid from initial states that fit the output."""
+
+    def simulated(
+        self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
+    ) -> np.ndarray:
+        """Free run on the grid from rest, or from initial states that fit an output."""
 
     def summary(self, model: ARXRegressor) -> Summary:
         """What was estimated, and how."""
@@ -69,8 +78,15 @@ class Strategy(Protocol):
 class AnswersByEquation:
     """Predictions are those of the ARX equation with ``coef_``, as of every linear model."""
 
+    begins: Beginning
+
     def free_run(self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        return BaseARX._free_run(model, grid, values)
+        return self.begins.free_run(model, grid, model._held_inputs(grid, values))
+
+    def run_from(
+        self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray, output: np.ndarray
+    ) -> np.ndarray:
+        return self.begins.run_from(model, grid, model._held_inputs(grid, values), output)
 
     def ahead(
         self,
@@ -85,8 +101,10 @@ class AnswersByEquation:
     def one_step_errors(self, model: ARXRegressor, X: Any, y: Any) -> np.ndarray:
         return BaseARX._one_step_errors(model, X, y)
 
-    def check_start(self, initial_state: str) -> None:
-        """Every start can be simulated."""
+    def simulated(
+        self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
+    ) -> np.ndarray:
+        return BaseARX._simulated(model, grid, values, output)
 
 
 @dataclass(frozen=True)
@@ -98,6 +116,7 @@ class EquationError(AnswersByEquation):
     """
 
     hac: bool
+    begins: Beginning
     instruments: list[str] = field(default_factory=list)
 
     @classmethod
@@ -122,7 +141,7 @@ class EquationError(AnswersByEquation):
             influence = (keep[:, :-1] * errors[:, None]) @ bread
             covariance = newey_west(influence, rows, grid.begin)
         _show(model, coef, covariance, variance, rows.size)
-        return cls(hac)
+        return cls(hac, Beginning.seen(model, grid, inputs, output))
 
     @classmethod
     def by_instruments(cls, model: ARXRegressor, data: DataToFit) -> EquationError:
@@ -144,7 +163,7 @@ class EquationError(AnswersByEquation):
         signals = np.column_stack([inputs, outside])
         model._report_missing(grid, signals, output, found.n_rows, [*model.inputs_, *names])
         _show(model, found.theta, found.covariance, found.noise_variance, found.n_rows)
-        return cls(hac, names)
+        return cls(hac, Beginning.seen(model, grid, inputs, output), names)
 
     def summary(self, model: ARXRegressor) -> Summary:
         return batch_summary(model, hac=self.hac, instruments=self.instruments)
@@ -178,10 +197,19 @@ class SimulationError:
             simulation.covariance.to_numpy(),
         )
         linear = not len(fitted.effects)
-        return LinearSimulationError(simulation) if linear else SimulationError(simulation)
+        if not linear:
+            return SimulationError(simulation)
+        held = simulation.begins == HELD
+        begins = Beginning(simulation.initial, held, simulation.levels)
+        return LinearSimulationError(simulation, begins)
 
     def free_run(self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         return self.simulation.free_run(model, grid, values)
+
+    def run_from(
+        self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray, output: np.ndarray
+    ) -> np.ndarray:
+        return self.simulation.run_from(model, grid, values, output, self.simulation.initial)
 
     def ahead(
         self,
@@ -199,12 +227,12 @@ class SimulationError:
         output = grid.thin_output(model._read_y(X, y))
         return output - self.ahead(model, grid, values, output, 1)
 
-    def check_start(self, initial_state: str) -> None:
-        if initial_state == "estimate":
-            raise ValueError(
-                "A model with effects is simulated from rest: initial_state='estimate' needs a "
-                "linear one. Leave out the start, in which it settles, by RunInTrimmer."
-            )
+    def simulated(
+        self, model: ARXRegressor, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
+    ) -> np.ndarray:
+        if output is None:
+            return self.simulation.from_rest(model, grid, values)
+        return self.simulation.run_from(model, grid, values, output, ESTIMATE)
 
     def summary(self, model: ARXRegressor) -> Summary:
         return simulated_summary(model, self.simulation)
@@ -215,6 +243,7 @@ class LinearSimulationError(AnswersByEquation):
     """Coefficients that minimise the error of simulation without effects."""
 
     simulation: Simulation
+    begins: Beginning
 
     def summary(self, model: ARXRegressor) -> Summary:
         return simulated_summary(model, self.simulation)

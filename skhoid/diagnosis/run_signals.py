@@ -17,7 +17,7 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 from .._sklearn import safe_indexing
 from ..exceptions import MissingDataWarning, ShortRunError, python_only
 from ..metrics import scored_rows, scored_signals
-from ..pipelines import raw_layout, reach_model, trimmed_rows
+from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
@@ -157,7 +157,7 @@ def read_signals(
         raise ValueError(f"run_in is a time in seconds, at least 0; got {run_in!r}.")
     layout = raw_layout(model, X, dt=dt, run=run)
     measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
-    predicted = np.asarray(model.predict(X), dtype=float).ravel()
+    predicted = prediction_from(model, X, y)
     if predicted.size != measured.size:
         raise ValueError(
             f"model.predict(X) returns {predicted.size} values for the {measured.size} rows of X; "

@@ -19,7 +19,6 @@ from .time_variation import needs_channel
 
 X = Dimension.of_channel("x")  # is the target less the error: of the same size as the error
 SCAN_STEP = 0.06  # s, of the time of an answer to the target
-FASTEST = 0.06  # s; a faster answer to what the loop moves is the loop itself
 
 
 class _AnswerToTarget(Effect):
@@ -214,7 +213,7 @@ class OutputFeedback(Effect):
     parameters = (
         Parameter("gain", U / X, 0.0, 20.0, (0.05,), "on x", U / E),
         Parameter("rate_gain", U * S / X, 0.0, 20.0, (0.05,), "on the rate of x", U / E),
-        Parameter("delay", S, FASTEST, 0.8, (0.12, 0.3), "of the answer to x"),
+        Parameter("delay", S, 0.0, 0.8, (0.12, 0.3), "of the answer to x"),
     )
     neutral = {"gain": 0.0, "rate_gain": 0.0}
 
@@ -231,6 +230,9 @@ class OutputFeedback(Effect):
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(None, record, "x", "column of role x, the controlled output")
+
+    def limits(self, record: Record) -> dict[str, tuple[float, float]]:
+        return not_at_once(super().limits(record), record)
 
     def apply(
         self, signal: Any, record: Record, gain: float, rate_gain: float, delay: float
@@ -303,11 +305,15 @@ class MotionFeedback(Effect):
             )
         return (
             Parameter("gain", gain, 0.0, 20.0, (0.1,), "on the motion"),
-            Parameter("delay", S, FASTEST, 0.6, (0.1, 0.25), "of the answer to motion"),
+            Parameter("delay", S, 0.0, 0.6, (0.1, 0.25), "of the answer to motion"),
         )
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, "motion", "column of role motion")
+
+    def limits(self, record: Record) -> dict[str, tuple[float, float]]:
+        found = super().limits(record)
+        return found if self.form == "feedthrough" else not_at_once(found, record)
 
     def variants(self, record: Record) -> list[Effect]:
         names = record.with_role("motion") if self.channel is None else [self.channel]
@@ -514,3 +520,10 @@ def moved_by_output(record: Record, channel: str) -> bool:
     if element is not None and element.not_invertible is None:
         driven.append(record.inverse_dynamics(name))
     return any(abs(np.corrcoef(s[known], motion[known])[0, 1]) > 0.3 for s in driven)
+
+
+def not_at_once(
+    limits: dict[str, tuple[float, float]], record: Record
+) -> dict[str, tuple[float, float]]:
+    """Bounds whose delay is at least that of the record: a faster answer is the loop itself."""
+    return limits | {"delay": (record.least_delay, limits["delay"][1])}

@@ -52,6 +52,12 @@ class Record:
         Rate in Hz at which residuals count, at most.
     ahead : float
         Seconds by which the answer may come earlier than the core's delay.
+    least_delay : float
+        Seconds after which what the output moves is answered at the earliest.
+    initial : {"rest", "held", "estimate"}
+        How free runs begin; see ``greybox.initial``.
+    levels : (float, float)
+        Range of the outputs from which a run may begin where its inputs are held.
     """
 
     dt: float
@@ -67,6 +73,9 @@ class Record:
     time_unit: float = 1.0
     criterion_rate: float = 25.0  # operators do not answer faster than half of it
     ahead: float = np.inf
+    least_delay: float = 0.0
+    initial: str = "rest"
+    levels: tuple[float, float] = (0.0, 0.0)
     _derived: dict = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -155,7 +164,9 @@ class Record:
         """A signal some seconds ago; negative delays look ahead."""
         samples = np.atleast_2d(np.asarray(delay, dtype=float)) / self.dt
         late = _kernels.greybox.delayed(_kernels.gate(signal), _kernels.gate(samples))
-        if self.core == CoreKind.ARX:  # zero before the recording, like its lags
+        if (
+            self.core == CoreKind.ARX and self.initial == "rest"
+        ):  # zero before the recording, like its lags
             late *= np.clip(1.0 + np.arange(late.shape[0])[:, None] - samples, 0.0, 1.0)
         return late
 

@@ -9,22 +9,24 @@ from scipy.signal import lfilter
 
 from ..effects.composition import Effects
 from ..effects.record import Record
-from .arx_starts import arx_starts
+from .arx_starts import arx_starts, spread_starts
 from .cores import ARXCore
 from .fitting import Criterion
-from .model import Model, fit_core, scaled_sse
+from .model import Model, halved, scaled_sse
 from .simulator import Simulator
 
 N_ROUNDS = 5  # of Steiglitz and McBride
+N_SPREAD = 6  # of the spread starts that are simulated
 
 
 def fitted_arx(core: ARXCore, record: Record, criterion: Criterion) -> Model:
-    """The core without effects at its smallest simulation error."""
+    """The core without effects at its smallest simulation error, never worse than its starts."""
     starts = arx_starts(core, record, record.input, N_ROUNDS)
+    starts += spread_starts(core, record, record.input, core.n_starts)[:N_SPREAD]
     simulator = Simulator(core, Effects([]), record)
     best = min(starts, key=lambda theta: scaled_sse(simulator, criterion, theta))
-    core = ARXCore(core.na, core.nb, core.nk, core.intercept, sizes(core, record, best))
-    return fit_core(core, record, criterion, np.array(starts))
+    simulator = Simulator(core.sized(sizes(core, record, best)), Effects([]), record)
+    return halved(simulator, criterion, starts)
 
 
 def sizes(core: ARXCore, record: Record, theta: np.ndarray) -> dict[str, float]:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 from scipy.signal import lfilter
+from scipy.stats.qmc import Halton
 
 from ..effects.record import Record
+from .initial import ESTIMATE, REST, fitted_states, free_responses, pays
 
 Filter = Callable[[np.ndarray], np.ndarray]
 LARGEST_POLE = 0.999  # radius of a start
+FASTEST = 2.5  # rad per sample, of poles that are tried
+DAMPING = 0.05, 2.0  # ratios, the same
+N_TOLD = 3  # rounds that tell how runs begin
 
 
 class HasOrders(Protocol):
@@ -38,6 +44,76 @@ def arx_starts(core: HasOrders, record: Record, x: np.ndarray, n_rounds: int) ->
     return found
 
 
+def spread_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list[np.ndarray]:
+    """Coefficients of systems of spread poles with their best numerators, best first."""
+    tried = []
+    for a in spread_poles(core, record, n):
+        table, y = _regression(core, record, x, a)
+        b = np.linalg.lstsq(table, y, rcond=None)[0]
+        error = y - table @ b
+        tried.append((float(error @ error), np.r_[a, b]))
+    tried.sort(key=lambda one: one[0])
+    return [theta for _, theta in tried]
+
+
+def blind_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list[np.ndarray]:
+    """Coefficients of systems of spread poles with outputs of the size of the measured one.
+
+    For what least squares cannot begin with, since a map hides the output.
+    """
+    assert record.y is not None
+    size = float(np.sqrt(np.mean(record.y[record.known] ** 2)))
+    found = []
+    for a in spread_poles(core, record, n):
+        answer = lfilter([1.0], np.r_[1.0, a], _late(x, core.nk), axis=0)[record.known]
+        gain = size / max(float(np.sqrt(np.mean(answer**2))), 1e-300)
+        found.append(np.r_[a, gain, np.zeros(core.nb - 1 + core.intercept)])
+    return found
+
+
+def spread_poles(core: HasOrders, record: Record, n: int) -> list[np.ndarray]:
+    """a_1 ... of systems whose poles are spread over what a record can show.
+
+    Frequencies lie between one period a run and nearly half the sampling rate, on a logarithmic
+    scale, and damping ratios between 0.05 and 2. The sequence is fixed.
+    """
+    if not core.na or not n:
+        return []
+    slowest = np.log(2 * np.pi / len(record.known))
+    pairs = -(-core.na // 2)
+    points = Halton(2 * pairs, scramble=False, seed=0).random(n + 1)[1:]
+    found = []
+    for point in points:
+        omega = np.exp(slowest + point[:pairs] * (np.log(FASTEST) - slowest))
+        zeta = DAMPING[0] * (DAMPING[1] / DAMPING[0]) ** point[pairs:]
+        root = np.sqrt((zeta**2 - 1).astype(complex))
+        poles = np.exp(np.c_[omega * (-zeta + root), omega * (-zeta - root)].ravel())
+        if core.na % 2:
+            poles = np.r_[poles[:-2], np.exp(-omega[-1])]
+        found.append(_stable(np.poly(poles)[1:].real))
+    return found
+
+
+def starts_at_rest(core: HasOrders, record: Record) -> bool:
+    """Whether runs begin at rest, as far as a linear model without effects can tell."""
+    assert record.y is not None
+    least = []
+    for initial in (REST, ESTIMATE):
+        begun = replace(record, initial=initial)
+        a = np.zeros(core.na)
+        left = []
+        for _ in range(N_TOLD if core.na else 1):
+            a = _stable(_denominator(core, begun, begun.input, a))
+            left.append(_residual_power(*_regression(core, begun, begun.input, a)))
+        least.append(min(left))
+    return not pays(least[0], least[1], record.y[record.known])
+
+
+def _residual_power(table: np.ndarray, y: np.ndarray) -> float:
+    error = y - table @ np.linalg.lstsq(table, y, rcond=None)[0]
+    return float(error @ error)
+
+
 def _denominator(core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray) -> np.ndarray:
     """a_1 ... by least squares on signals filtered by 1 / A for the last a."""
     assert record.y is not None
@@ -47,33 +123,58 @@ def _denominator(core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray) 
 
     y = filtered(record.y)
     columns = [-_late(y, i + 1) for i in range(core.na)]
-    columns += _inputs(core, x, filtered)
+    columns += _inputs(core, record, x, filtered)
     usable = record.known.copy()
     for lag in range(1, core.na + 1):
         usable[lag:] &= record.known[:-lag]
     usable[: max(core.na, core.nb + core.nk - 1)] = False
+    y, *columns = _without_start(record, a, [y, *columns], usable)
     table = np.stack([c[usable] for c in columns], axis=1)
     return np.linalg.lstsq(table, y[usable], rcond=None)[0][: core.na]
 
 
 def _numerator(core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray) -> np.ndarray:
     """b_0 ... and the intercept that simulate best with a given denominator."""
+    return np.linalg.lstsq(*_regression(core, record, x, a), rcond=None)[0]
+
+
+def _regression(
+    core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Signals that b_0 ... and the intercept weigh, and the output, on known rows."""
     assert record.y is not None
-    columns = _inputs(core, x, lambda s: lfilter([1.0], np.r_[1.0, a], s, axis=0))
-    table = np.stack([c[record.known] for c in columns], axis=1)
-    return np.linalg.lstsq(table, record.y[record.known], rcond=None)[0]
+    columns = _inputs(core, record, x, lambda s: lfilter([1.0], np.r_[1.0, a], s, axis=0))
+    y, *columns = _without_start(record, a, [record.y, *columns], record.known)
+    return np.stack([c[record.known] for c in columns], axis=1), y[record.known]
 
 
-def _inputs(core: HasOrders, signal: np.ndarray, filtered: Filter) -> list[np.ndarray]:
-    x = filtered(signal)
-    columns = [_late(x, core.nk + i) for i in range(core.nb)]
+def _without_start(
+    record: Record, a: np.ndarray, columns: list[np.ndarray], rows: np.ndarray
+) -> list[np.ndarray]:
+    """What the free responses of 1 / A leave of columns, where runs do not begin at rest."""
+    if record.initial == REST or not a.size:
+        return columns
+    free = free_responses(np.r_[1.0, a], len(rows))
+    return [c - free @ fitted_states(free, c, rows) for c in columns]
+
+
+def _inputs(
+    core: HasOrders, record: Record, signal: np.ndarray, filtered: Filter
+) -> list[np.ndarray]:
+    lags = [core.nk + i for i in range(core.nb)]
+    if record.initial == REST:
+        x = filtered(signal)
+        columns = [_late(x, lag) for lag in lags]
+    else:
+        columns = [filtered(_late(signal, lag, signal[:1])) for lag in lags]
     if core.intercept:
-        columns.append(filtered(np.ones_like(x)))
+        columns.append(filtered(np.ones_like(signal)))
     return columns
 
 
-def _late(signal: np.ndarray, lag: int) -> np.ndarray:
-    late = np.zeros_like(signal)
+def _late(signal: np.ndarray, lag: int, before: np.ndarray | float = 0.0) -> np.ndarray:
+    late = np.empty_like(signal)
+    late[:lag] = before
     late[lag:] = signal[: len(signal) - lag]
     return late
 

@@ -6,7 +6,8 @@ Open it to change how such a model is fitted, or to build one on a core of your 
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
@@ -14,23 +15,26 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from .._sklearn import Interval, fit_context
+from .._sklearn import Interval, StrOptions, fit_context
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.record import Record
+from ..exceptions import did_you_mean
 from ..human import ELEMENT, as_element
 from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor
 from ..summaries import Summary
+from .cores import Core
 from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
-from .fitting import Criterion, RemnantModel, covariance_of
+from .fitting import Criterion, RemnantModel, covariance_of, minimise
+from .initial import ESTIMATE, HELD, REST, error_of, pays
 from .likelihood import likelihood_fit, prior_of
 from .model import Model
 from .operator_summary import simulated_summary
 from .prepared import Prepared, SimulatedCore, prepared_for
-from .side_by_side import SegmentColumns, build_record
+from .side_by_side import SegmentColumns, build_record, measured
 from .simulator import Simulator
 
 
@@ -54,6 +58,9 @@ class Simulation:
     rmse: float
     duration: float
     spread: dict[str, float]
+    initial: str | None
+    begins: str
+    levels: tuple[float, float]
 
     def record_of(
         self, estimator: Any, grid: ModelGrid, values: np.ndarray
@@ -74,8 +81,36 @@ class Simulation:
     def free_run(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         """Free run on the grid."""
         record, columns = self.record_of(estimator, grid, values)
-        simulator = Simulator(self.spec.core, self.effects, self.spec.core.on(record))
-        return columns.rows(simulator.run(self.theta))
+        return columns.rows(self._run(self.spec.core.on(record), self.begins))
+
+    def _run(self, record: Record, initial: str) -> np.ndarray:
+        begun = replace(record, initial=initial, levels=self.levels)
+        return Simulator(self.spec.core, self.effects, begun).run(self.theta)
+
+    def from_rest(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        """Free run on the grid from rest."""
+        record, columns = self.record_of(estimator, grid, values)
+        return columns.rows(self._run(self.spec.core.on(record), REST))
+
+    def run_from(
+        self,
+        estimator: Any,
+        grid: ModelGrid,
+        values: np.ndarray,
+        output: np.ndarray,
+        initial: str | None,
+    ) -> np.ndarray:
+        """Free run on the grid from initial states that fit the output; None: if it shows them."""
+        record, columns = self.record_of(estimator, grid, values)
+        record = self.spec.core.on(record)
+        free = self._run(record, self.begins)
+        if initial == REST:
+            return columns.rows(free)
+        known, y = measured(grid, columns, output), columns.beside(np.nan_to_num(output))
+        record = replace(record, y=y, known=known, _derived={})
+        fitted = self._run(record, ESTIMATE)
+        left = error_of(record, free), error_of(record, fitted)
+        return columns.rows(free if initial is None and not pays(*left, y[known]) else fitted)
 
 
 class SimulatedModelMixin:
@@ -199,6 +234,8 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
         "roles": [dict, None],
         "controlled_element": ELEMENT,
         "settling": [Interval(Real, 0, None, closed="left")],
+        "initial": [StrOptions({"rest", "estimate"}), None],
+        "start": [dict, None],
         "dt": [Interval(Real, 0, None, closed="neither"), None],
         "run": "no_validation",
     }
@@ -230,6 +267,9 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         return self._simulation.free_run(self, grid, values)
 
+    def _run_from(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+        return self._simulation.run_from(self, grid, values, output, self._simulation.initial)
+
     def _summary(self) -> Summary:
         return simulated_summary(self, self._simulation)
 
@@ -238,15 +278,47 @@ def first_model(prepared: Prepared, effects: Effects) -> Model:
     """The core with effects at the minimum of the simulation error."""
     record, core = prepared.record, prepared.core
     criterion = Criterion(record)
-    model = prepared.spec.estimated(core, record, criterion)
+    start = prepared.spec.start
+    check_start(start, core, record, effects)
+    model = started(prepared.spec.estimated(core, record, criterion), criterion, start)
     coarse = criterion.coarse()
     for name, effect in effects:
         reason = effect.refusal(record, core.kind)
         if reason is not None:
             raise ValueError(f"The effect {name} does not apply: {reason}.")
-        model = extended(model, name, effect, criterion, coarse)
+        given = {n: v for n, v in start.items() if n.startswith(f"{name}__") or "__" not in n}
+        model = extended(model, name, effect, criterion, coarse, start=given)
     templates = {effect.name: effect for _, effect in effects}
-    return beside_each_other(model, templates, criterion, coarse)
+    model = beside_each_other(model, templates, criterion, coarse)
+    return started(model, criterion, prepared.spec.start)
+
+
+def check_start(start: Mapping[str, Any], core: Core, record: Record, effects: Effects) -> None:
+    """Refuse a start of what the model does not estimate."""
+    names = [p.name for p in core.parameters]
+    for name, effect in effects:
+        for variant in effect.variants(record):
+            names += [f"{name}__{p.name}" for p in variant.free]
+    for name, value in start.items():
+        if name not in names:
+            known = ", ".join(dict.fromkeys(names))
+            raise ValueError(
+                f"start names {name!r}, which is not estimated. There are: {known}."
+                f"{did_you_mean(name, names)}"
+            )
+        if not isinstance(value, Real) or not np.isfinite(float(value)):
+            raise ValueError(f"start={{{name!r}: ...}} must be a finite number; got {value!r}.")
+
+
+def started(model: Model, criterion: Criterion, start: Mapping[str, float]) -> Model:
+    """The model, or what a user's start leads to, where that is better."""
+    if not start:
+        return model
+    simulator = model.simulator
+    values = {**model.values(), **start}
+    theta = np.array([values[name] for name in simulator.names])
+    fit = minimise(simulator, criterion, theta)
+    return Model(simulator, fit, model.other_core) if fit.sse < model.sse else model
 
 
 def simulation_of(
@@ -281,7 +353,34 @@ def simulation_of(
         rmse=float(np.sqrt(np.mean((record.y - output)[record.known] ** 2))),
         duration=record.duration,
         spread={name: record.sd(name) for name in (*record.channels, "u")},
+        **first_samples(estimator, prepared, model),
     )
+
+
+def first_samples(estimator: Any, prepared: Prepared, model: Model) -> dict[str, Any]:
+    """How free runs begin: from rest, or where inputs that were always as at first have led.
+
+    Where nothing was asked, from rest unless the rows that were fitted show otherwise.
+    """
+    record = replace(model.simulator.record, known=prepared.measured, _derived={})
+    assert record.y is not None
+    initial = getattr(estimator, "initial", None)
+    if not getattr(model.simulator.core, "has_states", False):
+        initial = REST
+    y = record.y[record.known]
+    levels = float(y.min()), float(y.max())
+    begins = REST if initial == REST else HELD
+    if initial is None:
+        left = {}
+        for way in (REST, HELD):
+            begun = replace(record, initial=way, levels=levels)
+            simulator = Simulator(model.simulator.core, model.effects, begun)
+            left[way] = error_of(record, simulator.run(model.theta))
+        begins = HELD if pays(left[REST], left[HELD], y) else REST
+    estimator.initial_ = REST if begins == REST and record.initial == REST else ESTIMATE
+    if estimator.initial_ == ESTIMATE:
+        initial = ESTIMATE
+    return {"initial": initial, "begins": begins, "levels": levels}
 
 
 def labelled_covariance(model: Any) -> pd.DataFrame:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from scipy.signal import lfilter
 
 from .. import _kernels
 from ..effects.core_kind import CoreKind
@@ -14,11 +15,13 @@ from ..effects.dimension import ONE, RAD, Dimension, E, S, U
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import Parameter
 from ..effects.record import Record
-from .arx_starts import arx_starts
+from .arx_starts import arx_starts, blind_starts, starts_at_rest
+from .initial import is_stable
 from .prior import Usual
 
 BOUND = 1e9  # of simulated outputs
 OPERATORS_MOVE = 3.0  # rad/s, half of the output's power below it: what times are written for
+LEAST_DELAY = 0.1  # s, of an operator: see OperatorRegressor
 SLOWEST, FASTEST = 0.02, 1.0  # rad per sample, of what an ARX model describes
 N_ROUNDS = 2  # of least squares for an ARX model behind an effect
 
@@ -58,6 +61,9 @@ class Core(Protocol):
     sizes : mapping of str to float
         Changes of parameters that change the output by its own size, where the parameters
         themselves do not show it.
+    has_states : bool
+        Whether ``denominator`` and ``held_start`` are those of the response; runs begin at rest
+        otherwise.
     """
 
     kind: CoreKind
@@ -68,6 +74,7 @@ class Core(Protocol):
     usual: Mapping[str, Usual]
     ratios: tuple[Ratio, ...]
     sizes: Mapping[str, float]
+    has_states: bool
 
     def on(self, record: Record) -> Record:
         """The record, completed by what effects must know about the core."""
@@ -86,6 +93,25 @@ class Core(Protocol):
     ) -> np.ndarray:
         """Output for a command."""
 
+    def denominator(self, values: dict[str, float], dt: float) -> np.ndarray:
+        """Coefficients [1, a_1, ...] of the difference equation of the core's free response."""
+
+    def at_rest(self, record: Record) -> bool:
+        """Whether runs begin at rest, as far as a linear model can tell."""
+
+    def held_start(
+        self,
+        command: Command,
+        values: dict[str, float],
+        dt: float,
+        n: int,
+        levels: tuple[float, float],
+    ) -> np.ndarray:
+        """What the output (n, n_runs) gains where the command was always as at first.
+
+        The output was then at rest at a level within ``levels``.
+        """
+
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
         """Changes of parameters that make the answer that much earlier; none if it cannot be."""
 
@@ -95,11 +121,15 @@ class Core(Protocol):
     def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
         """Least-squares parameters for what reaches the core; none if it is not linear in them."""
 
+    def spread(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
+        """Parameters spread over what is possible, where a map hides the output; none if unused."""
+
 
 class OperatorCore:
     """Human operator: K_e e + K_edot de/dt, delayed, through the neuromuscular system (Eqs. 3-5).
 
-    ``fixed_delay`` in seconds, or None to estimate it.
+    ``fixed_delay`` in seconds, or None to estimate it; ``least`` is the least delay in seconds with
+    which anything that the operator moves is answered, unless a shorter one is given.
     """
 
     kind = CoreKind.OPERATOR
@@ -114,8 +144,9 @@ class OperatorCore:
     }
     ratios: tuple[Ratio, ...] = (Ratio("T_L", "K_edot", "K_e", S, "lead time constant"),)
 
-    def __init__(self, fixed_delay: float | None):
-        self.fixed_delay = fixed_delay
+    def __init__(self, fixed_delay: float | None, least: float = LEAST_DELAY):
+        self.fixed_delay, self.least = fixed_delay, least
+        self.has_states = type(self).response is OperatorCore.response  # not of a subclass
         self.sizes: Mapping[str, float] = {}
         free = (
             Parameter("K_e", U / E, -50.0, 50.0, (0.5,), "gain on the error"),
@@ -123,7 +154,7 @@ class OperatorCore:
             Parameter("omega_nm", RAD / S, 1.5, 60.0, (10.0,), "neuromuscular frequency"),
             Parameter("zeta_nm", ONE, 0.02, 3.0, (0.4,), "neuromuscular damping ratio"),
         )
-        delay = Parameter("tau_e", S, 0.0, 1.5, (0.25,), "effective time delay")
+        delay = Parameter("tau_e", S, least, 1.5, (0.25,), "effective time delay")
         self.parameters: tuple[Parameter, ...] = free
         if fixed_delay is None:
             self.parameters = (*free, delay)
@@ -131,10 +162,11 @@ class OperatorCore:
             self.kind = CoreKind.OPERATOR_FREE_DELAY
 
     def on(self, record: Record) -> Record:
-        return record
+        ahead = np.inf if self.fixed_delay is None else self.fixed_delay - self.least_delay(0.0)
+        return replace(record, ahead=ahead, least_delay=self.least)
 
     def least_delay(self, dt: float) -> float:
-        return 0.0
+        return self.least if self.fixed_delay is None else min(self.least, self.fixed_delay)
 
     def delay(self, values: dict[str, float]) -> float:
         return self.fixed_delay if self.fixed_delay is not None else values["tau_e"]
@@ -163,6 +195,34 @@ class OperatorCore:
             BOUND,
         )
 
+    def at_rest(self, record: Record) -> bool:
+        return False
+
+    def _matrices(self, values: dict[str, float], dt: float) -> np.ndarray:
+        omega, zeta = (np.array([values[name]]) for name in ("omega_nm", "zeta_nm"))
+        return _kernels.greybox.held_linearly(omega, zeta, dt)[0]
+
+    def denominator(self, values: dict[str, float], dt: float) -> np.ndarray:
+        a, b, c, d = self._matrices(values, dt)[:4]
+        return np.array([1.0, -(a + d), a * d - b * c])
+
+    def held_start(
+        self,
+        command: Command,
+        values: dict[str, float],
+        dt: float,
+        n: int,
+        levels: tuple[float, float],
+    ) -> np.ndarray:
+        q = self._matrices(values, dt)
+        position, rate = command.position[0], command.rate[0]
+        # The level, and the next output less that from rest: two values of a free response.
+        first = np.stack([position, position - (q[4] + q[8]) * position - (q[5] + q[9]) * rate])
+        pulses = np.zeros((n, position.size))
+        pulses[:2] = first[:n]
+        pulses[1:2] -= (q[0] + q[3]) * first[:1]
+        return lfilter([1.0], self.denominator(values, dt), pulses, axis=0)
+
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
         if self.fixed_delay is None:
             return {"tau_e": -seconds}
@@ -172,6 +232,9 @@ class OperatorCore:
         return values["omega_nm"], values["zeta_nm"]
 
     def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
+        return []
+
+    def spread(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
         return []
 
 
@@ -184,6 +247,7 @@ class ARXCore:
     """
 
     kind = CoreKind.ARX
+    has_states = True
     gains: tuple[str, ...] = ()
     delays: tuple[str, ...] = ()
     ordinary: Mapping[str, float] = {}
@@ -197,14 +261,20 @@ class ARXCore:
         nk: int,
         intercept: bool = False,
         sizes: Mapping[str, float] | None = None,
+        n_starts: int = 24,
     ):
         self.na, self.nb, self.nk, self.intercept = na, nb, nk, intercept
+        self.n_starts = n_starts
         self.sizes: Mapping[str, float] = sizes or {}
         self.parameters: tuple[Parameter, ...] = (
             *(Parameter(f"a{i + 1}", ONE, meaning="of the output") for i in range(na)),
             *(Parameter(f"b{i}", U / E, meaning="of the input", scale=ONE) for i in range(nb)),
             *[Parameter("intercept", U, meaning="constant", scale=ONE)] * intercept,
         )
+
+    def sized(self, sizes: Mapping[str, float]) -> ARXCore:
+        """The same with other sizes."""
+        return ARXCore(self.na, self.nb, self.nk, self.intercept, sizes, self.n_starts)
 
     def on(self, record: Record) -> Record:
         return replace(
@@ -213,6 +283,7 @@ class ARXCore:
             time_unit=OPERATORS_MOVE / pace(record),
             criterion_rate=np.inf,
             ahead=self.nk * record.dt,
+            least_delay=record.dt,
         )
 
     def least_delay(self, dt: float) -> float:
@@ -245,6 +316,31 @@ class ARXCore:
             BOUND,
         )
 
+    def denominator(self, values: dict[str, float], dt: float) -> np.ndarray:
+        return np.r_[1.0, [values[f"a{i + 1}"] for i in range(self.na)]]
+
+    def at_rest(self, record: Record) -> bool:
+        return starts_at_rest(self, record)
+
+    def held_start(
+        self,
+        command: Command,
+        values: dict[str, float],
+        dt: float,
+        n: int,
+        levels: tuple[float, float],
+    ) -> np.ndarray:
+        a = self.denominator(values, dt)
+        b = np.r_[np.zeros(self.nk), [values[f"b{i}"] for i in range(self.nb)]]
+        x = command.position[0]
+        constant = values.get("intercept", 0.0)
+        level = held_level(a, b.sum() * x + constant, levels)
+        # What lags that reach before the first sample add to each of the first samples.
+        before = np.zeros((n, x.size))
+        for t in range(min(n, max(self.na, b.size - 1))):
+            before[t] = b[t + 1 :].sum() * x - a[t + 1 :].sum() * level
+        return lfilter([1.0], a, before, axis=0)
+
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
         return {}
 
@@ -253,6 +349,9 @@ class ARXCore:
 
     def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
         return arx_starts(self, record, command, N_ROUNDS)
+
+    def spread(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
+        return blind_starts(self, record, command, self.n_starts)
 
 
 def pace(record: Record) -> float:
@@ -264,6 +363,16 @@ def pace(record: Record) -> float:
     half = np.searchsorted(np.cumsum(power), power.sum() / 2)
     omega = 2 * np.pi * half / y.shape[0]
     return float(np.clip(omega, SLOWEST, FASTEST)) / record.dt
+
+
+def held_level(a: np.ndarray, drive: np.ndarray, levels: tuple[float, float]) -> np.ndarray:
+    """Output at rest under a constant drive, within limits; 0, or next to it, where there is none.
+
+    A slow or integrating model multiplies what its estimate is off: a level that the output never
+    had is none of it.
+    """
+    rest = np.clip(np.zeros_like(drive), *levels)
+    return np.clip(drive / a.sum(), *levels) if is_stable(a) else rest
 
 
 def neutral_gains() -> Gains:

@@ -22,17 +22,34 @@ def parameter_table(
     units: dict[str, str | None],
     fixed: dict[str, float],
 ) -> pd.DataFrame:
-    """Values, standard errors and intervals of all parameters, derived and fixed ones too."""
+    """Values, standard errors and intervals of all parameters, derived and fixed ones too.
+
+    What the data do not determine has no standard error, and its whole range as interval.
+    """
     rows = []
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    inside = (theta > simulator.low) & (theta < simulator.high)
+    lost = inside & ~(sd <= simulator.high - simulator.low)
     ratios = {ratio.over: ratio for ratio in simulator.core.ratios}
 
     def add(name: str, value: float, s: float, dimension: Dimension, meaning: str) -> None:
         low, high = value - NORMAL_95 * s, value + NORMAL_95 * s
         rows.append((name, value, s, low, high, dimension.label(units), meaning))
 
+    def add_lost(
+        name: str,
+        value: float,
+        dimension: Dimension,
+        meaning: str,
+        span: tuple[float, float] = (-np.inf, np.inf),
+    ) -> None:
+        rows.append((name, value, np.nan, *span, dimension.label(units), meaning))
+
     for i, p in enumerate(simulator.parameters):
-        add(p.name, float(theta[i]), float(sd[i]), p.dimension, p.spec.meaning)
+        if lost[i]:
+            add_lost(p.name, float(theta[i]), p.dimension, p.spec.meaning, (p.low, p.high))
+        else:
+            add(p.name, float(theta[i]), float(sd[i]), p.dimension, p.spec.meaning)
         ratio = ratios.get(p.name)
         if ratio is not None:
             k = simulator.names.index(ratio.under)
@@ -40,8 +57,11 @@ def parameter_table(
             if under != 0.0:
                 slope = np.array([-over / under**2, 1 / under])
                 block = covariance[np.ix_([k, i], [k, i])]
-                s = np.sqrt(max(float(slope @ block @ slope), 0.0))
-                add(ratio.name, over / under, s, ratio.dimension, ratio.meaning)
+                s = float(np.sqrt(np.maximum(slope @ block @ slope, 0.0)))
+                if lost[k] or lost[i]:
+                    add_lost(ratio.name, over / under, ratio.dimension, ratio.meaning)
+                else:
+                    add(ratio.name, over / under, s, ratio.dimension, ratio.meaning)
     for name, value in fixed.items():
         add(name, value, 0.0, S, "given")
     for name, effect in simulator.effects:
@@ -69,7 +89,8 @@ def derived_with_errors(
         return effect.derived({**values, **effect.fixed, **own})
 
     here = at(theta)
-    known = np.flatnonzero(np.isfinite(np.diag(covariance)))
+    at_bound = (theta <= simulator.low) | (theta >= simulator.high)
+    known = np.flatnonzero(~at_bound)
     slopes: dict[str, np.ndarray] = {key: np.zeros(theta.size) for key in here}
     for i in known:
         h = 1e-6 * max(abs(theta[i]), 1e-6)
@@ -80,9 +101,10 @@ def derived_with_errors(
     found = {}
     for key, (value, given, meaning) in here.items():
         dimension = checked(given, f"{type(effect).__name__}.derived, {key}: the dimension")
-        slope = slopes[key][known]
-        variance = float(slope @ covariance[np.ix_(known, known)] @ slope)
-        found[key] = (value, float(np.sqrt(max(variance, 0.0))), dimension, meaning)
+        felt = known[slopes[key][known] != 0.0]
+        slope = slopes[key][felt]
+        variance = float(slope @ covariance[np.ix_(felt, felt)] @ slope)
+        found[key] = (value, float(np.sqrt(np.maximum(variance, 0.0))), dimension, meaning)
     return found
 
 

@@ -12,10 +12,11 @@ from ..effects.composition import Effects
 from ..effects.record import Record
 from .fitting import Criterion, Fit, minimise
 from .jumps import searched
-from .model import Model, best_of, in_order, scaled_sse, start_beside, without
+from .model import Model, best_of, halved, in_order, scaled_sse, start_beside, without
 from .scan import Scan
 from .simulator import Simulator
 
+HIDDEN = 0.5  # share of the output's power about its mean that a hopeless parent leaves
 N_VARIANTS_KEPT = 2  # variants that are followed to the end
 AS_GOOD = 10.0  # n log(SSE / SSE) within which variants count as equal
 ALIKE = 0.9  # share of the gain of the best variant
@@ -26,10 +27,17 @@ LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
 def extended(
-    parent: Model, name: str, effect: Effect, criterion: Criterion, coarse: Criterion
+    parent: Model,
+    name: str,
+    effect: Effect,
+    criterion: Criterion,
+    coarse: Criterion,
+    *,
+    start: Mapping[str, float] | None = None,
 ) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
+    ``start`` has values of a user's, by full names, that are tried beside them.
     Variants and starts are explored under the ``coarse`` criterion. The fit is followed
     to the end only where that shows a gain.
     """
@@ -54,6 +62,7 @@ def extended(
         starts = [start_beside(parent, simulator, name, v) for v in values]
         if effect.place == "delay":
             starts = [restarted(simulator, coarse, start) for start in starts]
+        starts += [start_given(simulator, one, start) for one in starts[:1] if start]
         if parent.other_core is not None:
             starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]
         if last:  # what the previous variant found, where it has the same parameters
@@ -61,6 +70,11 @@ def extended(
             again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
             starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
         fit = best_of(simulator, coarse, starts, explore=True).fit
+        if effect.place == "output" and before > HIDDEN * coarse.power_about_mean:
+            # It hides the output from least squares, so that the parent is far from it.
+            spread = core.spread(coarse.record, coarse.record.input)
+            blind = [np.r_[own, starts[0][len(own) :]] for own in spread]
+            fit = halved(simulator, coarse, [fit.theta, *blind]).fit
         if not variant.smooth and fit.sse < HOPEFUL * before:
             fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
         if before - fit.sse > enough:
@@ -93,6 +107,14 @@ def extended(
     most = least * np.exp(AS_GOOD / criterion.n)
     near = [item for item in finished if item[1].sse <= most]
     return min(near, key=lambda item: item[0])[1]
+
+
+def start_given(
+    simulator: Simulator, theta: np.ndarray, start: Mapping[str, float] | None
+) -> np.ndarray:
+    """A start with the values that a user gave."""
+    values = {**dict(zip(simulator.names, theta.tolist(), strict=True)), **(start or {})}
+    return np.clip([values[n] for n in simulator.names], simulator.low, simulator.high)
 
 
 def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ COARSE_STEP = 5e-3  # where the response is not smooth
 WORTHWHILE = 1e-4  # share of the squares that a common scale must save
 SEARCHED = 0.02  # relative accuracy of parameters where the response is not smooth
 MEMORY = 2.0  # s, over which scores may correlate
+NO_CHANGE = 1e-14  # of the squares that the most influential parameter changes
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,10 @@ class Criterion:
         self.y = np.ascontiguousarray(record.y[:: self.thin])
         self.known = np.ascontiguousarray(known[:: self.thin])
         self.power = float((self.y[self.known] ** 2).sum())
+        self.power_about_mean = (
+            self.power
+            - self.known.sum() * float(self.y[self.known].mean() if self.known.any() else 0.0) ** 2
+        )
         self.set_noise(noise or RemnantModel.white(record.n_runs))
 
     def coarse(self) -> Criterion:
@@ -98,8 +103,9 @@ class Criterion:
         """Sum of squares; infinite where the output is not finite."""
         if not np.isfinite(output[-1]).all():
             return np.inf
-        r = self.whitened(self.residual(output)[None])[0]
-        value = float(r @ r)
+        with np.errstate(over="ignore", invalid="ignore"):
+            r = self.whitened(self.residual(output)[None])[0]
+            value = float(r @ r)
         return value if np.isfinite(value) else np.inf
 
     def remnant_model(self, output: np.ndarray) -> RemnantModel:
@@ -179,6 +185,7 @@ def minimise(
         return Fit(theta, np.inf, criterion.n, normal, gradient)
     if not simulator.smooth:
         theta, output, sse = rescaled(simulator, criterion, theta, output, sse)
+    better = True
     for _ in range(max_iter):
         normal, gradient = normal_equations(simulator, criterion, theta, output)
         curvature, slope = prior.normal_equations(theta)
@@ -274,10 +281,17 @@ def derivatives(
     return rows
 
 
+def felt(simulator: Simulator, theta: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+    """Which parameters change the output at all, from squares of derivatives by each."""
+    size = np.array([simulator.size(i, value) for i, value in enumerate(theta)])
+    moved = diagonal * size**2
+    return moved > NO_CHANGE * moved.max(initial=0.0)
+
+
 def covariance_of(
     simulator: Simulator, criterion: Criterion, fit: Fit, prior: Prior | None = None
 ) -> np.ndarray:
-    """Covariance of an operator's parameters; NaN for those at a bound.
+    """Covariance of an operator's parameters; NaN for those at a bound or without effect.
 
     It has four parts. Derivatives are differences over about a standard deviation, which say more
     than the tangent of a response that is a step, or jagged. Where whitened residuals are not
@@ -297,6 +311,7 @@ def covariance_of(
     for _ in range(1 if simulator.smooth else 2):
         slopes = wide_derivatives(simulator, criterion, theta, output, sigma, diagonal)
         diagonal = (slopes[:-1] ** 2).sum(axis=1)
+    free &= felt(simulator, theta, diagonal)
     slopes, residual = slopes[:-1][free], slopes[-1]
     known, _ = (prior or NO_PRIOR).weighing(sigma**2).normal_equations(theta)
     inverse = scaled_inverse(

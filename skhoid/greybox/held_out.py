@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from .fitting import Criterion, minimise
+from .initial import ESTIMATE
 from .jumps import searched
 from .model import Model
+from .simulator import Simulator
 
 SIZES = (0.04, 0.013)  # steps of a pattern search, relative
 MOST_ITERATIONS = 40
@@ -24,7 +27,8 @@ def refitted(
 ) -> Model:
     """A model fitted anew on some of the rows, to the end.
 
-    Its simulator is that of the whole record, so that ``output`` predicts the rows left out too.
+    Its simulator is that of the whole record, so that ``output`` predicts the rows left out too;
+    where initial states are estimated, from those that fit all known rows of each run.
 
     Parameters
     ----------
@@ -44,6 +48,10 @@ def refitted(
         Never worse on its rows than any of its starts.
     """
     simulator, inside = model.simulator, criterion.on(train)
+    whole = simulator
+    if whole.record.initial == ESTIMATE:  # by the rows that are fitted alone
+        seen = replace(whole.record, known=whole.record.known & train)
+        simulator = Simulator(whole.core, whole.effects, seen)
     known = model.values()
     points = [model.theta]
     points += [np.array([{**known, **start}[n] for n in simulator.names]) for start in starts]
@@ -55,4 +63,4 @@ def refitted(
     for name, effect in simulator.effects:
         if not effect.smooth:
             best = min([best, searched(best, name, inside, SIZES)], key=lambda m: m.sse)
-    return best
+    return Model(whole, best.fit, model.other_core)

@@ -17,7 +17,9 @@ N_LIKELIHOOD = {
     CoreKind.OPERATOR: 12,
     CoreKind.ARX: 2,
 }
-WORSE = 1.01  # largest ratio of the squares of the simulation error to those of the round before
+N_FREELY = {CoreKind.OPERATOR: 2, CoreKind.ARX: 0}  # rounds of which the free run may get worse
+# Largest ratio of the squares of the simulation error to those of the round before (ARX: of all).
+WORSE = {CoreKind.OPERATOR: 1.01, CoreKind.ARX: 1.02}
 SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
 
 JOINT_RATE = 12.5  # Hz: faster, errors of the simulation count more than the remnant
@@ -54,15 +56,22 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
 
     Repeated until neither moves: in a closed loop the first fit is biased, and so is its noise
     model, which keeps the bias for some rounds. A wrong model would leave ever more to the noise
-    model: after two rounds the free run may become only slightly worse. An ARX model gets two.
+    model: the free run may become only slightly worse, of an operator after two rounds. An ARX
+    model gets two.
     """
-    for i in range(N_LIKELIHOOD[model.simulator.record.core]):
+    core = model.simulator.record.core
+    power = 0.0
+    for i in range(N_LIKELIHOOD[core]):
         before, noise = model, criterion.noise
-        residual = criterion.residual(model.output)
+        if i == 0 or core != CoreKind.ARX:
+            power = _power(criterion.residual(model.output))
         criterion.set_noise(criterion.remnant_model(model.output))
         model = model.refined(criterion)
         moved = model.theta - before.theta
-        if i > 1 and _power(criterion.residual(model.output)) > WORSE * _power(residual):
+        after = _power(criterion.residual(model.output))
+        if i >= N_FREELY[core] and after > WORSE[core] * power:
+            if not noise.ar.size:
+                return before.under(criterion), criterion.noise
             criterion.set_noise(noise)
             return before, noise
         if criterion.n * (moved @ model.fit.normal @ moved) < SETTLED * model.sse:

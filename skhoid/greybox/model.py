@@ -10,7 +10,7 @@ import numpy as np
 from ..effects.composition import Effects
 from ..effects.record import Record
 from .cores import Core
-from .fitting import Criterion, Fit, minimise
+from .fitting import Criterion, Fit, felt, minimise, normal_equations
 from .simulator import Simulator
 
 N_TRIED = 2  # iterations from every start
@@ -18,8 +18,8 @@ MANY = 4  # starts, of which each gets one iteration only
 N_SCREENED = 10  # starts that are simulated more than once
 N_SCREENED_COARSELY = 4  # the same, where the response is not smooth
 N_STARTS_KEPT = 2  # starts that are followed to the end
+ROUNDS = (4, 8, 40)  # iterations from all starts, from the better half, and so on
 AT_BOUND = 1e-3  # of its size, by which a parameter is off a bound at most
-NO_CHANGE = 1e-14  # of the squares that the most influential parameter changes
 
 
 @dataclass
@@ -59,8 +59,9 @@ class Model:
         return dict(zip(self.simulator.names, self.theta.tolist(), strict=True))
 
     def covariance(self) -> np.ndarray:
-        """Covariance of the parameters; NaN for those at a bound."""
+        """Covariance of the parameters; NaN for those at a bound or without effect."""
         inside = (self.theta > self.simulator.low) & (self.theta < self.simulator.high)
+        inside &= felt(self.simulator, self.theta, np.diag(self.fit.normal))
         return self.fit.covariance(inside)
 
     def at_bound(self, tol: float = AT_BOUND) -> list[str]:
@@ -82,12 +83,17 @@ class Model:
         The output does not depend on them, or their standard error exceeds their range.
         """
         simulator = self.simulator
-        size = np.array([simulator.size(i, v) for i, v in enumerate(self.theta)])
-        moved = np.diag(self.fit.normal) * size**2
         sd = np.sqrt(np.diag(self.covariance()))
-        span = simulator.high - simulator.low
-        nothing = ~(moved > NO_CHANGE * moved.max()) | (np.isfinite(span) & (sd > span))
-        return [name for name, lost in zip(simulator.names, nothing, strict=True) if lost]
+        lost = ~felt(simulator, self.theta, np.diag(self.fit.normal))
+        lost |= sd > simulator.high - simulator.low
+        return [name for name, is_lost in zip(simulator.names, lost, strict=True) if is_lost]
+
+    def under(self, criterion: Criterion) -> Model:
+        """The same parameters, with squares and normal equations of another criterion."""
+        output = self.simulator.run(self.theta)
+        normal = normal_equations(self.simulator, criterion, self.theta, output)
+        fit = Fit(self.theta, criterion.sse(output), criterion.n, *normal)
+        return Model(self.simulator, fit, self.other_core)
 
     def refined(self, criterion: Criterion, max_iter: int = 12, tol: float = 1e-5) -> Model:
         """The same model at the minimum of another criterion nearby."""
@@ -124,6 +130,25 @@ def best_of(
         starts = [fit.theta for fit in tried[:N_STARTS_KEPT]]
     fits = [minimise(simulator, criterion, np.asarray(s, dtype=float), **end) for s in starts]  # type: ignore[arg-type]
     return Model(simulator, min(fits, key=lambda fit: fit.sse))
+
+
+def halved(
+    simulator: Simulator,
+    criterion: Criterion,
+    starts: Iterable[np.ndarray],
+    rounds: Sequence[int] = ROUNDS,
+) -> Model:
+    """Minimise from many starts: some iterations from all, more from the better half, and so on.
+
+    The result is never worse than any start.
+    """
+    points = [np.asarray(start, dtype=float) for start in starts]
+    fits: list[Fit] = []
+    for most in rounds:
+        fits = [minimise(simulator, criterion, point, max_iter=most) for point in points]
+        fits.sort(key=lambda fit: fit.sse)
+        points = [fit.theta for fit in fits[: -(-len(fits) // 2)]]
+    return Model(simulator, fits[0])
 
 
 def scaled_sse(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:

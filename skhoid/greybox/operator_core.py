@@ -28,7 +28,9 @@ def fit_plain_operator(core: OperatorCore, record: Record, criterion: Criterion)
 def operator_starts(core: OperatorCore, record: Record, criterion: Criterion) -> np.ndarray:
     """Starts of an operator: gains by least squares on a grid of delay and neuromuscular system."""
     simulator = Simulator(core, Effects([]), record)
-    delays = np.arange(0.06, 0.62, 0.08) if core.fixed_delay is None else np.zeros(1)
+    delays = np.zeros(1)
+    if core.fixed_delay is None:
+        delays = np.maximum(np.arange(0.06, 0.62, 0.08), core.least)
     found = []
     for delay in delays:
         for omega in (5.0, 9.0, 15.0):

@@ -7,7 +7,7 @@ from typing import Any
 
 from .._sklearn import Interval
 from .base import GreyBox
-from .cores import OperatorCore
+from .cores import LEAST_DELAY, OperatorCore
 from .operator_core import fit_plain_operator
 from .prepared import SimulatedCore
 
@@ -25,6 +25,11 @@ class OperatorRegressor(GreyBox):
     delay : float or None, default=None
         Effective time delay tau_e in seconds, kept as given until the effect ``wrong_delay`` frees
         it; None estimates it.
+    least_delay : float or None, default=None
+        Least time in seconds after which the operator answers what the loop moves (the error, the
+        output, the motion); None means 0.1 s, since effective delays of people who see or feel are
+        not shorter. A shorter one would make the model the inverse of the controlled element. A
+        ``delay`` below it is taken as given.
     inputs : column name or list with one, or None, default=None
         The error. None means the column of role ``e``.
     effects : Effect, Effects, str, list of these, or None, default=None
@@ -38,6 +43,14 @@ class OperatorRegressor(GreyBox):
     settling : float, default=3.0
         Seconds at the start of each run (and after each gap) that do not count in the fit, since
         what came before them is not known.
+    initial : {"rest", "estimate"} or None, default=None
+        How simulations begin. ``"rest"``: with all signals zero before the first sample.
+        ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
+        run best; in ``predict``, as if the inputs had always been as in the first row. None takes
+        that only where runs show that they do not begin at rest.
+    start : dict or None, default=None
+        Values to start the fit from, ``{parameter: value}`` by the names of ``parameters_``, beside
+        the model's own starts.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -65,6 +78,8 @@ class OperatorRegressor(GreyBox):
         Rows that count: measured, and not in the settling or a run-in.
     controlled_element_ : ControlledElement, LinearElement or None
         Given or estimated.
+    initial_ : str
+        How free runs begin: ``"rest"`` or ``"estimate"``.
     dt_ : float
         Sampling time of the fitted grid in seconds.
     inputs_ : list of str
@@ -99,7 +114,8 @@ class OperatorRegressor(GreyBox):
     References
     ----------
     Van Grootheest, thesis, Eqs. 3-5 and its reference [8]: Zaal et al., Modeling human
-    multimodal perception and control using genetic maximum likelihood estimation (2009).
+    multimodal perception and control using genetic maximum likelihood estimation (2009). McRuer and
+    Jex, A review of quasi-linear pilot models (1967), for the least delay.
 
     Examples
     --------
@@ -115,35 +131,44 @@ class OperatorRegressor(GreyBox):
     _parameter_constraints: dict = {
         **GreyBox._parameter_constraints,
         "delay": [Interval(Real, 0, 10, closed="both"), None],
+        "least_delay": [Interval(Real, 0, 1, closed="both"), None],
     }
 
     def __init__(
         self,
         delay: float | None = None,
         *,
+        least_delay: float | None = None,
         inputs: Any = None,
         effects: Any = None,
         roles: dict | None = None,
         controlled_element: Any = None,
         settling: float = 3.0,
+        initial: str | None = None,
+        start: dict | None = None,
         dt: float | None = None,
         run: Any = None,
     ):
         self.delay = delay
+        self.least_delay = least_delay
         self.inputs = inputs
         self.effects = effects
         self.roles = roles
         self.controlled_element = controlled_element
         self.settling = settling
+        self.initial = initial
+        self.start = start
         self.dt = dt
         self.run = run
 
     def _simulated_core(self) -> SimulatedCore:
         delay = None if self.delay is None else float(self.delay)
+        least = LEAST_DELAY if self.least_delay is None else float(self.least_delay)
         return SimulatedCore(
-            core=OperatorCore(delay),
+            core=OperatorCore(delay, least),
             estimated=fit_plain_operator,
             description="human operator, Eqs. 3-5",
             errors_note="Standard errors allow for remnant of any colour.",
             given={} if delay is None else {"tau_e": delay},
+            start=self.start or {},
         )

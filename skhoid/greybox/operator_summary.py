@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from ..human import ControlledElement
 from ..summaries import Summary, estimates_table, grid_facts, quantity, signal_facts
+from .model import AT_BOUND
 
 if TYPE_CHECKING:
     from .base import Simulation
@@ -44,7 +47,8 @@ def simulated_summary(model: Any, simulation: Simulation) -> Summary:
     ]
     table = model.parameters_
     if not (table["sd"] > 0).all():
-        notes.append("A dash in place of a standard error: given, or at a bound.")
+        notes.append("A dash in place of a standard error: given, at a bound, or not determined.")
+    notes += delay_notes(table, getattr(simulation.spec.core, "least", 0.0))
     return Summary(
         f"{type(model).__name__}: {output} from {model.inputs_[0]}",
         facts,
@@ -54,3 +58,18 @@ def simulated_summary(model: Any, simulation: Simulation) -> Summary:
             *(f"{name}: {effect.physics} {effect.formula}" for name, effect in model.effects_),
         ],
     )
+
+
+def delay_notes(table: pd.DataFrame, least: float) -> list[str]:
+    """What to say of a delay that is the least there is, or shorter."""
+    if "tau_e" not in table.index:
+        return []
+    value, sd = float(table.loc["tau_e", "value"]), float(table.loc["tau_e", "sd"])
+    if sd == 0.0 and value < least:
+        return [f"The delay given, {value:.2f} s, is below the least of a person, {least:.2f} s."]
+    if sd != 0.0 and value <= least * (1 + AT_BOUND):
+        return [
+            f"tau_e is at its least, {least:.2f} s: people do not answer sooner. The fit would "
+            "make it shorter still: something else answers at once, or channels are misaligned."
+        ]
+    return []

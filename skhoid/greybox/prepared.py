@@ -18,8 +18,9 @@ from ..runs.roles import roles_of
 from .cores import Core
 from .element import estimate_element
 from .fitting import AR_ORDER, Criterion, RemnantModel
+from .initial import ESTIMATE, FORGOTTEN, HELD, REST
 from .model import Model
-from .side_by_side import SegmentColumns, build_record
+from .side_by_side import SegmentColumns, build_record, measured
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class SimulatedCore:
     """The core that the parameters of an estimator ask for, how to fit it, and its given values.
 
     ``estimated`` finds the core without effects at the minimum of the simulation error; ``given``
-    are parameters that are not estimated, for the table.
+    are parameters that are not estimated, for the table; ``start`` are more values to start from.
     """
 
     core: Core
@@ -35,6 +36,7 @@ class SimulatedCore:
     description: str
     errors_note: str
     given: Mapping[str, float] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,8 @@ class Prepared:
     ``record`` has the runs side by side and ``columns`` says where they come from; ``table`` has
     all columns of X, called ``names``, at full rate; ``channels`` are the positions of those in
     the record, and ``roles`` are their roles. ``units`` are the units of the data, as tables of
-    parameters need them.
+    parameters need them. ``measured`` are the samples of the record with a measured output, those
+    of the settling too.
     """
 
     spec: SimulatedCore
@@ -57,6 +60,7 @@ class Prepared:
     roles: dict[str, str]
     units: dict[str, str | None]
     n_missing: int
+    measured: np.ndarray
 
     @property
     def core(self) -> Core:
@@ -104,6 +108,8 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     )
     spec = estimator._simulated_core()
     record = spec.core.on(record)
+    initial = getattr(estimator, "initial", None)
+    record = replace(record, initial=beginning(spec.core, record, initial, estimator.settling))
     check_rows(record, len(spec.core.parameters), grid, estimator.settling)
     check_moving(record, thinned[:, estimator._columns[0]], error, output_name)
     if given is None:
@@ -123,7 +129,17 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         units={"u": known.get(output_name), "e": known.get(error)}
         | {f"[{name}]": unit for name, unit in known.items()},
         n_missing=int(np.isnan(output).sum()),
+        measured=measured(grid, sides, output),
     )
+
+
+def beginning(core: Core, record: Record, initial: str | None, settling: float) -> str:
+    """How the simulations of a fit begin, for what a user asked."""
+    if initial == REST or not getattr(core, "has_states", False):
+        return REST
+    if core.kind.is_operator and settling >= FORGOTTEN:
+        return REST if initial is None else HELD
+    return ESTIMATE if initial == ESTIMATE or not core.at_rest(record) else REST
 
 
 def check_rows(record: Record, n_parameters: int, grid: ModelGrid, settling: float) -> None:

@@ -78,7 +78,7 @@ class Scan:
             values = dict(self.ordinary)
             if ahead:
                 for name in core.delays:
-                    values[name] = max(values[name] - ahead, 0.0)
+                    values[name] = max(values[name] - ahead, core.least_delay(record.dt))
             simulator.run(np.array([values[name] for name in simulator.names]))
             position = np.ascontiguousarray(simulator.last_state.command.position)
             self.by_lead[seconds, ahead] = position, differentiated(position, record.dt)

@@ -71,16 +71,10 @@ def build_record(
         t[b - a :, j] = t[b - a - 1, j] + grid.dt * np.arange(1, columns.length - (b - a) + 1)
     if np.ptp(t, axis=1).max() < 0.5 * grid.dt:
         t = np.ascontiguousarray(t[:, :1])
-    known = columns.beside(np.ones(int(columns.end[-1]), dtype=bool), fill=False)
-    for begin, end in zip(grid.begin[~grid.measured], grid.end[~grid.measured], strict=True):
-        rows = np.zeros(int(columns.end[-1]), dtype=bool)
-        rows[begin:end] = True
-        known &= ~columns.beside(rows, fill=False)
+    known = measured(grid, columns, output)
     y = None
     if output is not None:
-        y = columns.beside(output)
-        known &= ~np.isnan(y)
-        y = np.where(np.isnan(y), 0.0, y)
+        y = columns.beside(np.nan_to_num(output))
         for j, (a, b) in enumerate(zip(columns.begin, columns.end, strict=True)):
             known[: min(round(settling / grid.dt), (b - a) // 4), j] = False
     record = Record(
@@ -94,3 +88,11 @@ def build_record(
         controlled_element=controlled_element,
     )
     return record, columns
+
+
+def measured(grid: ModelGrid, columns: SegmentColumns, output: np.ndarray | None) -> np.ndarray:
+    """Samples (length, n_columns) outside run-ins in which the output is a number."""
+    rows = np.ones(int(columns.end[-1]), dtype=bool) if output is None else ~np.isnan(output)
+    for begin, end in zip(grid.begin[~grid.measured], grid.end[~grid.measured], strict=True):
+        rows[begin:end] = False
+    return columns.beside(rows, fill=False)

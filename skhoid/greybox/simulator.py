@@ -15,6 +15,7 @@ from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import Parameter
 from ..effects.record import Record
 from .cores import Core, neutral_gains
+from .initial import HELD, REST, free_responses, with_fitted_start
 
 
 class StageSignals(NamedTuple):
@@ -26,6 +27,7 @@ class StageSignals(NamedTuple):
     command: Any
     spring: Spring
     output: Any
+    answer: Any = None
 
 
 @dataclass(frozen=True)
@@ -101,8 +103,9 @@ class Simulator:
 
         def delayed(s: StageSignals, theta: Any) -> StageSignals:
             late = s.delay
-            if np.ndim(late) or late != 0.0:
-                late = np.maximum(late, core.least_delay(record.dt))
+            least = core.least_delay(record.dt)
+            if np.ndim(late) or late != 0.0 or least > 0.0:
+                late = np.maximum(late, least)
                 return s._replace(error=record.delayed(s.error, late), delay=late)
             return s
 
@@ -114,7 +117,7 @@ class Simulator:
         def respond(s: StageSignals, theta: Any) -> StageSignals:
             given = values(theta, dynamic)
             output = core.response(s.command, s.gains, s.spring, given, record.dt)
-            return s._replace(output=output)
+            return s._replace(output=output, answer=output)
 
         stages = [*self._stages_at("input", "error"), Stage(start_delay, delay)]
         stages += [*self._stages_at("delay", "delay"), Stage(delayed, ())]
@@ -122,10 +125,28 @@ class Simulator:
         stages += self._stages_at("path", "command")
         stages += self._stages_at("command", "command")
         stages += self._stages_at("spring", "spring")
-        stages += [Stage(respond, dynamic)]
-        stages += self._stages_at("sum", "output")
-        stages += self._stages_at("output", "output")
-        return stages
+        behind = [*self._stages_at("sum", "output"), *self._stages_at("output", "output")]
+        stages += [Stage(respond, dynamic), *behind]
+        if record.initial == REST:
+            return stages
+        additive = all(effect.place != "output" for _, effect in self.effects)
+
+        def start(s: StageSignals, theta: Any) -> StageSignals:
+            given, n = values(theta, dynamic), len(s.answer)
+            answer = s.answer + core.held_start(s.command, given, record.dt, n, record.levels)
+
+            def passed_on(signal: np.ndarray) -> np.ndarray:
+                state = s._replace(output=signal)
+                for stage in behind:
+                    state = stage.run(state, theta)
+                return state.output
+
+            if record.initial == HELD or record.y is None:
+                return s._replace(output=passed_on(answer))
+            free = free_responses(core.denominator(given, record.dt), n)
+            return s._replace(output=with_fitted_start(record, answer, free, passed_on, additive))
+
+        return [*stages, Stage(start, dynamic)]
 
     def _stages_at(self, place: str, signal: str) -> list[Stage]:
         assert place in PLACES

@@ -59,7 +59,7 @@ def run_free(X, stretches, orders, theta, past=None, y0=None):
     found = _kernels.arx.free_run(
         _kernels.gate(X), begin, end, known_from, theta[None].copy(),
         np.zeros(len(X), dtype=np.int64), orders.na,
-        np.array(orders.nb), np.array(orders.nk), initial, BOUND,
+        np.array(orders.nb), np.array(orders.nk), initial, BOUND, False,
     )  # fmt: skip
     twin = naive.free_run(X, stretches, a, unpadded(orders, b), orders.nk, intercept, past, y0)
     return found, twin

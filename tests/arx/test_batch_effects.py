@@ -302,8 +302,6 @@ def test_what_does_not_apply_says_why():
     with pytest.raises(ValueError, match=r"one channel and gets \['a', 'b'\]"):
         many.fit(X.set_axis(["a", "b"], axis=1), y)
     fitted = clone(many).fit(X, y)
-    with pytest.raises(ValueError, match="from rest"):
-        fitted.simulate(X, y, initial_state="estimate")
     np.testing.assert_array_equal(fitted.simulate(X), fitted.predict(X))
 
 

@@ -190,7 +190,9 @@ def test_the_prediction_is_the_free_run_of_the_error_alone(runs, fitted):
     moved = X.assign(x=0.0, f_t=7.0)
     np.testing.assert_array_equal(fitted.predict(X), fitted.predict(moved))
     assert fitted.predict(X).shape == y.shape
-    assert fitted.score(X, y) == pytest.approx(vaf_score(y, fitted.predict(X)))
+    at_rest = clone(fitted).set_params(initial="rest").fit(X, y)
+    assert at_rest.score(X, y) == pytest.approx(vaf_score(y, at_rest.predict(X)))
+    assert fitted.score(X, y) > vaf_score(y, fitted.predict(X)) > at_rest.score(X, y)
 
 
 def test_output_and_input_in_other_units(runs, fitted):

@@ -1,0 +1,133 @@
+"""How free runs begin: from rest, as if the inputs had always been as at first, or as y says.
+
+What precedes a record adds to the answer of a linear core the free response of its state, a sum of
+as many decaying signals as the core has states. ``Start`` adds it after all stages: a given one
+where only the inputs are known, the one that fits best in each run where the output is. These
+initial states are nuisance parameters that no table shows: solved for in every simulation, they
+move along with the parameters (variable projection). Behind a nonlinear effect on the output they
+are solved for by Gauss and Newton's iteration; springs are linear in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ..effects.record import Record
+
+REST, HELD, ESTIMATE = "rest", "held", "estimate"
+FORGOTTEN = 2.0  # s of settling, after which an operator has forgotten how a run began
+WEAK = 1e-6  # share of its squares in the known rows from which a state is estimated in full
+GONE = 1e-9  # of a free response
+N_NEWTON = 3  # iterations behind a nonlinear effect
+DIFFERENCE = 1e-3  # of the output's standard deviation, of the derivatives there
+SHARE_OF_ERROR, SHARE_OF_POWER = 0.1, 0.01  # by which a start must lower the squares to be taken
+
+
+def pays(rest: float, other: float, y: np.ndarray) -> bool:
+    """Whether squares that another start leaves show that runs do not begin at rest.
+
+    ``y`` is all that was measured; its power about the mean says how much that is.
+    """
+    power = float(((y - y.mean()) ** 2).sum())
+    return bool(rest - other > max(SHARE_OF_ERROR * rest, SHARE_OF_POWER * power))
+
+
+def error_of(record: Record, output: np.ndarray) -> float:
+    """Sum of squares over what is known; infinite where the output is not finite."""
+    assert record.y is not None
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = (record.y - output)[record.known]
+        total = float(error @ error)
+    return total if np.isfinite(total) else np.inf
+
+
+def free_responses(denominator: np.ndarray, n: int) -> np.ndarray:
+    """Orthonormal free responses (n, n_states) of a system 1 / A; those of unstable ones end."""
+    states = min(denominator.size - 1, n)
+    if states == 0:
+        return np.zeros((n, 0))
+    impulse = np.zeros(n)
+    impulse[0] = 1.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        response = lfilter([1.0], denominator, impulse)
+    large = np.flatnonzero(~(np.abs(response) < 1 / GONE))
+    if large.size:
+        response[large[0] :] = 0.0
+    late = np.zeros((n, states))
+    for k in range(states):
+        late[k:, k] = response[: n - k]
+    return np.linalg.qr(late)[0]
+
+
+def fitted_states(responses: np.ndarray, residual: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Amounts (n_states, n_runs) of free responses that fit a residual (n, n_runs) best.
+
+    Those of which the known rows show next to nothing stay small.
+    """
+    n, states = responses.shape
+    products = (responses[:, :, None] * responses[:, None, :]).reshape(n, states * states)
+    gram = (known.T.astype(float) @ products).reshape(-1, states, states)
+    right = np.where(known, residual, 0.0).T @ responses
+    ridge = WEAK * np.eye(states)
+    return np.linalg.solve(gram + ridge, right[:, :, None])[:, :, 0].T
+
+
+def with_fitted_start(
+    record: Record,
+    core_output: np.ndarray,
+    responses: np.ndarray,
+    behind: Callable[[np.ndarray], np.ndarray],
+    additive: bool,
+) -> np.ndarray:
+    """Output whose initial states fit the measured one best.
+
+    ``behind`` are the stages after the core, which only add to the output where ``additive``.
+    """
+    assert record.y is not None
+    states = responses.shape[1]
+    output = behind(core_output)
+    if not states or not np.isfinite(output).all():
+        return output
+    if additive:
+        amounts = fitted_states(responses, record.y - output, record.known)
+        return output + responses @ amounts
+    step = DIFFERENCE * record.sd("u")
+    start = np.zeros((states, record.n_runs))
+    for sign in (1.0, -1.0):  # which a sensor may hide
+        guess = fitted_states(responses, sign * record.y - core_output, record.known)
+        trial = behind(core_output + responses @ guess)
+        better = _squares(record, trial) < _squares(record, output)
+        start, output = np.where(better, guess, start), np.where(better, trial, output)
+    for _ in range(N_NEWTON):
+        here = core_output + responses @ start
+        residual = np.where(record.known, record.y - output, 0.0)
+        slopes = np.stack(
+            [
+                np.where(record.known, (behind(here + step * r[:, None]) - output) / step, 0.0)
+                for r in responses.T
+            ]
+        )
+        gram = np.einsum("inj,knj->jik", slopes, slopes) + WEAK * np.eye(states)
+        right = np.einsum("inj,nj->ji", slopes, residual)
+        change = np.linalg.solve(gram, right[:, :, None])[:, :, 0].T
+        trial = behind(core_output + responses @ (start + change))
+        better = _squares(record, trial) < _squares(record, output)
+        if not better.any():
+            break
+        start = start + np.where(better, change, 0.0)
+        output = np.where(better, trial, output)
+    return output
+
+
+def _squares(record: Record, output: np.ndarray) -> np.ndarray:
+    assert record.y is not None
+    return np.asarray((np.where(record.known, record.y - output, 0.0) ** 2).sum(axis=0))
+
+
+def is_stable(denominator: np.ndarray) -> bool:
+    """Whether all poles lie inside the unit circle, and none of them integrates."""
+    poles = np.roots(denominator)
+    return bool((np.abs(poles) < 1.0 - 1e-6).all())
