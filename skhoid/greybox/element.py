@@ -18,7 +18,8 @@ from ..human import LinearElement, as_element
 
 WORST_FIT = 0.2  # largest share of the power of x that may stay unexplained
 PIECE = 20.0  # s; every piece has a start of its own, so that integrals forget slow errors
-FEWEST = 50  # known rows of a run, and rows of a piece
+PIECE_ROWS = 400  # at least, on slow clocks
+FEWEST = 50  # known rows of a run
 LAGS = np.linspace(0.0, 0.3, 13)  # of the instruments, in pieces
 ROWS = 160  # of a piece that count: integrals are smooth
 WEAK = 0.05  # share of u's integral that the target must move to be an instrument
@@ -163,7 +164,7 @@ class _Table:
     def of(cls, record: Record, u: np.ndarray, x: np.ndarray) -> _Table | None:
         names = record.with_role("f_t")
         target = record.channels[names[0]] if names else None
-        length = max(round(PIECE / record.dt), FEWEST)
+        length = max(round(PIECE / record.dt), PIECE_ROWS)
         blocks: list[np.ndarray] = []
         labels: list[np.ndarray] = []
         for j in range(record.n_runs):
@@ -267,5 +268,5 @@ def _lagged(
 
 
 def _pieces(span: slice, length: int) -> list[slice]:
-    starts = range(span.start, span.stop - length // 2, length)
+    starts = range(span.start, max(span.stop - length // 2, span.start + 1), length)
     return [slice(s, min(s + length, span.stop)) for s in starts]
