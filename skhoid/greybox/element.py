@@ -3,30 +3,32 @@
 Integrals of u and x stand on both sides, so that no signal is differentiated. In a closed loop u
 answers a disturbance that is recorded nowhere; least squares then takes some of the answer for the
 element. What the target alone moves is free of that: it is the instrument wherever it is known.
+Fast motion is nearly free of it too, and tells forms apart; where it is clear it gives the gain.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from ..effects.record import Record
-from ..human import LinearElement, as_element
+from ..human import LinearElement
+from .element_timing import SURE, FastMotion, fast_motion, known_span, with_timing
 
 WORST_FIT = 0.2  # largest share of the power of x that may stay unexplained
 PIECE = 20.0  # s; every piece has a start of its own, so that integrals forget slow errors
-PIECE_ROWS = 400  # at least, on slow clocks
-FEWEST = 50  # known rows of a run
+PIECE_ROWS = 1200  # at least, on slow clocks
 LAGS = np.linspace(0.0, 0.3, 13)  # of the instruments, in pieces
 ROWS = 160  # of a piece that count: integrals are smooth
 WEAK = 0.05  # share of u's integral that the target must move to be an instrument
 SIMPLER = 0.6  # of the error of one constant, above which a second is not worth it
 EXACT = 1e-6  # share of the power, below which nothing is left for a second constant
-SURE = 3.0  # standard errors
-CLOSE = 0.4  # of the share of a sample's answer, to one and to zero
+CLEAR = 0.8  # agreement of fast motion, by which forms that agree less are told apart
+LESS = 0.1  # agreement
+TRUSTED = 0.9  # agreement, from which fast motion decides the gain
+OFF = 0.4  # of the gain, by which fast motion may contradict
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,7 @@ class Form:
         return LinearElement((float(constants[0]),), rest + (0.0,) * zeros)
 
 
-SIMPLE = (Form(1), Form(2), Form(0))
-WITH_BREAK = (Form(2, breaks=True), Form(1, breaks=True))
+FORMS = (Form(1), Form(2), Form(0), Form(2, breaks=True), Form(1, breaks=True))
 
 
 @dataclass(frozen=True)
@@ -81,75 +82,25 @@ def element_estimate(record: Record) -> ElementEstimate | None:
     found = [
         _estimated(record, x, disturbance) for disturbance in (*record.with_role("dist")[:1], None)
     ]
-    best = min((f for f in found if f is not None), key=_unexplained, default=None)
-    return None if best is None or best.unexplained > WORST_FIT else best
+    return min((f for f in found if f is not None), key=_unexplained, default=None)
 
 
 def _estimated(record: Record, x: np.ndarray, disturbance: str | None) -> ElementEstimate | None:
     """The best element for one disturbance, or for none, with the timing of its input."""
     assert record.y is not None
     u = record.y if disturbance is None else record.y + record.channels[disturbance]
-    late = _best_form(_Table.of(record, u, x), disturbance)
-    if late is None or not with_timing(late.element, record, u, x).direct:
-        return late
-    early = _best_form(_Table.of(record, np.concatenate([u[1:], u[-1:]]), x), disturbance)
-    return early and replace(early, element=replace(early.element, direct=True))
-
-
-def given_element(given: Any, record: Record) -> LinearElement:
-    """An element that the user gave, with the timing that the data have."""
-    element = as_element(given)
-    names = record.with_role("x")
-    if not names or record.y is None:
-        return element
-    return with_timing(element, record, record.y, record.channels[names[0]])
-
-
-def with_timing(
-    element: LinearElement, record: Record, u: np.ndarray, x: np.ndarray
-) -> LinearElement:
-    """The element with ``direct`` as the data have it: whether x(k) answers u(k) already.
-
-    The part of x that one sample of u moves is compared with u at both samples, by their changes:
-    a disturbance is smooth.
-    """
-    if element.dt is not None or len(element.numerator) == len(element.denominator):
-        return element
-    b, a = replace(element, direct=False).discrete(record.dt)
-    now, before, moved = [], [], []
-    for j in range(record.n_runs):
-        span = _known_span(record, j)
-        if span is None:
-            continue
-        # b[0] is zero: the late answer of sample k is the early one of sample k - 1.
-        early = np.convolve(u[span, j], b[1:])[b.size : u[span, j].size]
-        left = np.convolve(x[span, j], a)[b.size : x[span, j].size]
-        early, left = np.diff(early), np.diff(left)
-        now.append(early[1:])
-        before.append(early[:-1])
-        moved.append(left[1:])
-    if not now:
-        return element
-    table = np.stack([np.concatenate(now), np.concatenate(before)], 1)
-    answer = np.concatenate(moved)
-    share, *_ = np.linalg.lstsq(table, answer, rcond=None)
-    error = answer - table @ share
-    normal = np.linalg.pinv(table.T @ table)
-    contrast = np.array([1.0, -1.0])
-    sd = np.sqrt(error @ error / max(len(error) - 2, 1) * contrast @ normal @ contrast)
-    # Of a true element one share is 1 and the other 0; a wrong one is no evidence.
-    surely = share[0] - share[1] > SURE * sd and np.abs(share - [1.0, 0.0]).max() < CLOSE
-    return replace(element, direct=bool(surely))
-
-
-def _known_span(record: Record, j: int) -> slice | None:
-    known = np.flatnonzero(record.known[:, j])
-    return slice(known[0], known[-1] + 1) if known.size >= FEWEST else None
+    late = _Search.of(record, u, x, disturbance)
+    found = None if late is None else late.best()
+    if found is None or not with_timing(found.element, record, u, x).direct:
+        return found
+    early = _Search.of(record, np.concatenate([u[1:], u[-1:]]), x, disturbance)
+    found = None if early is None else early.best()
+    return found and replace(found, element=replace(found.element, direct=True))
 
 
 @dataclass(frozen=True)
 class _Table:
-    """Rows of all pieces: x, integrals of u and of x, instruments; without their straight lines.
+    """Rows of all pieces: x, integrals of u and of x, instruments; without their parabolas.
 
     ``of_u`` are u and its first and second integral.
     """
@@ -168,7 +119,7 @@ class _Table:
         blocks: list[np.ndarray] = []
         labels: list[np.ndarray] = []
         for j in range(record.n_runs):
-            span = _known_span(record, j)
+            span = known_span(record, j)
             if span is None:
                 continue
             for piece in _pieces(span, length):
@@ -177,9 +128,9 @@ class _Table:
                 if target is not None:
                     columns += _lagged(target[span, j], piece, span, length, record.dt)
                 block = np.stack(columns, 1)
-                t = np.linspace(-1.0, 1.0, len(block))
-                line = np.stack([np.ones_like(t), t], 1)
-                block = block - line @ np.linalg.lstsq(line, block, rcond=None)[0]
+                # Start, speed, and the second integral of a constant disturbance.
+                still = np.vander(np.linspace(-1.0, 1.0, len(block)), 3)
+                block = block - still @ np.linalg.lstsq(still, block, rcond=None)[0]
                 blocks.append(block[:: max(1, length // ROWS)])
                 labels.append(np.full(len(blocks[-1]), len(labels)))
         if not blocks:
@@ -203,41 +154,91 @@ class _Table:
         return self.instruments @ (self.instruments.T @ rows)
 
 
-def _best_form(table: _Table | None, disturbance: str | None) -> ElementEstimate | None:
-    """The simplest form among those about as good as the best."""
-    if table is None:
-        return None
+@dataclass(frozen=True)
+class _Search:
+    """One way to say what moves x, and the forms fitted to it."""
 
-    def fitted(form: Form) -> ElementEstimate:
-        return _fitted(table, form, disturbance)
+    record: Record
+    u: np.ndarray
+    x: np.ndarray
+    disturbance: str | None
+    table: _Table
 
-    simple = min(map(fitted, SIMPLE), key=_unexplained)
-    other = [f for f in map(fitted, WITH_BREAK) if f.constants[1] > SURE * f.sd[1]]
-    better = min(other, key=_unexplained, default=simple)
-    worth_it = better.unexplained < SIMPLER * simple.unexplained and simple.unexplained > EXACT
-    best = better if worth_it else simple
-    return best if abs(best.constants[0]) > SURE * best.sd[0] else None
+    @classmethod
+    def of(
+        cls, record: Record, u: np.ndarray, x: np.ndarray, disturbance: str | None
+    ) -> _Search | None:
+        table = _Table.of(record, u, x)
+        return None if table is None else cls(record, u, x, disturbance, table)
+
+    def best(self) -> ElementEstimate | None:
+        """The simplest form among those about as good as the best; None where none is good."""
+        fits = [(form, self.fitted(form)) for form in FORMS]
+        fits = [(form, fit) for form, fit in fits if (fit.constants > 0)[1:].all()]
+        fast = [self.fast(fit) for _, fit in fits]
+        top = max(one.agreement for one in fast)
+        able = [
+            case
+            for case, one in zip(fits, fast, strict=True)
+            if top < CLEAR or one.agreement > top - LESS
+        ]
+        form, best = min((c for c in able if not c[0].breaks), key=_worse, default=(None, None))
+        for other, fit in able:
+            surely = other.breaks and fit.constants[1] > SURE * fit.sd[1]
+            if best is None or (surely and EXACT < SIMPLER * best.unexplained > fit.unexplained):
+                form, best = other, fit
+        if form is None or best is None:
+            return None
+        return self.decided(form, best)
+
+    def decided(self, form: Form, fit: ElementEstimate) -> ElementEstimate | None:
+        """The fit with the gain of fast motion where that is clear; None where they disagree."""
+        fast = self.fast(fit)
+        if fast.agreement > TRUSTED:
+            gain, sd = fit.constants[0] * fast.gain, abs(fit.constants[0]) * fast.sd
+            if abs(gain - fit.constants[0]) < SURE * np.hypot(sd, fit.sd[0]):
+                weights = np.array([sd, fit.sd[0]]) ** -2.0 if sd * fit.sd[0] > 0 else np.ones(2)
+                gain = float(weights @ [gain, fit.constants[0]]) / float(weights.sum())
+                sd = float(weights.sum()) ** -0.5
+            refined = self.fitted(form, gain)
+            return replace(refined, sd=np.concatenate([[sd], refined.sd[1:]]))
+        clear = abs(fit.constants[0]) > SURE * fit.sd[0] and fit.unexplained < WORST_FIT
+        return fit if clear and abs(fast.gain - 1) < max(OFF, SURE * fast.sd) else None
+
+    def fast(self, fit: ElementEstimate) -> FastMotion:
+        return fast_motion(fit.element, self.record, self.u, self.x)
+
+    def fitted(self, form: Form, gain: float | None = None) -> ElementEstimate:
+        """Constants by least squares on what the instruments move; the gain may be given."""
+        table = self.table
+        target, columns = table.x, [table.of_u[:, form.n]]
+        known = [] if gain is None else [gain]
+        if gain is not None:
+            target, columns = target - gain * columns[0], []
+        if form.breaks:
+            columns.append(-table.integral_of_x)
+        regressors = np.stack(columns, 1) if columns else np.zeros((target.size, 0))
+        moved = table.seen(regressors)
+        solved, *_ = np.linalg.lstsq(moved, target, rcond=None)
+        error = target - regressors @ solved
+        inverse = np.linalg.pinv(moved.T @ moved)
+        scores = np.zeros((int(table.piece[-1]) + 1, len(solved)))
+        np.add.at(scores, table.piece, moved * error[:, None])
+        covariance = inverse @ (scores.T @ scores) @ inverse
+        left, all_of_it = table.seen(error), table.seen(table.x)
+        constants = np.array([*known, *solved])
+        return ElementEstimate(
+            element=form.element(constants),
+            constants=constants,
+            sd=np.array([0.0 for _ in known] + list(np.sqrt(np.diag(covariance)))),
+            unexplained=float(left @ left) / max(float(all_of_it @ all_of_it), 1e-300),
+            instruments=table.instruments is not None,
+            disturbance=self.disturbance,
+        )
 
 
-def _fitted(table: _Table, form: Form, disturbance: str | None) -> ElementEstimate:
-    columns = [table.of_u[:, form.n]] + ([-table.integral_of_x] if form.breaks else [])
-    regressors = np.stack(columns, 1)
-    moved = table.seen(regressors)
-    constants, *_ = np.linalg.lstsq(moved, table.x, rcond=None)
-    error = table.x - regressors @ constants
-    inverse = np.linalg.pinv(moved.T @ moved)
-    scores = np.zeros((int(table.piece[-1]) + 1, len(constants)))
-    np.add.at(scores, table.piece, moved * error[:, None])
-    covariance = inverse @ (scores.T @ scores) @ inverse
-    left, all_of_it = table.seen(error), table.seen(table.x)
-    return ElementEstimate(
-        element=form.element(constants),
-        constants=constants,
-        sd=np.sqrt(np.diag(covariance)),
-        unexplained=float(left @ left) / max(float(all_of_it @ all_of_it), 1e-300),
-        instruments=table.instruments is not None,
-        disturbance=disturbance,
-    )
+def _worse(case: tuple[Form, ElementEstimate]) -> float:
+    return case[1].unexplained
 
 
 def _unexplained(found: ElementEstimate) -> float:

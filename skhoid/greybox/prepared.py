@@ -16,7 +16,8 @@ from ..regression import DataToFit, bad_output, still
 from ..runs import run_column
 from ..runs.roles import roles_of
 from .cores import Core
-from .element import estimate_element, given_element
+from .element import estimate_element
+from .element_timing import given_element
 from .fitting import AR_ORDER, Criterion, RemnantModel
 from .model import Model
 from .side_by_side import SegmentColumns, build_record
