@@ -14,7 +14,7 @@ from ..human import simplest
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, bad_output, still
 from ..runs import run_column
-from ..runs.roles import roles_of
+from ..runs.roles import EXACT, roles_of
 from .cores import Core
 from .element import estimate_element
 from .element_timing import given_element
@@ -122,6 +122,7 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         channels=channels,
         roles=roles,
         units={"u": known.get(output_name), "e": known.get(error)}
+        | {f"[{role}]": known.get(name) for name, role in roles.items() if role in EXACT}
         | {f"[{name}]": unit for name, unit in known.items()},
         n_missing=int(np.isnan(output).sum()),
     )
