@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ from ..preprocessing import Decimator, RunInTrimmer
 from ..runs import RunLayout, read_layout, run_name, whole_samples
 from ..runs.selection import run_labels
 from .batch import ARXRegressor
+from .least_delay import LeastDelay, least_delay_of
 from .recursive import RecursiveARX
 from .searches import DelaySearchCV, OrderSearchCV
 
@@ -105,6 +107,8 @@ class Identification:
     order_search: OrderSearchCV | None
     models: list[FittedModel]
     adapting: FittedModel | None
+    least_delay: LeastDelay
+    notes: list[str]
 
     @property
     def units(self) -> dict[str, str]:
@@ -180,12 +184,19 @@ def identify(
     validation_runs: list[Any] | None = None,
     centered: bool = True,
     callbacks: tuple[Any, ...] = (),
+    least_delay: float | None = None,
+    domain: str | None = None,
+    roles: Mapping[Any, Any] | None = None,
 ) -> Identification:
     """Discard the run-in, find delay and orders, fit, and validate on held-out data.
 
     The last run is held out, or ``validation_runs``, or the second half of a single run; nothing
     is chosen or fitted on it. With ``centered`` the models have an intercept and VAF is taken
     about the mean of each run.
+
+    Where e or x are inputs, no delay below ``least_delay`` seconds is tried: None takes 0.1 s of a
+    person, and one sample of a machine. ``domain`` is "human" or "machine"; None says human where
+    the data have the role e and x or f_t.
     """
     layout = read_layout(X)
     held_out, names = _held_out_rows(layout, validation_runs)
@@ -201,14 +212,31 @@ def identify(
     scorer = VAFScorer(run_in=run_in, centered=centered)
     X_e, y_e = X[~held_out], y[~held_out]
 
+    least = least_delay_of(
+        list(X.columns) if choice.inputs is None else choice.inputs,
+        list(X.columns),
+        layout.dt * factor,
+        seconds=least_delay,
+        domain=domain,
+        roles=roles,
+    )
     candidates = {}
     searches = {}
     if choice.nk is None:
-        candidates["without delay"] = orders
+        # e alone is not x: without delay it is no model of the element, and a yardstick.
+        shortest = least.samples if least.closed else 0
+        without = "with the least delay" if shortest else "without delay"
+        candidates[without] = {**orders, "nk": shortest}
         longest = int(np.floor(whole_samples(longest_delay, layout.dt * factor)))
+        if longest < least.samples:
+            raise ValueError(
+                f"The longest delay to try, {longest_delay:g} s, is below the least, "
+                f"{least.seconds:.3g} s: {least.reason}. Allow a longer one, or a smaller "
+                "least_delay."
+            )
         for how in ("one_step", "vaf"):
             search = DelaySearchCV(
-                pipeline, nk=range(longest + 1), criterion=how, scoring=scorer
+                pipeline, nk=range(least.samples, longest + 1), criterion=how, scoring=scorer
             ).set_callbacks(*callbacks)
             searches[how] = search.fit(X_e, y_e)
         orders = {**orders, "nk": searches[criterion].best_nk_}
@@ -243,8 +271,20 @@ def identify(
             **orders, inputs=choice.inputs, fit_intercept=centered, **choice.memory
         )
         adapting = fitted("following changes", follows)
+    notes = least.notes(orders["nk"], given=choice.nk is not None)
     return Identification(
-        X, y, layout, held_out, *names, centered, searches, order_search, models, adapting
+        X,
+        y,
+        layout,
+        held_out,
+        *names,
+        centered,
+        searches,
+        order_search,
+        models,
+        adapting,
+        least,
+        notes,
     )
 
 

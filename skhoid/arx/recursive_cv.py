@@ -172,7 +172,7 @@ class RecursiveARXCV(RecursiveARX):
         self.run = run
 
     @fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Any, y: Any) -> RecursiveARXCV:
+    def fit(self, X: Any, y: Any, groups: Any = None) -> RecursiveARXCV:
         """Score all memory horizons, and fit the best one on all runs.
 
         Parameters
@@ -181,6 +181,9 @@ class RecursiveARXCV(RecursiveARX):
             Channels, one row per sample; runs and time are read from its index.
         y : Series or array of shape (n_rows,)
             Output. NaN means no measurement.
+        groups : array-like of shape (n_rows,) or None, default=None
+            Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
+            ``cv=None`` leaves out one at a time. None takes the runs.
 
         Returns
         -------
@@ -193,7 +196,7 @@ class RecursiveARXCV(RecursiveARX):
         """
         data = self._read_recursion(X, y)
         settings = self._settings(data)
-        folds = self._folds(X, y, data)
+        folds = self._folds(X, y, data, groups)
         validation = _HorizonScores(self, data, self._read_y(X, y))
         scored = Parallel(n_jobs=self.n_jobs, prefer="threads")(
             delayed(validation.scores)(runs, settings) for runs in folds
@@ -232,7 +235,9 @@ class RecursiveARXCV(RecursiveARX):
             for entry in self._entries
         ]
 
-    def _folds(self, X: Any, y: Any, data: RecursionData) -> list[tuple[np.ndarray, np.ndarray]]:
+    def _folds(
+        self, X: Any, y: Any, data: RecursionData, groups: Any
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Numbers of the runs to train on and to validate on."""
         layout = data.grid.layout
         if len(layout.labels) == 1:
@@ -240,14 +245,14 @@ class RecursiveARXCV(RecursiveARX):
                 "RecursiveARXCV validates on other runs, and X has one. For a single run use "
                 "RecursiveARX(forgetting='auto'), which goes by one-step predictions."
             )
-        if self.cv is None:
+        if self.cv is None and groups is None:
             every = np.arange(len(layout.labels))
             return [(np.delete(every, run), every[[run]]) for run in every]
         run = layout.run_of(np.arange(layout.n_rows))
         with warnings.catch_warnings():
             warnings.simplefilter("error", RunCutWarning)
             try:
-                folds = folds_of(X, y, layout, self.cv)
+                folds = folds_of(X, y, layout, self.cv, groups)
             except RunCutWarning as cut:
                 raise ValueError(f"{cut} A path in time cannot be scored within a run.") from None
         length = np.diff(layout.run_starts)

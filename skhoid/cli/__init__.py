@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
+from .options import with_one_element
 from .output import note
 from .parser import make_parser
 from .wording import reworded
@@ -45,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not given:
         parser.print_help(sys.stderr)
         return BAD_INPUT
-    options = parser.parse_args(given)
+    options = parser.parse_args(with_one_element(given))
     options.command_line = given
     if options.debug:
         return _run(options)

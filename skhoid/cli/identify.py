@@ -18,7 +18,7 @@ from ..io import load_human_tracking
 from ..summaries import counted
 from .arguments.identify import LONGEST_DELAY
 from .files import check_no_files, read_files, save_figures, without_screen
-from .options import refuse
+from .options import pairs, refuse
 from .output import WIDTH, print_json, say_files
 from .search_output import figure_folder
 from .tables import check_tables, save_tables
@@ -32,7 +32,8 @@ def identify(options: argparse.Namespace) -> int:
     folder = figure_folder(options, "skhoid-identify")
     check_tables(options)
     if options.nk is not None:
-        refuse(options, ["longest_delay", "criterion"], "needs a search, and --nk gives the delay.")
+        of_search = ["longest_delay", "least_delay", "criterion"]
+        refuse(options, of_search, "needs a search, and --nk gives the delay.")
     if options.method != "iv":
         refuse(options, ["instruments"], "needs --method iv.")
     criterion = options.criterion or "one_step"
@@ -58,6 +59,9 @@ def identify(options: argparse.Namespace) -> int:
         criterion=criterion,
         validation_runs=options.validate,
         centered=not options.keep_means,
+        least_delay=options.least_delay,
+        domain=options.domain,
+        roles=pairs(options.role, "--role", "NAME=ROLE, such as position=x"),
         callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
     )
     files = {
@@ -159,6 +163,12 @@ def _as_dict(found: Identification, source: str) -> dict[str, Any]:
             criterion: {"nk": search.best_nk_, "seconds": search.best_delay_}
             for criterion, search in found.delay_searches.items()
         },
+        "domain": found.least_delay.domain,
+        "least_delay": {
+            "nk": found.least_delay.samples,
+            "seconds": found.least_delay.seconds,
+        },
+        "notes": found.notes,
         "models": [model.as_dict() for model in found.models],
         "adapting": found.adapting.as_dict() if found.adapting else None,
     }
@@ -210,6 +220,9 @@ def _print(found: Identification, source: str, criterion: str) -> None:
                 f"The criteria are {abs(one_step - vaf)} samples apart: see how flat the curves "
                 "are."
             )
+
+    for note in found.notes:
+        console.print(note)
 
     table = Table(
         title="Free run" + (", about the means" if found.centered else ", means kept"),

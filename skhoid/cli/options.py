@@ -39,6 +39,23 @@ def _finite(text: str) -> float:
     return number if math.isfinite(number) else math.nan
 
 
+def with_one_element(words: list[str]) -> list[str]:
+    """Arguments in which the two numbers of a controlled element are one word.
+
+    Two numbers and one text cannot both be an option's values, as file names may follow it.
+    """
+    option = "--controlled-element"
+    for i, word in enumerate(words):
+        numbers = words[i + 1 : i + 3]
+        if (
+            word == option
+            and len(numbers) == 2
+            and not any(math.isnan(_finite(n)) for n in numbers)
+        ):
+            return [*words[: i + 1], " ".join(numbers), *words[i + 3 :]]
+    return words
+
+
 def pairs(items: Iterable[str], option: str, example: str) -> dict[str, str]:
     """NAME=VALUE pairs of an option that may be repeated."""
     found: dict[str, str] = {}

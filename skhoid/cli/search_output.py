@@ -13,7 +13,8 @@ from .._version import __version__
 from ..diagnosis import Comparison
 from ..effects import Effects
 from ..effects.catalogue import BY_NAME
-from ..human import ControlledElement
+from ..human import ControlledElement, LinearElement
+from ..human.element_text import is_number
 from ..reporting import Report, report
 from ..search import EffectSearchCV
 from ..search.story import Story
@@ -67,12 +68,11 @@ def show_search(
     options: argparse.Namespace, estimator: Any, X: Any, y: Any, source: str, *, aloud: bool = True
 ) -> Story:
     """Search, and print each result as soon as it is known."""
-    element = getattr(options, "controlled_element", None)
     search = EffectSearchCV(
         estimator,
         effects=wanted_effects(options),
         display=getattr(options, "display", None) or "compensatory",
-        controlled_element=None if element is None else ControlledElement(*element),
+        controlled_element=_element(getattr(options, "controlled_element", None)),
         max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
     )
     story = Story(search, X, y)
@@ -83,6 +83,16 @@ def show_search(
         if aloud:
             print_wrapped(reworded(line, options))
     return story
+
+
+def _element(text: str | None) -> Any:
+    """The controlled element of the command line: a transfer function, or K_c and omega_b."""
+    if text is None:
+        return None
+    words = text.split()
+    if len(words) == 2 and all(is_number(word) for word in words):
+        return ControlledElement(float(words[0]), float(words[1]))
+    return LinearElement.of(text)
 
 
 def write_results(

@@ -7,6 +7,10 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 
+class RoleName(str):
+    """A role in place of the name of a channel, which data may call otherwise."""
+
+
 @dataclass(frozen=True)
 class Dimension:
     """Dimension of a number: exponents of the units of output, input and time.
@@ -77,6 +81,21 @@ class Dimension:
         dimension : Dimension
         """
         return cls(channels=((str(name), 1),))
+
+    @classmethod
+    def of_role(cls, role: str) -> Dimension:
+        """The unit of the channel of a role, whatever its name.
+
+        Parameters
+        ----------
+        role : {"x", "f_t"}
+            Role.
+
+        Returns
+        -------
+        dimension : Dimension
+        """
+        return cls(channels=((RoleName(role), 1),))
 
     @property
     def seconds(self) -> int:

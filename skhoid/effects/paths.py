@@ -17,7 +17,7 @@ from .parameter import Parameter
 from .record import Record, differentiated
 from .time_variation import needs_channel
 
-X = Dimension.of_channel("x")  # is the target less the error: of the same size as the error
+X = Dimension.of_role("x")  # is the target less the error: of the same size as the error
 SCAN_STEP = 0.06  # s, of the time of an answer to the target
 
 
@@ -469,7 +469,7 @@ def gain_of_target(form: str | None) -> Parameter:
     """The gain on a target in one of the three forms."""
     if of_inverse(form):
         return Parameter("gain", ONE, 0.0, 3.0, (0.3,), "of the inverse controlled element")
-    gain = U / Dimension.of_channel("f_t")
+    gain = U / Dimension.of_role("f_t")
     dimension = gain * S if form == "rate" else gain
     return Parameter("gain", dimension, 0.0, 20.0, (0.1,), "on the target")
 

@@ -11,6 +11,7 @@ import numpy as np
 from .. import _kernels
 from ..runs.roles import EXACT, OTHER
 from .core_kind import CoreKind
+from .dimension import RoleName
 
 if TYPE_CHECKING:
     from ..human.linear_element import LinearElement
@@ -136,9 +137,20 @@ class Record:
         whole = role in (*EXACT, OTHER)
         return [n for n, r in self.roles.items() if (r == role if whole else r.startswith(role))]
 
+    def named(self, name: str) -> str:
+        """The channel that a name means: the role "x" or "f_t" of a dimension is one too."""
+        if name == "e" or name not in EXACT:
+            return name
+        of_role = isinstance(name, RoleName) or name not in self.channels
+        return next(iter(self.with_role(name)), name) if of_role else name
+
     def sd(self, name: str) -> float:
-        """Standard deviation of a channel, of the input for "e", of the output for "u"."""
-        return self.once(("sd", name), lambda: self._sd(name))
+        """Standard deviation of a channel, of the input for "e", of the output for "u".
+
+        ``Dimension.of_role`` names a channel by its role.
+        """
+        channel = self.named(name)
+        return self.once(("sd", channel), lambda: self._sd(channel))
 
     def _sd(self, name: str) -> float:
         if name == "u":

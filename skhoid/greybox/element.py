@@ -1,64 +1,273 @@
-"""The controlled element (K_c, omega_b) estimated from the recorded u and x."""
+"""The controlled element estimated from the recorded u and x, and which sample of u moves x first.
+
+Integrals of u and x stand on both sides, so that no signal is differentiated. In a closed loop u
+answers a disturbance that is recorded nowhere; least squares then takes some of the answer for the
+element. What the target alone moves is free of that: it is the instrument wherever it is known.
+Fast motion is nearly free of it too, and tells forms apart; where it is clear it gives the gain.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from ..effects.record import Record
 from ..human import LinearElement
+from .element_timing import SURE, FastMotion, fast_motion, known_span, with_timing
 
 WORST_FIT = 0.2  # largest share of the power of x that may stay unexplained
+PIECE = 20.0  # s; every piece has a start of its own, so that integrals forget slow errors
+PIECE_ROWS = 1200  # at least, on slow clocks
+LAGS = np.linspace(0.0, 0.3, 13)  # of the instruments, in pieces
+ROWS = 160  # of a piece that count: integrals are smooth
+WEAK = 0.05  # share of u's integral that the target must move to be an instrument
+SIMPLER = 0.6  # of the error of one constant, above which a second is not worth it
+EXACT = 1e-6  # share of the power, below which nothing is left for a second constant
+CLEAR = 0.8  # agreement of fast motion, by which forms that agree less are told apart
+LESS = 0.1  # agreement
+TRUSTED = 0.9  # agreement, from which fast motion decides the gain
+OFF = 0.4  # of the gain, by which fast motion may contradict
+
+
+@dataclass(frozen=True)
+class Form:
+    """A family of elements that is linear in its constants on integrals of u and x.
+
+    x = K times the ``n``-fold integral of u, less omega_b times the integral of x if ``breaks``.
+    """
+
+    n: int
+    breaks: bool = False
+
+    def element(self, constants: np.ndarray) -> LinearElement:
+        rest = (1.0, float(constants[1])) if self.breaks else (1.0,)
+        zeros = self.n - len(rest) + 1
+        return LinearElement((float(constants[0]),), rest + (0.0,) * zeros)
+
+
+FORMS = (Form(1), Form(2), Form(0), Form(2, breaks=True), Form(1, breaks=True))
+
+
+@dataclass(frozen=True)
+class ElementEstimate:
+    """An element estimated from data.
+
+    ``constants`` are K, and omega_b in rad/s where the form has one, with standard errors ``sd``;
+    ``unexplained`` is the share of the power of x (of what the target moves, with ``instruments``)
+    that it does not explain; ``disturbance`` is the channel that adds to u.
+    """
+
+    element: LinearElement
+    constants: np.ndarray
+    sd: np.ndarray
+    unexplained: float
+    instruments: bool
+    disturbance: str | None
 
 
 def estimate_element(record: Record) -> LinearElement | None:
-    """K_c and omega_b from u and x by least squares on integrals of dx/dt = v, dv/dt = K_c u - ...
+    """The element from u to x; None where x is not measured or does not answer u linearly."""
+    found = element_estimate(record)
+    return None if found is None else found.element
 
-    x(t) = K_c (integral of integral of u) - omega_b (integral of x) + c_0 + c_1 t for each run; a
-    measured disturbance adds to u. None where x is not measured or does not answer u in this way.
-    """
+
+def element_estimate(record: Record) -> ElementEstimate | None:
+    """As :func:`estimate_element`, with errors."""
     names = record.with_role("x")
     if not names or record.y is None:
         return None
-    K_c = omega_b = 0.0
-    columns, target = [], []
-    disturbances = record.with_role("dist")
-    for disturbed in [*disturbances[:1], None]:
-        rows_of = []
+    x = record.channels[names[0]]
+    found = [
+        _estimated(record, x, disturbance) for disturbance in (*record.with_role("dist")[:1], None)
+    ]
+    return min((f for f in found if f is not None), key=_unexplained, default=None)
+
+
+def _estimated(record: Record, x: np.ndarray, disturbance: str | None) -> ElementEstimate | None:
+    """The best element for one disturbance, or for none, with the timing of its input."""
+    assert record.y is not None
+    u = record.y if disturbance is None else record.y + record.channels[disturbance]
+    late = _Search.of(record, u, x, disturbance)
+    found = None if late is None else late.best()
+    if found is None or not with_timing(found.element, record, u, x).direct:
+        return found
+    early = _Search.of(record, np.concatenate([u[1:], u[-1:]]), x, disturbance)
+    found = None if early is None else early.best()
+    return found and replace(found, element=replace(found.element, direct=True))
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Rows of all pieces: x, integrals of u and of x, instruments; without their parabolas.
+
+    ``of_u`` are u and its first and second integral.
+    """
+
+    x: np.ndarray
+    of_u: np.ndarray
+    integral_of_x: np.ndarray
+    instruments: np.ndarray | None
+    piece: np.ndarray
+
+    @classmethod
+    def of(cls, record: Record, u: np.ndarray, x: np.ndarray) -> _Table | None:
+        names = record.with_role("f_t")
+        target = record.channels[names[0]] if names else None
+        length = max(round(PIECE / record.dt), PIECE_ROWS)
+        blocks: list[np.ndarray] = []
+        labels: list[np.ndarray] = []
         for j in range(record.n_runs):
-            known = np.flatnonzero(record.known[:, j])
-            if known.size < 50:
+            span = known_span(record, j)
+            if span is None:
                 continue
-            span = slice(known[0], known[-1] + 1)
-            # Pieces of some seconds, each with its own start, so that integrals forget slow errors.
-            for piece in _pieces(span, round(8.0 / record.dt)):
-                x = record.channels[names[0]][piece, j]
-                u = record.y[piece, j]
-                if disturbed is not None:
-                    u = u + record.channels[disturbed][piece, j]
-                t = np.arange(x.size) * record.dt
-                once = cumulative_trapezoid(x, dx=record.dt, initial=0)
-                twice = cumulative_trapezoid(
-                    cumulative_trapezoid(u, dx=record.dt, initial=0), dx=record.dt, initial=0
-                )
-                nuisance = np.stack([np.ones_like(t), t], 1)
-                block = np.stack([twice, -once, x], 1)
-                block -= nuisance @ np.linalg.lstsq(nuisance, block, rcond=None)[0]
-                rows_of.append(block)
-        if not rows_of:
+            for piece in _pieces(span, length):
+                columns = _integrals(u[piece, j], record.dt)
+                columns += [x[piece, j], _integral(x[piece, j], record.dt)]
+                if target is not None:
+                    columns += _lagged(target[span, j], piece, span, length, record.dt)
+                block = np.stack(columns, 1)
+                # Start, speed, and the second integral of a constant disturbance.
+                still = np.vander(np.linspace(-1.0, 1.0, len(block)), 3)
+                block = block - still @ np.linalg.lstsq(still, block, rcond=None)[0]
+                blocks.append(block[:: max(1, length // ROWS)])
+                labels.append(np.full(len(blocks[-1]), len(labels)))
+        if not blocks:
             return None
-        table = np.concatenate(rows_of)
-        solved, *_ = np.linalg.lstsq(table[:, :2], table[:, 2], rcond=None)
-        error = table[:, 2] - table[:, :2] @ solved
-        columns.append(solved)
-        target.append(float(error @ error) / max(float(table[:, 2] @ table[:, 2]), 1e-300))
-    best = int(np.argmin(target))
-    K_c, omega_b = columns[best]
-    if target[best] > WORST_FIT or not K_c > 0:
-        return None
-    return LinearElement((float(K_c),), (1.0, float(max(omega_b, 0.0)), 0.0))
+        rows = np.concatenate(blocks)
+        instruments = None
+        if target is not None:
+            size = np.sqrt((rows[:, 5:] ** 2).mean(axis=0))
+            kept = size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)
+            base, values, _ = np.linalg.svd(rows[:, 5:][:, kept] / size[kept], full_matrices=False)
+            base = base[:, values > 1e-6 * values.max(initial=0.0)]
+            moved = base @ (base.T @ rows[:, 1])
+            if base.size and moved @ moved > WEAK * (rows[:, 1] @ rows[:, 1]):
+                instruments = base
+        return cls(rows[:, 3], rows[:, :3], rows[:, 4], instruments, np.concatenate(labels))
+
+    def seen(self, rows: np.ndarray) -> np.ndarray:
+        """The part that the instruments move; all of it without any."""
+        if self.instruments is None:
+            return rows
+        return self.instruments @ (self.instruments.T @ rows)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """One way to say what moves x, and the forms fitted to it."""
+
+    record: Record
+    u: np.ndarray
+    x: np.ndarray
+    disturbance: str | None
+    table: _Table
+
+    @classmethod
+    def of(
+        cls, record: Record, u: np.ndarray, x: np.ndarray, disturbance: str | None
+    ) -> _Search | None:
+        table = _Table.of(record, u, x)
+        return None if table is None else cls(record, u, x, disturbance, table)
+
+    def best(self) -> ElementEstimate | None:
+        """The simplest form among those about as good as the best; None where none is good."""
+        fits = [(form, self.fitted(form)) for form in FORMS]
+        fits = [(form, fit) for form, fit in fits if (fit.constants > 0)[1:].all()]
+        fast = [self.fast(fit) for _, fit in fits]
+        top = max(one.agreement for one in fast)
+        able = [
+            case
+            for case, one in zip(fits, fast, strict=True)
+            if top < CLEAR or one.agreement > top - LESS
+        ]
+        form, best = min((c for c in able if not c[0].breaks), key=_worse, default=(None, None))
+        for other, fit in able:
+            surely = other.breaks and fit.constants[1] > SURE * fit.sd[1]
+            if best is None or (surely and EXACT < SIMPLER * best.unexplained > fit.unexplained):
+                form, best = other, fit
+        if form is None or best is None:
+            return None
+        return self.decided(form, best)
+
+    def decided(self, form: Form, fit: ElementEstimate) -> ElementEstimate | None:
+        """The fit with the gain of fast motion where that is clear; None where they disagree."""
+        fast = self.fast(fit)
+        if fast.agreement > TRUSTED:
+            gain, sd = fit.constants[0] * fast.gain, abs(fit.constants[0]) * fast.sd
+            if abs(gain - fit.constants[0]) < SURE * np.hypot(sd, fit.sd[0]):
+                weights = np.array([sd, fit.sd[0]]) ** -2.0 if sd * fit.sd[0] > 0 else np.ones(2)
+                gain = float(weights @ [gain, fit.constants[0]]) / float(weights.sum())
+                sd = float(weights.sum()) ** -0.5
+            refined = self.fitted(form, gain)
+            return replace(refined, sd=np.concatenate([[sd], refined.sd[1:]]))
+        clear = abs(fit.constants[0]) > SURE * fit.sd[0] and fit.unexplained < WORST_FIT
+        return fit if clear and abs(fast.gain - 1) < max(OFF, SURE * fast.sd) else None
+
+    def fast(self, fit: ElementEstimate) -> FastMotion:
+        return fast_motion(fit.element, self.record, self.u, self.x)
+
+    def fitted(self, form: Form, gain: float | None = None) -> ElementEstimate:
+        """Constants by least squares on what the instruments move; the gain may be given."""
+        table = self.table
+        target, columns = table.x, [table.of_u[:, form.n]]
+        known = [] if gain is None else [gain]
+        if gain is not None:
+            target, columns = target - gain * columns[0], []
+        if form.breaks:
+            columns.append(-table.integral_of_x)
+        regressors = np.stack(columns, 1) if columns else np.zeros((target.size, 0))
+        moved = table.seen(regressors)
+        solved, *_ = np.linalg.lstsq(moved, target, rcond=None)
+        error = target - regressors @ solved
+        inverse = np.linalg.pinv(moved.T @ moved)
+        scores = np.zeros((int(table.piece[-1]) + 1, len(solved)))
+        np.add.at(scores, table.piece, moved * error[:, None])
+        covariance = inverse @ (scores.T @ scores) @ inverse
+        left, all_of_it = table.seen(error), table.seen(table.x)
+        constants = np.array([*known, *solved])
+        return ElementEstimate(
+            element=form.element(constants),
+            constants=constants,
+            sd=np.array([0.0 for _ in known] + list(np.sqrt(np.diag(covariance)))),
+            unexplained=float(left @ left) / max(float(all_of_it @ all_of_it), 1e-300),
+            instruments=table.instruments is not None,
+            disturbance=self.disturbance,
+        )
+
+
+def _worse(case: tuple[Form, ElementEstimate]) -> float:
+    return case[1].unexplained
+
+
+def _unexplained(found: ElementEstimate) -> float:
+    return found.unexplained
+
+
+def _integral(signal: np.ndarray, dt: float) -> np.ndarray:
+    return cumulative_trapezoid(signal, dx=dt, initial=0)
+
+
+def _integrals(u: np.ndarray, dt: float) -> list[np.ndarray]:
+    """u, its integral and the integral of that, with u held from each sample to the next."""
+    once = LinearElement((1.0,), (1.0, 0.0)).answer(u, dt)
+    return [u, once, LinearElement((1.0,), (1.0, 0.0, 0.0)).answer(u, dt)]
+
+
+def _lagged(
+    target: np.ndarray, piece: slice, span: slice, length: int, dt: float
+) -> list[np.ndarray]:
+    """The target and its integrals over a piece, at lags."""
+    columns = []
+    for lag in np.unique(np.round(LAGS * length).astype(int)):
+        rows = np.arange(piece.start, piece.stop) - span.start - lag
+        late = target[np.maximum(rows, 0)]
+        once = _integral(late, dt)
+        columns += [late, once, _integral(once, dt)]
+    return columns
 
 
 def _pieces(span: slice, length: int) -> list[slice]:
-    starts = range(span.start, span.stop - length // 2, length)
+    starts = range(span.start, max(span.stop - length // 2, span.start + 1), length)
     return [slice(s, min(s + length, span.stop)) for s in starts]

@@ -10,13 +10,14 @@ import numpy as np
 
 from ..effects.record import Record
 from ..exceptions import RankDeficiencyError, ShortRunError
-from ..human import as_element, simplest
+from ..human import simplest
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, bad_output, still
 from ..runs import run_column
-from ..runs.roles import roles_of
+from ..runs.roles import EXACT, roles_of
 from .cores import Core
 from .element import estimate_element
+from .element_timing import given_element
 from .fitting import AR_ORDER, Criterion, RemnantModel
 from .initial import ESTIMATE, FORGOTTEN, HELD, REST
 from .model import Model
@@ -95,7 +96,6 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     roles[error] = "e"
     held = estimator._hold(grid, thinned[:, channels], names)
     given = estimator.controlled_element
-    element = None if given is None else as_element(given)
     record, sides = build_record(
         grid,
         names,
@@ -104,8 +104,9 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         estimator.inputs_,
         output=output,
         settling=estimator.settling,
-        controlled_element=element,
     )
+    if given is not None:
+        record = replace(record, controlled_element=given_element(given, record))
     spec = estimator._simulated_core()
     record = spec.core.on(record)
     initial = getattr(estimator, "initial", None)
@@ -113,8 +114,8 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     check_rows(record, len(spec.core.parameters), grid, estimator.settling)
     check_moving(record, thinned[:, estimator._columns[0]], error, output_name)
     if given is None:
-        element = estimate_element(record)
-        record = replace(record, controlled_element=element)
+        record = replace(record, controlled_element=estimate_element(record))
+    element = record.controlled_element
     estimator.controlled_element_ = None if element is None else simplest(element)
     known = estimator._units
     return Prepared(
@@ -127,6 +128,7 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         channels=channels,
         roles=roles,
         units={"u": known.get(output_name), "e": known.get(error)}
+        | {f"[{role}]": known.get(name) for name, role in roles.items() if role in EXACT}
         | {f"[{name}]": unit for name, unit in known.items()},
         n_missing=int(np.isnan(output).sum()),
         measured=measured(grid, sides, output),

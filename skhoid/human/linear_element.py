@@ -260,7 +260,7 @@ class LinearElement:
             if self.dt is None:
                 steady = zero.real < -ON_AXIS * max(1.0, abs(zero))
             else:
-                # Zeros of sampling are on the negative axis, close to its end or beyond.
+                # Zeros of sampling are on the negative axis, and count by their gain.
                 steady = abs(zero) < 1 - ON_AXIS or (zero.real < 0 and zero.imag == 0)
             if not steady:
                 where = "the right half plane" if self.dt is None else "or outside the unit circle"
@@ -327,7 +327,7 @@ class LinearElement:
         kept = b[lead]
         zeros = []
         for zero in np.roots(b[lead:]):
-            if zero.imag == 0 and zero.real < -1 + ON_AXIS:
+            if zero.imag == 0 and zero.real < 0:
                 kept = kept * (1 - zero.real)
             else:
                 zeros.append(zero)

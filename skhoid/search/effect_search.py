@@ -155,7 +155,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.n_jobs = n_jobs
 
     @fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X: Any, y: Any) -> EffectSearchCV:
+    def fit(self, X: Any, y: Any, groups: Any = None) -> EffectSearchCV:
         """Search.
 
         Parameters
@@ -164,6 +164,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             Channels, one row per sample.
         y : Series or array of shape (n_rows,)
             Measured output.
+        groups : array-like of shape (n_rows,) or None, default=None
+            Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
+            ``cv=None`` leaves out one at a time. None takes the runs.
 
         Returns
         -------
@@ -180,7 +183,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             if self.controlled_element is not None:
                 model.set_params(controlled_element=self.controlled_element)
             prepared = model.prepare(X, y)
-            folds = self._folds(X, y, prepared)
+            folds = self._folds(X, y, prepared, groups)
             search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
             path = forward(search, model.first_fit(prepared), int(self.max_effects))
             baseline, best = (
@@ -226,17 +229,17 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     def _tries_all(self) -> bool:
         return BY_NAME.keys() <= {effect.name for effect in self._candidates()}
 
-    def _folds(self, X: Any, y: Any, prepared: Prepared) -> list[HeldOutRows]:
+    def _folds(self, X: Any, y: Any, prepared: Prepared, groups: Any) -> list[HeldOutRows]:
         """Rows to hold out and to fit on, in columns."""
         record, columns, known = prepared.record, prepared.columns, prepared.record.known
         run_of = prepared.run_of_columns
-        if self.cv is None and np.unique(run_of).size > 1:
+        if self.cv is None and groups is None and np.unique(run_of).size > 1:
             tests = [known & (run_of == run) for run in np.unique(run_of)]
             return [HeldOutRows(t, known & ~t) for t in tests]
-        if self.cv is None:
+        if self.cv is None and groups is None:
             return _blocks(known, round(GUARD / record.dt))
         folds = []
-        for fold in folds_of(X, y, prepared.grid.layout, self.cv):
+        for fold in folds_of(X, y, prepared.grid.layout, self.cv, groups):
             rows = fold.test if prepared.grid.rows is None else fold.test[prepared.grid.rows]
             test = columns.beside(rows, fill=False) & known
             folds.append(HeldOutRows(test, known & ~test))

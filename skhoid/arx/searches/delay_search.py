@@ -130,7 +130,7 @@ class DelaySearchCV(BestModel):
 
     @with_callbacks
     @fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X: Any, y: Any) -> DelaySearchCV:
+    def fit(self, X: Any, y: Any, groups: Any = None) -> DelaySearchCV:
         """Search the delay and refit the best model.
 
         Parameters
@@ -139,6 +139,9 @@ class DelaySearchCV(BestModel):
             Channels, one row per sample.
         y : Series or array of shape (n_rows,)
             Output.
+        groups : array-like of shape (n_rows,) or None, default=None
+            Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
+            ``cv=None`` leaves out one at a time. None takes the runs.
 
         Returns
         -------
@@ -168,7 +171,7 @@ class DelaySearchCV(BestModel):
                 self.loss_ = self._generic_one_step(estimator, X, y, candidates, context)
         else:
             scores = self._cross_validate(
-                estimator, X, y, candidates, table if fast else None, context
+                estimator, X, y, candidates, table if fast else None, context, groups
             )
             for i, column in enumerate(scores.T):
                 results[f"split{i}_test_score"] = column
@@ -252,8 +255,9 @@ class DelaySearchCV(BestModel):
         candidates: list[Any],
         table: CandidateTable | None,
         context: Any,
+        groups: Any,
     ) -> np.ndarray:
-        folds = folds_of(X, y, raw_layout(estimator, X), self.cv)
+        folds = folds_of(X, y, raw_layout(estimator, X), self.cv, groups)
         validation = Validation(estimator, X, y, folds, self.scoring or VAFScorer())
         triangles = [table.triangle(fold.train) for fold in folds] if table is not None else []
         scores = np.full((len(candidates), len(folds)), np.nan)

@@ -23,29 +23,31 @@ class Fold:
     simulated: np.ndarray
 
 
-def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any) -> list[Fold]:
+def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any, groups: Any = None) -> list[Fold]:
     """Split rows by runs; a single run into halves, as the thesis does.
 
     A free run needs no measured output, so the model is simulated from the start of each run and
     scored in the rows of the fold: a fold that begins inside a run has no transient of its own.
+    ``groups`` of rows take the place of runs.
     """
     rows = np.arange(layout.n_rows)
     run = layout.run_of(rows)
-    n_runs = len(layout.labels)
-    if cv is None and n_runs == 1:
+    kept = run if groups is None else _checked_groups(groups, layout.n_rows)
+    several = len(layout.labels) > 1 or groups is not None
+    if cv is None and not several:
         half = (layout.n_rows + 1) // 2
         splits = [(rows[:half], rows[half:])]
     else:
         if cv is None:
             splitter: Any = LeaveOneGroupOut()
-        elif isinstance(cv, Integral) and n_runs > 1:
+        elif isinstance(cv, Integral) and several:
             splitter = GroupKFold(int(cv))
         else:
             splitter = check_cv(cv)
         with warnings.catch_warnings():
             # Splitters that do not use groups say so; the runs are offered to all alike.
             warnings.filterwarnings("ignore", message="The groups parameter is ignored")
-            splits = list(splitter.split(rows[:, None], np.zeros(layout.n_rows), groups=run))
+            splits = list(splitter.split(rows[:, None], np.zeros(layout.n_rows), groups=kept))
         cut = [
             layout.labels[i]
             for train, test in splits
@@ -60,6 +62,17 @@ def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any) -> list[Fold]:
                 stacklevel=6,
             )
     return [_fold(train, test, run) for train, test in splits]
+
+
+def _checked_groups(groups: Any, n_rows: int) -> np.ndarray:
+    """Groups as numbers of rows."""
+    given = np.asarray(groups)
+    if given.shape != (n_rows,):
+        raise ValueError(
+            f"groups has the shape {given.shape} and X has {n_rows} rows: give one group for each "
+            'row, such as run_labels(X, level="subject").'
+        )
+    return np.unique(given, return_inverse=True)[1]
 
 
 def _fold(train: np.ndarray, test: np.ndarray, run: np.ndarray) -> Fold:

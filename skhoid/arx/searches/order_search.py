@@ -157,7 +157,7 @@ class OrderSearchCV(BestModel):
 
     @with_callbacks
     @fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X: Any, y: Any) -> OrderSearchCV:
+    def fit(self, X: Any, y: Any, groups: Any = None) -> OrderSearchCV:
         """Search the orders and refit the chosen model.
 
         Parameters
@@ -166,6 +166,9 @@ class OrderSearchCV(BestModel):
             Channels, one row per sample.
         y : Series or array of shape (n_rows,)
             Output.
+        groups : array-like of shape (n_rows,) or None, default=None
+            Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
+            ``cv=None`` leaves out one at a time. None takes the runs.
 
         Returns
         -------
@@ -190,7 +193,7 @@ class OrderSearchCV(BestModel):
             table = CandidateTable(variant, X, y)
             candidates = self._candidates(variant, factor)
             if folds is None:
-                folds = folds_of(X, y, raw_layout(variant, X), self.cv)
+                folds = folds_of(X, y, raw_layout(variant, X), self.cv, groups)
             validation = Validation(variant, X, y, folds, self.scoring or VAFScorer())
             if has_fast_path(variant):
                 part = self._evaluate_together(table, candidates, validation, columns)

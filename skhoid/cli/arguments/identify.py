@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..commands import add_command
-from ..options import at_least_one, positive
+from ..options import at_least_one, not_negative, positive
 from .shared import add_file_options, add_output_options, add_plot_options, add_run_in
 
 EXAMPLES = """\
@@ -48,6 +48,24 @@ def add_identify(commands: Any) -> None:
         type=positive,
         metavar="S",
         help=f"longest delay to try (default: {LONGEST_DELAY})",
+    )
+    add(
+        "--least-delay",
+        type=not_negative,
+        metavar="S",
+        help="shortest delay of e and x to try (default: 0.1 of a person, a sample of a machine)",
+    )
+    add(
+        "--domain",
+        choices=["human", "machine"],
+        help="who controls (default: human where e is given with x or f_t)",
+    )
+    add(
+        "--role",
+        action="append",
+        default=[],
+        metavar="NAME=ROLE",
+        help="role of an input of another name: e, x, f_t; may be repeated",
     )
     add(
         "--criterion",

@@ -92,10 +92,9 @@ def add_recording_options(add: Callable[..., Any]) -> None:
     )
     add(
         "--controlled-element",
-        nargs=2,
-        type=float,
-        metavar=("K_C", "OMEGA_B"),
-        help="K_c / (s (s + omega_b)) (default: estimated where x is given)",
+        metavar="ELEMENT",
+        help='what makes x of the output: "1/(s(s+1))", or the numbers K_C OMEGA_B of K_c / (s (s '
+        "+ omega_b)) (default: estimated where x is given)",
     )
 
 

@@ -1,0 +1,72 @@
+"""Least delays of what the output moves: without them identify finds the element's inverse."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.hidden_disturbance import tracked
+
+from skhoid.arx.identification import ModelChoice, identify
+from skhoid.arx.least_delay import least_delay_of
+
+DT = 1 / 60
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """Much remnant, and x(k) answers u(k) already, as in some laboratories."""
+    record = tracked("1/(s(s+1))", direct=True, remnant=0.6, seed=1, runs=3)
+    n, m = record.y.shape
+    index = pd.MultiIndex.from_arrays(
+        [np.repeat(np.arange(m), n), np.tile(np.round(np.arange(n) * DT, 9), m)],
+        names=["run", "time"],
+    )
+    X = pd.DataFrame({k: v.T.ravel() for k, v in record.channels.items()}, index=index)
+    return X, pd.Series(record.y.T.ravel(), index=index, name="u")
+
+
+def found(runs, inputs, **options):
+    choice = ModelChoice(inputs=inputs, na=2, nb=3)
+    return identify(*runs, choice, criterion="vaf", longest_delay=0.3, **options)
+
+
+@pytest.mark.parametrize("inputs", [["e", "x"], ["e", "f_t"]])
+def test_the_inverse_of_the_element_is_not_tried(runs, inputs):
+    leaks = found(runs, inputs, least_delay=0.0)
+    assert min(leaks.best.model.orders_.nk) < 0.1 / DT
+    b = leaks.best.model.coef_[-4:-1] if inputs[1] == "x" else leaks.best.model.coef_[2:5]
+    assert b[1] == pytest.approx(-2 * b[0], rel=0.1)  # a second difference
+    kept = found(runs, inputs)
+    assert kept.least_delay.domain == "human"
+    assert min(kept.best.model.orders_.nk) >= 6
+    assert [m.name for m in kept.models] == ["with the least delay", "with delay"]
+    assert kept.models[0].model.orders_.nk == (6, 6)
+
+
+def test_a_delay_at_the_limit_is_said(runs):
+    limited = found(runs, ["e", "x"], least_delay=0.28)
+    assert "at the least that was tried" in " ".join(limited.notes)
+    given = identify(*runs, ModelChoice(inputs=["e", "x"], na=2, nb=2, nk=1))
+    assert "shorter than the least, 6 (0.1 s)" in given.notes[0]
+    with pytest.raises(ValueError, match=r"longest delay to try, 0\.05 s, is below the least"):
+        identify(*runs, ModelChoice(inputs=["e", "x"]), longest_delay=0.05)
+
+
+def least(inputs, columns=None, **options):
+    return least_delay_of(inputs, columns or inputs, DT, **options)
+
+
+def test_who_has_which_least_delay():
+    assert least(["f_t"]).samples == 0
+    assert least(["f_t"], ["e", "f_t"]).samples == 0
+    assert least(["e"]).samples == 1
+    assert least(["e"], ["e", "x"]).samples == 6
+    assert least(["e", "x"]).samples == 6
+    assert least(["err", "pos"], roles={"err": "e", "pos": "x"}).samples == 6
+    assert least(["e", "x"], domain="machine").samples == 1
+    assert least(["e", "x"], seconds=0.15).samples == 9
+    assert least(["e", "x"], seconds=0.0).samples == 0
+    assert not least(["e"], ["e", "x"]).closed
+    with pytest.raises(ValueError, match="domain must be"):
+        least(["e"], domain="robot")
+    with pytest.raises(ValueError, match="least_delay must be"):
+        least(["e"], seconds=-1.0)
