@@ -36,14 +36,27 @@ class Spring(NamedTuple):
     ----------
     cubic, square : float
         In units of the command per unit of the output to the power 3 and 2.
+    terms : tuple of (float, ...)
+        Further forces of the output and its rate, and stops: the rows of numbers that the kernel
+        ``arx_inside`` takes. Operators have none.
     """
 
     cubic: float = 0.0
     square: float = 0.0
+    terms: tuple[tuple[float, ...], ...] = ()
 
     def stiffer(self, cubic: float = 0.0, square: float = 0.0) -> Spring:
         """The spring with a further one in parallel."""
-        return Spring(self.cubic + cubic, self.square + square)
+        return self._replace(cubic=self.cubic + cubic, square=self.square + square)
+
+    def resisted(self, *term: float) -> Spring:
+        """With a further force or stop: kind, of the rate or not, and four numbers."""
+        return self._replace(terms=(*self.terms, tuple(float(number) for number in term)))
+
+    @property
+    def table(self) -> np.ndarray:
+        """The terms as rows of an array of shape (n_terms, 6)."""
+        return np.array(self.terms, dtype=float).reshape(-1, 6)
 
     def force(self, output: np.ndarray) -> np.ndarray:
         """Force that holds an output, besides that of the linear spring."""

@@ -49,6 +49,8 @@ class Record:
         Rate in Hz at which residuals count, at most.
     ahead : float
         Seconds by which the answer may come earlier than the core's delay.
+    domain : {"human", "machine"}
+        What was recorded, for words and for which effects a search tries.
     """
 
     dt: float
@@ -64,6 +66,7 @@ class Record:
     time_unit: float = 1.0
     criterion_rate: float = 25.0  # operators do not answer faster than half of it
     ahead: float = np.inf
+    domain: str = "human"
     _derived: dict = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:

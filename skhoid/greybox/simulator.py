@@ -122,6 +122,7 @@ class Simulator:
         stages += self._stages_at("path", "command")
         stages += self._stages_at("command", "command")
         stages += self._stages_at("spring", "spring")
+        stages += self._stages_at("inside", "spring")
         stages += [Stage(respond, dynamic)]
         stages += self._stages_at("sum", "output")
         stages += self._stages_at("output", "output")
