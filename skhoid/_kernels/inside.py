@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-FRICTION, ROOT, STOPS = 0.0, 1.0, 2.0  # kinds of terms, their first number
+# Kinds of terms, their first number. SHARP is friction with a line in place of the tanh.
+FRICTION, ROOT, STOPS, SHARP = 0.0, 1.0, 2.0, 3.0
 N_BRACKETED = 60  # steps of Newton's rule or bisection, at most
 N_DOUBLED = 8  # of the bracket
 
@@ -23,10 +24,14 @@ def _resistance(terms, value, rate):
             terms[i, 4],
             terms[i, 5],
         )
-        if kind == FRICTION:
+        if kind == FRICTION or kind == SHARP:
             v = rate if of_rate != 0.0 else value
-            t = np.tanh(v / width)
-            rise = (1.0 - t * t) / width
+            if kind == SHARP:
+                t = min(max(v / width, -1.0), 1.0)
+                rise = 1.0 / width if abs(t) < 1.0 else 0.0
+            else:
+                t = np.tanh(v / width)
+                rise = (1.0 - t * t) / width
             above = extra * np.exp(-((v / fall) ** 2)) if extra != 0.0 else 0.0
             force += size * t * (1.0 + above)
             slope = size * (rise * (1.0 + above) - t * above * 2.0 * v / (fall * fall))
@@ -60,13 +65,15 @@ def _balanced(whole, gain, terms, last, dt):
     for _ in range(N_BRACKETED):
         force, by_value, by_rate = _resistance(terms, y, (y - last) / dt)
         away = y + gain * force - whole
+        if away == 0.0:
+            break
         if away > 0.0:
             high = y
         else:
             low = y
         step = away / (1.0 + gain * (by_value + by_rate / dt))
         new = y - step
-        if not low < new < high:
+        if not low <= new <= high:
             new = 0.5 * (low + high)
         if abs(new - y) <= 1e-13 * (abs(whole) + abs(y)) + 1e-300:
             y = new
@@ -81,7 +88,7 @@ def arx_inside(x, a, b, against, spring, terms, constant, dt, bound):
 
     a and b are of shape (1 or n_samples, n_lags), b and ``against``, the coefficients of G, from
     lag 0 on; spring(y) = spring[0] y^3 + spring[1] y abs(y). The rows of ``terms`` are forces or
-    stops: (FRICTION, of the rate, size, width, excess at rest, rate of its fall), (ROOT, 0, size,
+    stops: (FRICTION or SHARP, of the rate, size, width, excess at rest, rate of its fall), (ROOT, 0, size,
     width of the line at zero, level, 0), (STOPS, 0, low, high, 0, 0). The force of now is that of
     the output of now, so that friction holds what rests; where G begins with a negative number it
     is that of the output before.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .. import _kernels
@@ -49,6 +51,9 @@ class Friction(_Inside):
         None tries all.
     of : {"output", "rate"} or None, default=None
         None tries both.
+    reference : float or None, default=None
+        Speed in units of v, a thousandth of which is the width of the sign function; None takes the
+        standard deviation of v in the data.
 
     References
     ----------
@@ -78,6 +83,7 @@ class Friction(_Inside):
         fall: float | None = None,
         form: str | None = None,
         of: str | None = None,
+        reference: float | None = None,
     ):
         self.coulomb = coulomb
         self.width = width
@@ -85,20 +91,28 @@ class Friction(_Inside):
         self.fall = fall
         self.form = form
         self.of = of
+        self.reference = reference
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         speed = U / S if self.of == "rate" else U
         coulomb = Parameter("coulomb", E, 0.0, 5.0, (0.1, 0.4), "force against the motion")
         if self.form == "smooth":
-            return (coulomb, Parameter("width", speed, 2e-3, 3.0, (0.05,), "speed of its rise"))
+            return (coulomb, Parameter("width", speed, 2e-3, 1.0, (0.05,), "speed of its rise"))
         if self.form == "stribeck":
             return (
                 coulomb,
-                Parameter("excess", ONE, 0.0, 5.0, (0.3,), "of static friction"),
-                Parameter("fall", speed, 5e-3, 3.0, (0.1,), "speed of its fall"),
+                Parameter("excess", ONE, 0.0, 3.0, (0.3,), "of static friction"),
+                Parameter("fall", speed, 5e-3, 0.3, (0.05,), "speed of its fall"),
             )
         return (coulomb,)
+
+    def variants(self, record: Record) -> list[Effect]:
+        made: list[Any] = super().variants(record)
+        if self.reference is not None:
+            return made
+        speed = {"output": record.sd("u"), "rate": rate_size(record)}
+        return [v.with_choices(reference=speed[v.of]) for v in made]
 
     def derived(self, values: dict[str, float]) -> dict[str, tuple[float, Dimension, str]]:
         """Viscous friction, of an ARX model whose output is a speed."""
@@ -118,10 +132,18 @@ class Friction(_Inside):
         fall: float = 1.0,
     ) -> Spring:
         of_rate = self.of == "rate"
-        if self.form != "smooth":
-            width = SHARP * record.sd("u") / (record.time_unit if of_rate else 1.0)
         kind = _kernels.inside.FRICTION
+        if self.form != "smooth":
+            kind, width = _kernels.inside.SHARP, SHARP * (self.reference or 1.0)
         return signal.resisted(kind, of_rate, coulomb, width, excess, fall)
+
+
+def rate_size(record: Record) -> float:
+    """Standard deviation of the rate of the output per second."""
+    if record.y is None:
+        return 1.0
+    both = record.known[1:] & record.known[:-1]
+    return float(np.std((np.diff(record.y, axis=0) / record.dt)[both])) or 1.0
 
 
 class RootFlow(_Inside):

@@ -54,7 +54,7 @@ from skhoid.effects import (
 from skhoid.effects.catalogue import CLASSES
 from skhoid.testing import check_effect, synthetic_record
 
-# The ids that issue 6 fixes for tables, JSON and scripts.
+# The ids that tables, JSON and scripts rely on.
 IDS = [
     *("wrong_delay", "tv_delay", "intermittent"),
     *("tv_gain", "gain_drift", "lapses", "scheduled_gain"),
@@ -62,7 +62,9 @@ IDS = [
     *("saturation", "rate_limit", "backlash", "stiction", "quantised", "hardening_stiffness"),
     *("bias", "drift", "integral"),
     *("feedforward", "preview", "output_feedback", "motion_feedback", "disturbance", "cross_axis"),
-    *("extra_lag", "extra_lead", "nm_mode", "higher_order", "tremor"),
+    *("extra_lag", "extra_lead", "nm_mode", "higher_order"),
+    *("friction", "root_flow", "stops", "sensor_magnitude", "input_filter", "rate_reflex"),
+    *("scheduled_dynamics", "tremor"),
 ]
 # Values to simulate 3 x 24 s with; the error has a standard deviation of 1.
 RECOVERED = [
