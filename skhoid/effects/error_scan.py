@@ -83,13 +83,17 @@ class ErrorScan(Protocol):
             Of the effect, and changes of the model.
         """
 
-    def refitted(self, output: np.ndarray) -> list[tuple[dict[str, float], np.ndarray]]:
-        """The core alone fitted to another output by least squares, without effects.
+    def refitted(
+        self, output: np.ndarray, against: np.ndarray | None = None
+    ) -> list[tuple[dict[str, float], np.ndarray]]:
+        """The core alone fitted by least squares, without effects, to another output or input.
 
         Parameters
         ----------
         output : ndarray of shape (n_samples, n_runs)
             Such as the measured one with other signs.
+        against : ndarray of shape (n_samples, n_runs) or None, default=None
+            A force against the input, in its units, which does not wait for the dead time.
 
         Returns
         -------

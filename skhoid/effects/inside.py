@@ -10,11 +10,15 @@ from .. import _kernels
 from .base import Effect
 from .core_kind import CoreKind
 from .dimension import ONE, Dimension, E, S, U
+from .error_scan import ErrorScan
 from .operator_signals import Spring
 from .parameter import Parameter
 from .record import Record
 
 SHARP = 1e-3  # of the output's (or its rate's) size, the width of a sign function
+SEEN = 0.05  # the same, of a measured speed, which is noisy
+SIZES = np.geomspace(0.03, 10.0, 11)  # of forces, in standard deviations of the input
+N_KEPT = 2  # starts
 LINE = 1e-4  # of the output's size, below which a root is a line
 NO_OPERATOR = "for an ARX model: it acts between the lags of the output"
 
@@ -27,6 +31,23 @@ class _Inside(Effect):
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return None if core == CoreKind.ARX else NO_OPERATOR
+
+    def of_measured(
+        self, error_of: ErrorScan, record: Record, one: np.ndarray, key: str, more: dict[str, float]
+    ) -> list[dict[str, float]]:
+        """Sizes of a force with the core fitted beside it, the force being that of what was measured.
+
+        ``one`` is the force of size one. Without it the core is bent by what is missing.
+        """
+        assert record.y is not None
+        found = []
+        sizes = SIZES if getattr(self, key) is None else (getattr(self, key) / record.sd("e"),)
+        for size in record.sd("e") * np.asarray(sizes):
+            for core, _ in error_of.refitted(record.y, size * one):
+                values = {key: float(size), **more, **core}
+                found.append((error_of(values, np.inf), values))
+        found.sort(key=lambda item: item[0])
+        return [values for _, values in found[:N_KEPT]]
 
 
 class Friction(_Inside):
@@ -114,6 +135,16 @@ class Friction(_Inside):
         speed = {"output": record.sd("u"), "rate": rate_size(record)}
         return [v.with_choices(reference=speed[v.of]) for v in made]
 
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
+        if record.y is None:
+            return []
+        v = record.y
+        if self.of == "rate":
+            v = np.diff(record.y, axis=0, prepend=record.y[:1]) / record.dt
+        one = np.tanh(v / (SEEN * (self.reference or 1.0)))
+        more = {k: v for k, v in self.starts(record)[0].items() if k != "coulomb"}
+        return self.of_measured(error_of, record, one, "coulomb", more)
+
     def derived(self, values: dict[str, float]) -> dict[str, tuple[float, Dimension, str]]:
         """Viscous friction, of an ARX model whose output is a speed."""
         a = sum(v for n, v in values.items() if n[0] == "a" and n[1:].isdigit())
@@ -131,6 +162,8 @@ class Friction(_Inside):
         excess: float = 0.0,
         fall: float = 1.0,
     ) -> Spring:
+        if coulomb == 0.0:
+            return signal
         of_rate = self.of == "rate"
         kind = _kernels.inside.FRICTION
         if self.form != "smooth":
@@ -210,7 +243,21 @@ class RootFlow(_Inside):
         reference = record.sd("u") if self.reference is None else self.reference
         return [v.with_choices(reference=reference) for v in super().variants(record)]
 
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
+        if record.y is None:
+            return []
+        reference = record.sd("u") if self.reference is None else self.reference
+        found = []
+        lowest = float(record.y[record.known].min())
+        for level in (0.0, lowest) if self.form == "above" else (0.0,):
+            one = np.sqrt(np.maximum(record.y - level, 0.0) / reference)
+            more = {"level": level} if self.form == "above" else {}
+            found += self.of_measured(error_of, record, one, "flow", more)
+        return found
+
     def apply(self, signal: Spring, record: Record, flow: float, level: float = 0.0) -> Spring:
+        if flow == 0.0:
+            return signal
         reference = record.sd("u") if self.reference is None else self.reference
         size, kind = flow / reference**0.5, _kernels.inside.ROOT
         return signal.resisted(kind, 0.0, size, LINE * reference, level, 0.0)

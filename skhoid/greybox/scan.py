@@ -62,12 +62,19 @@ class Scan:
             change[f"+{name}"] += by
         return {name: value for name, value in change.items() if value}
 
-    def refitted(self, output: np.ndarray) -> list[tuple[dict[str, float], np.ndarray]]:
+    def refitted(
+        self, output: np.ndarray, against: np.ndarray | None = None
+    ) -> list[tuple[dict[str, float], np.ndarray]]:
         core = self.parent.simulator.core
         record = replace(self.coarse.record, y=output, _derived={})
-        simulator = Simulator(core, Effects([]), record)
+        x = record.input
+        if against is not None:
+            dead = round(record.ahead / record.dt) if np.isfinite(record.ahead) else 0
+            x = x - np.concatenate([against[dead:], np.zeros_like(against[:dead])])
+        inputs = {**record.channels, record.inputs[0]: x}
+        simulator = Simulator(core, Effects([]), replace(record, channels=inputs))
         found = []
-        for theta in core.starts_for(record, record.input):
+        for theta in core.starts_for(record, x):
             values = dict(zip(simulator.names, theta.tolist(), strict=True))
             changes = {f"+{name}": v - self.parameters[name] for name, v in values.items()}
             found.append((changes, simulator.run(theta)))
