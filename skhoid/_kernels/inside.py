@@ -49,6 +49,15 @@ def _resistance(terms, value, rate):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def resistances(terms, value, rate):
+    """Sum of the forces at each of several outputs and their rates."""
+    out = np.empty(value.size)
+    for k in range(value.size):
+        out[k] = _resistance(terms, value[k], rate[k])[0]
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _balanced(whole, gain, terms, last, dt):
     """The output y with y + gain force(y, (y - last) / dt) = whole."""
     force, _, _ = _resistance(terms, whole, (whole - last) / dt)

@@ -6,6 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import _kernels
+
+STOPS = 2.0  # kind of a term, as the kernel ``arx_inside`` has it
+
 
 class Gains(NamedTuple):
     """Factors on parameters of the core, of shape (1 or n_samples, 1 or n_runs).
@@ -58,9 +62,20 @@ class Spring(NamedTuple):
         """The terms as rows of an array of shape (n_terms, 6)."""
         return np.array(self.terms, dtype=float).reshape(-1, 6)
 
-    def force(self, output: np.ndarray) -> np.ndarray:
-        """Force that holds an output, besides that of the linear spring."""
-        return (self.cubic * output**2 + self.square * np.abs(output)) * output
+    def force(self, output: np.ndarray, rate: np.ndarray | None = None) -> np.ndarray:
+        """Force at an output and its rate (None: zero), besides that of the linear spring."""
+        held = (self.cubic * output**2 + self.square * np.abs(output)) * output
+        if not self.terms:
+            return held
+        rate = np.zeros_like(output) if rate is None else rate
+        gate = _kernels.gate
+        return held + _kernels.inside.resistances(gate(self.table), gate(output), gate(rate))
+
+    @property
+    def stops(self) -> tuple[float, float]:
+        """Least and greatest output."""
+        lows, highs = zip((-np.inf, np.inf), *(t[2:4] for t in self.terms if t[0] == STOPS), strict=True)
+        return max(lows), min(highs)
 
 
 class Command(NamedTuple):
