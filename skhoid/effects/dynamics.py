@@ -71,6 +71,7 @@ class ExtraLead(Effect):
     name = "extra_lead"
     place = "command"
     physics = "The operator answers the acceleration of the error too."
+    machine_physics = "The input passes a further lead."
     formula = "time s + 1"
     source = "McRuer and Krendel (1974)"
     parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "second lead"),)

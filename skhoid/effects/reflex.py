@@ -14,9 +14,10 @@ from .parameter import Parameter
 from .record import Record
 
 SIDES = {"positive": 1.0, "negative": -1.0}
-DELAYS = np.linspace(0.0, 0.15, 31)  # s, scanned
+DELAYS = np.linspace(0.015, 0.15, 28)  # s, scanned
 FREQUENCIES = (15.0, 30.0, 60.0)  # rad/s, scanned
 KEPT = 2
+COARSEST = 0.05  # s of sampling time
 
 
 class RateReflex(Effect):
@@ -62,7 +63,7 @@ class RateReflex(Effect):
     choices = {"side": ("positive", "negative")}
     parameters = (
         Parameter("gain", U * S / E, -1e3, 1e3, (-0.1, 0.1), "answer to the rate"),
-        Parameter("delay", S, 0.0, 0.3, (0.04,), "of the answer", scale=ONE),
+        Parameter("delay", S, 0.015, 0.3, (0.04,), "of the answer", scale=ONE),
         Parameter("omega", RAD / S, 2.0, 200.0, (30.0,), "frequency of the path", scale=ONE),
         Parameter("zeta", ONE, 0.2, 5.0, (1.0,), "its damping ratio"),
     )
@@ -85,6 +86,8 @@ class RateReflex(Effect):
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core != CoreKind.ARX:
             return "for an ARX model, of a joint: position to torque"
+        if record.dt > COARSEST:
+            return f"sampled every {record.dt:g} s: a reflex of some 0.04 s does not show"
         return None
 
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
