@@ -24,7 +24,7 @@ def _resistance(terms, value, rate):
             terms[i, 4],
             terms[i, 5],
         )
-        if kind == FRICTION or kind == SHARP:
+        if kind in (FRICTION, SHARP):
             v = rate if of_rate != 0.0 else value
             if kind == SHARP:
                 t = min(max(v / width, -1.0), 1.0)
@@ -97,10 +97,10 @@ def arx_inside(x, a, b, against, spring, terms, constant, dt, bound):
 
     a and b are of shape (1 or n_samples, n_lags), b and ``against``, the coefficients of G, from
     lag 0 on; spring(y) = spring[0] y^3 + spring[1] y abs(y). The rows of ``terms`` are forces or
-    stops: (FRICTION or SHARP, of the rate, size, width, excess at rest, rate of its fall), (ROOT, 0, size,
-    width of the line at zero, level, 0), (STOPS, 0, low, high, 0, 0). The force of now is that of
-    the output of now, so that friction holds what rests; where G begins with a negative number it
-    is that of the output before.
+    stops: (FRICTION or SHARP, of the rate, size, width, excess at rest, rate of its fall), (ROOT,
+    0, size, width of the line at zero, level, 0), (STOPS, 0, low, high, 0, 0). The force of now is
+    that of the output of now, so that friction holds what rests; where G begins with a negative
+    number it is that of the output before.
     """
     n, runs = x.shape
     na, nb, ng = a.shape[1], b.shape[1], against.size

@@ -8,8 +8,8 @@ from .core_kind import CoreKind
 from .dimension import Dimension
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .error_scan import ErrorScan
-from .inside import Friction, RootFlow, Stops
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
+from .inside import Friction, RootFlow, Stops
 from .intermittent import Intermittent
 from .offsets import Bias, Drift, Integral
 from .parameter import Parameter
@@ -59,8 +59,8 @@ __all__ = [
     "RateReflex",
     "Rectified",
     "RootFlow",
-    "ScheduledDynamics",
     "Saturation",
+    "ScheduledDynamics",
     "ScheduledGain",
     "SensorMagnitude",
     "Signature",

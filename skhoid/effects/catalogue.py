@@ -7,8 +7,8 @@ import pandas as pd
 from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
 from .base import Effect
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
-from .inside import Friction, RootFlow, Stops
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
+from .inside import Friction, RootFlow, Stops
 from .intermittent import Intermittent
 from .offsets import Bias, Drift, Integral
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview

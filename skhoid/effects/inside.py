@@ -35,7 +35,7 @@ class _Inside(Effect):
     def of_measured(
         self, error_of: ErrorScan, record: Record, one: np.ndarray, key: str, more: dict[str, float]
     ) -> list[dict[str, float]]:
-        """Sizes of a force with the core fitted beside it, the force being that of what was measured.
+        """Sizes of a force with the core fitted beside it, with the force of what was measured.
 
         ``one`` is the force of size one. Without it the core is bent by what is missing.
         """
@@ -315,11 +315,13 @@ class Stops(_Inside):
         y = record.y[record.known]
         names = [p.name for p in self.parameters]
         return [
-            {n: float(v) for n, v in zip(("low", "high"), np.quantile(y, q), strict=True) if n in names}
+            {
+                n: float(v)
+                for n, v in zip(("low", "high"), np.quantile(y, q), strict=True)
+                if n in names
+            }
             for q in ((0.005, 0.995), (0.05, 0.95))
         ]
 
-    def apply(
-        self, signal: Spring, record: Record, low: float = -1e9, high: float = 1e9
-    ) -> Spring:
+    def apply(self, signal: Spring, record: Record, low: float = -1e9, high: float = 1e9) -> Spring:
         return signal.resisted(_kernels.inside.STOPS, 0.0, low, max(low, high), 0.0, 0.0)

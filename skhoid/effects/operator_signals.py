@@ -74,7 +74,9 @@ class Spring(NamedTuple):
     @property
     def stops(self) -> tuple[float, float]:
         """Least and greatest output."""
-        lows, highs = zip((-np.inf, np.inf), *(t[2:4] for t in self.terms if t[0] == STOPS), strict=True)
+        lows, highs = zip(
+            (-np.inf, np.inf), *(t[2:4] for t in self.terms if t[0] == STOPS), strict=True
+        )
         return max(lows), min(highs)
 
 

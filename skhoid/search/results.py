@@ -88,7 +88,8 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str) -> pd.
                     "vaf_gain": np.nan if c.reason else c.gain,
                     "p_value": c.p_value,
                     "confused_with": c.confused_with,
-                    "words": sentence_of(c.effect, display, domain) + (f" {c.trace}." if c.trace else ""),
+                    "words": sentence_of(c.effect, display, domain)
+                    + (f" {c.trace}." if c.trace else ""),
                     "status": status,
                     "reason": c.reason,
                 }

@@ -62,9 +62,7 @@ def test_without_forces_it_is_the_linear_response():
 def test_coefficients_may_follow_time():
     x = noise(50)
     a, b = -0.5 + 0.3 * noise(50, 1, 1), 0.2 + 0.1 * noise(50, 2, 2)
-    out = inside.arx_inside(
-        x, a, b, np.zeros(1), np.zeros(2), np.zeros((0, 6)), 0.0, DT, 1e9
-    )
+    out = inside.arx_inside(x, a, b, np.zeros(1), np.zeros(2), np.zeros((0, 6)), 0.0, DT, 1e9)
     for j in range(2):
         expected = naive.arx_inside(x[:, j], a, b, [0.0], (0.0, 0.0), [], 0.0, DT, 1e9)
         np.testing.assert_allclose(out[:, j], expected, rtol=1e-12)

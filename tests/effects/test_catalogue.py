@@ -48,7 +48,6 @@ from skhoid.effects import (
     Saturation,
     ScheduledDynamics,
     ScheduledGain,
-    SensorMagnitude,
     Stiction,
     Stops,
     TimeVaryingDelay,
@@ -154,7 +153,7 @@ RECOVERED_INSIDE = [
     (InputFilter(form="dead_zone"), {"time": 0.3, "width": 0.4}),
     (InputFilter(form="cubic"), {"time": 0.3, "hardening": 0.3}),
     (InputFilter(form="clipped", order="second", omega=8.0, zeta=0.5), {"width": 0.8, "skew": 0.2}),
-    (RateReflex(side="negative"), {"gain": 0.3, "delay": 0.1, "omega": 12.0, "zeta": 0.8}),
+    (RateReflex(side="negative", sense=1), {"gain": 0.3, "delay": 0.1, "omega": 12.0, "zeta": 0.8}),
     (ScheduledDynamics(channel="speed"), {"slope": 0.3}),
 ]
 # Where the search ends beside the best fit.

@@ -52,14 +52,14 @@ def prbs_drive(seed):
     return table(np.abs(speed), 0.01, u=u), speed
 
 
-def joint(seed, sign=1.0):
+def joint(seed, sign=1.0, sense=1.0):
     """Torque of an elastic joint with a reflex on stretch."""
     angle = wave(1500, seed, 15)
     rate = np.gradient(angle, DT)
     stretch = np.maximum(sign * rate, 0.0)
-    reflex = -0.3 * lfilter([0.1], [1.0, -0.9], np.r_[np.zeros(4), stretch[:-4]])
+    reflex = 0.3 * sign * lfilter([0.1], [1.0, -0.9], np.r_[np.zeros(4), stretch[:-4]])
     torque = lfilter([0.5, -0.2], [1.0, -0.3], angle) + reflex
-    return table(torque, 0.02, angle=angle)
+    return table(sense * torque, 0.02, angle=angle)
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.slow)])
@@ -82,19 +82,27 @@ def test_a_sensor_of_the_magnitude_is_seen_through(seed):
 
 def test_signs_are_those_of_a_smooth_signal():
     t = np.arange(200) * 0.05
-    y = np.stack([np.sin(t), np.sin(1.3 * t + 0.4)], axis=1)
+    y = np.stack([np.sin(t + 0.2), np.sin(1.3 * t + 0.4)], axis=1)
     found = smooth_signs(np.abs(y)) * np.abs(y)
     assert np.mean(np.abs(found - y) > 1e-12) < 0.02, "but for samples beside a crossing"
     assert (signs_by_minima(np.abs(y), 0.2)[-1] == np.sign(y[-1])).all()
 
 
-@pytest.mark.parametrize("sign", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)])
-def test_a_reflex_has_its_side_and_its_delay(sign):
-    X, y = joint(3, sign)
+@pytest.mark.parametrize(
+    ("sign", "sense"),
+    [
+        (1.0, 1),
+        pytest.param(-1.0, 1, marks=pytest.mark.slow),
+        pytest.param(1.0, -1, marks=pytest.mark.slow),
+    ],
+)
+def test_a_reflex_has_its_side_and_its_delay(sign, sense):
+    X, y = joint(3, sign, sense)
     found = ARXRegressor(1, 2, inputs=["angle"], effects="rate_reflex").fit(X, y)
     (_, reflex), *_ = found.effects_
     assert reflex.side == ("positive" if sign > 0 else "negative")
-    assert reflex.gain < 0
+    assert reflex.sense == sense
+    assert reflex.gain == pytest.approx(0.3, rel=0.2)
     assert reflex.delay == pytest.approx(4 * DT, abs=DT)
 
 

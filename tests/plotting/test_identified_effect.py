@@ -429,7 +429,9 @@ def machine():
     return ARXRegressor(1, 1, inputs=["force"], effects=Bias(level=0.0)).fit(X, y), X
 
 
-@pytest.mark.parametrize(("effect", "drawn"), IN_MACHINES.items(), ids=[str(e) for e in IN_MACHINES])
+@pytest.mark.parametrize(
+    ("effect", "drawn"), IN_MACHINES.items(), ids=[str(e) for e in IN_MACHINES]
+)
 def test_effects_of_machines(effect, drawn, machine):
     model, X = machine
     found = copy.copy(model)
