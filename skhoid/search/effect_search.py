@@ -19,6 +19,7 @@ from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
 from ..greybox.base import likelihood_fit
 from ..greybox.fitting import Criterion
+from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import check_simulated_model
 from ..human.controlled_element import ControlledElement
@@ -27,7 +28,7 @@ from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
 from ..summaries import Summary, estimates_table
 from .explanations import VERDICTS, changes_sentences, experiments, summary_of
-from .forward import HeldOutRows, Search, forward
+from .forward import HeldOutRows, Search, forward, output_error_fit
 from .results import error_path, held_out_table, ranking_table, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
 from .verdict import Verdict, decided
@@ -191,7 +192,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
             path = forward(search, model.first_fit(prepared), int(self.max_effects))
             baseline, best = (
-                model.with_fit(prepared, *likelihood_fit(fitted, Criterion(prepared.record)))
+                model.with_fit(
+                    prepared, *likelihood_fit(_start_of(fitted), Criterion(prepared.record))
+                )
                 for fitted in (path.steps[0].parent, path.model)
             )
             if len(path.model.effects):  # choices made, numbers to be estimated
@@ -317,6 +320,14 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
+
+
+def _start_of(fitted: Model) -> Model:
+    """Where the last fit of a model begins: for an ARX model where its own ``fit`` does.
+
+    It has few rounds of noise models, which further ones before them would not be.
+    """
+    return fitted if fitted.simulator.core.kind.is_operator else output_error_fit(fitted)
 
 
 def in_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:

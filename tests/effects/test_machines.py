@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import lfilter
+from sklearn.base import clone
 
 from skhoid import ARXRegressor, EffectSearchCV
 from skhoid.effects import (
@@ -78,6 +79,14 @@ def test_a_sensor_of_the_magnitude_is_seen_through(seed):
     (X, y), speed = prbs_drive(seed)
     model = ARXRegressor(3, 2, inputs=["u"], effects=SensorMagnitude()).fit(X, y)
     assert np.sqrt(np.mean((model.predict(X) - np.abs(speed)) ** 2)) < 0.02 * np.std(speed)
+
+
+def test_a_search_ends_with_what_its_best_model_fits():
+    (X, y), _ = prbs_drive(1)
+    search = EffectSearchCV(ARXRegressor(3, 2, inputs=["u"]), effects=["sensor_magnitude"])
+    assert search.fit(X, y).best_effects_ == ["sensor_magnitude"]
+    again = clone(search.best_estimator_).fit(X, y)
+    np.testing.assert_allclose(search.predict(X), again.predict(X), atol=1e-3 * y.std())
 
 
 def test_signs_are_those_of_a_smooth_signal():
