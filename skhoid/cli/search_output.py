@@ -74,6 +74,7 @@ def show_search(
         display=getattr(options, "display", None) or "compensatory",
         controlled_element=_element(getattr(options, "controlled_element", None)),
         max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
+        domain=getattr(options, "domain", None),
     )
     story = Story(search, X, y)
     aloud = aloud and not options.json

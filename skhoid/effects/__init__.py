@@ -9,11 +9,15 @@ from .dimension import Dimension
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .error_scan import ErrorScan
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
+from .inside import Friction, RootFlow, Stops
 from .intermittent import Intermittent
 from .offsets import Bias, Drift, Integral
 from .parameter import Parameter
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
+from .reflex import RateReflex
 from .registry import effect
+from .scheduled import InputFilter, ScheduledDynamics
+from .sensor import SensorMagnitude
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
 from .timing import TimeVaryingDelay, WrongDelay
 from .traces import Signature
@@ -37,9 +41,11 @@ __all__ = [
     "ExtraLag",
     "ExtraLead",
     "Feedforward",
+    "Friction",
     "GainDrift",
     "HardeningStiffness",
     "HigherOrder",
+    "InputFilter",
     "Integral",
     "Intermittent",
     "Lapses",
@@ -50,11 +56,16 @@ __all__ = [
     "Preview",
     "Quantised",
     "RateLimit",
+    "RateReflex",
     "Rectified",
+    "RootFlow",
     "Saturation",
+    "ScheduledDynamics",
     "ScheduledGain",
+    "SensorMagnitude",
     "Signature",
     "Stiction",
+    "Stops",
     "TimeVaryingDelay",
     "TimeVaryingGain",
     "Tremor",

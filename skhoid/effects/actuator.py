@@ -56,6 +56,7 @@ class Saturation(Effect):
     name = "saturation"
     place = "output"
     physics = "The stick reaches its stop, or the hand its greatest deflection."
+    machine_physics = "The output reaches a stop, or the end of the sensor's range."
     formula = "u' = min(max(u, -limit), limit), or limit tanh(u / limit)"
     source = "Gelb and Vander Velde (1968)"
     choices = {"form": ("hard", "soft", "unequal", "behind")}
@@ -86,7 +87,7 @@ class Saturation(Effect):
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
         # A stop behind the remnant shows in the output itself.
-        possible = self.form == "behind" or stop_of(record)
+        possible = self.form == "behind" or stop_of(record) is not None
         return [v for v in made if v.form != "behind" or possible]
 
     def apply(
@@ -132,6 +133,7 @@ class RateLimit(Effect):
     name = "rate_limit"
     place = "output"
     physics = "Hand or actuator cannot move faster."
+    machine_physics = "The actuator cannot move faster."
     formula = "|du'/dt| <= limit"
     source = "Duda (1997)"
     parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "greatest rate"),)
@@ -165,6 +167,7 @@ class Backlash(Effect):
     name = "backlash"
     place = "output"
     physics = "There is play between hand and stick, or in the linkage."
+    machine_physics = "There is play in the gears or the linkage."
     formula = "u' stays while |u - u'| < gap, and follows at that distance"
     source = "Gelb and Vander Velde (1968)"
     parameters = (Parameter("gap", U, 0.01, 2.0, (0.1, 0.3), "half-width of the play"),)
@@ -207,6 +210,7 @@ class Stiction(Effect):
     name = "stiction"
     place = "output"
     physics = "The stick sticks, breaks away and slides, or sticks again."
+    machine_physics = "The output sticks, breaks away and slides, or sticks again."
     formula = "u' stays while |u - u'| < breakaway, then follows kinetic * breakaway behind"
     source = "Armstrong-Helouvry et al. (1994)"
     parameters = (
@@ -290,6 +294,7 @@ class Quantised(Effect):
     name = "quantised"
     place = "output"
     physics = "The output moves in steps: keys, detents, or a coarse converter."
+    machine_physics = "The output moves in steps: detents, or a coarse converter."
     formula = "u' = step round(u / step - offset)"
     source = "Widrow and Kollar (2008)"
     shades = True
@@ -402,6 +407,7 @@ class HardeningStiffness(Effect):
     name = "hardening_stiffness"
     place = "spring"
     physics = "The spring of limb or stick stiffens with deflection."
+    machine_physics = "The spring stiffens with deflection."
     formula = "u + stiffness u^3, or u + stiffness u |u|, in place of u in the spring"
     source = "Wigren and Schoukens (2013)"
     shades = True

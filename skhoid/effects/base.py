@@ -31,7 +31,8 @@ class Effect(Composable, BaseEstimator):
         Where it acts: ``"input"`` maps the error, ``"delay"`` the delay, ``"gain"`` the gains on
         error and error rate, ``"path"`` adds to the command, ``"command"`` maps the command before
         the neuromuscular system, ``"spring"`` stiffens it, ``"sum"`` adds to the output and
-        ``"output"`` maps it.
+        ``"output"`` maps it. ``"inside"`` is a force of the output and its rate against the
+        input of an ARX model, or a stop, in the recursion.
     physics : str
         One sentence.
     formula : str
@@ -53,6 +54,11 @@ class Effect(Composable, BaseEstimator):
         What it adds to the output, such as "a sine", where that is noise to a free run,
         since no input explains it; "" for all other effects. Noise is not fitted by a search but
         recognised by its ``signature``, and has a ``realisation`` for plots.
+    domains : tuple of str
+        What it is an effect of: ``"human"`` operators, ``"machine"``, or both. A search tries those
+        of its own domain only.
+    machine_physics : str
+        ``physics`` in words that fit a machine; "" where they are the same.
     choices : dict of str to tuple of str
         Arguments that are choices, such as ``form``, with what there is to choose from. One that
         is None is open, and all are tried.
@@ -94,6 +100,8 @@ class Effect(Composable, BaseEstimator):
     physics: ClassVar[str] = ""
     formula: ClassVar[str] = ""
     source: ClassVar[str] = ""
+    domains: ClassVar[tuple[str, ...]] = ("human", "machine")
+    machine_physics: ClassVar[str] = ""
     parameters: tuple[Parameter, ...] = ()
     smooth: bool = True
     shades: ClassVar[bool] = False
@@ -109,6 +117,16 @@ class Effect(Composable, BaseEstimator):
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         """Why the effect does not apply to a record and a kind of core, or None."""
         return None
+
+    def refusal_in(self, record: Record, core: CoreKind) -> str | None:
+        """Why a search in the domain of the record does not try the effect, or None."""
+        if record.domain not in self.domains:
+            return f"for {self.domains[0]}s: domain={self.domains[0]!r}"
+        return self.refusal(record, core)
+
+    def physics_in(self, domain: str) -> str:
+        """``physics`` in the words of a domain, ``"human"`` or ``"machine"``."""
+        return (domain == "machine" and self.machine_physics) or self.physics
 
     def variants(self, record: Record) -> list[Effect]:
         """The effect with its open choices made: one object for each combination.

@@ -8,10 +8,14 @@ from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Satura
 from .base import Effect
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
+from .inside import Friction, RootFlow, Stops
 from .intermittent import Intermittent
 from .offsets import Bias, Drift, Integral
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
+from .reflex import RateReflex
 from .registry import register
+from .scheduled import InputFilter, ScheduledDynamics
+from .sensor import SensorMagnitude
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
 from .timing import TimeVaryingDelay, WrongDelay
 from .tremor import Tremor
@@ -48,6 +52,13 @@ CLASSES: tuple[type[Effect], ...] = (
     ExtraLead,
     NeuromuscularMode,
     HigherOrder,
+    Friction,
+    RootFlow,
+    Stops,
+    SensorMagnitude,
+    InputFilter,
+    RateReflex,
+    ScheduledDynamics,
     Tremor,
 )
 BY_NAME = register(CLASSES)

@@ -11,7 +11,7 @@ from .registry import effect
 if TYPE_CHECKING:
     from .base import Effect
 
-PLACES = ("input", "delay", "gain", "path", "command", "spring", "sum", "output")
+PLACES = ("input", "delay", "gain", "path", "command", "spring", "inside", "sum", "output")
 
 
 class Composable:

@@ -36,6 +36,7 @@ class ExtraLag(Effect):
     name = "extra_lag"
     place = "command"
     physics = "The operator smooths what is seen."
+    machine_physics = "The input passes a further lag."
     formula = "1 / (time s + 1)"
     source = "McRuer and Krendel (1974)"
     parameters = (Parameter("time", S, 0.0, 20.0, (0.1, 1.0), "lag time constant T_I"),)
@@ -70,6 +71,7 @@ class ExtraLead(Effect):
     name = "extra_lead"
     place = "command"
     physics = "The operator answers the acceleration of the error too."
+    machine_physics = "The input passes a further lead."
     formula = "time s + 1"
     source = "McRuer and Krendel (1974)"
     parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "second lead"),)
@@ -110,6 +112,7 @@ class NeuromuscularMode(Effect):
     name = "nm_mode"
     place = "command"
     physics = "Limb and stick together have a second mode."
+    machine_physics = "There is a second mode."
     formula = "omega^2 / (s^2 + 2 zeta omega s + omega^2)"
     source = "Magdaleno and McRuer (1971)"
     parameters = (

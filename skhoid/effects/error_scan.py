@@ -46,6 +46,10 @@ class ErrorScan(Protocol):
         """
 
     @property
+    def residual(self) -> np.ndarray:
+        """Measured less simulated output without the effect, of shape (n_samples, n_runs)."""
+
+    @property
     def explores(self) -> bool:
         """Whether fewer rows count than in the fit; what depends on single rows differs then."""
 
@@ -77,6 +81,25 @@ class ErrorScan(Protocol):
         squares : float
         values : dict of str to float
             Of the effect, and changes of the model.
+        """
+
+    def refitted(
+        self, output: np.ndarray, against: np.ndarray | None = None
+    ) -> list[tuple[dict[str, float], np.ndarray]]:
+        """The core alone fitted by least squares, without effects, to another output or input.
+
+        Parameters
+        ----------
+        output : ndarray of shape (n_samples, n_runs)
+            Such as the measured one with other signs.
+        against : ndarray of shape (n_samples, n_runs) or None, default=None
+            A force against the input, in its units, which does not wait for the dead time.
+
+        Returns
+        -------
+        found : list of (dict of str to float, ndarray of shape (n_samples, n_runs))
+            Changes of the model, and its free run; empty where the core is not linear in its
+            parameters.
         """
 
     def earlier(self, seconds: float) -> dict[str, float]:

@@ -40,6 +40,7 @@ class DeadZone(Effect):
     name = "dead_zone"
     place = "input"
     physics = "Errors below a threshold are not seen, or not answered."
+    machine_physics = "Inputs below a threshold have no effect: play, overlap, or friction at rest."
     formula = "e' = sign(e) max(|e| - width, 0), or e where |e| > width"
     source = "McRuer and Krendel (1974)"
     parameters = (Parameter("width", E, 0.02, 3.0, (0.25, 0.7), "half-width of the threshold"),)
@@ -89,6 +90,7 @@ class AsymmetricGain(Effect):
     name = "asym_gain"
     place = "input"
     physics = "Errors to one side are answered more strongly than to the other."
+    machine_physics = "Inputs to one side act more strongly than to the other."
     formula = "e' = e + asymmetry |e|, or e + asymmetry max(|e| - level, 0)"
     source = "McRuer and Krendel (1974)"
     shades = True
@@ -154,6 +156,7 @@ class Rectified(Effect):
     name = "rectified"
     place = "input"
     physics = "Only errors of one sign are answered."
+    machine_physics = "Only inputs of one sign act."
     formula = "e' = max(e, leak e), or min(e, leak e)"
     source = "Young (1973)"
     shades = True
@@ -218,6 +221,7 @@ class CubicGain(Effect):
     name = "cubic_gain"
     place = "input"
     physics = "Large errors are answered more (or less) than in proportion."
+    machine_physics = "Large inputs act more (or less) than in proportion."
     formula = "e' = e + hardening e^3, e + hardening e |e|, or sign(e) |e|^(1 + hardening)"
     source = "Hammerstein models, Ljung (1999)"
     shades = True
@@ -290,6 +294,7 @@ class AbsoluteValue(Effect):
     name = "absolute_value"
     place = "path"
     physics = "The stick moves to one side with the size of the error, whatever its sign."
+    machine_physics = "The output moves to one side with the size of the input, whatever its sign."
     formula = "command + gain |e(t - tau_e - later)|"
     source = "McRuer and Krendel (1974)"
     shades = True

@@ -35,6 +35,7 @@ class Bias(Effect):
     name = "bias"
     place = "sum"
     physics = "The output is off its zero: trim, or a sensor's offset."
+    machine_physics = "The output is off its zero: a sensor's offset, or a constant load."
     formula = "u + level"
     source = "Ljung (1999)"
     parameters = (Parameter("level", U, -20.0, 20.0, (0.1,), "offset"),)
@@ -164,6 +165,7 @@ class Integral(Effect):
     name = "integral"
     place = "path"
     physics = "A standing error is trimmed away slowly."
+    machine_physics = "The machine integrates its input besides."
     formula = "command + gain * integral of e(t - tau_e)"
     source = "McRuer and Krendel (1974)"
     neutral = {"gain": 0.0}

@@ -6,6 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import _kernels
+
+STOPS = 2.0  # kind of a term, as the kernel ``arx_inside`` has it
+
 
 class Gains(NamedTuple):
     """Factors on parameters of the core, of shape (1 or n_samples, 1 or n_runs).
@@ -36,18 +40,44 @@ class Spring(NamedTuple):
     ----------
     cubic, square : float
         In units of the command per unit of the output to the power 3 and 2.
+    terms : tuple of (float, ...)
+        Further forces of the output and its rate, and stops: the rows of numbers that the kernel
+        ``arx_inside`` takes. Operators have none.
     """
 
     cubic: float = 0.0
     square: float = 0.0
+    terms: tuple[tuple[float, ...], ...] = ()
 
     def stiffer(self, cubic: float = 0.0, square: float = 0.0) -> Spring:
         """The spring with a further one in parallel."""
-        return Spring(self.cubic + cubic, self.square + square)
+        return self._replace(cubic=self.cubic + cubic, square=self.square + square)
 
-    def force(self, output: np.ndarray) -> np.ndarray:
-        """Force that holds an output, besides that of the linear spring."""
-        return (self.cubic * output**2 + self.square * np.abs(output)) * output
+    def resisted(self, *term: float) -> Spring:
+        """With a further force or stop: kind, of the rate or not, and four numbers."""
+        return self._replace(terms=(*self.terms, tuple(float(number) for number in term)))
+
+    @property
+    def table(self) -> np.ndarray:
+        """The terms as rows of an array of shape (n_terms, 6)."""
+        return np.array(self.terms, dtype=float).reshape(-1, 6)
+
+    def force(self, output: np.ndarray, rate: np.ndarray | None = None) -> np.ndarray:
+        """Force at an output and its rate (None: zero), besides that of the linear spring."""
+        held = (self.cubic * output**2 + self.square * np.abs(output)) * output
+        if not self.terms:
+            return held
+        rate = np.zeros_like(output) if rate is None else rate
+        gate = _kernels.gate
+        return held + _kernels.inside.resistances(gate(self.table), gate(output), gate(rate))
+
+    @property
+    def stops(self) -> tuple[float, float]:
+        """Least and greatest output."""
+        lows, highs = zip(
+            (-np.inf, np.inf), *(t[2:4] for t in self.terms if t[0] == STOPS), strict=True
+        )
+        return max(lows), min(highs)
 
 
 class Command(NamedTuple):

@@ -91,6 +91,7 @@ class Feedforward(_AnswerToTarget):
     name = "feedforward"
     place = "path"
     physics = "The operator answers the target itself, as a pursuit display allows."
+    machine_physics = "The target acts on the output besides the input."
     formula = "command + gain f_t(t - delay) / H_CE"
     source = "Wasicko et al. (1966)"
 
@@ -143,6 +144,7 @@ class Preview(_AnswerToTarget):
     name = "preview"
     place = "path"
     physics = "The operator sees the target coming and answers ahead."
+    machine_physics = "The target acts on the output before its time."
     formula = "command + gain f_t(t + time) / H_CE"
     source = "Van der El et al. (2016)"
     ahead = 1.0
@@ -208,6 +210,7 @@ class OutputFeedback(Effect):
     name = "output_feedback"
     place = "path"
     physics = "The operator answers the motion of the controlled element besides the error."
+    machine_physics = "The channel x acts on the output besides the input."
     formula = "command - gain x(t - delay) - rate_gain dx/dt(t - delay)"
     source = "Wasicko et al. (1966)"
     parameters = (
@@ -273,6 +276,7 @@ class MotionFeedback(Effect):
 
     name = "motion_feedback"
     physics = "The operator feels the vehicle's motion and answers it."
+    machine_physics = "A measured motion acts on the output besides the input."
     formula = "command - gain motion(t - delay)"
     source = "Hosman and Stassen (1999)"
     neutral = {"gain": 0.0}
@@ -362,6 +366,7 @@ class Disturbance(Effect):
     name = "disturbance"
     place = "path"
     physics = "The operator sees or feels the disturbance and answers it before the error shows."
+    machine_physics = "A measured disturbance acts on the output besides the input."
     formula = "command - gain dist(t - delay)"
     source = "Pool et al. (2011)"
     neutral = {"gain": 0.0}
@@ -425,6 +430,7 @@ class CrossAxis(Effect):
 
     name = "cross_axis"
     physics = "The error of another axis leaks into this hand."
+    machine_physics = "Another channel leaks into the input."
     formula = "e' = e + gain channel, or command + gain channel"
     source = "Barendswaard et al. (2019)"
     neutral = {"gain": 0.0}

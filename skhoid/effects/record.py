@@ -59,6 +59,8 @@ class Record:
         How free runs begin; see ``greybox.initial``.
     levels : (float, float)
         Range of the outputs from which a run may begin where its inputs are held.
+    domain : {"human", "machine"}
+        What was recorded, for words and for which effects a search tries.
     """
 
     dt: float
@@ -77,6 +79,7 @@ class Record:
     least_delay: float = 0.0
     initial: str = "rest"
     levels: tuple[float, float] = (0.0, 0.0)
+    domain: str = "human"
     _derived: dict = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -59,6 +59,7 @@ class TimeVaryingGain(Effect):
     name = "tv_gain"
     place = "gain"
     physics = "The operator adapts: gain and lead change in the run."
+    machine_physics = "The gain changes in the run."
     formula = "K (1 + change / (1 + exp(-rate (t - time))))"
     source = "Thesis, Eqs. 2, 3 and 5"
     neutral = {
@@ -164,6 +165,7 @@ class GainDrift(Effect):
     name = "gain_drift"
     place = "gain"
     physics = "The operator's gain falls (fatigue) or grows steadily."
+    machine_physics = "The gain falls or grows steadily, as with temperature or wear."
     formula = "K (1 + rate (t - reference))"
     source = "Thesis, Section II"
     parameters = (
@@ -208,6 +210,7 @@ class ScheduledGain(Effect):
     name = "scheduled_gain"
     place = "gain"
     physics = "The operator adapts the gain to a measured condition, such as speed."
+    machine_physics = "The gain follows a measured condition, such as speed."
     formula = "K (1 + slope (channel - reference))"
     source = "Toth (2010)"
     neutral = {"slope": 0.0}
@@ -275,6 +278,7 @@ class Lapses(Effect):
     name = "lapses"
     place = "command"
     physics = "The operator looks away, and does not answer for seconds."
+    machine_physics = "The input is cut off in stretches of time."
     formula = "command (1 - depth) within the intervals"
     source = "Viterbi (1967)"
     parameters = (

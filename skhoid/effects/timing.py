@@ -44,6 +44,7 @@ class WrongDelay(Effect):
     name = "wrong_delay"
     place = "delay"
     physics = "The answer comes earlier or later than the model assumes."
+    machine_physics = "The dead time is shorter or longer than the model assumes."
     formula = "e(t - delay - extra)"
     source = "Thesis, Section V"
     parameters = (Parameter("extra", S, -0.4, 0.6, (-0.08, 0.08), "longer than assumed"),)
@@ -99,6 +100,7 @@ class TimeVaryingDelay(Effect):
     name = "tv_delay"
     place = "delay"
     physics = "The operator becomes slower, or faster, to answer in the run."
+    machine_physics = "The dead time changes in the run."
     formula = "tau_e + change / (1 + exp(-rate (t - time)))"
     source = "Thesis, Eq. 2"
     parameters = (

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from .record import Record
 
 PILED = 0.02  # least share of the samples that lie at a stop
+AT_STOP = 1e-3  # standard deviations of the output within which a sample lies at a stop
+NEAR_STOP = 0.05  # the same for samples a little below
 PILED_RATES = 0.10  # least share of the rates that lie at the greatest rate
 RECURRING = 0.02  # distinct values are levels if fewer than this share of the samples
 COARSE = 0.1  # least step, in standard deviations of the output
@@ -62,24 +65,49 @@ def _step(record: Record) -> float | None:
     return step * spread if step > COARSE else None
 
 
-def stop_of(record: Record) -> tuple[float, float] | None:
-    """Share of the samples that lie at a stop, and where it is; None where they do not pile up."""
+class Stop(NamedTuple):
+    """Samples of the output at a stop.
+
+    Attributes
+    ----------
+    share : float
+        Of all samples.
+    limit : float
+        Size of the output there.
+    where : str
+        The stop in words, with its sign: both where the output stops to either side.
+    """
+
+    share: float
+    limit: float
+    where: str
+
+
+def stop_of(record: Record) -> Stop | None:
+    """Where samples of the output pile up; None where they do not."""
     return record.once("stop", lambda: _stop(record))
 
 
-def _stop(record: Record) -> tuple[float, float] | None:
+def _stop(record: Record) -> Stop | None:
     y, spread = _output(record)
     if spread == 0.0 or step_of(record) is not None:
         return None
-    best = (0.0, 0.0)
+    found = []
     for side in (1.0, -1.0):
         top = float(np.max(side * y))
-        best = max(best, (float(np.mean(side * y > top - 1e-3 * spread)), top))
-    if best[0] < PILED / 2 or best[1] <= 0.0:
+        below = top - side * y
+        there = float(np.mean(below < AT_STOP * spread))
+        near = float(np.mean(below < NEAR_STOP * spread)) - there
+        # A wave that turns is slow at its top too, but as many samples are a little below.
+        if top > 0.0 and there > PILED / 2 and there > near:
+            found.append((there, top, side))
+    if not found:
         return None
-    both = float(np.mean(np.abs(y) > best[1] - 1e-3 * spread))
-    share = max(both, best[0])
-    return (share, best[1]) if share > PILED else None
+    share, limit, side = max(found)
+    where = f"{side * limit:.3g}"
+    if len(found) == 2 and abs(found[0][1] - found[1][1]) < NEAR_STOP * spread:
+        share, where = found[0][0] + found[1][0], f"±{limit:.3g}"
+    return Stop(share, limit, where) if share > PILED else None
 
 
 def fastest_of(record: Record) -> tuple[float, float] | None:

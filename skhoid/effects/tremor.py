@@ -47,6 +47,7 @@ class Tremor(Effect):
     name = "tremor"
     place = "sum"
     physics = "The hand trembles at a steady frequency."
+    machine_physics = "The output carries a vibration of a steady frequency."
     formula = "u + amplitude sin(2 pi frequency t + phase), the phase unknown"
     source = "Elble and Randall (1978)"
     noise = "a sine"

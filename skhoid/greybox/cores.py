@@ -15,6 +15,7 @@ from ..effects.dimension import ONE, RAD, Dimension, E, S, U
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import Parameter
 from ..effects.record import Record
+from .arx_inside import inside_response
 from .arx_starts import arx_starts, blind_starts, starts_at_rest
 from .initial import is_stable
 from .prior import Usual
@@ -306,6 +307,9 @@ class ARXCore:
             x = x + np.gradient(command.rate, dt, axis=0)
         b = np.r_[np.zeros(self.nk), theta[self.na : self.na + self.nb]]
         constant = float(theta[-1]) if self.intercept else 0.0
+        if spring.terms or gains.omega.size > 1:
+            polynomials = theta[: self.na], b, constant
+            return inside_response(x, polynomials, self.nk, spring, gains.omega, dt, BOUND)
         return _kernels.greybox.arx_response(
             _kernels.gate(x),
             _kernels.gate(theta[: self.na]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -48,11 +49,36 @@ class Scan:
         plain = minimise(simulator, self.coarse, start, max_iter=4, tol=1e-3, fixed=fixed)
         return dict(zip(values, plain.theta.tolist(), strict=True))
 
+    @cached_property
+    def residual(self) -> np.ndarray:
+        record = self.coarse.record
+        simulator = Simulator(self.parent.simulator.core, self.parent.effects, record)
+        assert record.y is not None
+        return np.where(record.known, record.y - simulator.run(self.parent.theta), 0.0)
+
     def earlier(self, seconds: float) -> dict[str, float]:
         change = {f"+{name}": self.ordinary[name] - v for name, v in self.parameters.items()}
         for name, by in self.parent.simulator.core.earlier(self.ordinary, seconds).items():
             change[f"+{name}"] += by
         return {name: value for name, value in change.items() if value}
+
+    def refitted(
+        self, output: np.ndarray, against: np.ndarray | None = None
+    ) -> list[tuple[dict[str, float], np.ndarray]]:
+        core = self.parent.simulator.core
+        record = replace(self.coarse.record, y=output, _derived={})
+        x = record.input
+        if against is not None:
+            dead = round(record.ahead / record.dt) if np.isfinite(record.ahead) else 0
+            x = x - np.concatenate([against[dead:], np.zeros_like(against[:dead])])
+        inputs = {**record.channels, record.inputs[0]: x}
+        simulator = Simulator(core, Effects([]), replace(record, channels=inputs))
+        found = []
+        for theta in core.starts_for(record, x):
+            values = dict(zip(simulator.names, theta.tolist(), strict=True))
+            changes = {f"+{name}": v - self.parameters[name] for name, v in values.items()}
+            found.append((changes, simulator.run(theta)))
+        return found
 
     def on_first(self, seconds: float) -> tuple[Simulator, Criterion]:
         """The model on the first seconds."""

@@ -125,6 +125,7 @@ class Simulator:
         stages += self._stages_at("path", "command")
         stages += self._stages_at("command", "command")
         stages += self._stages_at("spring", "spring")
+        stages += self._stages_at("inside", "spring")
         behind = [*self._stages_at("sum", "output"), *self._stages_at("output", "output")]
         stages += [Stage(respond, dynamic), *behind]
         if record.initial == REST:

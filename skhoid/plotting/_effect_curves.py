@@ -14,6 +14,7 @@ from ..greybox.simulator import Simulator
 from ._axes import with_unit
 from ._effect_bench import (
     AFTER,
+    LARGEST,
     LONGEST,
     Bench,
     Curve,
@@ -68,6 +69,8 @@ def response_plot(bench: Bench) -> Response:
         for channel in bench.record.roles:
             if channel != bench.error and answers(bench, channel):
                 return path(bench, channel)
+    if place == "sum" and answers(bench, bench.error):
+        return path(bench, bench.error)
     if place == "path":
         return path(bench, bench.error) if is_odd(bench) else added_command(bench)
     if place in ("input", "output"):
@@ -78,6 +81,8 @@ def response_plot(bench: Bench) -> Response:
         if share_of_command(bench, bench.values) is not None:
             return share(bench)
         return linear_gain(bench) if is_linear(bench) else held_command(bench)
+    if place == "inside":
+        return inside(bench)
     return spring(bench) if place == "spring" else course(bench)
 
 
@@ -235,7 +240,7 @@ def _gain_labels(bench: Bench, factors: dict[str, np.ndarray]) -> dict[str, str]
     known = bench.model.parameters_
     moved = [key for key, factor in factors.items() if not np.allclose(factor, 1.0)]
     if "K_e" not in known.index:  # an ARX model has one gain, whatever its parameters are
-        return {"error": "gain"}
+        return {"omega": "natural frequency"} if moved == ["omega"] else {"error": "gain"}
     groups: list[list[str]] = []
     for key in moved or ["error"]:
         same = [g for g in groups if np.array_equal(factors[g[0]], factors[key])]
@@ -323,15 +328,9 @@ def spring(bench: Bench) -> Response:
     x = np.linspace(-size, size, N_WAVE)
     record = bench.made_up(np.arange(2.0))
 
-    def linear(theta: np.ndarray) -> float:
-        if bench.core.kind.is_operator:
-            return 1.0
-        a = np.array([n.startswith("a") for n in bench.core_names])
-        return float((1.0 + theta[a].sum()) / theta[~a].sum())
-
     def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
         further = bench.effect.apply(Spring(), record, **values)
-        return {"with the effect": linear(theta) * x + further.force(x)}
+        return {"with the effect": _holding(bench, theta) * x + further.force(x)}
 
     unit = bench.unit("u") if bench.core.kind.is_operator else bench.unit(bench.error)
     return Response(
@@ -340,8 +339,54 @@ def spring(bench: Bench) -> Response:
         lines,
         with_unit(f"output {bench.model._output_name}", bench.unit("u")),
         with_unit("command that holds it", unit),
-        without=Curve(x, linear(bench.theta) * x),
+        without=Curve(x, _holding(bench, bench.theta) * x),
         measured=bench.met("u"),
+    )
+
+
+def _holding(bench: Bench, theta: np.ndarray) -> float:
+    """Command that holds an output of one, by the linear core."""
+    if bench.core.kind.is_operator:
+        return 1.0
+    a = np.array([n[0] == "a" for n in bench.core_names])
+    b = np.array([n[0] == "b" for n in bench.core_names])
+    return float((1.0 + theta[a].sum()) / theta[b].sum())
+
+
+def inside(bench: Bench) -> Response:
+    """Force over the output or its rate, or the stops of the output."""
+    record = bench.made_up(np.arange(2.0))
+    of_rate = getattr(bench.effect, "of", None) == "rate"
+    size = bench.amplitude("u")
+    if of_rate:
+        size = LARGEST * float(getattr(bench.effect, "reference", None) or size)
+    x = np.linspace(-size, size, N_WAVE)
+    best = bench.effect.apply(Spring(), record, **bench.values)
+    has_stops = bool(np.isfinite(best.stops).any())
+
+    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+        added = bench.effect.apply(Spring(), record, **values)
+        if has_stops:
+            return {"with the effect": np.clip(x, *added.stops)}
+        if of_rate:
+            return {"with the effect": added.force(np.zeros_like(x), x)}
+        return {"with the effect": _holding(bench, theta) * x + added.force(x)}
+
+    name, unit = bench.model._output_name, bench.unit("u")
+    without = np.zeros(N_WAVE) if of_rate else x if has_stops else _holding(bench, bench.theta) * x
+    what = "force against the input" if of_rate else "input that holds it"
+    return Response(
+        "map" if has_stops else "spring",
+        x,
+        lines,
+        with_unit(f"output {name}", unit)
+        if not of_rate
+        else with_unit(f"rate of {name}", unit and f"{unit}/s"),
+        with_unit(f"output {name} between stops", unit)
+        if has_stops
+        else with_unit(what, bench.unit(bench.error)),
+        without=Curve(x, without),
+        measured=None if of_rate else bench.met("u"),
     )
 
 

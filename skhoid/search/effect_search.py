@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from numbers import Integral
 from typing import Any
 
@@ -18,14 +19,16 @@ from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
 from ..greybox.fitting import Criterion
 from ..greybox.likelihood import likelihood_fit
+from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import check_simulated_model
 from ..human import ELEMENT
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
+from ..runs.roles import role_of
 from ..summaries import Summary, estimates_table
 from .explanations import VERDICTS, changes_sentences, experiments, summary_of
-from .forward import Search, forward
+from .forward import Search, forward, output_error_fit
 from .held_out import HeldOutRows
 from .results import error_path, held_out_table, ranking_table, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
@@ -62,6 +65,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         Effects to add at most.
     n_jobs : int or None, default=None
         Processes that try effects; None is 1, -1 all processors. The result does not depend on it.
+    domain : {"human", "machine"} or None, default=None
+        What was recorded. It decides the words, and which effects are tried: dry friction or a
+        sensor that shows the magnitude are for machines. None takes "human" for an
+        OperatorRegressor, and for an ARX model that answers the error, the target or x of a loop.
 
     Attributes
     ----------
@@ -133,6 +140,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         "controlled_element": ELEMENT,
         "max_effects": [Interval(Integral, 0, None, closed="left")],
         "n_jobs": [Integral, None],
+        "domain": [StrOptions({"human", "machine"}), None],
     }
 
     def __init__(
@@ -145,6 +153,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         *,
         max_effects: int = 4,
         n_jobs: int | None = None,
+        domain: str | None = None,
     ):
         self.estimator = estimator
         self.effects = effects
@@ -153,6 +162,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.controlled_element = controlled_element
         self.max_effects = max_effects
         self.n_jobs = n_jobs
+        self.domain = domain
 
     @fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None) -> EffectSearchCV:
@@ -182,12 +192,14 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             model = clone(self.estimator)
             if self.controlled_element is not None:
                 model.set_params(controlled_element=self.controlled_element)
-            prepared = model.prepare(X, y)
+            prepared = in_domain(model.prepare(X, y), self.domain, getattr(model, "roles", None))
             folds = self._folds(X, y, prepared, groups)
             search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
             path = forward(search, model.first_fit(prepared), int(self.max_effects))
             baseline, best = (
-                model.with_fit(prepared, *likelihood_fit(fitted, Criterion(prepared.record)))
+                model.with_fit(
+                    prepared, *likelihood_fit(_start_of(fitted), Criterion(prepared.record))
+                )
                 for fitted in (path.steps[0].parent, path.model)
             )
             if len(path.model.effects):  # choices made, numbers to be estimated
@@ -313,6 +325,25 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
+
+
+def _start_of(fitted: Model) -> Model:
+    """Where the last fit of a model begins: for an ARX model where its own ``fit`` does.
+
+    It has few rounds of noise models, which further ones before them would not be.
+    """
+    return fitted if fitted.simulator.core.kind.is_operator else output_error_fit(fitted)
+
+
+def in_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:
+    """The data with their domain: the one that is given, or what core and roles say."""
+    record = prepared.record
+    if domain is None:
+        own = role_of(record.inputs[0], roles)
+        loop = {"x", "f_t"} & {*prepared.roles.values()}
+        answers = own in ("x", "f_t") or (own == "e" and bool(loop))
+        domain = "human" if record.core.is_operator or answers else "machine"
+    return replace(prepared, record=replace(record, domain=domain))
 
 
 def _blocks(known: np.ndarray, guard: int) -> list[HeldOutRows]:

@@ -43,6 +43,17 @@ EXPERIMENTS = {
     frozenset({"extra_lag", "nm_mode"}): "use a forcing function with lines up to 30 rad/s",
     frozenset({"bias", "drift"}): "record longer runs",
     frozenset({"bias", "integral"}): "record a constant disturbance of 30 s",
+    frozenset({"friction", "dead_zone"}): "record slow reversals at several amplitudes: friction "
+    "holds the output at each turn, a dead zone only about zero input",
+    frozenset({"friction", "backlash"}): "let the machine coast from speed: friction stops it in "
+    "finite time, play does not",
+    frozenset({"friction", "stiction"}): "record reversals at several speeds of the input",
+    frozenset({"root_flow", "hardening_stiffness"}): "record steady states at several levels",
+    frozenset({"stops", "saturation"}): "drive it into the stop and reverse at once: from its own "
+    "stop the machine returns without delay, from the end of a sensor's range late",
+    frozenset({"scheduled_dynamics", "scheduled_gain"}): "record steps at several fixed values of "
+    "the channel: the gain shows in their height, the dynamics in their course",
+    frozenset({"rate_reflex", "rectified"}): "record slow ramps, of which the rate hardly acts",
     frozenset({"wrong_delay", "extra_lag"}): "use a forcing function with lines up to 30 rad/s",
 }
 # Why structure left has no name: all effects were tried, only some, or the search ended early.
@@ -66,8 +77,10 @@ ANY_EXPERIMENT = (
 )
 
 
-def sentence_of(effect: Effect, display: str) -> str:
-    """What an effect means, in one sentence, given what the operator could see."""
+def sentence_of(effect: Effect, display: str, domain: str = "human") -> str:
+    """What an effect means, in one sentence, given what the operator could see, if there is one."""
+    if domain == "machine":
+        return effect.physics_in(domain)
     seen = display != "compensatory" and (effect.name != "preview" or display == "preview")
     if effect.name in SHOWS_TARGET and not seen:
         if display == "pursuit":

@@ -152,7 +152,7 @@ class Search:
             if effect.name in taken:
                 continue
             candidate = Candidate(unique_name(effect, parent.effects), effect)
-            candidate.reason = effect.refusal(self.record, self.core.kind) or ""
+            candidate.reason = effect.refusal_in(self.record, self.core.kind) or ""
             candidates.append(candidate)
         tried = [c for c in candidates if not c.reason]
         added = [(c.name, c.effect) for c in tried]

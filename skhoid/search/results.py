@@ -64,7 +64,7 @@ def held_out_table(
 def ranking_table(found: SearchNumbers, prepared: Prepared, display: str) -> pd.DataFrame:
     """One row per step and effect, best first."""
     rows = []
-    path = found.path
+    path, domain = found.path, prepared.record.domain
     added = set(path.model.effects.names)
     for number, step in enumerate(path.steps, 1):
         chosen = [c for c in step.candidates if c.passes and c.name in added][:1]
@@ -88,7 +88,8 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str) -> pd.
                     "vaf_gain": np.nan if c.reason else c.gain,
                     "p_value": c.p_value,
                     "confused_with": c.confused_with,
-                    "words": sentence_of(c.effect, display) + (f" {c.trace}." if c.trace else ""),
+                    "words": sentence_of(c.effect, display, domain)
+                    + (f" {c.trace}." if c.trace else ""),
                     "status": status,
                     "reason": c.reason,
                 }

@@ -20,8 +20,7 @@ def traces_of(record: Record) -> dict[str, str]:
     found = {}
     stop = stop_of(record)
     if stop is not None:
-        share, limit = stop
-        found["saturation"] = f"{100 * share:.0f} % of the samples lie at ±{limit:.3g}"
+        found["saturation"] = f"{100 * stop.share:.0f} % of the samples lie at {stop.where}"
     fastest = fastest_of(record)
     if fastest is not None:
         share, limit = fastest

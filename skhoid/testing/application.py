@@ -77,7 +77,8 @@ def check_apply(effect: Effect, record: Record) -> None:
 
 
 def _check_kind(out: Any, place: str, record: Record, at: str) -> None:
-    kinds: dict[str, type] = {"gain": Gains, "path": Command, "command": Command, "spring": Spring}
+    kinds: dict[str, type] = {"gain": Gains, "path": Command, "command": Command}
+    kinds |= {"spring": Spring, "inside": Spring}
     kind = kinds.get(place)
     shape = record.known.shape
     if kind is not None:
@@ -89,8 +90,8 @@ def _check_kind(out: Any, place: str, record: Record, at: str) -> None:
     for name, values in parts_of(out).items():
         which = f"{at}, {name}," if name else at
         needed: tuple[int, ...] | None = shape
-        if place == "spring":
-            needed = ()
+        if place in ("spring", "inside"):
+            needed = values.shape if name == "terms" else ()
         elif place == "delay" or kind is Gains or name == "delay":
             needed = None  # anything that broadcasts over samples and runs
         if needed is None:

@@ -82,7 +82,7 @@ def signal_at(place: str, record: Record, delay: float = DELAY) -> Any:
         return delay
     if place == "gain":
         return neutral_gains()
-    if place == "spring":
+    if place in ("spring", "inside"):
         return Spring()
     late = record.delayed(record.input, delay)
     if place in ("path", "command"):

@@ -27,9 +27,11 @@ from skhoid.effects import (
     ExtraLag,
     ExtraLead,
     Feedforward,
+    Friction,
     GainDrift,
     HardeningStiffness,
     HigherOrder,
+    InputFilter,
     Integral,
     Intermittent,
     Lapses,
@@ -40,10 +42,14 @@ from skhoid.effects import (
     Preview,
     Quantised,
     RateLimit,
+    RateReflex,
     Rectified,
+    RootFlow,
     Saturation,
+    ScheduledDynamics,
     ScheduledGain,
     Stiction,
+    Stops,
     TimeVaryingDelay,
     TimeVaryingGain,
     Tremor,
@@ -54,7 +60,7 @@ from skhoid.effects import (
 from skhoid.effects.catalogue import CLASSES
 from skhoid.testing import check_effect, synthetic_record
 
-# The ids that issue 6 fixes for tables, JSON and scripts.
+# The ids that tables, JSON and scripts rely on.
 IDS = [
     *("wrong_delay", "tv_delay", "intermittent"),
     *("tv_gain", "gain_drift", "lapses", "scheduled_gain"),
@@ -62,7 +68,9 @@ IDS = [
     *("saturation", "rate_limit", "backlash", "stiction", "quantised", "hardening_stiffness"),
     *("bias", "drift", "integral"),
     *("feedforward", "preview", "output_feedback", "motion_feedback", "disturbance", "cross_axis"),
-    *("extra_lag", "extra_lead", "nm_mode", "higher_order", "tremor"),
+    *("extra_lag", "extra_lead", "nm_mode", "higher_order"),
+    *("friction", "root_flow", "stops", "sensor_magnitude", "input_filter", "rate_reflex"),
+    *("scheduled_dynamics", "tremor"),
 ]
 # Values to simulate 3 x 24 s with; the error has a standard deviation of 1.
 RECOVERED = [
@@ -134,6 +142,20 @@ RECOVERED = [
         },
     ),
 ]
+# In an ARX model; the speed of friction and the level of a tank are the output.
+RECOVERED_INSIDE = [
+    (Friction(form="coulomb", of="output"), {"coulomb": 0.4}),
+    (Friction(form="smooth", of="output"), {"coulomb": 0.4, "width": 0.2}),
+    (Friction(form="coulomb", of="rate", reference=1.0), {"coulomb": 0.3}),
+    (RootFlow(form="zero", reference=1.0), {"flow": 0.5}),
+    (Stops(form="both"), {"low": -0.6, "high": 0.9}),
+    (Stops(form="high"), {"high": 0.5}),
+    (InputFilter(form="dead_zone"), {"time": 0.3, "width": 0.4}),
+    (InputFilter(form="cubic"), {"time": 0.3, "hardening": 0.3}),
+    (InputFilter(form="clipped", order="second", omega=8.0, zeta=0.5), {"width": 0.8, "skew": 0.2}),
+    (RateReflex(side="negative", sense=1), {"gain": 0.3, "delay": 0.1, "omega": 12.0, "zeta": 0.8}),
+    (ScheduledDynamics(channel="speed"), {"slope": 0.3}),
+]
 # Where the search ends beside the best fit.
 STUCK = [
     (Quantised(form="sharp"), {"step": 0.8, "offset": 0.1}),
@@ -179,6 +201,11 @@ def first_of_each_class(cases):
 @pytest.mark.parametrize(("one", "values"), first_of_each_class(RECOVERED), ids=str)
 def test_values_are_recovered(one, values):
     check_effect(one, recovers=values)
+
+
+@pytest.mark.parametrize(("one", "values"), first_of_each_class(RECOVERED_INSIDE), ids=str)
+def test_values_in_an_arx_model_are_recovered(one, values):
+    check_effect(one, core="arx", recovers=values)
 
 
 @pytest.mark.xfail(reason="the search of non-smooth effects stops beside the minimum", strict=True)

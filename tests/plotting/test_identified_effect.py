@@ -31,9 +31,11 @@ from skhoid.effects import (
     ExtraLag,
     ExtraLead,
     Feedforward,
+    Friction,
     GainDrift,
     HardeningStiffness,
     HigherOrder,
+    InputFilter,
     Intermittent,
     Lapses,
     MotionFeedback,
@@ -43,10 +45,15 @@ from skhoid.effects import (
     Preview,
     Quantised,
     RateLimit,
+    RateReflex,
     Rectified,
+    RootFlow,
     Saturation,
+    ScheduledDynamics,
     ScheduledGain,
+    SensorMagnitude,
     Stiction,
+    Stops,
     TimeVaryingDelay,
     TimeVaryingGain,
     Tremor,
@@ -383,3 +390,57 @@ def test_of_an_arx_model():
     np.testing.assert_allclose(command, at + 0.3 * at**3, atol=0.03 * np.abs(command).max())
     delayed = ARXRegressor(na=2, nb=1, nk=1, effects="wrong_delay").fit(X, pd.Series(y, index))
     assert "beside nk" in IdentifiedEffectDisplay.from_estimator(delayed).ax_.get_ylabel()
+
+
+IN_MACHINES = {
+    Friction(coulomb=0.4, form="smooth", width=0.2, of="output"): (
+        "spring",
+        lambda x: 0.25 * x + 0.4 * np.tanh(x / 0.2),
+    ),
+    Friction(coulomb=0.4, form="smooth", width=0.2, of="rate", reference=1.0): (
+        "spring",
+        lambda x: 0.4 * np.tanh(x / 0.2),
+    ),
+    RootFlow(flow=0.5, form="zero", reference=1.0): (
+        "spring",
+        lambda x: 0.25 * x + 0.5 * np.sqrt(np.maximum(x, 0.0)),
+    ),
+    Stops(low=-0.2, high=0.3, form="both"): ("map", lambda x: np.clip(x, -0.2, 0.3)),
+    SensorMagnitude(): ("map", np.abs),
+    InputFilter(time=0.1, width=0.3, form="dead_zone"): ("loop", None),
+    RateReflex(gain=0.3, delay=0.1, omega=12.0, zeta=1.0, side="positive"): ("path", None),
+    ScheduledDynamics(slope=0.04, channel="speed", reference=20.0): (
+        "gains",
+        lambda speed: 1 + 0.04 * (speed - 20.0),
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def machine():
+    rng = np.random.default_rng(0)
+    index = pd.MultiIndex.from_product([[1], np.arange(600) * 0.02], names=["run", "time"])
+    force = np.convolve(rng.standard_normal(600), np.ones(20), "same") / 3
+    X = pd.DataFrame({"force": force, "speed": 20 + np.sin(np.arange(600) / 50)}, index)
+    y = pd.Series(np.zeros(600), index, name="velocity")
+    for k in range(1, 600):
+        y.iloc[k] = 0.8 * y.iloc[k - 1] + 0.8 * force[k]
+    X.attrs["units"], y.attrs["units"] = {"force": "N"}, {"velocity": "m/s"}
+    return ARXRegressor(1, 1, inputs=["force"], effects=Bias(level=0.0)).fit(X, y), X
+
+
+@pytest.mark.parametrize(
+    ("effect", "drawn"), IN_MACHINES.items(), ids=[str(e) for e in IN_MACHINES]
+)
+def test_effects_of_machines(effect, drawn, machine):
+    model, X = machine
+    found = copy.copy(model)
+    found.effects_ = Effects.of(effect)
+    kind, formula = drawn
+    display = IdentifiedEffectDisplay.from_estimator(found, effect.name, X=X, n_draws=0)
+    assert display.curves.kind == kind
+    (line,) = display.lines_.values()
+    x, y = line.get_data()
+    assert np.ptp(y) > 0
+    if formula is not None:
+        np.testing.assert_allclose(y, formula(x), rtol=1e-4, atol=1e-3)

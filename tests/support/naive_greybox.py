@@ -177,3 +177,52 @@ def stuck(x, breakaway, kinetic):
             place = value - direction * kinetic
         out.append(place)
     return out
+
+
+def resistance(terms, y, rate):
+    """Sum of forces (kind, of the rate, size, width, extra, fall) at an output and its rate."""
+    total = 0.0
+    for kind, of_rate, size, width, extra, fall in terms:
+        v = rate if of_rate else y
+        if kind == 0.0:
+            total += size * np.tanh(v / width) * (1 + extra * np.exp(-((v / fall) ** 2)))
+        elif kind == 3.0:
+            total += size * np.clip(v / width, -1, 1) * (1 + extra * np.exp(-((v / fall) ** 2)))
+        elif kind == 1.0 and y > extra:
+            head = y - extra
+            total += size * (np.sqrt(head) if head > width else head / np.sqrt(width))
+    return total
+
+
+def arx_inside(x, a, b, against, spring_sizes, terms, constant, dt, bound):
+    """A(q) y = B(q) (x - spring(y)) - G(q) force(y, rate) + constant, within stops.
+
+    ``a`` and ``b`` have a row for all samples, or one each. The force of now is that of the output
+    of now, found by Brent's method, if G begins with a positive number.
+    """
+    y, held, forces = [], [], []
+    low = max([-bound, *(t[2] for t in terms if t[0] == 2.0)])
+    high = min([bound, *(t[3] for t in terms if t[0] == 2.0)])
+    for k in range(len(x)):
+        a_now, b_now = a[k if len(a) > 1 else 0], b[k if len(b) > 1 else 0]
+        value = constant - sum(c * y[k - 1 - i] for i, c in enumerate(a_now) if k - 1 - i >= 0)
+        value += sum(b_now[i] * (x[k - i] - held[k - i]) for i in range(1, len(b_now)) if k >= i)
+        value += b_now[0] * x[k]
+        if b_now[0] != 0:
+            value -= b_now[0] * spring(value, *spring_sizes)
+        value -= sum(against[i] * forces[k - i] for i in range(1, len(against)) if k >= i)
+        last = y[k - 1] if k > 0 else 0.0
+
+        def away(new, value=value, last=last):
+            return new + against[0] * resistance(terms, new, (new - last) / dt) - value
+
+        if against[0] > 0 and away(value) != 0.0:
+            reach = 2 * against[0] * sum(abs(t[2]) * (1 + abs(t[4])) for t in terms) + abs(value)
+            value = brentq(away, value - reach - 1, value + reach + 1, xtol=1e-15, maxiter=1000)
+        elif against[0] < 0:
+            before = y[k - 2] if k > 1 else 0.0
+            value -= against[0] * resistance(terms, last, (last - before) / dt)
+        y.append(min(max(value, low), high))
+        held.append(spring(y[-1], *spring_sizes))
+        forces.append(resistance(terms, y[-1], (y[-1] - last) / dt))
+    return y

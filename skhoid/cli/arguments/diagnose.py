@@ -37,6 +37,12 @@ def add_diagnose(commands: Any) -> None:
     add = command.add_argument
     add_recording_options(add)
     add_search_options(add)
+    add(
+        "--domain",
+        choices=["human", "machine"],
+        help="what was recorded: it decides the words, and which effects are tried (default: "
+        "machine for an ARX model, unless it answers the error, target or x of a loop)",
+    )
     add_plot_options(add, "skhoid-diagnose")
     add("--report", metavar="FILE", help="write a report, one HTML file")
     add("--overwrite", action="store_true", help="replace that FILE if it exists")

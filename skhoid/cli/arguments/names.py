@@ -35,6 +35,13 @@ EFFECTS = (
     "extra_lead",
     "nm_mode",
     "higher_order",
+    "friction",
+    "root_flow",
+    "stops",
+    "sensor_magnitude",
+    "input_filter",
+    "rate_reflex",
+    "scheduled_dynamics",
     "tremor",
 )
 HIDDEN = (

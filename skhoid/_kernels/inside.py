@@ -1,0 +1,150 @@
+"""Compiled free runs of ARX systems with forces of the output and its rate inside the recursion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+# Kinds of terms, their first number. SHARP is friction with a line in place of the tanh.
+FRICTION, ROOT, STOPS, SHARP = 0.0, 1.0, 2.0, 3.0
+N_BRACKETED = 60  # steps of Newton's rule or bisection, at most
+N_DOUBLED = 8  # of the bracket
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _resistance(terms, value, rate):
+    """Sum of the forces at an output and its rate, and its slopes by both."""
+    force = by_value = by_rate = 0.0
+    for i in range(terms.shape[0]):
+        kind, of_rate, size, width, extra, fall = (
+            terms[i, 0],
+            terms[i, 1],
+            terms[i, 2],
+            terms[i, 3],
+            terms[i, 4],
+            terms[i, 5],
+        )
+        if kind in (FRICTION, SHARP):
+            v = rate if of_rate != 0.0 else value
+            if kind == SHARP:
+                t = min(max(v / width, -1.0), 1.0)
+                rise = 1.0 / width if abs(t) < 1.0 else 0.0
+            else:
+                t = np.tanh(v / width)
+                rise = (1.0 - t * t) / width
+            above = extra * np.exp(-((v / fall) ** 2)) if extra != 0.0 else 0.0
+            force += size * t * (1.0 + above)
+            slope = size * (rise * (1.0 + above) - t * above * 2.0 * v / (fall * fall))
+            if of_rate != 0.0:
+                by_rate += slope
+            else:
+                by_value += slope
+        elif kind == ROOT:
+            head = value - extra
+            if head > 0.0:  # a line below ``width``, where a root would be too steep
+                root = np.sqrt(head) if head > width else head / np.sqrt(width)
+                force += size * root
+                by_value += size * (0.5 / root if head > width else 1.0 / np.sqrt(width))
+    return force, by_value, by_rate
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def resistances(terms, value, rate):
+    """Sum of the forces at each of several outputs and their rates."""
+    out = np.empty(value.size)
+    for k in range(value.size):
+        out[k] = _resistance(terms, value[k], rate[k])[0]
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _balanced(whole, gain, terms, last, dt):
+    """The output y with y + gain force(y, (y - last) / dt) = whole."""
+    force, _, _ = _resistance(terms, whole, (whole - last) / dt)
+    if force == 0.0:
+        return whole
+    other = whole - gain * force
+    for _ in range(N_DOUBLED):  # a force that falls with the rate may hold the root farther away
+        at_other, _, _ = _resistance(terms, other, (other - last) / dt)
+        if (other + gain * at_other - whole) * force <= 0.0:
+            break
+        other = whole - 2.0 * (whole - other)
+    low, high = min(whole, other), max(whole, other)
+    y = last if low < last < high else 0.5 * (low + high)
+    for _ in range(N_BRACKETED):
+        force, by_value, by_rate = _resistance(terms, y, (y - last) / dt)
+        away = y + gain * force - whole
+        if away == 0.0:
+            break
+        if away > 0.0:
+            high = y
+        else:
+            low = y
+        step = away / (1.0 + gain * (by_value + by_rate / dt))
+        new = y - step
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        if abs(new - y) <= 1e-13 * (abs(whole) + abs(y)) + 1e-300:
+            y = new
+            break
+        y = new
+    return y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def arx_inside(x, a, b, against, spring, terms, constant, dt, bound):
+    """Output from rest of A(q) y = B(q) (x - spring(y)) - G(q) force(y, rate of y) + constant.
+
+    a and b are of shape (1 or n_samples, n_lags), b and ``against``, the coefficients of G, from
+    lag 0 on; spring(y) = spring[0] y^3 + spring[1] y abs(y). The rows of ``terms`` are forces or
+    stops: (FRICTION or SHARP, of the rate, size, width, excess at rest, rate of its fall), (ROOT,
+    0, size, width of the line at zero, level, 0), (STOPS, 0, low, high, 0, 0). The force of now is
+    that of the output of now, so that friction holds what rests; where G begins with a negative
+    number it is that of the output before.
+    """
+    n, runs = x.shape
+    na, nb, ng = a.shape[1], b.shape[1], against.size
+    out = np.empty((n, runs))
+    w = np.empty((n, runs))
+    forces = np.zeros((n, runs))
+    low, high = -bound, bound
+    forced = False
+    for i in range(terms.shape[0]):
+        if terms[i, 0] == STOPS:
+            low, high = max(low, terms[i, 2]), min(high, terms[i, 3])
+        else:
+            forced = True
+    cubic, square = spring[0], spring[1]
+    stiff = cubic != 0.0 or square != 0.0
+    varies_a, varies_b = a.shape[0] > 1, b.shape[0] > 1
+    for k in range(n):
+        ka, kb = k if varies_a else 0, k if varies_b else 0
+        for j in range(runs):
+            past = constant
+            for i in range(min(na, k)):
+                past -= a[ka, i] * out[k - 1 - i, j]
+            for i in range(1, min(nb, k + 1)):
+                past += b[kb, i] * w[k - i, j]
+            last = out[k - 1, j] if k > 0 else 0.0
+            now = x[k, j]
+            value = past + b[kb, 0] * now
+            if stiff and b[kb, 0] != 0.0:
+                value = min(max(value, -bound), bound)
+                value -= b[kb, 0] * (cubic * value**3 + square * value * abs(value))
+            if forced:
+                for i in range(1, min(ng, k + 1)):
+                    value -= against[i] * forces[k - i, j]
+                value = min(max(value, -bound), bound)
+                if against[0] > 0.0:
+                    value = _balanced(value, against[0], terms, last, dt)
+                elif against[0] < 0.0:
+                    before = out[k - 2, j] if k > 1 else 0.0
+                    value -= against[0] * _resistance(terms, last, (last - before) / dt)[0]
+            value = min(max(value, low), high)
+            if forced:
+                forces[k, j] = _resistance(terms, value, (value - last) / dt)[0]
+            if stiff:
+                now -= cubic * value**3 + square * value * abs(value)
+            w[k, j] = now
+            out[k, j] = value
+    return out

@@ -1,0 +1,75 @@
+"""Free runs of an ARX core with forces inside its recursion, or dynamics that follow a channel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import _kernels
+from ..effects.operator_signals import Spring
+
+AT_ONE = 1e-9  # distance from 1 within which a pole integrates
+
+
+def inside_response(
+    x: np.ndarray,
+    polynomials: tuple[np.ndarray, np.ndarray, float],
+    n_late: int,
+    spring: Spring,
+    omega: np.ndarray,
+    dt: float,
+    bound: float,
+) -> np.ndarray:
+    """Output from rest, of shape (n_samples, n_runs), for an input of that shape.
+
+    ``polynomials`` are the coefficients a and b, the first ``n_late`` of b being dead time, and the
+    constant; forces pass b without the dead time, which a machine's friction does not wait for.
+    ``omega`` of shape (1 or n_samples, 1 or n_runs) multiplies the natural frequencies.
+    """
+    a, b, constant = polynomials
+    force = _kernels.gate(b[n_late:])
+    stiff = np.array([spring.cubic, spring.square])
+    terms = _kernels.gate(spring.table)
+
+    def run(x: np.ndarray, factor: np.ndarray) -> np.ndarray:
+        shifted, gain = with_frequencies(a, factor)
+        return _kernels.inside.arx_inside(
+            _kernels.gate(x),
+            _kernels.gate(shifted),
+            _kernels.gate(gain[:, None] * b),
+            force,
+            stiff,
+            terms,
+            constant,
+            dt,
+            bound,
+        )
+
+    if omega.shape[1] == 1:
+        return run(x, omega[:, 0])
+    columns = [run(x[:, [j]], omega[:, j]) for j in range(x.shape[1])]
+    return np.concatenate(columns, axis=1)
+
+
+def with_frequencies(a: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients a for each factor on the frequencies of the poles, and the gain that keeps B/A.
+
+    A pole exp(s dt) becomes exp(factor s dt): frequencies and decay rates change, damping ratios do
+    not. The gain on b keeps the static gain, or that of an integration.
+    """
+    if factor.size == 1 and factor[0] == 1.0:
+        return a[None], np.ones(1)
+    poles = np.roots(np.r_[1.0, a]).astype(complex)
+    size = np.abs(poles)[None] ** factor[:, None]
+    angle = np.angle(poles)[None]
+    on_axis = np.abs(poles.imag) == 0.0  # a real pole stays real
+    moved = size * np.exp(1j * np.where(on_axis, angle, angle * factor[:, None]))
+    shifted = np.zeros((factor.size, poles.size + 1), dtype=complex)
+    shifted[:, 0] = 1.0
+    gain = np.ones(factor.size, dtype=complex)
+    for i, pole in enumerate(poles):
+        shifted[:, 1 : i + 2] -= moved[:, [i]] * shifted[:, : i + 1]
+        integrates = abs(1.0 - pole) < AT_ONE
+        gain *= factor if integrates else (1.0 - moved[:, i]) / (1.0 - pole)
+    full = np.zeros((factor.size, a.size))
+    full[:, : poles.size] = shifted[:, 1:].real
+    return full, gain.real

@@ -1,0 +1,106 @@
+"""Free runs with forces inside the recursion: the readable twin, closed forms, friction at rest."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from support import naive_greybox as naive
+
+from skhoid._kernels import greybox, inside
+
+DT = 0.02
+TERMS = {
+    "coulomb": [(3.0, 0.0, 0.3, 1e-3, 0.0, 1.0)],
+    "coulomb of the rate": [(3.0, 1.0, 0.2, 1e-2, 0.0, 1.0)],
+    "smooth": [(0.0, 0.0, 0.3, 0.2, 0.0, 1.0)],
+    "smooth of the rate": [(0.0, 1.0, 0.2, 3.0, 0.0, 1.0)],
+    "root": [(1.0, 0.0, 0.4, 1e-3, -0.2, 0.0)],
+    "stops": [(2.0, 0.0, -0.3, 0.2, 0.0, 0.0)],
+    "all": [
+        (3.0, 0.0, 0.1, 1e-2, 0.0, 1.0),
+        (0.0, 1.0, 0.1, 1.0, 0.0, 1.0),
+        (1.0, 0.0, 0.2, 1e-3, 0.1, 0.0),
+        (2.0, 0.0, -0.6, 0.8, 0.0, 0.0),
+    ],
+}
+
+
+def noise(n, runs=2, seed=0):
+    return np.random.default_rng(seed).standard_normal((n, runs))
+
+
+def run(x, a, b, against, terms, spring=(0.0, 0.0), constant=0.0, bound=1e9):
+    return inside.arx_inside(
+        x,
+        np.atleast_2d(np.asarray(a, float)),
+        np.atleast_2d(np.asarray(b, float)),
+        np.asarray(against, float),
+        np.array(spring, float),
+        np.array(terms, float).reshape(-1, 6),
+        constant,
+        DT,
+        bound,
+    )
+
+
+@pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS)
+@pytest.mark.parametrize("against", [[0.4, 0.1], [0.3], [-0.05, 0.2], [0.0, 0.1]], ids=str)
+def test_it_is_its_twin(terms, against):
+    x, a, b = noise(60), [-0.9, 0.2], [0.0, 0.4, 0.1]
+    sizes = (0.05, 0.02)
+    out = run(x, a, b, against, terms, sizes, 0.05)
+    for j in range(x.shape[1]):
+        expected = naive.arx_inside(x[:, j], [a], [b], against, sizes, terms, 0.05, DT, 1e9)
+        np.testing.assert_allclose(out[:, j], expected, rtol=1e-8, atol=1e-9)
+
+
+def test_without_forces_it_is_the_linear_response():
+    x, a, b = noise(80), np.array([-1.2, 0.5]), np.array([0.0, 0.3, 0.1])
+    plain = greybox.arx_response(x, a, b, 0.0, 0.0, 0.2, 1e9)
+    np.testing.assert_allclose(run(x, a, b, b, [], constant=0.2), plain, rtol=1e-12)
+
+
+def test_coefficients_may_follow_time():
+    x = noise(50)
+    a, b = -0.5 + 0.3 * noise(50, 1, 1), 0.2 + 0.1 * noise(50, 2, 2)
+    out = inside.arx_inside(x, a, b, np.zeros(1), np.zeros(2), np.zeros((0, 6)), 0.0, DT, 1e9)
+    for j in range(2):
+        expected = naive.arx_inside(x[:, j], a, b, [0.0], (0.0, 0.0), [], 0.0, DT, 1e9)
+        np.testing.assert_allclose(out[:, j], expected, rtol=1e-12)
+
+
+def test_friction_holds_what_rests_and_lets_go_above_its_force():
+    """A mass with friction F: nothing moves below it, and above it x - F drives it."""
+    a, b, friction = [-0.98], [0.02], [(3.0, 0.0, 0.5, 1e-9, 0.0, 1.0)]
+    held = run(np.full((200, 1), 0.49), a, b, b, friction)
+    assert np.abs(held).max() < 1e-8
+    moving = run(np.full((200, 1), 1.2), a, b, b, friction)
+    expected = lfilter(b, [1.0, *a], np.full(200, 0.7))
+    np.testing.assert_allclose(moving[:, 0], expected, rtol=1e-9)
+    coasting = run(np.r_[np.full((100, 1), 1.2), np.zeros((100, 1))], a, b, b, friction)
+    stopped = np.flatnonzero(coasting[100:, 0] < 1e-8)[0]
+    assert (np.abs(coasting[100 + stopped :]) < 1e-8).all(), "it comes to rest, without chatter"
+
+
+def test_a_tank_empties_by_torricellis_law():
+    """dy/dt = -k sqrt(y): the root of the level falls in a line."""
+    k, fill = 0.1, 200
+    x = np.zeros((1200, 1))
+    x[:fill] = 1.0 / (fill * DT) + k  # more than flows out
+    y = run(x, [-1.0], [DT], [DT], [(1.0, 0.0, k, 1e-9, 0.0, 0.0)])[:, 0]
+    top = y[fill - 1]
+    t = DT * np.arange(1200 - fill + 1)
+    expected = np.maximum(np.sqrt(top) - k * t / 2, 0.0) ** 2
+    np.testing.assert_allclose(y[fill - 1 :], expected, atol=2e-3 * top)
+
+
+def test_the_state_stays_at_a_stop_of_its_own():
+    x = np.r_[np.ones((100, 1)), -np.ones((20, 1))]
+    y = run(x, [-1.0], [0.1], [0.1], [(2.0, 0.0, -1e9, 2.0, 0.0, 0.0)])[:, 0]
+    assert y.max() == 2.0
+    assert y[100] == pytest.approx(1.9), "it returns at once"
+
+
+def test_what_diverges_stays_within_the_bound():
+    x = noise(300)
+    out = run(x, [-1.5], [1.0], [1.0], TERMS["coulomb"], bound=1e6)
+    assert 0.99e6 < np.abs(out).max() <= 1e6

@@ -1,0 +1,189 @@
+"""Effects of machines in simulated ones: friction, magnitude at the sensor, reflex, filters."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+from sklearn.base import clone
+
+from skhoid import ARXRegressor, EffectSearchCV
+from skhoid.effects import (
+    Effect,
+    Friction,
+    InputFilter,
+    RateReflex,
+    ScheduledDynamics,
+    SensorMagnitude,
+    effect,
+)
+from skhoid.effects.catalogue import CLASSES
+from skhoid.effects.sensor import signs_by_minima, smooth_signs
+from skhoid.testing import synthetic_record
+
+DT = 0.02
+
+
+def wave(n, seed, smooth=40):
+    rng = np.random.default_rng(seed)
+    return np.convolve(rng.standard_normal(n + smooth), np.ones(smooth), "valid")[:n] / smooth**0.5
+
+
+def table(y, noise=0.0, seed=1, **channels):
+    index = pd.MultiIndex.from_product([["run"], DT * np.arange(len(y))], names=["run", "time"])
+    y = y + noise * np.std(y) * np.random.default_rng(seed).standard_normal(len(y))
+    return pd.DataFrame(channels, index), pd.Series(y, index, name="out")
+
+
+def mass_with_friction(seed, coulomb=0.3):
+    """Speed of a mass by an exact rule: it sticks below the force, and loses it above."""
+    force = wave(1200, seed)
+    speed = np.zeros(1200)
+    for k in range(1, 1200):
+        driven = 0.95 * speed[k - 1] + 0.05 * force[k]
+        speed[k] = np.sign(driven) * max(abs(driven) - 0.05 * coulomb, 0.0)
+    return table(speed, 0.01, force=force)
+
+
+def prbs_drive(seed):
+    """A drive of third order, seen by its magnitude."""
+    levels = np.random.default_rng(seed).choice([-1.0, 1.0], 40)
+    u = np.repeat(levels, 10)
+    poles = np.poly([0.93, 0.85 * np.exp(0.3j), 0.85 * np.exp(-0.3j)]).real
+    speed = lfilter([0.0, 1.0], poles, u)
+    return table(np.abs(speed), 0.01, u=u), speed
+
+
+def joint(seed, sign=1.0, sense=1.0):
+    """Torque of an elastic joint with a reflex on stretch."""
+    angle = wave(1500, seed, 15)
+    rate = np.gradient(angle, DT)
+    stretch = np.maximum(sign * rate, 0.0)
+    reflex = 0.3 * sign * lfilter([0.1], [1.0, -0.9], np.r_[np.zeros(4), stretch[:-4]])
+    torque = lfilter([0.5, -0.2], [1.0, -0.3], angle) + reflex
+    return table(sense * torque, 0.02, angle=angle)
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.slow)])
+def test_friction_is_named_and_in_units_of_the_force(seed):
+    X, y = mass_with_friction(seed)
+    effects = ["friction", "dead_zone", "stiction", "backlash", "cubic_gain", "bias"]
+    search = EffectSearchCV(ARXRegressor(1, 1, inputs=["force"]), effects=effects).fit(X, y)
+    assert search.best_effects_ == ["friction"]
+    table_ = search.best_estimator_.parameters_
+    assert table_.loc["friction__coulomb", "value"] == pytest.approx(0.3, rel=0.05)
+    assert table_.loc["friction__viscous", "value"] == pytest.approx(1.0, rel=0.05)
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(7, marks=pytest.mark.slow)])
+def test_a_sensor_of_the_magnitude_is_seen_through(seed):
+    (X, y), speed = prbs_drive(seed)
+    model = ARXRegressor(3, 2, inputs=["u"], effects=SensorMagnitude()).fit(X, y)
+    assert np.sqrt(np.mean((model.predict(X) - np.abs(speed)) ** 2)) < 0.02 * np.std(speed)
+
+
+def test_a_search_ends_with_what_its_best_model_fits():
+    (X, y), _ = prbs_drive(1)
+    search = EffectSearchCV(ARXRegressor(3, 2, inputs=["u"]), effects=["sensor_magnitude"])
+    assert search.fit(X, y).best_effects_ == ["sensor_magnitude"]
+    again = clone(search.best_estimator_).fit(X, y)
+    np.testing.assert_allclose(search.predict(X), again.predict(X), atol=1e-3 * y.std())
+
+
+def test_signs_are_those_of_a_smooth_signal():
+    t = np.arange(200) * 0.05
+    y = np.stack([np.sin(t + 0.2), np.sin(1.3 * t + 0.4)], axis=1)
+    found = smooth_signs(np.abs(y)) * np.abs(y)
+    assert np.mean(np.abs(found - y) > 1e-12) < 0.02, "but for samples beside a crossing"
+    assert (signs_by_minima(np.abs(y), 0.2)[-1] == np.sign(y[-1])).all()
+
+
+@pytest.mark.parametrize(
+    ("sign", "sense"),
+    [
+        (1.0, 1),
+        pytest.param(-1.0, 1, marks=pytest.mark.slow),
+        pytest.param(1.0, -1, marks=pytest.mark.slow),
+    ],
+)
+def test_a_reflex_has_its_side_and_its_delay(sign, sense):
+    X, y = joint(3, sign, sense)
+    found = ARXRegressor(1, 2, inputs=["angle"], effects="rate_reflex").fit(X, y)
+    (_, reflex), *_ = found.effects_
+    assert reflex.side == ("positive" if sign > 0 else "negative")
+    assert reflex.sense == sense
+    assert reflex.gain == pytest.approx(0.3, rel=0.2)
+    assert reflex.delay == pytest.approx(4 * DT, abs=DT)
+
+
+def test_a_filter_before_a_dead_zone():
+    x = wave(1500, 4, 10)
+    w = lfilter([0.2], [1.0, -0.8], x)
+    bent = w - np.clip(w, -0.4, 0.4)
+    X, y = table(lfilter([0.3], [1.0, -0.7], bent), 0.01, x=x)
+    plain, filtered = (
+        ARXRegressor(2, 2, inputs=["x"], effects=one).fit(X, y)
+        for one in ("dead_zone", InputFilter(form="dead_zone"))
+    )
+    assert filtered.vaf_ > 99.5 > plain.vaf_ + 1.0
+    assert filtered.parameters_.loc["input_filter__width", "value"] == pytest.approx(0.4, rel=0.1)
+
+
+def test_frequencies_follow_a_channel_of_each_run():
+    """Two runs at different levels of the channel: poles exp(s dt) become exp(factor s dt)."""
+    pole = np.exp((-0.6 + 4j) * DT)
+    X, y = [], []
+    for run, level in enumerate([-1.0, 1.0]):
+        x, factor = wave(800, run), 1 + 0.3 * level
+        a = np.poly([np.exp(factor * np.log(pole)), np.exp(factor * np.log(pole.conj()))]).real
+        frame, out = table(lfilter([0.0, a.sum()], a, x), 0.01, seed=run, x=x, speed=0 * x + level)
+        X.append(pd.concat({run: frame.droplevel(0)}, names=["run"]))
+        y.append(pd.concat({run: out.droplevel(0)}, names=["run"]))
+    X, y = pd.concat(X), pd.concat(y)
+    model = ARXRegressor(2, 1, 1, inputs=["x"], effects=ScheduledDynamics(channel="speed"))
+    found = model.fit(X, y).parameters_["value"]
+    assert found["scheduled_dynamics__slope"] == pytest.approx(0.3, abs=0.01)
+    assert model.vaf_ > 99.8
+
+
+def test_effects_of_machines_are_not_tried_on_people():
+    record = synthetic_record()
+    for kind in CLASSES:
+        reason = kind().refusal_in(record, "operator")
+        assert "human" in kind.domains or reason == "for machines: domain='machine'"
+    assert Friction().physics_in("human") == Friction.physics
+
+
+def test_words_of_machines_name_no_person():
+    persons = ("operator", "hand", "stick ", "eye", "person", "answer")
+    for kind in CLASSES:
+        words = kind().physics_in("machine").lower()
+        if kind is not RateReflex:
+            assert not any(person in words.replace("sticks", "") for person in persons), words
+
+
+@pytest.mark.parametrize(
+    ("names", "roles", "domain"),
+    [
+        (("force", "heat"), None, "machine"),
+        (("e", "heat"), None, "machine"),
+        (("e", "x"), None, "human"),
+        (("f_t", "heat"), None, "human"),
+        (("force", "heat"), {"force": "e", "heat": "x"}, "human"),
+    ],
+)
+def test_the_domain_of_an_arx_model_follows_from_roles(names, roles, domain):
+    first, second = names
+    x = wave(400, 0)
+    X, y = table(lfilter([0.2], [1.0, -0.8], x), 0.05, **{first: x, second: wave(400, 1)})
+    model = ARXRegressor(1, 1, inputs=[first], roles=roles)
+    ranking = EffectSearchCV(model, effects=["friction", "bias"]).fit(X, y).ranking_
+    refused = ranking.set_index("effect").loc["friction", "status"] == "does not apply"
+    assert refused == (domain == "human")
+    other = "machine" if domain == "human" else "human"
+    told = EffectSearchCV(model, effects=["stiction"], domain=other).fit(X, y)
+    words = told.ranking_["words"].iloc[0]
+    assert words == effect("stiction").physics_in(other)
+
+
+def test_an_effect_of_your_own_is_for_both():
+    assert Effect.domains == ("human", "machine")
