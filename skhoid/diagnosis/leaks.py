@@ -29,6 +29,7 @@ LEAST_PERIODS = 20  # of the edge of the band, of all runs
 AHEAD, BEHIND = 3, 5  # taps of the target, on either side
 OF_OUTPUT = (0, 1, 2, 4)  # taps of the output
 N_INSTRUMENTS = 24  # taps of the target from which the element is estimated
+EXTERNAL = ("target", "disturbance")
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ def leak_test(
     *,
     target: np.ndarray | None = None,
     disturbance: np.ndarray | None = None,
+    told: bool = True,
     least_delay: float = LEAST_DELAY,
 ) -> LeakTest:
     """Test whether a prediction knows the disturbance that only the element's response shows.
@@ -94,7 +96,11 @@ def leak_test(
     target : ndarray or None, default=None
         Target; zeros where there is none to follow. Without an ``element`` it is needed.
     disturbance : ndarray or None, default=None
-        Recorded disturbance. What follows it linearly is not unseen.
+        Recorded disturbance of the element's input.
+    told : bool, default=True
+        Whether the model has the recorded disturbance as an input: what follows it linearly is
+        then not unseen. To a model that is not told it, it is as unseen as one that is recorded
+        nowhere.
     least_delay : float, default=0.1
         Sooner than this (s) nothing that answers the disturbance can be an answer.
 
@@ -133,7 +139,11 @@ def leak_test(
     inverse = _inverse(pieces, low, dt, edge, taps, element)
     if isinstance(inverse, str):
         return _unknown(inverse)
-    unseen = _unseen([v - p["u"] for v, p in zip(inverse, low, strict=True)], low, taps)
+    unseen = [v - p["u"] for v, p in zip(inverse, low, strict=True)]
+    if told and disturbance is not None:
+        unseen = _without_recorded(unseen, low, taps)
+    else:
+        low = [{k: v for k, v in p.items() if k != "disturbance"} for p in low]
     trim = max(round(0.5 / (edge * dt)), 1)
     inner = [slice(trim, v.size - trim) for v in inverse]
 
@@ -220,7 +230,11 @@ def _pieces(
         lengths = edges[1::2] - edges[::2]
         if lengths.size and lengths.max() >= 2 * ORDER:
             start, stop = edges[2 * int(np.argmax(lengths)) :][:2]
-            pieces.append({k: values[start:stop] for k, values in signals.items()})
+            piece = {k: values[start:stop] for k, values in signals.items()}
+            # A transient of the free run far beyond the output would outweigh all that follows.
+            low, high = float(piece["u"].min()), float(piece["u"].max())
+            piece["u_hat"] = np.clip(piece["u_hat"], 2 * low - high, 2 * high - low)
+            pieces.append(piece)
     return pieces
 
 
@@ -288,10 +302,11 @@ def _inverse(
 def _estimated(low: list[dict[str, np.ndarray]], dt: float, taps: int) -> list[np.ndarray] | str:
     """The inverse of an element of second order at most, u = c2 x'' + c1 x' + c0 x + c.
 
-    Two-stage least squares: the disturbance answers u in the loop, and the target owes nothing to
-    the disturbance. Derivatives are central differences of what has been low-passed.
+    Two-stage least squares: u answers the disturbance in the loop, and the target owes nothing to
+    it. A recorded disturbance acts beside u. Derivatives are central differences of what has been
+    low-passed.
     """
-    if not all("target" in piece for piece in low):
+    if not any(name in piece for piece in low for name in EXTERNAL):
         return (
             "the controlled element is not given, and without a target its estimate from u and x "
             "is biased by the loop"
@@ -300,9 +315,11 @@ def _estimated(low: list[dict[str, np.ndarray]], dt: float, taps: int) -> list[n
     for piece in low:
         x = piece["x"]
         rate = np.gradient(x, dt)
-        rates.append(np.column_stack([np.gradient(rate, dt), rate, x, np.ones_like(x)]))
+        beside = [piece["disturbance"]] if "disturbance" in piece else []
+        rates.append(np.column_stack([np.gradient(rate, dt), rate, x, np.ones_like(x), *beside]))
         lags = np.arange(-2, N_INSTRUMENTS - 2) * taps
-        instruments.append(np.column_stack([_lagged(piece["target"], lags), np.ones_like(x)]))
+        outside = [_lagged(piece[name], lags) for name in EXTERNAL if name in piece]
+        instruments.append(np.column_stack([*outside, np.ones_like(x), *beside]))
     kept = [np.isfinite(Z).all(axis=1) for Z in instruments]
     D, Z = (
         np.concatenate([part[rows] for part, rows in zip(parts, kept, strict=True)])
@@ -315,20 +332,18 @@ def _estimated(low: list[dict[str, np.ndarray]], dt: float, taps: int) -> list[n
     if not np.var(caused[:, 1]) > LEAST_INSTRUMENT * np.var(D[:, 1]):
         return (
             "the controlled element is not given, and its response to the target is too weak to "
-            "estimate it"
+            "estimate it from"
         )
     scale = np.sqrt(np.mean(caused**2, axis=0))
     scale[scale == 0] = 1.0
     c = np.linalg.lstsq(caused / scale, u, rcond=1e-6)[0] / scale
-    return [rate @ c for rate in rates]
+    return [rate[:, :4] @ c[:4] for rate in rates]
 
 
-def _unseen(
+def _without_recorded(
     disturbance: list[np.ndarray], low: list[dict[str, np.ndarray]], taps: int
 ) -> list[np.ndarray]:
     """What is left of the disturbance when all that follows the recorded one is taken out."""
-    if not all("disturbance" in piece for piece in low):
-        return disturbance
     lags = np.arange(-1, BEHIND) * taps
     tables = [
         np.column_stack(
