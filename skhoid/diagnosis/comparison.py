@@ -15,7 +15,7 @@ from ..pipelines import taken_apart
 from ..recordings.channels import check_channels
 from ..recordings.findings import Finding
 from .advice import advise
-from .ceiling import Ceiling, noise_ceiling
+from .ceiling import Ceiling, consistent_ceiling, noise_ceiling
 from .changes import BlockSums, cusum, tests_of_changes
 from .comparison_text import html, summary
 from .correlation import correlations
@@ -60,12 +60,12 @@ class Comparison:
         Whether the ratio exceeds 1.1; None without estimation runs.
     noise_ceiling : float
         Highest VAF of a free run that any model driven by the measured signals could reach on
-        these runs; NaN if there is no way to know.
+        these runs: between ``vaf`` and 100. NaN if it is not known.
     noise_ceiling_interval : (float, float)
         Its 90 % confidence interval.
     explainable_gap : float
-        ``noise_ceiling`` less the VAF of the same runs, in VAF points: what a better model could
-        still win. Neither thresholded nor clipped.
+        Estimated ceiling less ``vaf``, in VAF points: what a better model could still win. Not
+        thresholded: below 0 by chance where nothing is left, and the ceiling is then the VAF.
     ceiling_route : {"repeats", "lines", "none"}
         Where the ceiling is from.
     ceiling_note : str
@@ -262,7 +262,12 @@ def compare(
     ceiling = noise_ceiling(signals)
     known = np.isfinite(signals.one_step)
     # With rows that have no route left out, the ceiling is that of all rows that count.
-    low, high = (edge - ceiling.vaf + vaf for edge in ceiling.interval)
+    raw = vaf + ceiling.gap
+    top, reason = consistent_ceiling(raw, vaf, ceiling.sd, held_out=fitted is not None)
+    reason = reason or ceiling.reason
+    gap = np.nan if reason else min(ceiling.gap, 100 - vaf)
+    half = (ceiling.interval[1] - ceiling.interval[0]) / 2
+    low, high = (np.nan, np.nan) if reason else (raw - half, min(raw + half, 100.0))
     found = Comparison(
         model_name=_name_of(model),
         output=signals.output,
@@ -273,11 +278,11 @@ def compare(
         one_step_vaf=_pooled(signals, signals.one_step, known) if known.any() else np.nan,
         rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
         **_overfit(vaf, fitted),
-        noise_ceiling=vaf + ceiling.gap,
-        noise_ceiling_interval=(low, high),
-        explainable_gap=ceiling.gap,
-        ceiling_route=ceiling.route,
-        ceiling_note=ceiling.note,
+        noise_ceiling=top,
+        noise_ceiling_interval=(min(low, top), max(high, top)),
+        explainable_gap=gap,
+        ceiling_route="none" if reason else ceiling.route,
+        ceiling_note=f"none: {reason}" if reason else ceiling.note,
         **_tables(signals, ceiling, fitted, false_alarm),
         findings=[],
         notes=signals.notes,
@@ -342,7 +347,7 @@ def _pooled(signals: Signals, prediction: np.ndarray, known: np.ndarray | None =
 
 
 def _gap_test(ceiling: Ceiling) -> list[Test]:
-    if ceiling.route == "none" or ceiling.sd == 0:
+    if ceiling.reason or ceiling.sd == 0:
         return []
     z = ceiling.gap / ceiling.sd
     return [

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import fft
+
+from .element_inverse import band_edge, estimated_inverse, lagged, low_passed
 
 LEAST_DELAY = 0.1  # s; no person answers sooner
 EARLY = 0.05  # s by which a zero-phase filter or a held sample may put an answer before its cause
@@ -20,16 +21,12 @@ STEP = 0.025  # s between the lags at which an immediate answer is looked for
 SLOPE = 0.3  # of the unseen disturbance, at least, that a leak holds
 SIGMAS = 3.0  # standard errors by which the slope exceeds half of that
 LEAST_DISTURBANCE = 0.1  # rms, of that of the output; less is no probe
-LEAST_INSTRUMENT = 0.05  # of the power of the element's rate, explained by the target
 POWER = 0.99  # of the output, below the band's edge
 WIDER = 2.0  # times that edge: a disturbance is faster than the answer to it
-ORDER = 8  # of the low-pass filter
-NULL = 1e-3  # of the gain of the numerator at rest; at its zeros nothing can be divided
+LEAST_ROWS = 16  # of a run
 LEAST_PERIODS = 20  # of the edge of the band, of all runs
 AHEAD, BEHIND = 3, 5  # taps of the target, on either side
 OF_OUTPUT = (0, 1, 2, 4)  # taps of the output
-N_INSTRUMENTS = 24  # taps of the target from which the element is estimated
-EXTERNAL = ("target", "disturbance")
 
 
 @dataclass(frozen=True)
@@ -129,13 +126,13 @@ def leak_test(
     True
     """
     pieces = _pieces(runs, u, u_hat, x, target, disturbance)
-    edge = _edge([piece["u"] for piece in pieces], dt) if pieces else 0.0
+    edge = band_edge([piece["u"] for piece in pieces], dt, POWER) if pieces else 0.0
     seconds = dt * sum(piece["u"].size for piece in pieces)
     if not edge or seconds * edge < LEAST_PERIODS:
         return _unknown("the runs are too short, or the output does not move")
     taps = max(round(0.15 / (edge * dt)), 1)
     edge *= WIDER
-    low = [{name: _low_passed(values, dt, edge) for name, values in p.items()} for p in pieces]
+    low = [{name: low_passed(values, dt, edge) for name, values in p.items()} for p in pieces]
     inverse = _inverse(pieces, low, dt, edge, taps, element)
     if isinstance(inverse, str):
         return _unknown(inverse)
@@ -228,7 +225,7 @@ def _pieces(
         whole = np.all([np.isfinite(values) for values in signals.values()], axis=0)
         edges = np.flatnonzero(np.diff(np.r_[0, whole, 0]))
         lengths = edges[1::2] - edges[::2]
-        if lengths.size and lengths.max() >= 2 * ORDER:
+        if lengths.size and lengths.max() >= LEAST_ROWS:
             start, stop = edges[2 * int(np.argmax(lengths)) :][:2]
             piece = {k: values[start:stop] for k, values in signals.items()}
             # A transient of the free run far beyond the output would outweigh all that follows.
@@ -236,47 +233,6 @@ def _pieces(
             piece["u_hat"] = np.clip(piece["u_hat"], 2 * low - high, 2 * high - low)
             pieces.append(piece)
     return pieces
-
-
-def _edge(outputs: list[np.ndarray], dt: float) -> float:
-    """Frequency (Hz) below which the output has most of its power."""
-    longest = max(output.size for output in outputs)
-    power = np.zeros(longest // 2 + 1)
-    for output in outputs:
-        power += np.abs(fft.rfft(output - output.mean(), longest)) ** 2
-    if not power.any():
-        return 0.0
-    share = np.cumsum(power) / power.sum()
-    return float(fft.rfftfreq(longest, dt)[max(int(np.searchsorted(share, POWER)), 1)])
-
-
-def _low_passed(
-    signal: np.ndarray, dt: float, edge: float, divide: np.ndarray | None = None
-) -> np.ndarray:
-    """A signal below the edge (Hz), without delay; divided there by a polynomial of q^-1.
-
-    Odd reflections at both ends continue what neither starts nor ends at zero.
-    """
-    n = signal.size
-    pad = min(n - 1, int(2 / (edge * dt)) + 1)
-    longer = np.concatenate(
-        [
-            2 * signal[0] - signal[pad:0:-1],
-            signal,
-            2 * signal[-1] - signal[-2 : -pad - 2 : -1],
-        ]
-    )
-    size = fft.next_fast_len(longer.size, real=True)
-    frequency = fft.rfftfreq(size, dt)
-    gain = 1 / (1 + (frequency / edge) ** ORDER) + 0j
-    if divide is not None:
-        b = np.polynomial.polynomial.polyval(np.exp(-2j * np.pi * frequency * dt), divide)
-        small = np.abs(b) < NULL * np.abs(b).max()
-        gain = np.where(small, 0.0, gain / np.where(small, 1.0, b))
-    # What an offset at one end leaves in the transform would ring: it is taken out, and put back.
-    level = longer.mean()
-    filtered = fft.irfft(fft.rfft(longer - level, size) * gain, size)[pad : pad + n]
-    return filtered + level * gain[0].real
 
 
 def _inverse(
@@ -289,55 +245,14 @@ def _inverse(
 ) -> list[np.ndarray] | str:
     """What the element received, run by run, or why that is not known."""
     if element is None:
-        return _estimated(low, dt, taps)
+        return estimated_inverse(low, dt, taps)
     b, a = (np.atleast_1d(np.asarray(part, dtype=float)).ravel() for part in element)
     found = []
     for piece in pieces:
         received = np.convolve(piece["x"], a)[: piece["x"].size]
         received[: a.size - 1] = received[min(a.size - 1, received.size - 1)]
-        found.append(_low_passed(received, dt, edge, b))
+        found.append(low_passed(received, dt, edge, b))
     return found
-
-
-def _estimated(low: list[dict[str, np.ndarray]], dt: float, taps: int) -> list[np.ndarray] | str:
-    """The inverse of an element of second order at most, u = c2 x'' + c1 x' + c0 x + c.
-
-    Two-stage least squares: u answers the disturbance in the loop, and the target owes nothing to
-    it. A recorded disturbance acts beside u. Derivatives are central differences of what has been
-    low-passed.
-    """
-    if not any(name in piece for piece in low for name in EXTERNAL):
-        return (
-            "the controlled element is not given, and without a target its estimate from u and x "
-            "is biased by the loop"
-        )
-    rates, instruments = [], []
-    for piece in low:
-        x = piece["x"]
-        rate = np.gradient(x, dt)
-        beside = [piece["disturbance"]] if "disturbance" in piece else []
-        rates.append(np.column_stack([np.gradient(rate, dt), rate, x, np.ones_like(x), *beside]))
-        lags = np.arange(-2, N_INSTRUMENTS - 2) * taps
-        outside = [_lagged(piece[name], lags) for name in EXTERNAL if name in piece]
-        instruments.append(np.column_stack([*outside, np.ones_like(x), *beside]))
-    kept = [np.isfinite(Z).all(axis=1) for Z in instruments]
-    D, Z = (
-        np.concatenate([part[rows] for part, rows in zip(parts, kept, strict=True)])
-        for parts in (rates, instruments)
-    )
-    if len(Z) <= 2 * Z.shape[1]:
-        return "the runs are too short to estimate the controlled element"
-    u = np.concatenate([piece["u"][rows] for piece, rows in zip(low, kept, strict=True)])
-    caused = Z @ np.linalg.lstsq(Z, D, rcond=1e-9)[0]
-    if not np.var(caused[:, 1]) > LEAST_INSTRUMENT * np.var(D[:, 1]):
-        return (
-            "the controlled element is not given, and its response to the target is too weak to "
-            "estimate it from"
-        )
-    scale = np.sqrt(np.mean(caused**2, axis=0))
-    scale[scale == 0] = 1.0
-    c = np.linalg.lstsq(caused / scale, u, rcond=1e-6)[0] / scale
-    return [rate[:, :4] @ c[:4] for rate in rates]
 
 
 def _without_recorded(
@@ -347,22 +262,12 @@ def _without_recorded(
     lags = np.arange(-1, BEHIND) * taps
     tables = [
         np.column_stack(
-            [np.nan_to_num(_lagged(p["disturbance"], lags)), np.ones(p["disturbance"].size)]
+            [np.nan_to_num(lagged(p["disturbance"], lags)), np.ones(p["disturbance"].size)]
         )
         for p in low
     ]
     c = np.linalg.lstsq(np.concatenate(tables), np.concatenate(disturbance), rcond=1e-9)[0]
     return [d - table @ c for d, table in zip(disturbance, tables, strict=True)]
-
-
-def _lagged(signal: np.ndarray, lags: Any) -> np.ndarray:
-    """Columns signal(t - lag), NaN where the signal is not known."""
-    n = signal.size
-    out = np.full((n, len(lags)), np.nan)
-    for column, lag in enumerate(lags):
-        if abs(lag) < n:
-            out[max(lag, 0) : n + min(lag, 0), column] = signal[max(-lag, 0) : n - max(lag, 0)]
-    return out
 
 
 def _immediate(
@@ -381,12 +286,12 @@ def _immediate(
     lags = range(earliest, max(latest, 1), max(round(STEP / dt), 1))
     tables, blocks, count = [], [], 0
     for piece, d in zip(low, unseen, strict=True):
-        columns = [piece["u_hat"][:, None], _lagged(d, lags)]
-        columns.append(_lagged(piece["u"], [taps * k for k in OF_OUTPUT]))
+        columns = [piece["u_hat"][:, None], lagged(d, lags)]
+        columns.append(lagged(piece["u"], [taps * k for k in OF_OUTPUT]))
         if "target" in piece:
-            columns.append(_lagged(piece["target"], taps * np.arange(-AHEAD, BEHIND)))
+            columns.append(lagged(piece["target"], taps * np.arange(-AHEAD, BEHIND)))
         if "disturbance" in piece:
-            columns.append(_lagged(piece["disturbance"], taps * np.arange(-1, BEHIND)))
+            columns.append(lagged(piece["disturbance"], taps * np.arange(-1, BEHIND)))
         table = np.column_stack([*columns, np.ones(d.size)])
         block = count + np.arange(d.size) // max(4 * taps, 1)
         count = int(block[-1]) + 1

@@ -8,7 +8,8 @@ from scipy.signal.windows import hann
 from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling, bandwidth, coherent_part
-from .run_signals import Group, Signals
+from .repeats import Group
+from .run_signals import Signals
 from .tests_table import Test
 
 N_DELAYS = 61
