@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,16 +20,21 @@ from .ceiling import Ceiling, consistent_ceiling, noise_ceiling
 from .changes import BlockSums, cusum, tests_of_changes
 from .comparison_text import html, summary
 from .correlation import correlations
+from .leaks import LEAST_DELAY, LeakTest, leak_test
 from .levels import level_tests
 from .misfit import linear_misfit
+from .next_steps import NextSteps, is_operator
 from .operating_point import by_operating_point
 from .over_frequency import by_frequency, distortion_tests
 from .over_runs import by_run, tests_over_runs
 from .over_time import by_time, time_frequency
+from .repeats import with_target_and_x
 from .response_delay import delay_test
 from .run_signals import Signals, read_signals
 from .tests_table import Test, tests_table
+from .words import WORDS
 
+MEAN = 0.5  # of the power of the output; more in its mean makes VAF about zero say little
 OVERFIT = 1.1  # mean squared error of validation over that of estimation (thesis)
 
 
@@ -46,8 +52,16 @@ class Comparison:
         Sampling time in s.
     false_alarm : float
         Rate at which each test, and each table as a whole, exceeds chance with nothing missing.
+    domain : {"human", "machine"}
+        Whose words the findings use.
     vaf : float
-        VAF of the free run on all scored rows, in percent, unclipped.
+        VAF of the free run on all scored rows, in percent, about zero and unclipped.
+    vaf_about_mean : float
+        The same relative to the power of the output about its mean, 100 (1 - Σr²/Σ(y - ȳ)²). An
+        error of the mean counts in both.
+    mean_share : float
+        Share (0 to 1) of the power of the output that its mean holds. Above one half, texts give
+        VAF, ceiling and points about the mean.
     one_step_vaf : float
         VAF one step ahead; NaN for a model that makes no such prediction.
     rmse : float
@@ -69,7 +83,9 @@ class Comparison:
     ceiling_route : {"repeats", "lines", "none"}
         Where the ceiling is from.
     ceiling_note : str
-        The same as a sentence.
+        The same as a sentence; why it is not known, where it is not.
+    leak : LeakTest or None
+        Whether the prediction is the output rebuilt from x; None without x (or e and f_t).
     traces : DataFrame
         ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
         a role, row by row.
@@ -110,7 +126,10 @@ class Comparison:
     unit: str | None
     dt: float
     false_alarm: float
+    domain: str
     vaf: float
+    vaf_about_mean: float
+    mean_share: float
     one_step_vaf: float
     rmse: float
     estimation_vaf: float
@@ -121,6 +140,7 @@ class Comparison:
     explainable_gap: float
     ceiling_route: str
     ceiling_note: str
+    leak: LeakTest | None
     traces: pd.DataFrame
     by_run: pd.DataFrame
     by_time: pd.DataFrame
@@ -137,6 +157,30 @@ class Comparison:
     def __repr__(self) -> str:
         ceiling = "" if np.isnan(self.noise_ceiling) else f", ceiling {self.noise_ceiling:.1f}"
         return f"<Comparison of {self.model_name}: VAF {self.vaf:.1f}{ceiling}>"
+
+    @property
+    def mean_dominates(self) -> bool:
+        """Whether the mean of the output holds more than half of its power."""
+        return self.mean_share > MEAN
+
+    @property
+    def point_scale(self) -> float:
+        """Points about the mean for each VAF point, where the mean dominates; else 1."""
+        return 1 / (1 - self.mean_share) if self.mean_dominates else 1.0
+
+    def about_mean(self, vaf: float) -> float:
+        """A VAF or ceiling as texts give it: about the mean where that dominates.
+
+        Parameters
+        ----------
+        vaf : float
+            About zero, in percent.
+
+        Returns
+        -------
+        vaf : float
+        """
+        return 100 - self.point_scale * (100 - vaf)
 
     def summary(self) -> str:
         """Say how good the model is, where it fails, and what to do next.
@@ -177,6 +221,7 @@ def compare(
     roles: dict[Any, str] | None = None,
     run_in: float | None = None,
     false_alarm: float = 0.01,
+    domain: str | None = None,
     dt: float | None = None,
     run: Any = None,
 ) -> Comparison:
@@ -206,6 +251,10 @@ def compare(
     false_alarm : float, default=0.01
         Rate at which each test, and each table as a whole, says that something exceeds chance
         when nothing is missing.
+    domain : {"human", "machine"} or None, default=None
+        Whose words the findings use, and how soon an answer can come: a person's not within
+        0.1 s. None means a person where the model is an OperatorRegressor, or where there are an
+        error and x or f_t; else a machine.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: that of the model, or 1).
     run : column name or position, or None, default=None
@@ -249,6 +298,8 @@ def compare(
     """
     if not 0 < false_alarm < 0.5:
         raise ValueError(f"false_alarm is a rate between 0 and 0.5; got {false_alarm!r}.")
+    if domain not in (None, *WORDS):
+        raise ValueError(f"domain is 'human', 'machine' or None; got {domain!r}.")
     options = {"roles": roles, "run_in": run_in, "dt": dt, "run": run}
     signals = read_signals(model, X, y, repeats=repeats, **options)
     fitted = None
@@ -261,6 +312,10 @@ def compare(
     vaf = _pooled(signals, signals.predicted)  # which refuses an output of zeros
     ceiling = noise_ceiling(signals)
     known = np.isfinite(signals.one_step)
+    domain = domain or _domain(signals)
+    leak = _leak(signals, domain)
+    scored = signals.y[signals.scored]
+    mean_share = float(np.mean(scored) ** 2 / np.mean(scored**2))
     # With rows that have no route left out, the ceiling is that of all rows that count.
     raw = vaf + ceiling.gap
     top, reason = consistent_ceiling(raw, vaf, ceiling.sd, held_out=fitted is not None)
@@ -274,7 +329,10 @@ def compare(
         unit=signals.units.get(signals.output),
         dt=signals.dt,
         false_alarm=false_alarm,
+        domain=domain,
         vaf=vaf,
+        vaf_about_mean=100 - (100 - vaf) / (1 - mean_share) if mean_share < 1 else np.nan,
+        mean_share=mean_share,
         one_step_vaf=_pooled(signals, signals.one_step, known) if known.any() else np.nan,
         rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
         **_overfit(vaf, fitted),
@@ -283,7 +341,8 @@ def compare(
         explainable_gap=gap,
         ceiling_route="none" if reason else ceiling.route,
         ceiling_note=f"none: {reason}" if reason else ceiling.note,
-        **_tables(signals, ceiling, fitted, false_alarm),
+        leak=leak,
+        **_tables(signals, ceiling, fitted, leak, false_alarm),
         findings=[],
         notes=signals.notes,
     )
@@ -302,7 +361,11 @@ def _overfit(vaf: float, fitted: Signals | None) -> dict[str, Any]:
 
 
 def _tables(
-    signals: Signals, ceiling: Ceiling, fitted: Signals | None, false_alarm: float
+    signals: Signals,
+    ceiling: Ceiling,
+    fitted: Signals | None,
+    leak: LeakTest | None,
+    false_alarm: float,
 ) -> dict[str, Any]:
     """Where the residual is, and every test of it."""
     runs = by_run(signals, "validation")
@@ -325,6 +388,7 @@ def _tables(
         *of_amplitude,
         *level_tests(signals),
         *of_runs,
+        *_leak_row(signals, leak),
     ]
     density = ceiling.noise.density * signals.dt / np.pi
     return {
@@ -359,6 +423,49 @@ def _gap_test(ceiling: Ceiling) -> list[Test]:
             size=ceiling.gap,
             cost=ceiling.gap,
             description="power of what the residual repeats with the target, in VAF points",
+        )
+    ]
+
+
+def _domain(signals: Signals) -> str:
+    loop = "e" in signals.channels and not {"x", "f_t"}.isdisjoint(signals.channels)
+    return "human" if loop or is_operator(signals.model) else "machine"
+
+
+def _leak(signals: Signals, domain: str) -> LeakTest | None:
+    """Whether the model rebuilds the output from x; None where x is not known."""
+    known = with_target_and_x(signals.channels)
+    if known is None:
+        return None
+    target, x = known
+    name = next((role for role in signals.channels if role.startswith("dist")), None)
+    layout = signals.layout
+    starts = layout.stretches
+    return leak_test(
+        np.where(signals.scored, signals.y, np.nan),
+        signals.free_run,
+        x,
+        signals.dt,
+        [slice(*rows) for rows in itertools.pairwise(np.append(starts, layout.n_rows))],
+        target=target,
+        disturbance=None if name is None else signals.channels[name],
+        told=name is not None and NextSteps(signals.model).is_told(name),
+        least_delay=LEAST_DELAY if domain == "human" else signals.dt,
+    )
+
+
+def _leak_row(signals: Signals, leak: LeakTest | None) -> list[Test]:
+    if leak is None or leak.leaks is None:
+        return []
+    return [
+        Test(
+            "leak",
+            signals.output,
+            leak.slope / leak.sd if leak.sd > 0 else np.inf,
+            np.nan,
+            size=leak.slope,
+            description="part of the unseen disturbance that the prediction holds at once",
+            rule=leak.leaks,
         )
     ]
 
