@@ -35,6 +35,7 @@ from .tests_table import Test, tests_table
 from .words import WORDS
 
 MEAN = 0.5  # of the power of the output; more in its mean makes VAF about zero say little
+CONSTANT = 1 - 1e-9  # the same of an output that does not move
 OVERFIT = 1.1  # mean squared error of validation over that of estimation (thesis)
 
 
@@ -58,7 +59,7 @@ class Comparison:
         VAF of the free run on all scored rows, in percent, about zero and unclipped.
     vaf_about_mean : float
         The same relative to the power of the output about its mean, 100 (1 - Σr²/Σ(y - ȳ)²). An
-        error of the mean counts in both.
+        error of the mean counts in both. NaN where the output is constant.
     mean_share : float
         Share (0 to 1) of the power of the output that its mean holds. Above one half, texts give
         VAF, ceiling and points about the mean.
@@ -161,7 +162,7 @@ class Comparison:
     @property
     def mean_dominates(self) -> bool:
         """Whether the mean of the output holds more than half of its power."""
-        return self.mean_share > MEAN
+        return MEAN < self.mean_share < CONSTANT
 
     @property
     def point_scale(self) -> float:
@@ -331,7 +332,7 @@ def compare(
         false_alarm=false_alarm,
         domain=domain,
         vaf=vaf,
-        vaf_about_mean=100 - (100 - vaf) / (1 - mean_share) if mean_share < 1 else np.nan,
+        vaf_about_mean=(100 - (100 - vaf) / (1 - mean_share) if mean_share < CONSTANT else np.nan),
         mean_share=mean_share,
         one_step_vaf=_pooled(signals, signals.one_step, known) if known.any() else np.nan,
         rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
