@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from .._version import __version__
+from .arguments.compare import add_compare
 from .arguments.completion import add_completion
 from .arguments.demo import add_demo
 from .arguments.diagnose import add_diagnose
@@ -19,6 +20,7 @@ examples:
   skhoid demo                                  hide effects in a simulated person, and find them
   skhoid identify run*.csv --input e --output u --time t
   skhoid diagnose run*.csv --input e --x x --target f_t --output u --time t
+  skhoid compare model.joblib run*.csv --time t
   skhoid simulate --condition C4 --runs 5 --remnant 0.15 --out runs.csv
   skhoid study fig13 --replications 20
   skhoid report run*.csv --input e --output u --time t --out report.html
@@ -48,6 +50,7 @@ def make_parsers() -> tuple[Parser, dict[str, Parser]]:
     for add in (
         add_demo,
         add_identify,
+        add_compare,
         add_diagnose,
         add_simulate,
         add_study,

@@ -1,8 +1,9 @@
-"""Findings of a comparison: what its tests mean for the operator model, and what to do next."""
+"""Findings of a comparison: what its tests mean, and what to do next."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,14 +11,20 @@ import pandas as pd
 
 from ..recordings.findings import Finding
 from ..summaries import counted
+from .element_inverse import band_edge
 from .next_steps import NextSteps
 from .run_signals import Signals
+from .words import WORDS, Words
 
 if TYPE_CHECKING:
     from .comparison import Comparison
 
 REMARKS = ("first samples", "jitter", "constant channel", "missing samples", "clock jitter", "gaps")
 SMALL = 0.05  # VAF points; what costs less is not worth a sentence
+MAYBE_MISFIT = (
+    "Without a noise ceiling it may as well be misfit: a gain or dynamics that change, or an "
+    "effect that acts in part of the run."
+)
 GOOD_ONE_STEP, POOR = 95.0, 50.0  # percent; a model that only one-step predictions flatter
 
 
@@ -29,30 +36,46 @@ def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[
     """
     found = [finding for finding in of_channels if finding.name not in REMARKS]
     then = NextSteps(signals.model)
+    words = WORDS[c.domain]
     tests = c.tests[c.tests["valid"]]
     limit = c.false_alarm / max(int(tests["p"].notna().sum()), 1)
     certain = tests[(tests["p"] < limit) | (tests["exceeds"] & tests["p"].isna())]
     sure = {(t.test, t.signal): t for t in certain.itertuples()}
-    found += _runs(c, sure)
-    located = [f for f in _effects(c, sure, then) if not f.severity < SMALL]
+    if c.leak is not None and c.leak.leaks:
+        found.append(
+            Finding(
+                "leak",
+                "The model rebuilds the output from x instead of predicting it",
+                c.leak.reason,
+                "x is a function of the output: with hardly a delay between them, the inverse of "
+                "the controlled element gives the output back. Its VAF says nothing.",
+                then.leak(),
+                "ResidualCorrelationDisplay",
+            )
+        )
+    found += _runs(c, sure, words)
+    least = SMALL / c.point_scale
+    located = [f for f in _effects(c, sure, then, words) if not f.severity < least]
     located.sort(key=lambda f: -np.nan_to_num(f.severity, nan=0.0))
     found += located
-    found += _model(c, then)
+    found += _model(c, signals, then)
     named = sum(np.nan_to_num(f.severity) for f in located)
     found += _not_located(c, sure, named, bool(located), then)
     found += [finding for finding in of_channels if finding.name in REMARKS]
-    return found + list(_design(c, signals))
+    found += _design(c, signals)
+    return [replace(f, severity=c.point_scale * f.severity) for f in found]
 
 
 def _p(test: Any) -> str:
     return "p < 1e-6" if test.p < 1e-6 else f"p = {test.p:.2g}"
 
 
-def _points(value: float) -> str:
-    return f"{value:.1f} VAF points"
+def _points(c: Comparison, value: float) -> str:
+    about = " about the mean" if c.mean_dominates else ""
+    return f"{c.point_scale * value:.1f} VAF points{about}"
 
 
-def _runs(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+def _runs(c: Comparison, sure: dict[Any, Any], words: Words) -> Iterator[Finding]:
     for (name, run), test in sure.items():
         if name == "lost control":
             yield Finding(
@@ -60,7 +83,7 @@ def _runs(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
                 f"In run {run} control was lost at about {test.where:.4g} s",
                 f"The rms error over 4 s there is {test.size:.1f} times the largest of the other "
                 "runs.",
-                "A person who has lost control answers by other laws than before.",
+                words.lost_control,
                 "Leave the run out of estimation and validation, or cut it before that time.",
                 "RunComparisonDisplay",
             )
@@ -69,7 +92,7 @@ def _runs(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
                 "outlying run",
                 f"Run {run} is unlike the others: {test.size:.2f} times their residual power",
                 f"{_p(test)}, from what remnant of this spectrum scatters between runs.",
-                "Another person, a practice run, fatigue, or a setting that was changed.",
+                words.outlying_run,
                 "Look at its traces. Validate with and without it.",
                 "RunComparisonDisplay",
             )
@@ -79,43 +102,44 @@ def _runs(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
                 "learning",
                 f"The residual power {more} by {abs(test.size):.0f} % a run",
                 f"Trend of its logarithm over the runs, {_p(test)}.",
-                "The person still learns (falling) or tires (growing) from run to run.",
+                words.learning,
                 "Fit the last runs only, select_runs(X, y, last=5), or compare first and last.",
                 "RunComparisonDisplay",
             )
 
 
-def _effects(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[Finding]:
+def _effects(
+    c: Comparison, sure: dict[Any, Any], then: NextSteps, words: Words
+) -> Iterator[Finding]:
     yield from _response(c, sure, then)
-    yield from _in_time(c, sure)
+    yield from _in_time(c, sure, then, words)
     bias = sure.get(("bias", c.output))
     if bias is not None:
         yield Finding(
             "bias",
             f"The measured output is {bias.size:+.3g}{_unit(c)} beside the predicted one",
-            f"Mean residual, {_p(bias)}; it costs {_points(bias.cost)}.",
-            "An offset of the recording, a trim of the stick, or integral action.",
+            f"Mean residual, {_p(bias)}; it costs {_points(c, bias.cost)}.",
+            words.bias,
             then.bias(),
             "OperatingPointDisplay",
             bias.cost,
         )
-    yield from _over_amplitude(c, sure)
+    yield from _over_amplitude(c, sure, then, words)
     # Distortion is what a nonlinearity or a change in time leaves: it is reported once.
     causes = ("gain change", "nonlinearity", "asymmetry")
     reported = max((t.cost for (name, _), t in sure.items() if name in causes), default=0.0)
     for (name, signal), test in sure.items():
         if name == "cross-correlation":
-            yield _follows(c, test, signal, sure, then)
+            yield _follows(c, test, signal, sure, then, words)
         if name == "distortion" and test.cost > 2 * reported:
-            yield _distorted(test, signal)
+            yield _distorted(c, test, signal)
         if name == "level":
             yield Finding(
                 "level",
                 f"{100 * test.size:.1f} % of the samples sit {test.description}",
                 f"{_p(test)}; neighbouring levels hold far fewer.",
-                "A stop of the stick, a limit of the recording, or a level the person returns to.",
-                "Add a saturation at this level, or record with a wider range; free runs of a "
-                "linear model go beyond it.",
+                words.level,
+                then.level(),
                 "OperatingPointDisplay",
             )
         if name == "outlier":
@@ -124,14 +148,13 @@ def _effects(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[F
                 f"A single event in run {signal} at {test.where:.4g} s: {test.size:.0f} standard "
                 "deviations",
                 f"Largest whitened residual, {_p(test)}, for normal remnant.",
-                "A slip of the hand, a spike or a gap of the recording, or an onset that the "
-                "model does not have.",
+                words.outlier,
                 "Look at the traces there; set wrong samples to NaN (they are then left out).",
                 "ResidualTimeDisplay",
             )
 
 
-def _distorted(test: Any, signal: str) -> Finding:
+def _distorted(c: Comparison, test: Any, signal: str) -> Finding:
     order = {
         "odd lines": "of odd order, such as a cubic gain or stiffness, a dead zone, saturation",
         "odd harmonics": "of odd order, such as a cubic gain or stiffness, a dead zone, saturation",
@@ -141,7 +164,8 @@ def _distorted(test: Any, signal: str) -> Finding:
     return Finding(
         "distortion",
         f"The residual holds distortion {where}",
-        f"{test.size:.3g} times the power that noise has there, {_p(test)}; {_points(test.cost)}.",
+        f"{test.size:.3g} times the power that noise has there, {_p(test)}; "
+        f"{_points(c, test.cost)}.",
         f"A nonlinearity {order}. No linear model makes it.",
         "Look at the amplitude view for its shape; add the nonlinearity.",
         "ResidualFrequencyDisplay",
@@ -151,6 +175,8 @@ def _distorted(test: Any, signal: str) -> Finding:
 
 def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[Finding]:
     delay, lag = sure.get(("delay", c.output)), sure.get(("lag", c.output))
+    if delay is not None and not delay.cost > 0:
+        delay = None  # with that delay the response fits no better than the model does
     gain = sure.get(("gain", c.output))
     if delay is not None and not (lag is not None and delay.size * lag.size < 0):
         samples = counted(round(abs(delay.size) / c.dt), "sample")
@@ -159,7 +185,8 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
             "delay",
             f"The delay is {abs(delay.size):.2g} s {later} than that of the model",
             f"Best delay {delay.where:.2g} s, with gain, lead and two lags free; off by "
-            f"{samples}, {_p(delay)}; it costs {_points(delay.cost)} at least.",
+            f"{samples}, {_p(delay)}; a response of that form with this delay wins "
+            f"{_points(c, delay.cost)}.",
             "The delay of the model is wrong, whatever its lags make up for.",
             then.delay(delay.size),
             "ResidualFrequencyDisplay",
@@ -170,7 +197,7 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
         yield Finding(
             "lag",
             f"The measured response is {abs(lag.size):.2g} s {later} than the predicted one",
-            f"{_p(lag)}; it costs about {_points(lag.cost)}.",
+            f"{_p(lag)}; it costs about {_points(c, lag.cost)}.",
             "The delay of the model is wrong, or its lag or lead: a fit biased by remnant in the "
             "loop does that too.",
             then.lag(lag.size),
@@ -182,7 +209,7 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
         yield Finding(
             "gain",
             f"The measured response is {100 * abs(gain.size):.0f} % {more} than the predicted one",
-            f"{_p(gain)}; it costs about {_points(gain.cost)}.",
+            f"{_p(gain)}; it costs about {_points(c, gain.cost)}.",
             "Another gain than in the runs it was fitted on, or a fit biased by remnant in the "
             "loop or by a short memory.",
             "Fit on runs of the same condition; compare with Fourier coefficients or instruments "
@@ -192,7 +219,9 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
         )
 
 
-def _in_time(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+def _in_time(
+    c: Comparison, sure: dict[Any, Any], then: NextSteps, words: Words
+) -> Iterator[Finding]:
     change = sure.get(("gain change", "residual"))
     if change is not None:
         more = "grows" if change.size > 0 else "falls"
@@ -200,22 +229,21 @@ def _in_time(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
             "gain change",
             f"The response {more} by {100 * abs(change.size):.0f} % at about {change.where:.3g} s",
             f"Largest of all single changes of gain and delay, {_p(change)} for the whole search; "
-            f"it costs about {_points(change.cost)}.",
-            "The person's parameters change within the run, and the model's do not, or not as "
-            "much.",
-            "Use RecursiveARX (memory_horizon by RecursiveARXCV), or a gain that varies in time.",
+            f"it costs about {_points(c, change.cost)}.",
+            words.change,
+            then.change(),
             "ResidualTimeDisplay",
             change.cost,
         )
     power = sure.get(("remnant power change", "residual"))
     if power is not None:
+        known = c.ceiling_route != "none"
         yield Finding(
             "remnant power change",
-            f"The remnant's power changes to {1 + power.size:.2g} times at about "
-            f"{power.where:.3g} s",
+            f"The {'remnant' if known else 'residual'}'s power changes to {1 + power.size:.2g} "
+            f"times at about {power.where:.3g} s",
             f"Largest of all single changes, {_p(power)} for the whole search.",
-            "Effort or workload change, or the remnant's gain follows the person's own. It is "
-            "noise: no model of the response wins it back.",
+            words.power_change + ("" if known else " " + MAYBE_MISFIT),
             "Weight the parts of the run by it, or fit them separately; check the response there.",
             "ResidualMapDisplay",
         )
@@ -225,13 +253,15 @@ def _in_time(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
             "mean change",
             f"The mean residual changes at about {mean.where:.3g} s",
             f"By {mean.size:.3g}{_unit(c)}; {_p(mean)} for the whole search.",
-            "A bias that drifts or steps: posture, trim, or an offset of the recording.",
-            "Add a drift, or subtract the mean of each run from X and y.",
+            words.mean_change,
+            then.drift(),
             "ResidualTimeDisplay",
         )
 
 
-def _over_amplitude(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
+def _over_amplitude(
+    c: Comparison, sure: dict[Any, Any], then: NextSteps, words: Words
+) -> Iterator[Finding]:
     shaped = [t for (name, _), t in sure.items() if name == "nonlinearity"]
     asymmetric = [t for (name, _), t in sure.items() if name == "asymmetry"]
     # What one sign does more than the other is no straight line either: it is reported once.
@@ -246,18 +276,16 @@ def _over_amplitude(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
         if harder:
             title = f"The response is weaker at small {best.signal} than at large"
             meaning = "An indifference threshold (dead zone), or a gain that grows with amplitude."
-            step = "Add a dead zone on the error, or an amplitude-dependent gain."
         else:
             title = f"The response is weaker at large {best.signal} than at small"
             meaning = "Saturation or a rate limit of the output, or a gain that falls with size."
-            step = "Add a saturation, or an amplitude-dependent gain; check the stick's range."
         yield Finding(
             "nonlinearity",
             title,
             f"Mean residual over {best.signal}{also} against a straight line, {_p(best)}; it costs "
-            f"at least {_points(best.cost)}.",
+            f"at least {_points(c, best.cost)}.",
             meaning,
-            step,
+            then.nonlinearity(harder, words.range),
             "OperatingPointDisplay",
             best.cost,
         )
@@ -269,8 +297,8 @@ def _over_amplitude(c: Comparison, sure: dict[Any, Any]) -> Iterator[Finding]:
             f"The response to {side} {best.signal} is stronger",
             f"Mean residual over {best.signal}: part that does not change sign with it, "
             f"{_p(best)}.",
-            "Left and right are not alike: the arm, the stick, or an offset.",
-            "Add a gain for each sign, or a bias.",
+            words.asymmetry,
+            then.asymmetry(),
             "OperatingPointDisplay",
             best.cost,
         )
@@ -287,23 +315,13 @@ def _curvature(table: pd.DataFrame, channel: str) -> float:
 
 
 def _follows(
-    c: Comparison, test: Any, signal: str, sure: dict[Any, Any], then: NextSteps
+    c: Comparison, test: Any, signal: str, sure: dict[Any, Any], then: NextSteps, words: Words
 ) -> Finding:
     lag = test.where
     when = f"{abs(lag):.2g} s " + ("after" if lag >= 0 else "before")
     linear = [name for name in ("gain", "lag", "delay", "bias") if (name, c.output) in sure]
     also = f" An error of {' and '.join(linear)} (see there) shows here as well." if linear else ""
-    if signal == "f_t":
-        meaning = (
-            "On a pursuit or preview display a target feedforward. On a compensatory one, where "
-            "the person does not see the target, it can only be precognition, a linear misfit of "
-            "the response to e, or something equivalent to it." + also
-        )
-    else:
-        meaning = (
-            "The person, or the stick, answers the disturbance by a way that does not go through "
-            "e: motion, force, or vibration." + also
-        )
+    meaning = (words.follows_target if signal == "f_t" else words.follows_disturbance) + also
     return Finding(
         "cross-correlation",
         f"The residual follows {signal}: most {when} it",
@@ -316,16 +334,17 @@ def _follows(
     )
 
 
-def _model(c: Comparison, then: NextSteps) -> Iterator[Finding]:
+def _model(c: Comparison, signals: Signals, then: NextSteps) -> Iterator[Finding]:
     if c.overfit:
+        could, meaning = _overfit(c, signals, then)
         yield Finding(
             "overfit",
-            f"Overfit: the error on validation runs is {c.overfit_ratio:.2f} times that on "
-            "estimation runs",
+            f"{'Overfit: the' if could else 'The'} error on validation runs is "
+            f"{c.overfit_ratio:.2f} times that on estimation runs",
             f"VAF {c.estimation_vaf:.1f} on estimation, {c.vaf:.1f} on validation runs; the limit "
             "is 1.1.",
-            "The model has learnt the remnant of the runs it was fitted on, or these runs differ.",
-            then.overfit(),
+            meaning,
+            then.overfit(could),
             "RunComparisonDisplay",
         )
     if c.one_step_vaf > GOOD_ONE_STEP and c.vaf < POOR:
@@ -340,19 +359,43 @@ def _model(c: Comparison, then: NextSteps) -> Iterator[Finding]:
         )
 
 
+def _overfit(c: Comparison, signals: Signals, then: NextSteps) -> tuple[bool, str]:
+    """Whether the parameters can have learnt the noise, and what a higher error means.
+
+    p parameters fitted to N independent values of noise raise the error of other runs to
+    (N + p)/(N - p) times their own; N is twice the bandwidth of the output times the duration.
+    """
+    differ = "These runs differ from those it was fitted on"
+    either = f"The model has learnt the noise of the runs it was fitted on, or {differ.lower()}."
+    if then.n_parameters is None:
+        return True, either
+    p = then.n_parameters
+    seconds = float(c.by_run.loc[c.by_run["data"] == "estimation", "duration"].sum())
+    outputs = [signals.y[rows] for group in signals.groups for rows in group.rows]
+    n = 2 * band_edge(outputs, c.dt, 0.9) * seconds
+    learnt = 2 * p / (n - p) if n > p else np.inf
+    if learnt > (c.overfit_ratio - 1) / 2:
+        return True, either
+    return False, (
+        f"{differ}: {counted(p, 'parameter')} cannot have learnt that much noise from "
+        f"{seconds:.4g} s of data."
+    )
+
+
 def _not_located(
     c: Comparison, sure: dict[Any, Any], named: float, any_located: bool, then: NextSteps
 ) -> Iterator[Finding]:
     gap = sure.get(("explainable gap", "residual"))
     several = bool(c.by_frequency["exceeds"].any() or c.by_time["exceeds"].any())
-    low, high = c.noise_ceiling_interval
-    if gap is not None and gap.cost > SMALL and named < gap.cost / 2:
+    low, high = (c.about_mean(edge) for edge in c.noise_ceiling_interval)
+    if gap is not None and c.point_scale * gap.cost > SMALL and named < gap.cost / 2:
         beside = " by the above" if any_located else ""
         yield Finding(
             "unknown",
-            f"{_points(gap.cost - named)} are left to explain that are not located{beside}",
-            f"The residual repeats with the target, {_p(gap)}: ceiling {c.noise_ceiling:.1f} "
-            f"({low:.1f} to {high:.1f}), VAF {c.vaf:.1f}.",
+            f"{_points(c, gap.cost - named)} are left to explain that are not located{beside}",
+            f"The residual repeats with the target, {_p(gap)}: ceiling "
+            f"{c.about_mean(c.noise_ceiling):.1f} ({low:.1f} to {high:.1f}), VAF "
+            f"{c.about_mean(c.vaf):.1f}{' about the mean' if c.mean_dominates else ''}.",
             "Several small misfits (order, lag, second mode), or an effect that these views do "
             "not separate.",
             then.unknown(),
@@ -363,9 +406,11 @@ def _not_located(
         yield Finding(
             "none",
             "Nothing is missing that these runs could show",
-            f"No test exceeds chance when all are counted; {_points(c.explainable_gap)} between "
-            f"the VAF and the ceiling of {c.noise_ceiling:.1f} ({low:.1f} to {high:.1f}).",
-            "What the model does not explain is remnant.",
+            f"No test exceeds chance when all are counted; {_points(c, c.explainable_gap)} between "
+            f"the VAF and the ceiling of {c.about_mean(c.noise_ceiling):.1f} ({low:.1f} to "
+            f"{high:.1f}).",
+            "What the model does not explain does not repeat: it is remnant, as far as these runs "
+            "can tell.",
             "Stop here, or record more runs to see smaller effects.",
             "ComparisonDisplay",
         )
@@ -377,8 +422,9 @@ def _design(c: Comparison, signals: Signals) -> Iterator[Finding]:
             "no ceiling",
             "How much is left to explain is not known",
             f"There is no noise ceiling: {c.ceiling_note.removeprefix('none: ')}.",
-            "A low VAF may be remnant, or misfit: one run of an unknown target cannot tell.",
-            "Record runs that share the target, or a whole number of periods of a multisine.",
+            "A low VAF may be remnant, or misfit: these runs cannot tell.",
+            "Record runs that share the target and the disturbance, or a whole number of periods "
+            "of a multisine.",
             "NoiseCeilingDisplay",
         )
     several = [group for group in signals.groups if group.n_runs > 1]

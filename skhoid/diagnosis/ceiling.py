@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -12,9 +12,13 @@ from scipy.stats import norm
 
 from ..exceptions import python_only
 from .noise_density import NoiseDensity, noise_density
-from .run_signals import Group, Signals
+from .repeats import Group
+from .run_signals import Signals
 
 CONFIDENCE = 0.90
+SIGMAS = 4.0  # standard errors by which chance takes a VAF above the ceiling
+LEAST_EXCESS = 0.5  # points, the same for what the standard error does not count
+LEAST_PART = 0.5  # of the power of the output, at least, that the rows of a ceiling hold
 STRONG = 3e-4  # of the strongest direction; what the instruments excite less is left alone
 N_TAPS = 10  # of the finite impulse response that a linear misfit may have
 N_IN_TIME = 3  # order of the polynomials of time that taps may be
@@ -27,7 +31,9 @@ SAY_REPEATS = python_only(", or say with repeats= which runs share a target")
 class Ceiling:
     """Noise of each group of runs, and what it leaves to explain.
 
-    ``gap`` is in VAF points of the ``power`` of the output on the rows that have a route.
+    ``gap`` is in VAF points of the power of the output on the rows that have a route; ``gap``,
+    ``sd`` and ``vaf`` are NaN where it is not known, for the ``reason``. ``part`` is the share of
+    the power of the output that these rows hold.
     """
 
     route: str
@@ -38,6 +44,8 @@ class Ceiling:
     noise: NoiseDensity
     remnant: list[np.ndarray]
     covered: np.ndarray
+    reason: str = ""
+    part: float = 1.0
 
     @property
     def value(self) -> float:
@@ -47,6 +55,57 @@ class Ceiling:
     def interval(self) -> tuple[float, float]:
         half = float(norm.ppf(0.5 + CONFIDENCE / 2)) * self.sd
         return self.value - half, self.value + half
+
+
+def consistent_ceiling(
+    ceiling: float, vaf: float, sd: float = 0.0, *, held_out: bool = True
+) -> tuple[float, str]:
+    """Ceiling to show beside the VAF of a model, or NaN and the reason why it is not known.
+
+    A ceiling is never above 100, and no model that did not see the rows can exceed it but by
+    chance.
+
+    Parameters
+    ----------
+    ceiling : float
+        Estimated ceiling in percent; NaN where there is none.
+    vaf : float
+        VAF of the model on the same rows, unclipped, in percent.
+    sd : float, default=0.0
+        Standard error of the ceiling, in points.
+    held_out : bool, default=True
+        Whether the model was judged on rows that it was not fitted on.
+
+    Returns
+    -------
+    ceiling : float
+        At least ``vaf`` and at most 100; NaN where the two contradict each other.
+    reason : str
+        Why it is not known; empty where it is, or where ``ceiling`` is NaN.
+
+    Examples
+    --------
+    >>> from skhoid.diagnosis.ceiling import consistent_ceiling
+    >>> consistent_ceiling(101.6, 97.0)
+    (100.0, '')
+    >>> consistent_ceiling(59.1, 71.2, sd=1.0)[0]
+    nan
+    """
+    if not np.isfinite(ceiling):
+        return np.nan, ""
+    if vaf > ceiling + max(SIGMAS * sd, LEAST_EXCESS):
+        judged = "a model judged on rows it did not see" if held_out else "the model"
+        why = (
+            "what does not repeat is not noise alone: the runs differ in more than their remnant "
+            "(a disturbance, the person, the initial state)"
+        )
+        if not held_out:
+            why = f"it has learnt the noise of these rows, or {why}"
+        return np.nan, (
+            f"{judged} reaches {vaf:.1f} %, more than the {min(ceiling, 100.0):.1f} % estimated: "
+            f"{why}"
+        )
+    return float(min(max(ceiling, vaf), 100.0)), ""
 
 
 def noise_ceiling(signals: Signals) -> Ceiling:
@@ -82,17 +141,32 @@ def noise_ceiling(signals: Signals) -> Ceiling:
         noise_power, spread = _noise_power(group, route, remnant, noise)
         gap += float(np.sum(r**2)) - noise_power
         variance += spread
+    note = _note(signals, best)
+    unknown = Ceiling(best, note, np.nan, np.nan, np.nan, noise, parts, covered)
     if best == "none":
-        return Ceiling(best, _note(signals, best), np.nan, np.nan, np.nan, noise, parts, covered)
+        return replace(unknown, reason=note.removeprefix("none: "))
+    part = power / float(np.sum(signals.y[signals.scored] ** 2))
+    if part < LEAST_PART:
+        some = sum(
+            group.n_runs
+            for group, route in zip(signals.groups, routes, strict=True)
+            if route == best
+        )
+        every = sum(group.n_runs for group in signals.groups)
+        what = "repeat each other" if best == "repeats" else "hold whole periods of their target"
+        reason = f"only {some} of {every} runs {what}"
+        reason += f"; {signals.decided}" if signals.decided else ""
+        return replace(unknown, reason=reason, part=part)
     return Ceiling(
         best,
-        _note(signals, best),
+        note,
         100 * gap / power,
         100 * float(np.sqrt(variance)) / power,
         100 * (1 - lost / power),
         noise,
         parts,
         covered,
+        part=part,
     )
 
 
@@ -317,7 +391,8 @@ def tap_spacing(signal: np.ndarray, dt: float) -> int:
 def _note(signals: Signals, route: str) -> str:
     if route == "repeats":
         return (
-            "from what the residual does not repeat over runs that share the target; a lower bound "
+            "from what the residual does not repeat over runs that share the target"
+            f"{f' ({signals.decided})' if signals.decided else ''}; a lower bound "
             "where a missing effect answers the remnant otherwise than a linear response does "
             "(dead zone, steps, lapses, fast changes) or differs from run to run"
         )
@@ -328,6 +403,8 @@ def _note(signals: Signals, route: str) -> str:
         )
     if "f_t" not in signals.channels:
         return "none: the target is not known. Add a channel f_t (or e and x)" + SAY_REPEATS
+    if "disturbance" in signals.decided and "differ" in signals.decided:
+        return f"none: {signals.decided}. Record runs that share target and disturbance"
     which = "the only run has a target that" if len(signals.groups) == 1 else "every run has a "
     which += "" if len(signals.groups) == 1 else "target of its own, which"
     return (

@@ -10,7 +10,8 @@ from scipy.stats import kstwobign, norm
 
 from .breaks import Break, largest_break
 from .ceiling import Ceiling, coherent_part
-from .run_signals import Group, Signals
+from .repeats import Group
+from .run_signals import Signals
 from .tests_table import Test, of_several
 
 N_BLOCKS = 160

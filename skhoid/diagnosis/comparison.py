@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,20 +16,26 @@ from ..pipelines import taken_apart
 from ..recordings.channels import check_channels
 from ..recordings.findings import Finding
 from .advice import advise
-from .ceiling import Ceiling, noise_ceiling
+from .ceiling import Ceiling, consistent_ceiling, noise_ceiling
 from .changes import BlockSums, cusum, tests_of_changes
 from .comparison_text import html, summary
 from .correlation import correlations
+from .leaks import LEAST_DELAY, LeakTest, leak_test
 from .levels import level_tests
 from .misfit import linear_misfit
+from .next_steps import NextSteps, is_operator
 from .operating_point import by_operating_point
 from .over_frequency import by_frequency, distortion_tests
 from .over_runs import by_run, tests_over_runs
 from .over_time import by_time, time_frequency
+from .repeats import with_target_and_x
 from .response_delay import delay_test
 from .run_signals import Signals, read_signals
 from .tests_table import Test, tests_table
+from .words import WORDS
 
+MEAN = 0.5  # of the power of the output; more in its mean makes VAF about zero say little
+CONSTANT = 1 - 1e-9  # the same of an output that does not move
 OVERFIT = 1.1  # mean squared error of validation over that of estimation (thesis)
 
 
@@ -46,8 +53,16 @@ class Comparison:
         Sampling time in s.
     false_alarm : float
         Rate at which each test, and each table as a whole, exceeds chance with nothing missing.
+    domain : {"human", "machine"}
+        Whose words the findings use.
     vaf : float
-        VAF of the free run on all scored rows, in percent, unclipped.
+        VAF of the free run on all scored rows, in percent, about zero and unclipped.
+    vaf_about_mean : float
+        The same relative to the power of the output about its mean, 100 (1 - Σr²/Σ(y - ȳ)²). An
+        error of the mean counts in both. NaN where the output is constant.
+    mean_share : float
+        Share (0 to 1) of the power of the output that its mean holds. Above one half, texts give
+        VAF, ceiling and points about the mean.
     one_step_vaf : float
         VAF one step ahead; NaN for a model that makes no such prediction.
     rmse : float
@@ -60,16 +75,18 @@ class Comparison:
         Whether the ratio exceeds 1.1; None without estimation runs.
     noise_ceiling : float
         Highest VAF of a free run that any model driven by the measured signals could reach on
-        these runs; NaN if there is no way to know.
+        these runs: between ``vaf`` and 100. NaN if it is not known.
     noise_ceiling_interval : (float, float)
         Its 90 % confidence interval.
     explainable_gap : float
-        ``noise_ceiling`` less the VAF of the same runs, in VAF points: what a better model could
-        still win. Neither thresholded nor clipped.
+        Estimated ceiling less ``vaf``, in VAF points: what a better model could still win. Not
+        thresholded: below 0 by chance where nothing is left, and the ceiling is then the VAF.
     ceiling_route : {"repeats", "lines", "none"}
         Where the ceiling is from.
     ceiling_note : str
-        The same as a sentence.
+        The same as a sentence; why it is not known, where it is not.
+    leak : LeakTest or None
+        Whether the prediction is the output rebuilt from x; None without x (or e and f_t).
     traces : DataFrame
         ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
         a role, row by row.
@@ -110,7 +127,10 @@ class Comparison:
     unit: str | None
     dt: float
     false_alarm: float
+    domain: str
     vaf: float
+    vaf_about_mean: float
+    mean_share: float
     one_step_vaf: float
     rmse: float
     estimation_vaf: float
@@ -121,6 +141,7 @@ class Comparison:
     explainable_gap: float
     ceiling_route: str
     ceiling_note: str
+    leak: LeakTest | None
     traces: pd.DataFrame
     by_run: pd.DataFrame
     by_time: pd.DataFrame
@@ -137,6 +158,30 @@ class Comparison:
     def __repr__(self) -> str:
         ceiling = "" if np.isnan(self.noise_ceiling) else f", ceiling {self.noise_ceiling:.1f}"
         return f"<Comparison of {self.model_name}: VAF {self.vaf:.1f}{ceiling}>"
+
+    @property
+    def mean_dominates(self) -> bool:
+        """Whether the mean of the output holds more than half of its power."""
+        return MEAN < self.mean_share < CONSTANT
+
+    @property
+    def point_scale(self) -> float:
+        """Points about the mean for each VAF point, where the mean dominates; else 1."""
+        return 1 / (1 - self.mean_share) if self.mean_dominates else 1.0
+
+    def about_mean(self, vaf: float) -> float:
+        """A VAF or ceiling as texts give it: about the mean where that dominates.
+
+        Parameters
+        ----------
+        vaf : float
+            About zero, in percent.
+
+        Returns
+        -------
+        vaf : float
+        """
+        return 100 - self.point_scale * (100 - vaf)
 
     def summary(self) -> str:
         """Say how good the model is, where it fails, and what to do next.
@@ -177,6 +222,7 @@ def compare(
     roles: dict[Any, str] | None = None,
     run_in: float | None = None,
     false_alarm: float = 0.01,
+    domain: str | None = None,
     dt: float | None = None,
     run: Any = None,
 ) -> Comparison:
@@ -206,6 +252,10 @@ def compare(
     false_alarm : float, default=0.01
         Rate at which each test, and each table as a whole, says that something exceeds chance
         when nothing is missing.
+    domain : {"human", "machine"} or None, default=None
+        Whose words the findings use, and how soon an answer can come: a person's not within
+        0.1 s. None means a person where the model is an OperatorRegressor, or where there are an
+        error and x or f_t; else a machine.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: that of the model, or 1).
     run : column name or position, or None, default=None
@@ -249,6 +299,8 @@ def compare(
     """
     if not 0 < false_alarm < 0.5:
         raise ValueError(f"false_alarm is a rate between 0 and 0.5; got {false_alarm!r}.")
+    if domain not in (None, *WORDS):
+        raise ValueError(f"domain is 'human', 'machine' or None; got {domain!r}.")
     options = {"roles": roles, "run_in": run_in, "dt": dt, "run": run}
     signals = read_signals(model, X, y, repeats=repeats, **options)
     fitted = None
@@ -261,24 +313,37 @@ def compare(
     vaf = _pooled(signals, signals.predicted)  # which refuses an output of zeros
     ceiling = noise_ceiling(signals)
     known = np.isfinite(signals.one_step)
+    domain = domain or _domain(signals)
+    leak = _leak(signals, domain)
+    scored = signals.y[signals.scored]
+    mean_share = float(np.mean(scored) ** 2 / np.mean(scored**2))
     # With rows that have no route left out, the ceiling is that of all rows that count.
-    low, high = (edge - ceiling.vaf + vaf for edge in ceiling.interval)
+    raw = vaf + ceiling.gap
+    top, reason = consistent_ceiling(raw, vaf, ceiling.sd, held_out=fitted is not None)
+    reason = reason or ceiling.reason
+    gap = np.nan if reason else min(ceiling.gap, 100 - vaf)
+    half = (ceiling.interval[1] - ceiling.interval[0]) / 2
+    low, high = (np.nan, np.nan) if reason else (raw - half, min(raw + half, 100.0))
     found = Comparison(
         model_name=_name_of(model),
         output=signals.output,
         unit=signals.units.get(signals.output),
         dt=signals.dt,
         false_alarm=false_alarm,
+        domain=domain,
         vaf=vaf,
+        vaf_about_mean=(100 - (100 - vaf) / (1 - mean_share) if mean_share < CONSTANT else np.nan),
+        mean_share=mean_share,
         one_step_vaf=_pooled(signals, signals.one_step, known) if known.any() else np.nan,
         rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
         **_overfit(vaf, fitted),
-        noise_ceiling=vaf + ceiling.gap,
-        noise_ceiling_interval=(low, high),
-        explainable_gap=ceiling.gap,
-        ceiling_route=ceiling.route,
-        ceiling_note=ceiling.note,
-        **_tables(signals, ceiling, fitted, false_alarm),
+        noise_ceiling=top,
+        noise_ceiling_interval=(min(low, top), max(high, top)),
+        explainable_gap=gap,
+        ceiling_route="none" if reason else ceiling.route,
+        ceiling_note=f"none: {reason}" if reason else ceiling.note,
+        leak=leak,
+        **_tables(signals, ceiling, fitted, leak, false_alarm),
         findings=[],
         notes=signals.notes,
     )
@@ -297,7 +362,11 @@ def _overfit(vaf: float, fitted: Signals | None) -> dict[str, Any]:
 
 
 def _tables(
-    signals: Signals, ceiling: Ceiling, fitted: Signals | None, false_alarm: float
+    signals: Signals,
+    ceiling: Ceiling,
+    fitted: Signals | None,
+    leak: LeakTest | None,
+    false_alarm: float,
 ) -> dict[str, Any]:
     """Where the residual is, and every test of it."""
     runs = by_run(signals, "validation")
@@ -320,6 +389,7 @@ def _tables(
         *of_amplitude,
         *level_tests(signals),
         *of_runs,
+        *_leak_row(signals, leak),
     ]
     density = ceiling.noise.density * signals.dt / np.pi
     return {
@@ -342,7 +412,7 @@ def _pooled(signals: Signals, prediction: np.ndarray, known: np.ndarray | None =
 
 
 def _gap_test(ceiling: Ceiling) -> list[Test]:
-    if ceiling.route == "none" or ceiling.sd == 0:
+    if ceiling.reason or ceiling.sd == 0:
         return []
     z = ceiling.gap / ceiling.sd
     return [
@@ -354,6 +424,49 @@ def _gap_test(ceiling: Ceiling) -> list[Test]:
             size=ceiling.gap,
             cost=ceiling.gap,
             description="power of what the residual repeats with the target, in VAF points",
+        )
+    ]
+
+
+def _domain(signals: Signals) -> str:
+    loop = "e" in signals.channels and not {"x", "f_t"}.isdisjoint(signals.channels)
+    return "human" if loop or is_operator(signals.model) else "machine"
+
+
+def _leak(signals: Signals, domain: str) -> LeakTest | None:
+    """Whether the model rebuilds the output from x; None where x is not known."""
+    known = with_target_and_x(signals.channels)
+    if known is None:
+        return None
+    target, x = known
+    name = next((role for role in signals.channels if role.startswith("dist")), None)
+    layout = signals.layout
+    starts = layout.stretches
+    return leak_test(
+        np.where(signals.scored, signals.y, np.nan),
+        signals.free_run,
+        x,
+        signals.dt,
+        [slice(*rows) for rows in itertools.pairwise(np.append(starts, layout.n_rows))],
+        target=target,
+        disturbance=None if name is None else signals.channels[name],
+        told=name is not None and NextSteps(signals.model).is_told(name),
+        least_delay=LEAST_DELAY if domain == "human" else signals.dt,
+    )
+
+
+def _leak_row(signals: Signals, leak: LeakTest | None) -> list[Test]:
+    if leak is None or leak.leaks is None:
+        return []
+    return [
+        Test(
+            "leak",
+            signals.output,
+            leak.slope / leak.sd if leak.sd > 0 else np.inf,
+            np.nan,
+            size=leak.slope,
+            description="part of the unseen disturbance that the prediction holds at once",
+            rule=leak.leaks,
         )
     ]
 

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from .comparison import Comparison
 
 
+VAF_RULE = "VAF is about zero and not clipped unless it says otherwise."
+
+
 def summary(c: Comparison) -> str:
     lines = [f"{c.model_name} against measured {c.output}", ""]
     lines += [f"{name:<22} {value}" for name, value in figures(c)]
@@ -25,6 +28,7 @@ def summary(c: Comparison) -> str:
         ]
     lines += [
         "",
+        VAF_RULE,
         f"Each test is wrong in {100 * c.false_alarm:g} % of cases with nothing missing; "
         "all findings together are, too.",
         "Costs overlap, and later findings may follow from earlier ones: correct the first, and "
@@ -38,13 +42,16 @@ def figures(c: Comparison) -> list[tuple[str, str]]:
     """The figures of a comparison, with what they are called."""
     unit = f" {c.unit}" if c.unit else ""
     ahead = "not available" if np.isnan(c.one_step_vaf) else f"{c.one_step_vaf:.1f} %"
+    about = " about the mean" if c.mean_dominates else ""
     if np.isnan(c.noise_ceiling):
         ceiling, gap = c.ceiling_note, "not known"
     else:
-        low, high = c.noise_ceiling_interval
-        ceiling = f"{c.noise_ceiling:.1f} % ({low:.1f} to {high:.1f}), {c.ceiling_note}"
+        top, low, high = (
+            c.about_mean(value) for value in (c.noise_ceiling, *c.noise_ceiling_interval)
+        )
+        ceiling = f"{top:.1f} %{about} ({low:.1f} to {high:.1f}), {c.ceiling_note}"
         nothing = ": nothing, within its error" if c.explainable_gap < 0 else ""
-        gap = f"{c.explainable_gap:.1f} VAF points{nothing}"
+        gap = f"{c.point_scale * c.explainable_gap:.1f} VAF points{about}{nothing}"
     if c.overfit is None:
         overfit = "not available (give estimation=(X, y))"
     else:
@@ -52,13 +59,18 @@ def figures(c: Comparison) -> list[tuple[str, str]]:
             f"{'yes' if c.overfit else 'no'}: squared error {c.overfit_ratio:.2f} times that on "
             f"estimation runs (limit 1.1), VAF there {c.estimation_vaf:.1f} %"
         )
+    of_mean = f" about zero: {100 * c.mean_share:.0f} % of the power is the mean"
+    beside = [("VAF about the mean", f"{c.vaf_about_mean:.1f} %")] if about else []
+    leak = [] if c.leak is None else [("Leak test", c.leak.reason)]
     return [
-        ("VAF, free run", f"{c.vaf:.1f} %"),
+        ("VAF, free run", f"{c.vaf:.1f} %{of_mean if about else ''}"),
+        *beside,
         ("VAF, one step ahead", ahead),
         ("RMSE, free run", f"{c.rmse:.4g}{unit}"),
         ("Noise ceiling", ceiling),
         ("Left to explain", gap),
         ("Overfit", overfit),
+        *leak,
     ]
 
 

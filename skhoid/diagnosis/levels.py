@@ -25,7 +25,7 @@ def level_tests(signals: Signals) -> list[Test]:
         return [Test("level", signals.output, 0.0, 1.0, description="at no level")]
     at = " and ".join(f"{level:.4g}" for level in np.sort(levels[:MOST_LISTED]))
     more = f" (and {levels.size - MOST_LISTED} more levels)" if levels.size > MOST_LISTED else ""
-    share = float(shares.sum())
+    share = float(shares[:MOST_LISTED].sum())
     return [
         Test(
             "level",

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.stats import t as t_distribution
 
 from .ceiling import Ceiling, coherent_part
-from .run_signals import Group, Signals
+from .repeats import Group
+from .run_signals import Signals
 from .tests_table import Test
 
 

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from ..effects.composition import Effects
 from ..greybox.operator_regressor import OperatorRegressor
 from ..interpret.channel import is_arx
 from ..pipelines import taken_apart
 from ..preprocessing import DelayShift
 from ..summaries import counted
+
+
+def is_operator(model: Any) -> bool:
+    """Whether a model, or what a pipeline or search ends in, is an operator's."""
+    return isinstance(taken_apart(model)[1], OperatorRegressor)
 
 
 class NextSteps:
@@ -19,6 +26,36 @@ class NextSteps:
         self._before, self._model = taken_apart(model)
         self._operator = isinstance(self._model, OperatorRegressor)
         self._arx = is_arx(self._model)
+        self._effects = {
+            effect.name for _, effect in Effects.of(getattr(self._model, "effects", None))
+        }
+
+    @property
+    def n_parameters(self) -> int | None:
+        """Constant parameters of the model; None where they vary or are not known."""
+        if hasattr(self._model, "coef_path_"):
+            return None
+        for name in ("parameters_", "coef_"):
+            found = getattr(self._model, name, None)
+            if found is not None:
+                return len(found) if name == "parameters_" else int(np.size(found))
+        return None
+
+    def is_told(self, signal: str) -> bool:
+        """Whether the model has a signal from outside the loop as an input."""
+        inputs = self._inputs()
+        all_columns = self._arx and not inputs and signal in getattr(self._model, "inputs_", [])
+        return bool(self._has("disturbance")) or signal in inputs or all_columns
+
+    def _has(self, *effects: str) -> str:
+        """Name of the first of these effects that the model has, in words; else empty."""
+        return next((name.replace("_", " ") for name in effects if name in self._effects), "")
+
+    def _refit(self, name: str) -> str:
+        return (
+            f"The model has the effect {name} already: fit it on runs of the same condition, or "
+            "search what else is missing (EffectSearchCV)."
+        )
 
     def delay(self, seconds: float) -> str:
         """For a delay that should be some seconds longer, or shorter where negative."""
@@ -48,6 +85,14 @@ class NextSteps:
             "else is missing (EffectSearchCV)."
         )
 
+    def leak(self) -> str:
+        """For a model that rebuilds the output from what it caused."""
+        what = "nk" if self._arx else "the delay"
+        return (
+            f"Keep a least delay of every path from e, x and f_t ({what}), or leave x out; judge "
+            "by simulating the closed loop."
+        )
+
     def lag(self, seconds: float) -> str:
         """For a response that should be later, or earlier, by its delay or by its dynamics."""
         if self._arx:
@@ -59,23 +104,82 @@ class NextSteps:
         return f"{step} compare with Fourier coefficients."
 
     def bias(self) -> str:
+        if name := self._has("bias"):
+            return self._refit(name)
+        if getattr(self._model, "fit_intercept", False):
+            return (
+                "The model has an intercept already: fit it on runs of the same condition, or "
+                "subtract the mean of each run from X and y."
+            )
         if self._operator:
             first = 'Add it, .with_effect("bias"), or s'
         else:
             first = "fit_intercept=True, or s" if hasattr(self._model, "fit_intercept") else "S"
         return f"{first}ubtract the mean of each run from X and y."
 
+    def level(self) -> str:
+        """For an output that stays at a level."""
+        if name := self._has("saturation"):
+            return self._refit(name)
+        return (
+            "Add a saturation at this level, or record with a wider range; free runs of a linear "
+            "model go beyond it."
+        )
+
+    def change(self) -> str:
+        """For a response that changes within the run."""
+        if name := self._has("tv_gain", "gain_drift", "scheduled_gain", "tv_delay"):
+            return self._refit(name)
+        if hasattr(self._model, "coef_path_"):
+            return "Use a shorter memory horizon (RecursiveARXCV finds it)."
+        return "Use RecursiveARX (memory_horizon by RecursiveARXCV), or a gain that varies in time."
+
+    def drift(self) -> str:
+        """For a mean that changes within the run."""
+        if name := self._has("drift"):
+            return self._refit(name)
+        return "Add a drift, or subtract the mean of each run from X and y."
+
+    def nonlinearity(self, harder: bool, range_: str) -> str:
+        """For a response that is weaker at small amplitudes (``harder``), or at large ones."""
+        if harder:
+            if name := self._has("dead_zone", "cubic_gain"):
+                return self._refit(name)
+            return "Add a dead zone on the error, or an amplitude-dependent gain."
+        if name := self._has("saturation", "rate_limit", "cubic_gain"):
+            return self._refit(name)
+        return f"Add a saturation, or an amplitude-dependent gain; {range_}."
+
+    def asymmetry(self) -> str:
+        """For a response that is stronger to one sign."""
+        if name := self._has("asym_gain", "rectified"):
+            return self._refit(name)
+        return "Add a gain for each sign" + ("." if self._has("bias") else ", or a bias.")
+
     def follow(self, signal: str) -> str:
         """For a residual that follows a signal from outside the loop."""
+        known = ("feedforward", "preview") if signal == "f_t" else ("disturbance",)
+        if name := self._has(*known):
+            return self._refit(name)
+        if signal in self._inputs():
+            return f"{signal!r} is an input already: give it another delay or orders of its own."
         if signal != "f_t":
             if self._operator:
                 return 'Add it, .with_effect("disturbance").'
             return f"Add {signal!r} as an input."
         if self._operator:
+            if self._has("extra_lead"):
+                return 'Add .with_effect("feedforward") on a pursuit display.'
             return 'Add .with_effect("feedforward") on a pursuit display, else "extra_lead".'
         return "On a pursuit display add the target as an input, inputs=['e', 'f_t']; else a lead."
 
-    def overfit(self) -> str:
+    def _inputs(self) -> list[Any]:
+        inputs = getattr(self._model, "inputs", None)
+        return [inputs] if isinstance(inputs, str) else list(inputs or [])
+
+    def overfit(self, could: bool = True) -> str:
+        if not could:
+            return "Compare the runs (by_run), and fit on some of each condition."
         longer = ", or a longer memory horizon" if hasattr(self._model, "coef_path_") else ""
         return f"Fewer parameters{longer}."
 

@@ -11,7 +11,8 @@ from scipy.signal.windows import hann
 from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling
-from .run_signals import Group, Signals
+from .repeats import Group
+from .run_signals import Signals
 from .tests_table import Test, of_several
 
 N_BANDS = 16  # at most

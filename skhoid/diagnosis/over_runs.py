@@ -125,23 +125,23 @@ def _lost_control(signals: Signals) -> list[Test]:
     if signals.driving != "e":
         return []
     e = signals.channels["e"]
-    worst, where, which = 0.0, np.nan, ""
+    width = max(int(LOST_WINDOW / signals.dt), 1)
+    found = []
     for group in signals.groups:
-        width = max(int(LOST_WINDOW / signals.dt), 1)
         n = group.n_samples // width
-        if n < 2:
-            continue
-        cut = e[group.rows[:, : n * width]].reshape(group.n_runs, n, width)
-        rms = np.sqrt(np.mean(cut**2, axis=2))
-        for k in range(group.n_runs):
-            others = np.delete(rms, k, axis=0)
-            usual = others.max() if others.size else np.median(rms[k]) * 2
-            ratio = rms[k] / usual if usual > 0 else np.zeros(n)
-            if ratio.max() > worst:
-                at = int(ratio.argmax())
-                worst = float(ratio.max())
-                where = float(signals.layout.time[group.rows[k, at * width]])
-                which = signals.run_label(int(group.runs[k]))
+        if n >= 2:
+            cut = e[group.rows[:, : n * width]].reshape(group.n_runs, n, width)
+            rms = np.sqrt(np.mean(cut**2, axis=2))
+            found += [(group, k, of_run) for k, of_run in enumerate(rms)]
+    worst, where, which = 0.0, np.nan, ""
+    for position, (group, k, rms) in enumerate(found):
+        others = [largest.max() for i, (_, _, largest) in enumerate(found) if i != position]
+        usual = max(others) if others else 2 * np.median(rms)
+        if usual > 0 and rms.max() / usual > worst:
+            at = int(rms.argmax())
+            worst = float(rms.max() / usual)
+            where = float(signals.layout.time[group.rows[k, at * width]])
+            which = signals.run_label(int(group.runs[k]))
     if not which:
         return []
     return [

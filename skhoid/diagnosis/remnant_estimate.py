@@ -15,7 +15,8 @@ from scipy.stats import chi2, norm
 
 from ..summaries import counted
 from .ceiling import Ceiling, noise_ceiling
-from .run_signals import Group, Signals, read_signals
+from .repeats import Group
+from .run_signals import Signals, read_signals
 
 ORDERS = (1, 2, 3, 4)
 Z90 = float(norm.ppf(0.95))

@@ -8,7 +8,8 @@ from scipy.signal.windows import hann
 from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling, bandwidth, coherent_part
-from .run_signals import Group, Signals
+from .repeats import Group
+from .run_signals import Signals
 from .tests_table import Test
 
 N_DELAYS = 61
@@ -47,7 +48,10 @@ def delay_test(signals: Signals, ceiling: Ceiling, lag: float) -> list[Test]:
     free = 2 * omega.size - PARAMETERS
     scatter = max(measured[best] / free, 1.0)
     fall = float((measured[of_model] - measured[best]) / scatter)
-    cost = 100 * max(float(beside[of_model] - beside[best]), 0.0) / power
+    # A response with that delay may be better than the same with another, and worse than the model.
+    own = float(np.sum(2 * np.abs(U - M) ** 2))
+    won = min(float(beside[of_model]), own) - float(beside[best])
+    cost = 100 * max(won, 0.0) / power
     return [
         Test(
             "delay",

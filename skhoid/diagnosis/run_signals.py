@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import itertools
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import fft
 from scipy.signal.windows import tukey
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
@@ -23,43 +22,14 @@ from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_target
 from ..summaries import counted
+from .repeats import Group, grouped
 
-SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
-LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest
-BESIDE = 0.05  # of the lines, at most, are neighbours
-BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
 SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
 LONGEST_SETTLING = 10.0  # s
 MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole periods with them
 RAMPS = 0.04  # of a run, both ends together
-OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
 LEAST_ROWS = 64  # of a run, for spectra and tests
 KEEP_SETTLING = python_only(" (run_in=0 keeps them)")
-
-
-@dataclass(frozen=True)
-class Group:
-    """Runs that share the target, on the rows that all of them have.
-
-    ``rows`` are row positions, one row of them a run; ``lines`` the excited bins of the Fourier
-    transform over these rows, None where the target is unknown or not periodic in them.
-    """
-
-    runs: np.ndarray
-    rows: np.ndarray
-    lines: np.ndarray | None
-
-    @property
-    def n_runs(self) -> int:
-        return self.rows.shape[0]
-
-    @property
-    def n_samples(self) -> int:
-        return self.rows.shape[1]
-
-    def omega(self, dt: float) -> np.ndarray:
-        """Frequencies of the bins, in rad/s."""
-        return 2 * np.pi * fft.rfftfreq(self.n_samples, dt)
 
 
 @dataclass(frozen=True)
@@ -68,7 +38,7 @@ class Signals:
 
     ``predicted`` is the free run where it has settled, and the measurement before. ``scored`` are
     rows that were measured, outside a run-in and settled; ``channels`` the channels
-    of X that have a role.
+    of X that have a role; ``decided`` how it was found which runs are repeats.
     """
 
     model: Any
@@ -84,6 +54,7 @@ class Signals:
     output: str
     units: dict[str, str]
     notes: list[str]
+    decided: str = ""
 
     @property
     def residual(self) -> np.ndarray:
@@ -251,6 +222,7 @@ def sorted_signals(
             f"the mean of the output ({mean:.4g}) is larger than its spread ({sd:.4g}), and VAF "
             "counts it as explained: subtract the means of X and y for a VAF about them"
         )
+    groups = grouped(layout, stretches, measured, channels, repeats)
     return Signals(
         model=read.model,
         layout=layout,
@@ -261,10 +233,11 @@ def sorted_signals(
         one_step=np.full(layout.n_rows, np.nan),
         scored=scored,
         channels=channels,
-        groups=_groups(layout, stretches, channels, repeats),
+        groups=groups.found,
         output=read.output,
         units=read.units,
-        notes=notes,
+        notes=notes + groups.notes,
+        decided=groups.decided,
     )
 
 
@@ -360,85 +333,3 @@ def _longest_stretches(
             if run not in best or stop - start > best[run][1] - best[run][0]:
                 best[run] = (int(start), int(stop))
     return best
-
-
-def _groups(
-    layout: RunLayout,
-    stretches: dict[int, tuple[int, int]],
-    channels: dict[str, np.ndarray],
-    repeats: Any,
-) -> list[Group]:
-    labels = repeat_labels(layout, repeats)
-    number = layout.sample_numbers()
-    target = channels.get("f_t")
-    groups: list[tuple[list[int], np.ndarray]] = []
-    for run, (start, stop) in stretches.items():
-        own = number[start:stop]
-        for position, (members, common) in enumerate(groups):
-            if labels is not None and labels[members[0]] != labels[run]:
-                continue
-            shared = np.intersect1d(common, own, assume_unique=True)
-            if shared.size < OVERLAP * max(common.size, own.size):
-                continue
-            first = stretches[members[0]][0]
-            if labels is None and not _same_target(
-                target, first + shared - number[first], start + shared - own[0]
-            ):
-                continue
-            groups[position] = ([*members, run], shared)
-            break
-        else:
-            groups.append(([run], own))
-    found = []
-    for members, common in groups:
-        rows = np.array([stretches[r][0] + common - number[stretches[r][0]] for r in members])
-        lines = None if target is None else excited_lines(target[rows[0]])
-        found.append(Group(np.array(members), rows, lines))
-    return found
-
-
-def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
-    """What ``repeats`` says of each run; None leaves it to the target."""
-    n_runs = len(layout.labels)
-    if repeats is None:
-        return None
-    if isinstance(repeats, (bool, np.bool_)):
-        return [0] * n_runs if repeats else list(range(n_runs))
-    if isinstance(repeats, Mapping):
-        unknown = [label for label in repeats if label not in layout.labels]
-        if unknown:
-            raise ValueError(f"repeats names run {unknown[0]!r}; the runs are {layout.labels}.")
-        return [repeats.get(label, ("alone", label)) for label in layout.labels]
-    if isinstance(repeats, str) or not isinstance(repeats, Iterable):
-        raise TypeError(
-            "repeats is None, True, False, a dict {run: label} or a sequence of one label a run; "
-            f"got {repeats!r}."
-        )
-    labels = list(repeats)
-    if len(labels) != n_runs:
-        raise ValueError(
-            f"repeats has {len(labels)} entries for {n_runs} runs: give one label a run (runs "
-            "of one label repeat each other), a dict {run: label}, True (all are repeats) or "
-            "False (none are)."
-        )
-    return labels
-
-
-def _same_target(target: np.ndarray | None, a: np.ndarray, b: np.ndarray) -> bool:
-    if target is None:
-        return False
-    power = np.mean(target[a] ** 2)
-    apart = np.mean((target[a] - target[b]) ** 2)
-    return bool(power > 0 and apart <= SAME_TARGET**2 * power)
-
-
-def excited_lines(target: np.ndarray) -> np.ndarray | None:
-    """Bins that hold the power of a target periodic in its window; None if it is not."""
-    power = np.abs(fft.rfft(target - target.mean())) ** 2
-    if not power.any():
-        return None
-    lines = np.flatnonzero(power > LINE * power.max())
-    # A window of no whole period leaks from each line into its neighbours.
-    alone = np.sum(np.diff(lines) == 1) <= BESIDE * lines.size
-    off = power.sum() - power[lines].sum()
-    return lines if alone and off <= BETWEEN * power.sum() else None

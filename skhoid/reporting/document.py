@@ -19,7 +19,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
 
 from ..diagnosis.comparison import Comparison, compare
-from ..diagnosis.run_signals import repeat_labels
+from ..diagnosis.repeats import repeat_labels
 from ..io.whole import written_whole
 from ..pipelines import raw_layout, taken_apart
 from ..runs import output_name

@@ -16,7 +16,7 @@ from skhoid.cli import main
 from skhoid.cli.parser import make_parser, make_parsers
 from skhoid.search.story import HIDDEN
 
-COMMANDS = ["demo", "identify", "diagnose", "simulate", "study", "report", "completion"]
+COMMANDS = ["demo", "identify", "compare", "diagnose", "simulate", "study", "report", "completion"]
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,8 @@ from skhoid.diagnosis.breaks import N_DRAWS, largest_break, tail_probability
 from skhoid.diagnosis.ceiling import coherent_part
 from skhoid.diagnosis.levels import held_levels
 from skhoid.diagnosis.noise_density import noise_density
-from skhoid.diagnosis.run_signals import excited_lines, read_signals
+from skhoid.diagnosis.repeats import excited_lines
+from skhoid.diagnosis.run_signals import read_signals
 from skhoid.diagnosis.tests_table import of_one, of_several
 
 # Scores
@@ -183,9 +184,9 @@ def test_ceiling_is_that_of_the_simulation():
     for model in (Oracle(truth.u_without_remnant), LinearTruth(truth.linear_response, 0.85)):
         comparison = compare(model, X, y)
         assert abs(comparison.noise_ceiling - truth.ceiling) < 1.0
-        assert_allclose(
-            comparison.explainable_gap, comparison.noise_ceiling - comparison.vaf, atol=1e-9
-        )
+        # By chance the estimate is below the VAF; the ceiling never is.
+        left = comparison.noise_ceiling - comparison.vaf
+        assert_allclose(max(comparison.explainable_gap, 0.0), left, atol=1e-9)
     assert comparison.explainable_gap > 1.0
 
 

@@ -1,0 +1,325 @@
+"""Test whether a prediction is the output rebuilt from the controlled element's response.
+
+The element's output is a function of its input, x = G (u + d). A model that sees x without delay
+can compute G^-1 x = u + d: it knows the output with hardly a delay, and it knows a disturbance that
+nobody could see. No person answers a disturbance within some 0.1 s; such a prediction does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .element_inverse import band_edge, estimated_inverse, lagged, low_passed
+
+LEAST_DELAY = 0.1  # s; no person answers sooner
+EARLY = 0.05  # s by which a zero-phase filter or a held sample may put an answer before its cause
+STEP = 0.025  # s between the lags at which an immediate answer is looked for
+SLOPE = 0.3  # of the unseen disturbance, at least, that a leak holds
+SIGMAS = 3.0  # standard errors by which the slope exceeds half of that
+LEAST_DISTURBANCE = 0.1  # rms, of that of the output; less is no probe
+POWER = 0.99  # of the output, below the band's edge
+WIDER = 2.0  # times that edge: a disturbance is faster than the answer to it
+LEAST_ROWS = 16  # of a run
+LEAST_PERIODS = 20  # of the edge of the band, of all runs
+AHEAD, BEHIND = 3, 5  # taps of the target, on either side
+OF_OUTPUT = (0, 1, 2, 4)  # taps of the output
+
+
+@dataclass(frozen=True)
+class LeakTest:
+    """Whether a prediction holds a disturbance that the controller could not see.
+
+    Parameters
+    ----------
+    leaks : bool or None
+        Whether it does; None where the data cannot tell, for the ``reason``.
+    correlation_with_inverse : float
+        Correlation of the prediction with the input G^-1 x = u + d of the element, in the band of
+        the output.
+    reference : float
+        The same of the measured output: a prediction that knows no more than the output does not
+        exceed it by much.
+    residual_with_disturbance : float
+        Correlation of the residual u - û with the unseen disturbance d = G^-1 x - u. The element's
+        inverse predicts u + d, whose residual is -d: -1. Of a model that does not know d: near 0.
+    slope : float
+        Part of d that the prediction holds at once: regression on d at lags from -0.05 s to 0.1 s,
+        with the output and the target held fixed. The inverse has 1, a delayed answer 0 or less.
+    sd : float
+        Standard error of the slope, with the long-run variance of what is left.
+    reason : str
+        What was seen, as a sentence.
+    """
+
+    leaks: bool | None
+    correlation_with_inverse: float
+    reference: float
+    residual_with_disturbance: float
+    slope: float
+    sd: float
+    reason: str
+
+
+def leak_test(
+    u: np.ndarray,
+    u_hat: np.ndarray,
+    x: np.ndarray,
+    dt: float,
+    runs: Sequence[Any] | None = None,
+    element: tuple[Any, Any] | None = None,
+    *,
+    target: np.ndarray | None = None,
+    disturbance: np.ndarray | None = None,
+    told: bool = True,
+    least_delay: float = LEAST_DELAY,
+) -> LeakTest:
+    """Test whether a prediction knows the disturbance that only the element's response shows.
+
+    Parameters
+    ----------
+    u, u_hat, x : ndarray of shape (n_rows,) or (n_rows, n_runs)
+        Measured output, its prediction, and the output of the controlled element.
+    dt : float
+        Sampling time in s.
+    runs : sequence of slices or row numbers, or None, default=None
+        Rows of each run; None takes each column as a run.
+    element : (b, a) or None, default=None
+        Numerator and denominator of the element in powers of q^-1 at ``dt``, x = b/a (u + d). None
+        estimates a low-order one from u and x, with the target as the instrument.
+    target : ndarray or None, default=None
+        Target; zeros where there is none to follow. Without an ``element`` it is needed.
+    disturbance : ndarray or None, default=None
+        Recorded disturbance of the element's input.
+    told : bool, default=True
+        Whether the model has the recorded disturbance as an input: what follows it linearly is
+        then not unseen. To a model that is not told it, it is as unseen as one that is recorded
+        nowhere.
+    least_delay : float, default=0.1
+        Sooner than this (s) nothing that answers the disturbance can be an answer.
+
+    Returns
+    -------
+    found : LeakTest
+
+    Notes
+    -----
+    With w = a(q) x, which is FIR, and v = u + d, v = w / b(q) is divided at frequencies below twice
+    the edge of the band that holds 99 % of the output's power, where the zeros of a sampled
+    element do not lie. û is then regressed on d(t - l) with u, its past, and the target around t
+    held fixed; the largest slope of the immediate lags l counts. A response to x with a delay of
+    at least ``least_delay`` has an immediate slope near 0 or, as it opposes the disturbance, below.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.signal import lfilter
+    >>> from skhoid.diagnosis.leaks import leak_test
+    >>> rng = np.random.default_rng(0)
+    >>> u, d = lfilter([0.1], [1, -0.9], rng.standard_normal((2, 6000)))
+    >>> b, a = [0, 0.02], [1, -0.99]
+    >>> x = lfilter(b, a, u + d)
+    >>> leak_test(u, u + d, x, 0.02, [slice(0, 6000)], (b, a)).leaks
+    True
+    """
+    pieces = _pieces(runs, u, u_hat, x, target, disturbance)
+    edge = band_edge([piece["u"] for piece in pieces], dt, POWER) if pieces else 0.0
+    seconds = dt * sum(piece["u"].size for piece in pieces)
+    if not edge or seconds * edge < LEAST_PERIODS:
+        return _unknown("the runs are too short, or the output does not move")
+    taps = max(round(0.15 / (edge * dt)), 1)
+    edge *= WIDER
+    low = [{name: low_passed(values, dt, edge) for name, values in p.items()} for p in pieces]
+    inverse = _inverse(pieces, low, dt, edge, taps, element)
+    if isinstance(inverse, str):
+        return _unknown(inverse)
+    unseen = [v - p["u"] for v, p in zip(inverse, low, strict=True)]
+    if told and disturbance is not None:
+        unseen = _without_recorded(unseen, low, taps)
+    else:
+        low = [{k: v for k, v in p.items() if k != "disturbance"} for p in low]
+    trim = max(round(0.5 / (edge * dt)), 1)
+    inner = [slice(trim, v.size - trim) for v in inverse]
+
+    def joined(values: list[np.ndarray]) -> np.ndarray:
+        parts = [part[rows] for part, rows in zip(values, inner, strict=True)]
+        return np.concatenate([part - part.mean() for part in parts])
+
+    output, prediction = joined([p["u"] for p in low]), joined([p["u_hat"] for p in low])
+    d, v = joined(unseen), joined(inverse)
+    size = float(np.std(d) / np.std(output))
+    if size < LEAST_DISTURBANCE:
+        return _unknown(
+            f"the unseen disturbance is {100 * size:.0f} % of the output (rms), too little to tell "
+            "the output from what the element received"
+        )
+    slope, sd = _immediate(low, unseen, dt, taps, trim, least_delay)
+    with_inverse, reference = _correlation(prediction, v), _correlation(output, v)
+    with_disturbance = _correlation(output - prediction, d)
+    if not np.isfinite(slope):
+        return _unknown("the unseen disturbance follows the output and the target everywhere")
+    leaks = bool(slope > SLOPE and slope - SIGMAS * sd > SLOPE / 2)
+    return LeakTest(
+        leaks,
+        with_inverse,
+        reference,
+        with_disturbance,
+        slope,
+        sd,
+        _reason(leaks, slope, sd, with_inverse, reference, with_disturbance, least_delay),
+    )
+
+
+def _reason(
+    leaks: bool,
+    slope: float,
+    sd: float,
+    with_inverse: float,
+    reference: float,
+    with_disturbance: float,
+    least_delay: float,
+) -> str:
+    seen = (
+        f"{100 * slope:.0f} ± {100 * sd:.0f} % of the unseen disturbance is in the prediction "
+        f"within {least_delay:g} s"
+    )
+    figures = (
+        f"it correlates {with_inverse:.2f} with the input that the element's inverse gives (the "
+        f"measured output {reference:.2f}), its residual {with_disturbance:+.2f} with that "
+        "disturbance"
+    )
+    if leaks:
+        return (
+            f"{seen}: the model rebuilds the output from the element's response instead of "
+            f"predicting it; {figures}."
+        )
+    return f"No more than an answer with a delay would hold: {seen}; {figures}."
+
+
+def _unknown(why: str) -> LeakTest:
+    return LeakTest(None, np.nan, np.nan, np.nan, np.nan, np.nan, f"Leaks cannot be tested: {why}.")
+
+
+def _pieces(
+    runs: Sequence[Any] | None,
+    u: np.ndarray,
+    u_hat: np.ndarray,
+    x: np.ndarray,
+    target: np.ndarray | None,
+    disturbance: np.ndarray | None,
+) -> list[dict[str, np.ndarray]]:
+    """The signals of each run over the longest stretch in which all of them are known."""
+    given = {"u": u, "u_hat": u_hat, "x": x, "target": target, "disturbance": disturbance}
+    known = {k: np.asarray(v, dtype=float) for k, v in given.items() if v is not None}
+    if runs is None:
+        columns = {k: v.reshape(len(v), -1) for k, v in known.items()}
+        n_runs = columns["u"].shape[1]
+        by_run = [{k: v[:, run] for k, v in columns.items()} for run in range(n_runs)]
+    else:
+        by_run = [{k: v[rows] for k, v in known.items()} for rows in runs]
+    pieces = []
+    for signals in by_run:
+        whole = np.all([np.isfinite(values) for values in signals.values()], axis=0)
+        edges = np.flatnonzero(np.diff(np.r_[0, whole, 0]))
+        lengths = edges[1::2] - edges[::2]
+        if lengths.size and lengths.max() >= LEAST_ROWS:
+            start, stop = edges[2 * int(np.argmax(lengths)) :][:2]
+            piece = {k: values[start:stop] for k, values in signals.items()}
+            # A transient of the free run far beyond the output would outweigh all that follows.
+            low, high = float(piece["u"].min()), float(piece["u"].max())
+            piece["u_hat"] = np.clip(piece["u_hat"], 2 * low - high, 2 * high - low)
+            pieces.append(piece)
+    return pieces
+
+
+def _inverse(
+    pieces: list[dict[str, np.ndarray]],
+    low: list[dict[str, np.ndarray]],
+    dt: float,
+    edge: float,
+    taps: int,
+    element: tuple[Any, Any] | None,
+) -> list[np.ndarray] | str:
+    """What the element received, run by run, or why that is not known."""
+    if element is None:
+        return estimated_inverse(low, dt, taps)
+    b, a = (np.atleast_1d(np.asarray(part, dtype=float)).ravel() for part in element)
+    found = []
+    for piece in pieces:
+        received = np.convolve(piece["x"], a)[: piece["x"].size]
+        received[: a.size - 1] = received[min(a.size - 1, received.size - 1)]
+        found.append(low_passed(received, dt, edge, b))
+    return found
+
+
+def _without_recorded(
+    disturbance: list[np.ndarray], low: list[dict[str, np.ndarray]], taps: int
+) -> list[np.ndarray]:
+    """What is left of the disturbance when all that follows the recorded one is taken out."""
+    lags = np.arange(-1, BEHIND) * taps
+    tables = [
+        np.column_stack(
+            [np.nan_to_num(lagged(p["disturbance"], lags)), np.ones(p["disturbance"].size)]
+        )
+        for p in low
+    ]
+    c = np.linalg.lstsq(np.concatenate(tables), np.concatenate(disturbance), rcond=1e-9)[0]
+    return [d - table @ c for d, table in zip(disturbance, tables, strict=True)]
+
+
+def _immediate(
+    low: list[dict[str, np.ndarray]],
+    unseen: list[np.ndarray],
+    dt: float,
+    taps: int,
+    trim: int,
+    least_delay: float,
+) -> tuple[float, float]:
+    """Largest slope of the prediction on the disturbance before an answer to it can come.
+
+    With the standard error that sums over blocks of time give it.
+    """
+    earliest, latest = -int(EARLY / dt + 1e-9), int(np.ceil(least_delay / dt - 1e-9))
+    lags = range(earliest, max(latest, 1), max(round(STEP / dt), 1))
+    tables, blocks, count = [], [], 0
+    for piece, d in zip(low, unseen, strict=True):
+        columns = [piece["u_hat"][:, None], lagged(d, lags)]
+        columns.append(lagged(piece["u"], [taps * k for k in OF_OUTPUT]))
+        if "target" in piece:
+            columns.append(lagged(piece["target"], taps * np.arange(-AHEAD, BEHIND)))
+        if "disturbance" in piece:
+            columns.append(lagged(piece["disturbance"], taps * np.arange(-1, BEHIND)))
+        table = np.column_stack([*columns, np.ones(d.size)])
+        block = count + np.arange(d.size) // max(4 * taps, 1)
+        count = int(block[-1]) + 1
+        keep = np.isfinite(table).all(axis=1)
+        keep[:trim] = keep[-trim:] = False
+        tables.append(table[keep])
+        blocks.append(block[keep])
+    table, block = np.concatenate(tables), np.concatenate(blocks)
+    n_lags = len(lags)
+    held = table[:, 1 + n_lags :]
+    scale = np.sqrt(np.mean(held**2, axis=0))
+    held = held[:, scale > 0] / scale[scale > 0]
+    if len(table) <= 2 * held.shape[1] + n_lags:
+        return np.nan, np.nan
+    U, s, _ = np.linalg.svd(held, full_matrices=False)
+    U = U[:, s > 1e-6 * s[0]]
+    free = table[:, : 1 + n_lags] - U @ (U.T @ table[:, : 1 + n_lags])
+    prediction, probes = free[:, 0], free[:, 1:]
+    power = np.sum(probes**2, axis=0)
+    if np.any(power <= 1e-6 * np.sum(table[:, 1 : 1 + n_lags] ** 2, axis=0)):
+        return np.nan, np.nan
+    slopes = probes.T @ prediction / power
+    best = int(np.argmax(slopes))
+    left = prediction - slopes[best] * probes[:, best]
+    sums = np.bincount(block, left * probes[:, best])
+    return float(slopes[best]), float(np.sqrt(np.sum(sums**2)) / power[best])
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    scale = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
+    return float(a @ b) / scale if scale > 0 else 0.0

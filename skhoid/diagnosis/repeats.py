@@ -1,0 +1,339 @@
+"""Which runs are repeats of each other, and the whole periods of what drives them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import fft
+
+from ..runs import RunLayout
+from ..runs.roles import is_external
+from ..summaries import counted
+from .element_inverse import band_edge, estimated_inverse, low_passed
+
+SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
+LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest
+BESIDE = 0.05  # of the lines, at most, are neighbours
+BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
+OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
+PERIODIC = 1e-3  # power of f(t + P) - f(t), as a fraction of twice that of f
+MOVED = 0.3  # the same at least once before a period can end: near 0 shifts everything is alike
+SEEN = 0.25  # of a period, at least, that is there a second time
+KEPT = 2 / 3  # of the rows of repeats, at least, that whole periods leave
+POWER = 0.9  # of the output, in the band in which disturbances are compared
+APART = 0.12  # rms difference of two disturbances (over root 2), of the rms output
+ALIKE = 0.7  # correlation of disturbances that are the same
+WINDOWS = (1, 4)  # stretches of a run with an element of their own: it may change
+THINNED = 8  # samples a period of the edge of the band
+
+
+@dataclass(frozen=True)
+class Group:
+    """Runs that share the target, on the rows that all of them have.
+
+    ``rows`` are row positions, one row of them a run; ``lines`` the excited bins of the Fourier
+    transform over these rows, None where the target is unknown or not periodic in them.
+    """
+
+    runs: np.ndarray
+    rows: np.ndarray
+    lines: np.ndarray | None
+
+    @property
+    def n_runs(self) -> int:
+        return self.rows.shape[0]
+
+    @property
+    def n_samples(self) -> int:
+        return self.rows.shape[1]
+
+    def omega(self, dt: float) -> np.ndarray:
+        """Frequencies of the bins, in rad/s."""
+        return 2 * np.pi * fft.rfftfreq(self.n_samples, dt)
+
+
+@dataclass(frozen=True)
+class Grouped:
+    """Groups of runs, how it was decided which are repeats, and what was left out for it."""
+
+    found: list[Group]
+    decided: str
+    notes: list[str]
+
+
+def grouped(
+    layout: RunLayout,
+    stretches: Mapping[int, tuple[int, int]],
+    measured: np.ndarray,
+    channels: Mapping[str, np.ndarray],
+    repeats: Any,
+) -> Grouped:
+    """Sort runs into groups of repeats: of one target, and of one disturbance.
+
+    ``stretches`` are first and last row + 1 of runs by number; ``measured`` is the output.
+    """
+    labels = repeat_labels(layout, repeats)
+    number = layout.sample_numbers()
+    outside = {name: values for name, values in channels.items() if is_external(name)}
+    members: list[tuple[list[int], np.ndarray]] = []
+    apart: set[str] = set()
+    for run, (start, stop) in stretches.items():
+        own = number[start:stop]
+        for position, (runs, common) in enumerate(members):
+            if labels is not None and labels[runs[0]] != labels[run]:
+                continue
+            shared = np.intersect1d(common, own, assume_unique=True)
+            if shared.size < OVERLAP * max(common.size, own.size):
+                continue
+            first = stretches[runs[0]][0]
+            if labels is None:
+                differ = _different(
+                    outside, first + shared - number[first], start + shared - own[0]
+                )
+                if differ:
+                    if "f_t" not in differ:
+                        apart.update(differ)
+                    continue
+            members[position] = ([*runs, run], shared)
+            break
+        else:
+            members.append(([run], own))
+    groups, notes = [], []
+    decided = ""
+    if labels is not None:
+        decided = "which runs repeat was said by repeats="
+    elif apart:
+        names = ", ".join(sorted(apart))
+        decided = f"runs that share the target differ in the recorded disturbance {names}"
+    for runs, common in members:
+        rows = np.array([stretches[r][0] + common - number[stretches[r][0]] for r in runs])
+        split = [np.arange(len(runs))]
+        if labels is None and len(runs) > 1:
+            split, how = _by_disturbance(measured, channels, rows, layout)
+            decided = decided or how
+        for part in split:
+            group = Group(np.array(runs)[part], rows[part], None)
+            group, note = _in_whole_periods(group, outside, layout)
+            groups.append(group)
+            notes += note
+    return Grouped(groups, decided, list(dict.fromkeys(notes)))
+
+
+def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
+    """What ``repeats`` says of each run; None leaves it to the target."""
+    n_runs = len(layout.labels)
+    if repeats is None:
+        return None
+    if isinstance(repeats, (bool, np.bool_)):
+        return [0] * n_runs if repeats else list(range(n_runs))
+    if isinstance(repeats, Mapping):
+        unknown = [label for label in repeats if label not in layout.labels]
+        if unknown:
+            raise ValueError(f"repeats names run {unknown[0]!r}; the runs are {layout.labels}.")
+        return [repeats.get(label, ("alone", label)) for label in layout.labels]
+    if isinstance(repeats, str) or not isinstance(repeats, Iterable):
+        raise TypeError(
+            "repeats is None, True, False, a dict {run: label} or a sequence of one label a run; "
+            f"got {repeats!r}."
+        )
+    labels = list(repeats)
+    if len(labels) != n_runs:
+        raise ValueError(
+            f"repeats has {len(labels)} entries for {n_runs} runs: give one label a run (runs "
+            "of one label repeat each other), a dict {run: label}, True (all are repeats) or "
+            "False (none are)."
+        )
+    return labels
+
+
+def _different(outside: Mapping[str, np.ndarray], a: np.ndarray, b: np.ndarray) -> list[str]:
+    """Signals from outside the loop in which two runs differ; the target where it is unknown."""
+    target = outside.get("f_t")
+    if target is None or not np.any(target[a]):
+        return ["f_t"]
+    found = []
+    for name, values in outside.items():
+        power = max(float(np.mean(values[a] ** 2)), float(np.mean(values[b] ** 2)))
+        if np.mean((values[a] - values[b]) ** 2) > SAME_TARGET**2 * power:
+            found.append(name)
+    return found
+
+
+def _by_disturbance(
+    measured: np.ndarray, channels: Mapping[str, np.ndarray], rows: np.ndarray, layout: RunLayout
+) -> tuple[list[np.ndarray], str]:
+    """Split runs of one target by a disturbance that was not recorded, and say how.
+
+    The element moves as x = G (u + d). With G estimated, d follows: constant over the run, or in
+    windows with an element of their own, whichever leaves the runs more alike. Runs differ where
+    their d do, by more than what hardly shows in u.
+    """
+    together = [np.arange(len(rows))]
+    signals = with_target_and_x(channels)
+    if signals is None:
+        return together, "that no unrecorded disturbance acts cannot be checked without x"
+    target, x = signals
+    dt = layout.dt
+    edge = band_edge([measured[part] for part in rows], dt, POWER)
+    step = max(int(1 / (THINNED * edge * dt)), 1) if edge else 1
+    taps = max(round(0.15 / (edge * dt * step)), 1) if edge else 1
+    low = [
+        {
+            name: low_passed(values[part], dt, edge)[::step]
+            for name, values in (("u", measured), ("x", x), ("target", target))
+        }
+        for part in rows
+        if edge
+    ]
+    found = [_disturbances(low, dt * step, taps, n) for n in WINDOWS] if low else []
+    estimates = [estimate for estimate in found if estimate is not None]
+    if not estimates:
+        return together, (
+            "that no unrecorded disturbance acts could not be checked: the controlled element "
+            "cannot be estimated from u and x"
+        )
+    size = float(np.mean([np.std(part["u"]) for part in low]))
+
+    def same(i: int, j: int) -> bool:
+        return any(
+            np.std(d[i] - d[j]) < np.sqrt(2) * APART * size or np.corrcoef(d[i], d[j])[0, 1] > ALIKE
+            for d in estimates
+        )
+
+    split: list[list[int]] = []
+    for run in range(len(rows)):
+        for part in split:
+            if same(part[0], run):
+                part.append(run)
+                break
+        else:
+            split.append([run])
+    if len(split) == 1:
+        return together, "u and x show no unrecorded disturbance that differs between them"
+    return [np.array(part) for part in split], (
+        "u and x show an unrecorded disturbance that differs between runs of one target"
+    )
+
+
+def with_target_and_x(
+    channels: Mapping[str, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Target and output of the element, where they are known or follow from the error."""
+    known = dict(channels)
+    if "x" not in known and {"e", "f_t"} <= known.keys():
+        known["x"] = known["f_t"] - known["e"]
+    if {"x", "f_t"} <= known.keys():
+        return known["f_t"], known["x"]
+    return None
+
+
+def _disturbances(
+    low: list[dict[str, np.ndarray]], dt: float, taps: int, n_windows: int
+) -> np.ndarray | None:
+    """Estimated disturbance (runs in rows), with an element for each window."""
+    n = low[0]["u"].size
+    found = []
+    for rows in np.array_split(np.arange(n), n_windows):
+        parts = [{name: values[rows] for name, values in piece.items()} for piece in low]
+        received = estimated_inverse(parts, dt, taps)
+        if isinstance(received, str):
+            return None
+        found.append([v - part["u"] for v, part in zip(received, parts, strict=True)])
+    edge = taps  # samples that the derivatives at either end are not known in
+    return np.array([np.concatenate(d)[edge:-edge] for d in zip(*found, strict=True)])
+
+
+def _in_whole_periods(
+    group: Group, outside: Mapping[str, np.ndarray], layout: RunLayout
+) -> tuple[Group, list[str]]:
+    """A group with the lines of what drives it, on whole periods where its start is left out."""
+    lines = _lines(outside, group.rows[0])
+    if lines is not None or "f_t" not in outside:
+        return replace(group, lines=lines), []
+    period = _period(outside, group.rows[0])
+    if period is None:
+        first = layout.starts[group.runs[0]]
+        period = _period(outside, np.arange(first, group.rows[0][-1] + 1))
+    n = group.n_samples
+    if period is None or period > n:
+        return group, []
+    kept = n // period * period
+    if group.n_runs > 1 and kept < KEPT * n:
+        return group, []
+    rows = group.rows[:, n - kept :]
+    lines = _lines(outside, rows[0], whole=True)
+    if lines is None:
+        return group, []
+    if kept == n:
+        return replace(group, lines=lines), []
+    note = (
+        f"the target has a period of {period * layout.dt:.4g} s: spectra, tests and ceiling take "
+        f"the last {counted(kept // period, 'whole period')}, from "
+        f"{(n - kept) * layout.dt:.3g} s later on than the VAF"
+    )
+    return Group(group.runs, rows, lines), [note]
+
+
+def _lines(
+    outside: Mapping[str, np.ndarray], rows: np.ndarray, whole: bool = False
+) -> np.ndarray | None:
+    """Excited bins of all that comes from outside; None if one of it is not periodic."""
+    if "f_t" not in outside:
+        return None
+    found = []
+    for values in outside.values():
+        part = values[rows]
+        if np.ptp(part) > 0:
+            lines = excited_lines(part, whole)
+            if lines is None:
+                return None
+            found.append(lines)
+    return np.unique(np.concatenate(found)) if found else None
+
+
+def _period(outside: Mapping[str, np.ndarray], rows: np.ndarray) -> int | None:
+    """Least whole number of samples after which all that comes from outside is as before."""
+    n = rows.size
+    longest = int(n / (1 + SEEN))
+    if longest < 2:
+        return None
+    unlike = np.zeros(longest + 1)
+    for values in outside.values():
+        f = values[rows] - np.mean(values[rows])
+        if not np.ptp(f) > 0:
+            continue
+        squares = np.concatenate([[0.0], np.cumsum(f**2)])
+        shifts = np.arange(longest + 1)
+        power = squares[n - shifts] + squares[n] - squares[shifts]
+        size = fft.next_fast_len(2 * n, real=True)
+        together = fft.irfft(np.abs(fft.rfft(f, size)) ** 2, size)[: longest + 1]
+        unlike = np.maximum(unlike, (power - 2 * together) / np.maximum(power, 1e-300))
+    left = np.flatnonzero(unlike > MOVED)
+    if not left.size:
+        return None
+    again = np.flatnonzero(unlike[left[0] :] < PERIODIC)
+    if not again.size:
+        return None
+    first = left[0] + int(again[0])
+    until = first
+    while until < longest and unlike[until + 1] < PERIODIC:
+        until += 1
+    return first + int(np.argmin(unlike[first : until + 1]))
+
+
+def excited_lines(target: np.ndarray, whole: bool = False) -> np.ndarray | None:
+    """Bins that hold the power of a target periodic in its window; None if it is not.
+
+    ``whole`` says that the window is known to hold whole periods.
+    """
+    power = np.abs(fft.rfft(target - target.mean())) ** 2
+    if not power.any():
+        return None
+    lines = np.flatnonzero(power > LINE * power.max())
+    # A window of no whole period leaks from each line into its neighbours.
+    alone = whole or np.sum(np.diff(lines) == 1) <= BESIDE * lines.size
+    off = power.sum() - power[lines].sum()
+    return lines if alone and off <= BETWEEN * power.sum() else None

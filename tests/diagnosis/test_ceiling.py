@@ -1,0 +1,181 @@
+"""The ceiling agrees with itself: repeats, periods, and models that it may not contradict."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+from support.comparison import Gives
+from support.unseen import DT, simulate
+
+from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs
+from skhoid.diagnosis.ceiling import consistent_ceiling
+
+PERIOD = 20.0  # s
+
+
+def as_runs(loop, columns=("e", "x", "f_t"), runs=None, dist=None):
+    signals = {"e": loop.e, "x": loop.x, "f_t": loop.f, "dist": dist}
+    n, n_runs = loop.u.shape
+    runs = range(n_runs) if runs is None else runs
+    index = pd.MultiIndex.from_product([list(runs), np.arange(n) * DT], names=["run", "time"])
+    names = [*columns, *(["dist"] if dist is not None else [])]
+    X = pd.DataFrame({c: signals[c][:, list(runs)].T.ravel() for c in names}, index=index)
+    u, answer = (v[:, list(runs)].T.ravel() for v in (loop.u, loop.answer))
+    return X, pd.Series(u, index=index, name="u"), Gives(lambda X: answer)
+
+
+def of(loop, **options):
+    X, y, model = as_runs(loop, **options)
+    return compare(model, X, y, run_in=5.0)
+
+
+def periodic(n, n_runs):
+    """A multisine of 20 s, another in each run."""
+    t = np.arange(n)[:, None] * DT
+    rng = np.random.default_rng(3)
+    total = np.zeros((n, n_runs))
+    for k in (1, 2, 3, 5, 7, 11, 13, 17, 23):
+        phase = rng.uniform(0, 2 * np.pi, n_runs)
+        total += np.sin(2 * np.pi * k * t / PERIOD + phase) / (1 + (k / 8) ** 2)
+    return total
+
+
+@pytest.mark.parametrize("element", ["1/s", "1/(s(s+1))"])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_runs_with_another_unrecorded_disturbance_are_no_repeats(element, seed):
+    options = {"seed": seed, "shared_target": True, "delay": (0.2, 0.2)}
+    disturbance = 1.0 if element == "1/s" else 2.5
+    found = of(simulate(element, 3, disturbance=disturbance, **options))
+    assert found.ceiling_route == "none"
+    assert "unrecorded disturbance that differs" in found.ceiling_note
+    assert np.isnan([found.noise_ceiling, found.explainable_gap]).all()
+    assert "unrecorded disturbance" in found.summary()
+    alike = of(simulate(element, 3, disturbance=0.0, **options))
+    assert alike.ceiling_route == "repeats"
+    assert "no unrecorded disturbance" in alike.ceiling_note
+
+
+def test_runs_with_another_recorded_disturbance_are_no_repeats():
+    loop = simulate("1/s", 3, shared_target=True, delay=(0.2, 0.2))
+    found = of(loop, dist=loop.d)
+    assert found.ceiling_route == "none"
+    assert "recorded disturbance dist" in found.ceiling_note
+
+
+@pytest.mark.parametrize(
+    "condition",
+    ["C3", pytest.param("C2", marks=pytest.mark.slow), pytest.param("C5", marks=pytest.mark.slow)],
+)
+def test_an_element_that_changes_is_no_disturbance(condition):
+    X, y = make_tracking_runs(
+        condition, n_runs=3, remnant_intensity=0.2, channels=["e", "x", "f_t"], random_state=4
+    )
+    found = compare(Gives(lambda X: 0.9 * np.asarray(y)), X, y, run_in=0)
+    assert found.ceiling_route == "repeats"
+
+
+def test_without_x_it_is_said_that_a_disturbance_cannot_be_checked():
+    loop = simulate("1/s", 3, shared_target=True, disturbance=0.0)
+    X, y, model = as_runs(loop, columns=("f_t",))
+    assert "cannot be checked without x" in compare(model, X, y, run_in=5.0).ceiling_note
+
+
+def test_what_a_user_says_of_repeats_counts():
+    loop = simulate("1/s", 3, shared_target=True)
+    X, y, model = as_runs(loop)
+    found = compare(model, X, y, run_in=5.0, repeats=True)
+    assert found.ceiling_route in ("repeats", "none")
+    assert "unrecorded" not in found.ceiling_note
+
+
+def test_a_few_repeats_among_many_runs_are_no_ceiling_of_all():
+    loop = simulate("1/s", 5, disturbance=0.0)
+    for signal in (loop.f, loop.u, loop.x, loop.e, loop.answer):
+        signal[:, 1] = signal[:, 0]
+    found = of(loop)
+    assert found.ceiling_route == "none"
+    assert "only 2 of 5 runs repeat each other" in found.ceiling_note
+
+
+@pytest.mark.parametrize("run_in", [0.0, 10.0, pytest.param(3.0, marks=pytest.mark.slow), 19.5])
+@pytest.mark.parametrize("n_runs", [1, 3])
+def test_a_run_in_leaves_whole_periods(run_in, n_runs):
+    loop = simulate("1/s", n_runs, disturbance=0.0, target=periodic)
+    X, y, model = as_runs(loop)
+    found = compare(model, X, y, run_in=run_in)
+    assert found.ceiling_route == "lines"
+    assert found.vaf <= found.noise_ceiling <= 100
+    if run_in:
+        assert "has a period of 20 s" in " ".join(found.notes)
+        assert "1 whole period" in " ".join(found.notes)
+    late = X.index.get_level_values("time") >= run_in - 1e-9
+    assert (found.traces["scored"].to_numpy() == late).all()
+
+
+def test_a_window_shorter_than_a_period_has_no_ceiling():
+    loop = simulate("1/s", 1, disturbance=0.0, target=periodic)
+    X, y, model = as_runs(loop)
+    found = compare(model, X, y, run_in=25.0)
+    assert found.ceiling_route == "none"
+    assert "not periodic" in found.ceiling_note
+
+
+def test_targets_of_no_period_are_found_to_have_none():
+    assert of(simulate("1/s", 1, disturbance=0.0)).ceiling_route == "none"
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_ceiling_is_between_the_vaf_and_100(seed):
+    X, y = make_tracking_runs(
+        "C1",
+        n_runs=4,
+        remnant_intensity=0.1,
+        channels=["e", "f_t"],
+        random_state=seed,
+        sampling_rate=50.0,
+    )
+    model = ARXRegressor(nk=15).fit(*select_runs(X, y, first=2))
+    for scale in (0.0, 0.5, 1.0):
+        of_model = Gives(lambda X, scale=scale: scale * model.predict(X))
+        found = compare(of_model, *select_runs(X, y, last=2))
+        low, high = found.noise_ceiling_interval
+        assert found.vaf <= found.noise_ceiling <= 100
+        assert low <= found.noise_ceiling <= high <= 100
+
+
+def test_a_model_above_the_ceiling_makes_it_unknown():
+    """A prediction that holds most of what does not repeat, by another way than noise."""
+    loop = simulate("1/s", 3, shared_target=True, disturbance=1.0)
+    X, y, _ = as_runs(loop)
+    u = y.to_numpy()
+    apart = loop.u - loop.u.mean(axis=1, keepdims=True)
+    lost = 0.3 * loop.u + 0.4 * apart
+    model = Gives(lambda X: u - lost.T.ravel())
+    found = compare(model, X, y, repeats=True, run_in=0)
+    assert not found.vaf > found.noise_ceiling
+    assert not found.noise_ceiling > 100
+
+
+@pytest.mark.parametrize(
+    ("ceiling", "vaf", "sd", "shown"),
+    [
+        (101.6, 97.0, 0.5, 100.0),
+        (90.0, 80.0, 0.5, 90.0),
+        (90.0, 90.3, 0.0, 90.3),
+        (90.0, 91.5, 0.5, 91.5),
+        (59.1, 71.2, 1.0, np.nan),
+        (np.nan, 71.2, 1.0, np.nan),
+        (101.6, 101.0, 0.5, 100.0),
+    ],
+)
+def test_consistent_ceiling(ceiling, vaf, sd, shown):
+    value, reason = consistent_ceiling(ceiling, vaf, sd)
+    assert_allclose(value, shown)
+    assert bool(reason) == (np.isnan(shown) and np.isfinite(ceiling))
+
+
+def test_the_reason_names_both_figures():
+    _, reason = consistent_ceiling(59.1, 71.2, 1.0)
+    assert "rows it did not see reaches 71.2 %, more than the 59.1 % estimated" in reason
+    _, reason = consistent_ceiling(59.1, 71.2, 1.0, held_out=False)
+    assert "learnt the noise" in reason

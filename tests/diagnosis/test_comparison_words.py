@@ -1,0 +1,216 @@
+"""Sentences of a comparison say what is so: words, means, delays, what the model has already."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+from support.comparison import DT, NK, Gives, names, runs
+from support.hidden_effects import Oracle
+from support.unseen import second_difference, simulate
+
+from skhoid import ARXRegressor, OperatorRegressor, RecursiveARX, compare
+from skhoid.diagnosis.advice import advise
+from skhoid.diagnosis.next_steps import NextSteps
+from skhoid.diagnosis.run_signals import read_signals
+from skhoid.diagnosis.words import WORDS
+
+OF_PEOPLE = re.compile(
+    r"\b(person|people|stick|hand|operator|fatigue|posture|arm)\b", re.IGNORECASE
+)
+
+
+def by_kind(comparison):
+    return {finding.name: finding for finding in comparison.findings}
+
+
+def everything_found(comparison, signals):
+    """The comparison as if each of its tests had exceeded chance, and some more."""
+    tests = comparison.tests.assign(p=0.0, exceeds=True, valid=True, cost=5.0, size=0.5)
+    known = tests.iloc[0].to_dict()
+    more = [
+        {**known, "test": test, "signal": signal}
+        for test, signal in [
+            ("bias", comparison.output),
+            ("gain", comparison.output),
+            ("lag", comparison.output),
+            ("asymmetry", "force"),
+            ("lost control", "1"),
+            ("outlying run", "1"),
+            ("level", comparison.output),
+            ("outlier", "1"),
+            ("gain change", "residual"),
+            ("remnant power change", "residual"),
+            ("mean change", "residual"),
+            ("cross-correlation", "f_t"),
+            ("cross-correlation", "dist"),
+        ]
+    ]
+    object.__setattr__(comparison, "tests", pd.concat([tests, pd.DataFrame(more)]))
+    return advise(comparison, signals, [])
+
+
+@pytest.fixture(scope="module")
+def machine():
+    """A machine: a force drives an angle; the prediction lacks much of it."""
+    rng = np.random.default_rng(0)
+    index = pd.MultiIndex.from_product([[1, 2, 3], np.arange(1500) * 0.02], names=["run", "time"])
+    X = pd.DataFrame({"force": np.convolve(rng.standard_normal(4500), np.ones(20), "same")}, index)
+    y = pd.Series(np.roll(X["force"], 3) + rng.standard_normal(4500), index, name="angle")
+    return Gives(lambda X: 0.6 * X["force"].to_numpy()), X, y
+
+
+def test_a_machine_has_no_stick(machine):
+    model, X, y = machine
+    found = compare(model, X, y)
+    assert found.domain == "machine"
+    for finding in everything_found(found, read_signals(model, X, y)):
+        assert not OF_PEOPLE.search(str(finding)), str(finding)
+
+
+def test_words_of_a_machine_are_of_no_person():
+    assert not OF_PEOPLE.search(" ".join(vars(WORDS["machine"]).values()))
+    assert OF_PEOPLE.search(" ".join(vars(WORDS["human"]).values()))
+
+
+def test_domain_follows_the_model_and_the_channels(machine):
+    X, y, truth = runs(2)
+    assert compare(Oracle(truth.u_without_remnant), X, y).domain == "human"
+    assert compare(Oracle(truth.u_without_remnant), X, y, domain="machine").domain == "machine"
+    with pytest.raises(ValueError, match="domain is 'human', 'machine' or None"):
+        compare(machine[0], machine[1], machine[2], domain="robot")
+
+
+def test_where_the_mean_holds_most_of_the_power_texts_are_about_the_mean():
+    X, y, truth = runs(4)
+    level = 12 * float(np.std(y))
+    prediction = level + 0.6 * truth.u_without_remnant.to_numpy()
+    found = compare(Gives(lambda X: prediction), X, y + level, run_in=0)
+    scored = found.traces["scored"].to_numpy()
+    u, r = (y + level).to_numpy()[scored], (y + level - prediction).to_numpy()[scored]
+    about_mean = 100 * (1 - np.sum(r**2) / np.sum((u - u.mean()) ** 2))
+    assert found.vaf > 99
+    assert_allclose(found.vaf_about_mean, about_mean, rtol=1e-9)
+    assert about_mean < 90
+    text = found.summary()
+    assert f"VAF about the mean     {about_mean:.1f} %" in text
+    assert "% of the power is the mean" in text
+    points = found.point_scale * found.explainable_gap
+    assert f"{points:.1f} VAF points about the mean" in text
+    assert points > 5
+    assert "none" not in names(found)
+    assert by_kind(found)["gain"].severity > 5
+    assert "about the mean" in by_kind(found)["gain"].evidence
+
+
+def test_without_a_dominant_mean_there_is_one_vaf():
+    X, y, truth = runs(3)
+    text = compare(Oracle(truth.u_without_remnant), X, y).summary()
+    assert "about the mean" not in text
+    assert "VAF is about zero and not clipped unless it says otherwise." in text
+
+
+def test_a_delay_that_wins_nothing_is_no_finding():
+    """The structure of the search fits worse than the model, whatever the delay."""
+    X, y, truth = runs(4)
+    exact = truth.u_without_remnant.to_numpy()
+    found = compare(Gives(lambda X: exact), X, y, run_in=0)
+    row = found.tests.set_index("test").loc["delay"]
+    assert row["cost"] <= 1.0
+    shifted = np.roll(exact, 3)
+    wrong = compare(Gives(lambda X: shifted), X, y, run_in=0)
+    finding = by_kind(wrong).get("delay") or by_kind(wrong)["lag"]
+    assert "at least" not in finding.evidence
+
+
+def test_a_few_parameters_have_not_learnt_the_noise():
+    X_fit, y_fit, _ = runs(3, seed=100, first_run=11)
+    X, y, truth = runs(3)
+    model = ARXRegressor(nk=NK).fit(X_fit, y_fit)
+    other = y + 0.5 * truth.n.to_numpy() + 0.2 * float(np.std(y))
+    found = compare(model, X, other, estimation=(X_fit, y_fit))
+    assert found.overfit
+    finding = by_kind(found)["overfit"]
+    assert finding.title.startswith("The error on validation runs")
+    assert "4 parameters cannot have learnt that much noise" in finding.meaning
+    assert "Fewer parameters" not in finding.next_step
+    flexible = RecursiveARX(nk=NK, memory_time=0.3).fit(X_fit, y_fit)
+    learnt = by_kind(compare(flexible, X, other, estimation=(X_fit, y_fit))).get("overfit")
+    assert learnt is None or "learnt the noise" in learnt.meaning
+
+
+@pytest.mark.parametrize(
+    ("effects", "say", "told"),
+    [
+        ("bias", lambda then: then.bias(), "bias already"),
+        ("saturation", lambda then: then.level(), "saturation already"),
+        ("saturation", lambda then: then.nonlinearity(False, "x"), "saturation already"),
+        ("dead_zone", lambda then: then.nonlinearity(True, "x"), "dead zone already"),
+        ("asym_gain", lambda then: then.asymmetry(), "asym gain already"),
+        ("tv_gain", lambda then: then.change(), "tv gain already"),
+        ("drift", lambda then: then.drift(), "drift already"),
+        ("feedforward", lambda then: then.follow("f_t"), "feedforward already"),
+        ("preview", lambda then: then.follow("f_t"), "preview already"),
+        ("disturbance", lambda then: then.follow("dist"), "disturbance already"),
+    ],
+)
+def test_what_the_model_has_is_not_advised(effects, say, told):
+    assert told in say(NextSteps(OperatorRegressor(effects=effects)))
+    assert "already" not in say(NextSteps(OperatorRegressor()))
+
+
+def test_what_an_arx_model_has_is_not_advised():
+    assert "already" in NextSteps(ARXRegressor(inputs=["e", "f_t"])).follow("f_t")
+    assert "already" in NextSteps(ARXRegressor(fit_intercept=True)).bias()
+
+
+def test_a_change_of_power_is_noise_only_where_that_is_known():
+    X, y, truth = runs(1)
+    n = truth.n.to_numpy() * np.where(np.arange(len(y)) * DT % 81.92 > 40, 3.0, 0.3)
+    exact = truth.u_without_remnant.to_numpy()
+    found = compare(
+        Gives(lambda X: exact), X[["e"]], pd.Series(exact + n, y.index, name="u"), run_in=0
+    )
+    finding = by_kind(found)["remnant power change"]
+    assert finding.title.startswith("The residual's power")
+    assert "may as well be misfit" in finding.meaning
+    assert "no model" not in str(finding)
+
+
+def test_levels_are_those_that_are_listed(machine):
+    """Of a signal recorded in coarse steps, each step is a level."""
+    X, y, _ = runs(2)
+    coarse = (y / y.std() * 2).round() * 5
+    coarse[np.abs(coarse) < 2] = 0.0
+    found = compare(Gives(lambda X: 0.8 * coarse.to_numpy()), X, coarse, run_in=0)
+    row = found.tests.set_index("test").loc["level"]
+    listed = [
+        float(v)
+        for v in re.findall(
+            r"-?\d+\.?\d*(?:e-?\d+)?", row["description"].split("=")[-1].split("(")[0]
+        )
+    ]
+    if listed:
+        share = np.mean(np.isin(np.round(coarse, 6), np.round(listed, 6)))
+        assert row["size"] <= share + 1e-9
+
+
+@pytest.mark.parametrize("element", ["1/s", "1/(s(s+1))"])
+def test_compare_says_that_a_model_rebuilds_the_output(element):
+    loop = simulate(element, 3, disturbance=1.0 if element == "1/s" else 2.5)
+    n, n_runs = loop.u.shape
+    index = pd.MultiIndex.from_product([range(n_runs), np.arange(n) / 60], names=["run", "time"])
+    X = pd.DataFrame(
+        {"e": loop.e.T.ravel(), "x": loop.x.T.ravel(), "f_t": loop.f.T.ravel()}, index=index
+    )
+    y = pd.Series(loop.u.T.ravel(), index=index, name="u")
+    inverse, answer = second_difference(loop).T.ravel(), loop.answer.T.ravel()
+    leaking = compare(Gives(lambda X: inverse), X, y, run_in=5.0)
+    assert leaking.leak.leaks
+    assert leaking.findings[0].name == "leak"
+    assert leaking.tests.set_index("test").loc["leak", "exceeds"]
+    assert "rebuilds the output" in leaking.summary()
+    honest = compare(Gives(lambda X: answer), X, y, run_in=5.0)
+    assert honest.leak.leaks is False
+    assert "leak" not in names(honest)
