@@ -161,6 +161,7 @@ def leaks(element: str, seed: int, rng: np.random.Generator) -> Case:
     for _ in range(40):
         linear = draw_pursuit(name, rng)
         world = linear.clean()
+        world.ahead = int(rng.integers(2)) * world.step
         if seed % 2 == 0:
             chosen = _choose(
                 [f for f in all_forms() if f.effect in ("preview", "feedforward")], rng

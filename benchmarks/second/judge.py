@@ -109,8 +109,9 @@ def described(case: Case) -> dict[str, Any]:
         "seconds_per_run": round(world.runs[0].keep / 600.0, 1),
         "share": round(world.scale["share"], 3),
         "coherent": round(case.coherent, 1),
-        "tau": round(world.person.delay, 4),
+        "tau": round(world.delay, 4),
         "drawn_for": case.element,
+        "element_given": controlled_element(world.element) is not None,
     }
     if chosen is not None:
         row |= {
@@ -149,7 +150,7 @@ def stops_reached(case: Case) -> bool:
 
 def delay_row(case: Case, search: Any) -> dict[str, Any]:
     """The effective delay: its error (s), and whether its interval holds the pure delay."""
-    true = case.world.person.delay
+    true = case.world.delay
     try:
         found = search.best_estimator_.parameters_.loc["tau_e", ["value", "low", "high"]].to_numpy(
             float
@@ -182,9 +183,7 @@ def given_delays(case: Case, who: Who, offsets: tuple[int, ...] = OFFSETS) -> di
     X, y, _, _ = case.tables()
     row["given"] = {}
     for offset in offsets:
-        delay = round(
-            (round(case.world.person.delay * case.world.rate) + offset) / case.world.rate, 9
-        )
+        delay = round((round(case.world.delay * case.world.rate) + offset) / case.world.rate, 9)
         if delay < 0:
             continue
         with warnings.catch_warnings():

@@ -41,7 +41,7 @@ class Standin:
 def oracle(case: Case, delay: float | None) -> Standin:
     """Knows everything: must be right in all, without a false name, and cover the delay."""
     names = [] if case.hidden is None else [case.hidden.effect]
-    return Standin(names, case.truth(case.new), case.world.person.delay, 0.01)
+    return Standin(names, case.truth(case.new), case.world.delay, 0.01)
 
 
 def deaf(case: Case, delay: float | None) -> Standin:

@@ -4,7 +4,7 @@ Open it for what is printed and for how a share and its interval are computed.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -64,44 +64,42 @@ def kind(row: Row) -> str:
     return ", target too" if "effect" in row else ", error alone"
 
 
+def worse(rows: list[Row]) -> str:
+    """Of the cases with a name: how often the named model is more than 1 point below the baseline."""
+    named = [r for r in rows if r["names"] and "vaf_baseline" in r]
+    return share([{"w": r["vaf_named"] < r["vaf_baseline"] - 1.0} for r in named], "w")
+
+
+def worst(rows: list[Row]) -> str:
+    """The least fresh VAF of a named model."""
+    return f"{min(r['vaf_named'] for r in rows):.3g}"
+
+
+ELEMENT_COLUMNS: dict[str, Callable[[list[Row]], str]] = {
+    "n": lambda rows: str(len(rows)),
+    "false names": lambda rows: share(rows, "false_names"),
+    "unknown": lambda rows: share(rows, "unknown"),
+    "inverse": lambda rows: share(rows, "leak"),
+    "median abs tau error": lambda rows: median(rows, "tau_error", size=True),
+    "tau bias": lambda rows: median(rows, "tau_error"),
+    "tau covered": lambda rows: share(rows, "tau_covered"),
+    "VAF base": lambda rows: median(rows, "vaf_baseline"),
+    "VAF named": lambda rows: median(rows, "vaf_named"),
+    "VAF truth": lambda rows: median(rows, "coherent"),
+    "worst VAF": worst,
+    "named below base": worse,
+}
+
+
 def by_element(rows: list[Row]) -> str:
     """False names, delay and fresh VAF; one row per element."""
-    head = [
-        "suite",
-        "element",
-        "n",
-        "false names",
-        "unknown",
-        "inverse",
-        "median abs tau error",
-        "tau bias",
-        "tau covered",
-        "VAF base",
-        "VAF named",
-        "VAF truth",
-    ]
-    lines = []
     every = groups([{**r, "what": f"{r['suite']}{kind(r)}"} for r in rows], "what", "element")
     if len(every) > 1:
         every[("all", "")] = rows
-    for (suite, element), some in every.items():
-        lines.append(
-            [
-                suite,
-                element,
-                str(len(some)),
-                share(some, "false_names"),
-                share(some, "unknown"),
-                share(some, "leak"),
-                median(some, "tau_error", size=True),
-                median(some, "tau_error"),
-                share(some, "tau_covered"),
-                median(some, "vaf_baseline"),
-                median(some, "vaf_named"),
-                median(some, "coherent"),
-            ]
-        )
-    return grid(head, lines)
+    lines = [
+        [*key, *(cell(some) for cell in ELEMENT_COLUMNS.values())] for key, some in every.items()
+    ]
+    return grid(["suite", "element", *ELEMENT_COLUMNS], lines)
 
 
 def by_effect(rows: list[Row], *keys: str) -> str:

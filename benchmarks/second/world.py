@@ -85,6 +85,14 @@ class World:
     shape: np.ndarray = field(default_factory=lambda: np.array([1.0, 0, 0, 1.0, 0, 0]))
     scale: dict[str, float] = field(default_factory=dict)
     sensor_abs: bool = False
+    ahead: int = (
+        0  # steps by which x and f are recorded later than u, as a loop clocked with u does
+    )
+
+    @property
+    def delay(self) -> float:
+        """The effective delay (s) from e to u as they are recorded."""
+        return self.person.delay + self.ahead * DT
 
     def clean(self) -> "World":
         """A copy in which the person is linear and nothing is hidden."""
@@ -164,13 +172,18 @@ class World:
         """What the recorder keeps of a signal at 600 Hz."""
         return values[run.skip : run.skip + run.keep : self.step]
 
+    def shown(self, run: Run, values: np.ndarray) -> np.ndarray:
+        """What the recorder keeps of x and f."""
+        first = run.skip + self.ahead
+        return values[first : first + run.keep : self.step]
+
     def table(self, closed: list[np.ndarray], which: range) -> tuple[pd.DataFrame, pd.Series]:
         """X and y of the runs ``which`` as a user has them; sensors of 10 to 12 bits."""
         frames = []
         for i in which:
             r, c = self.runs[i], closed[i]
-            x, u = self.cut(r, c[:, 0]), self.cut(r, c[:, 2])
-            f = self.cut(r, r.f)
+            x, u = self.shown(r, c[:, 0]), self.cut(r, c[:, 2])
+            f = self.shown(r, r.f)
             x, f = self._sense(x, "x"), self._sense(f, "x")
             data = {"e": f - x, "x": x, "f_t": f}
             if self.dist_recorded:
