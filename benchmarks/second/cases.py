@@ -143,7 +143,7 @@ def hidden(suite: str, element: str, seed: int, rng: np.random.Generator) -> Cas
         size = rng.uniform(0.3, 0.6) if strength == "medium" else rng.uniform(0.7, 1.0)
         chosen.hide(world, float(size * 1.03 ** max(0, attempt - 6)), rng)
         case = finished(suite, element, seed, world, chosen, strength)
-        if _holds(case) and case.gap >= LEAST_GAP[strength]:
+        if _holds(case) and matters(case, LEAST_GAP[strength]):
             return case
     raise RuntimeError(f"{effect} on {element}, seed {seed}: no case in which it matters")
 
@@ -170,7 +170,7 @@ def leaks(element: str, seed: int, rng: np.random.Generator) -> Case:
         limit = linear.scale["u"] * rng.uniform(2.8, 4.0)  # the stops of the slider, seldom reached
         world.put(stick=CLIP, stick_a=limit)
         case = finished("leaks", element, seed, world, chosen, "pursuit")
-        if _holds(case) and (chosen is None or case.gap >= 3.0):
+        if _holds(case) and (chosen is None or matters(case, 3.0)):
             return case
     raise RuntimeError(f"leaks on {element}, seed {seed}: no case in which the target matters")
 
@@ -178,26 +178,22 @@ def leaks(element: str, seed: int, rng: np.random.Generator) -> Case:
 def finished(
     suite: str, element: str, seed: int, world: World, chosen: Form | None, strength: str
 ) -> Case:
-    """Simulate, let the person answer without remnant, and measure what the best linear person
-    misses.
-    """
+    """Simulate, and let the person answer the same e without remnant."""
     closed = world.simulate()
-    answers = world.answer(closed)
-    missing = 0.0
-    if chosen is not None and all(np.abs(c).max() < 1e5 for c in closed):
-        runs = range(min(3, len(world.runs)))
-        e = [world.runs[i].f[:: world.step] - closed[i][:: world.step, 0] for i in runs]
-        u = [answers[i][:: world.step] for i in runs]
-        ends = [(world.runs[i].skip + world.runs[i].keep) // world.step for i in runs]
-        e, u = (
-            [a[:n] for a, n in zip(e, ends, strict=True)],
-            [a[:n] for a, n in zip(u, ends, strict=True)],
-        )
-        if world.sensor_abs:
-            u = [np.abs(a) for a in u]
-        p = world.person
-        missing = gap(e, u, 1 / world.rate, (p.delay, p.omega, p.zeta))
-    return Case(suite, seed, element, world, chosen, strength, missing, closed, answers)
+    return Case(suite, seed, element, world, chosen, strength, 0.0, closed, world.answer(closed))
+
+
+def matters(case: Case, least: float) -> bool:
+    """The best linear person misses ``least`` points of the answer; says how many in ``gap``."""
+    world, person = case.world, case.world.person
+    e, u = [], []
+    for run, closed, answer in list(zip(world.runs, case.closed, case.answers, strict=True))[:3]:
+        recorded = slice(0, run.skip + run.keep, world.step)
+        e.append((run.f - closed[:, 0])[recorded])
+        u.append(np.abs(answer[recorded]) if world.sensor_abs else answer[recorded])
+    start = (person.delay, person.omega, person.zeta)
+    case.gap = gap(e, u, 1 / world.rate, start, least)
+    return case.gap >= least
 
 
 def _holds(case: Case) -> bool:

@@ -33,20 +33,27 @@ def residual(
 
 
 def gap(
-    e: list[np.ndarray], u: list[np.ndarray], dt: float, start: tuple[float, float, float]
+    e: list[np.ndarray],
+    u: list[np.ndarray],
+    dt: float,
+    start: tuple[float, float, float],
+    least: float = 0.0,
 ) -> float:
-    """Points of VAF that the best linear person misses of u; the first 3 s of each run are not
-    counted.
+    """Points of VAF that the best linear person misses of u; 3 s of each run are not counted.
+
+    Two starts; the second is left out if the first already falls below ``least``.
     """
     skip = int(3.0 / dt)
-    best = min(
-        minimize(
+    best = 1.0
+    for factor in (1.0, 1.6):
+        found = minimize(
             residual,
-            np.log([start[0] * f, *start[1:]]),
+            np.log([start[0] * factor, *start[1:]]),
             (e, u, dt, skip),
             "Nelder-Mead",
             options={"maxiter": 120, "xatol": 1e-3, "fatol": 1e-6},
-        ).fun
-        for f in (1.0, 1.6)
-    )
+        )
+        best = min(best, float(found.fun))
+        if 100.0 * best < least:
+            break
     return 100.0 * best

@@ -65,7 +65,7 @@ def kind(row: Row) -> str:
 
 
 def worse(rows: list[Row]) -> str:
-    """Of the cases with a name: how often the named model is more than 1 point below the baseline."""
+    """Of cases with a name: how often the named model is over 1 point below the baseline."""
     named = [r for r in rows if r["names"] and "vaf_baseline" in r]
     return share([{"w": r["vaf_named"] < r["vaf_baseline"] - 1.0} for r in named], "w")
 
