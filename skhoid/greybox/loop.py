@@ -25,7 +25,8 @@ from ..human.linear_element import LinearElement
 from .cores import Core
 from .simulator import FreeParameter, Simulator
 
-SWEEPS = 30
+SWEEPS = 20
+SLOW, PATIENCE = 0.8, 3  # sweeps that leave more than this share, and how many end the search
 SMALL_STEP = 0.4
 SAME = 1e-5  # of the error's standard deviation
 SOLVED = 0.02  # of it, above which a loop counts as not solved
@@ -121,15 +122,14 @@ class LoopSimulator:
         return self._output
 
     def _solve(self, theta: np.ndarray) -> None:
-        """Solve the loop from the last error, else from the measured one, else in small steps."""
-        if not self._solved(theta, self._inside):
-            self._pulse = None
-            if not self._solved(theta, self._error):
-                self._solved(theta, self._error, SMALL_STEP)
+        """Solve the loop from the last error; the first time in small steps too."""
+        if not self._solved(theta, self._inside) and self._theta is None:
+            self._solved(theta, self._error, SMALL_STEP)
 
     def _solved(self, theta: np.ndarray, error: np.ndarray, step: float = 1.0) -> bool:
         assert self._columns.y is not None
         sensitivity = self._sensitivity(theta, error)
+        stuck = 0
         best: tuple[float, np.ndarray, np.ndarray, Simulator] | None = None
         with np.errstate(over="ignore", invalid="ignore"):
             for _ in range(round(SWEEPS / step)):
@@ -139,9 +139,11 @@ class LoopSimulator:
                 left = self._error - self.loop.moved(change) - error
                 size = float(np.sqrt(np.mean(left**2))) / self._spread
                 size = size if np.isfinite(size) else np.inf
+                worse = best is not None and size > SLOW**step * best[0]
                 if best is None or size < best[0]:
                     best = size, error, answer, simulator
-                if size < SAME or not np.isfinite(size):
+                stuck = stuck + 1 if worse else 0
+                if size < SAME or not np.isfinite(size) or stuck == PATIENCE:
                     break
                 error = error + step * filtered(left, sensitivity)
                 error = np.clip(error, -LARGEST * self._spread, LARGEST * self._spread)
