@@ -323,7 +323,7 @@ def counted_in_rows(X):
 
 def test_row_numbers_or_milliseconds():
     """Of a person, who has an error and a target; a furnace may tick so."""
-    e, other = smooth()[0], smooth(7)[0]
+    e, other = smooth()[0], smooth(seed=7)[0]
     finding = only(check_channels(counted_in_rows(table(e=e, f_t=other))))
     assert (finding.name, finding.title) == ("clock unit", "The clock advances by 1 a row")
     assert check_channels(counted_in_rows(table(gas=e, heat=other))) == []
