@@ -22,6 +22,7 @@ from .diagnosis import performance_scores as performance_scores
 from .diagnosis import remnant_estimate as remnant_estimate
 from .exceptions import IrregularSamplingError as IrregularSamplingError
 from .exceptions import MissingDataWarning as MissingDataWarning
+from .exceptions import PooledRunsWarning as PooledRunsWarning
 from .exceptions import PoorExcitationWarning as PoorExcitationWarning
 from .exceptions import RankDeficiencyError as RankDeficiencyError
 from .exceptions import RemnantIntensityError as RemnantIntensityError
@@ -30,6 +31,7 @@ from .exceptions import RunIndexError as RunIndexError
 from .exceptions import RunTimeWarning as RunTimeWarning
 from .exceptions import SamplingJitterWarning as SamplingJitterWarning
 from .exceptions import ShortRunError as ShortRunError
+from .exceptions import SlowClockWarning as SlowClockWarning
 from .exceptions import StudyFolderError as StudyFolderError
 from .exceptions import StudyWarning as StudyWarning
 from .exceptions import UnstableLoopError as UnstableLoopError

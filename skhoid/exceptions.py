@@ -8,6 +8,7 @@ from difflib import get_close_matches
 __all__ = [
     "IrregularSamplingError",
     "MissingDataWarning",
+    "PooledRunsWarning",
     "PoorExcitationWarning",
     "RankDeficiencyError",
     "RemnantIntensityError",
@@ -16,6 +17,7 @@ __all__ = [
     "RunTimeWarning",
     "SamplingJitterWarning",
     "ShortRunError",
+    "SlowClockWarning",
     "StudyFolderError",
     "StudyWarning",
     "UnstableLoopError",
@@ -240,6 +242,45 @@ class RunCutWarning(UserWarning):
     Traceback (most recent call last):
         ...
     skhoid.exceptions.RunCutWarning: The splits of cv=KFold(...) cut run 0: ...
+    """
+
+
+class PooledRunsWarning(UserWarning):
+    """Runs of several subjects or conditions are fitted as those of one operator.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import pandas as pd
+    >>> from skhoid import ARXRegressor, make_tracking_runs
+    >>> from skhoid.exceptions import PooledRunsWarning
+    >>> runs = {s: make_tracking_runs(n_runs=1, random_state=s) for s in (1, 2)}
+    >>> X, y = (pd.concat({s: runs[s][i] for s in runs}, names=["subject"]) for i in (0, 1))
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", PooledRunsWarning)
+    ...     ARXRegressor(2, 2, 29).fit(X, y)
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.PooledRunsWarning: Runs of 2 subjects are fitted as those of one: ...
+    """
+
+
+class SlowClockWarning(UserWarning):
+    """The clock is one on which no person steers: it may count milliseconds, or rows.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from skhoid import make_tracking_runs, sampling_time
+    >>> from skhoid.exceptions import SlowClockWarning
+    >>> X, y = make_tracking_runs(n_runs=1, channels=("e", "x"), random_state=0)
+    >>> X.index = X.index.set_levels(X.index.levels[1] * 1000, level="time")
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", SlowClockWarning)
+    ...     sampling_time(X)
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.SlowClockWarning: The time index advances by 10 a row, ...
     """
 
 

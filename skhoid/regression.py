@@ -19,6 +19,7 @@ from .metrics import scored_rows, vaf_of_rows
 from .preprocessing.base import check_numbers, read_table
 from .preprocessing.grid import ModelGrid
 from .runs import DecimationMark, check_alignment, input_columns, output_name
+from .runs.selection import warn_of_pooled
 from .summaries import Summary
 
 NOTED_JITTER = 0.01  # of a sampling time
@@ -90,6 +91,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
     def _read_data(self, X: Any, y: Any) -> DataToFit:
         """Read data to fit."""
         grid, values = self._read_X(X, reset=True)
+        warn_of_pooled(X)
         output = self._read_y(X, y)
         self._output_name = output_name(y)
         self._columns = input_columns(

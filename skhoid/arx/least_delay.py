@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..runs import whole_samples
-from ..runs.roles import role_of
+from ..runs.roles import of_person, role_of
 
 HUMAN = 0.1  # s
 DOMAINS = (None, "human", "machine")
@@ -79,10 +79,10 @@ def least_delay_of(
     if seconds is not None and not (np.isfinite(seconds) and seconds >= 0):
         raise ValueError(f"least_delay must be zero or more, in seconds; got {seconds!r}.")
     of_inputs = {name: role_of(name, roles) for name in inputs}
-    there = {role_of(name, roles) for name in columns}
     loop = tuple(name for name, role in of_inputs.items() if role in ("e", "x"))
     if domain is None:
-        domain = "human" if "e" in there and there & {"x", "f_t"} else "machine"
+        person = of_person(role_of(name, roles) for name in columns)
+        domain = "human" if person else "machine"
     closed = "x" in of_inputs.values() or {"e", "f_t"} <= set(of_inputs.values())
     if not loop:
         return LeastDelay(0, 0.0, domain, loop, closed)

@@ -72,7 +72,7 @@ def show_search(
         estimator,
         effects=wanted_effects(options),
         display=getattr(options, "display", None) or "compensatory",
-        controlled_element=_element(getattr(options, "controlled_element", None)),
+        controlled_element=element_of(getattr(options, "controlled_element", None)),
         max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
         domain=getattr(options, "domain", None),
     )
@@ -86,7 +86,7 @@ def show_search(
     return story
 
 
-def _element(text: str | None) -> Any:
+def element_of(text: str | None) -> Any:
     """The controlled element of the command line: a transfer function, or K_c and omega_b."""
     if text is None:
         return None

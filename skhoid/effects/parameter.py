@@ -30,8 +30,10 @@ class Parameter:
         What it is, for tables.
     scale : Dimension or None, default=None
         What bounds and starts are in. None: standard deviations of the signals that ``dimension``
-        names, and seconds. ``Dimension()``: the units of the data. ``T`` stands for seconds that
-        are durations of a run, ``Dimension(u=1, T=-1)``; ``e`` may stand for a channel.
+        names, and seconds as a person has them: on an ARX model times its own time, since a
+        machine may be faster or slower. ``Dimension()``: the units of the data, and plain seconds
+        on every model. ``T`` stands for seconds that are durations of a run,
+        ``Dimension(u=1, T=-1)``; ``e`` may stand for a channel.
 
     See Also
     --------
@@ -83,7 +85,7 @@ class Parameter:
         sizes += [(record.sd(name), p) for name, p in named.channels]
         if named.T:
             sizes.append((record.duration, named.T))
-        else:
+        elif self.scale != ONE:
             sizes.append((record.time_unit, self.dimension.seconds))
         value = 1.0
         for size, power in sizes:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..exceptions import RunIndexError
 from ..runs import GAP, JITTER_TOLERANCE, snap
+from ..runs.roles import of_person
 from ..summaries import counted
 from .findings import Finding
 from .rates import check_rates
@@ -310,7 +311,8 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             "Lags in samples mean another time in each run.",
             f"Bring the runs onto one grid: X, y = resample_runs(X, y, dt={snap(max(typical)):g}).",
         )
-    if min(typical) >= SLOWEST:
+    found = [role for role in ("e", "x", "f_t") if recording.signals.of_role(role)[0] is not None]
+    if min(typical) >= SLOWEST and of_person(found):
         yield Finding(
             "clock unit",
             f"The clock advances by {recording.dt:g} a row",

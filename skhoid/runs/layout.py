@@ -8,13 +8,14 @@ levels such as ``subject`` and ``condition``) or, for arrays and plain frames, i
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..exceptions import IrregularSamplingError, RunIndexError
+from ..exceptions import IrregularSamplingError, RunIndexError, SlowClockWarning
 from .clock import (
     GAP,
     JITTER_TOLERANCE,
@@ -27,7 +28,9 @@ from .clock import (
     typical_step,
 )
 from .marks import DecimationMark, is_mark, read_marks
-from .roles import run_column
+from .roles import of_person, run_column
+
+SLOW = 2.0  # s a row, at which nobody steers
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,9 @@ def read_layout(
     if not isinstance(index, pd.Index):
         index = None
     if isinstance(index, pd.MultiIndex):
-        return _layout_from_multiindex(index, dt, fallback_dt)
+        layout = _layout_from_multiindex(index, dt, fallback_dt)
+        _doubt_slow_clock(X, layout, dt or fallback_dt)
+        return layout
     if isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)):
         refuse_datetime(index)
     n_rows = index.size if index is not None else np.asarray(X).shape[0]
@@ -128,13 +133,32 @@ def read_layout(
     run_starts, labels = _runs_of_column(X, run, n_rows)
     if index is not None and index.name == TIME:
         time = time_in_seconds(index)
-        return _layout_from_time(time, labels, run_starts, dt, fallback_dt, indexed=True)
+        layout = _layout_from_time(time, labels, run_starts, dt, fallback_dt, indexed=True)
+        _doubt_slow_clock(X, layout, dt or fallback_dt)
+        return layout
     step = dt if dt is not None else (fallback_dt if fallback_dt is not None else 1.0)
     starts = run_starts
     number = np.arange(n_rows) - np.repeat(run_starts[:-1], np.diff(run_starts))
     if index is not None and not isinstance(index, pd.RangeIndex) and index.dtype.kind in "iu":
         starts, number = _cut_at_jumps(index.to_numpy(), run_starts, number)
     return RunLayout(labels, run_starts, starts, number * step, step)
+
+
+def _doubt_slow_clock(X: Any, layout: RunLayout, said: float | None) -> None:
+    """Warn of a clock on which nobody steers, where the channels are those of a person.
+
+    Machines may tick every 9 s; a person's clock of 2 s and more counts milliseconds or rows.
+    """
+    if said is None and layout.dt >= SLOW and of_person(map(str, getattr(X, "columns", ()))):
+        warnings.warn(
+            f"The time index advances by {layout.dt:g} a row, which is counted as {layout.dt:g} s. "
+            "The channels are those of a person, who does not steer that slowly. If these are "
+            "milliseconds, divide them by 1000 (read_runs does by units={'t': 'ms'}); if they are "
+            "row numbers, multiply them by the sampling time. If they are seconds, say so with "
+            f"dt={layout.dt:g}.",
+            SlowClockWarning,
+            stacklevel=2,
+        )
 
 
 def _runs_of_column(X: Any, run: Any, n_rows: int) -> tuple[np.ndarray, list[Any]]:
@@ -263,13 +287,6 @@ def _layout_from_time(
             )
     regular = step[within & (step <= GAP * typical)]
     found = snap(float(regular.mean()) if regular.size else typical)
-    if dt is None and found >= 2.0:
-        raise RunIndexError(
-            f"The time index advances by {found:g} a row: this looks like milliseconds or sample "
-            "numbers, and skhoid counts seconds. Divide it by 1000 (read_runs does by units={'t': "
-            "'ms'}), or multiply it by the sampling time (or read with dt= in place of time=); if "
-            f"the sampling time really is {found:g} s, say so with dt={found:g}."
-        )
     for given, whose in ((dt, "and dt="), (fallback_dt, "and the model was fitted at ")):
         if given is not None and abs(found - given) > 0.01 * given:
             raise IrregularSamplingError(

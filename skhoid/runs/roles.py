@@ -7,7 +7,7 @@ skhoid asks here.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,12 @@ def output_name(y: Any) -> str:
 def is_role(role: str) -> bool:
     """Whether there is such a role."""
     return role in EXACT or role.startswith(PREFIXES)
+
+
+def of_person(roles: Iterable[str]) -> bool:
+    """Whether channels of these roles are those of a person at a display: e, with x or f_t."""
+    there = set(roles)
+    return "e" in there and bool(there & {"x", "f_t"})
 
 
 def role_of(name: Any, roles: Mapping[Any, Any] | None = None) -> Any:

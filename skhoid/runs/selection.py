@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..exceptions import RunIndexError
+from ..exceptions import PooledRunsWarning, RunIndexError
 from .alignment import check_alignment
+from .clock import RUN, TIME
 from .layout import read_layout, run_name
+from .marks import is_mark
 
 
 def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarray:
@@ -82,6 +85,26 @@ def sampling_time(X: Any, *, dt: float | None = None, run: Any = None) -> float:
     0.005
     """
     return read_layout(X, dt=dt, run=run).dt
+
+
+def warn_of_pooled(X: Any, stacklevel: int = 4) -> None:
+    """Warn that runs of several subjects, or conditions, are taken for one operator's."""
+    index = getattr(X, "index", None)
+    if not isinstance(index, pd.MultiIndex):
+        return
+    for name in index.names:
+        values = index.get_level_values(name).unique()
+        if name in (RUN, TIME) or is_mark(str(name)) or len(values) < 2:
+            continue
+        warnings.warn(
+            f"Runs of {len(values)} {name}s are fitted as those of one: "
+            f"{', '.join(map(str, values[:3]))}{', ...' if len(values) > 3 else ''}. Fit each by "
+            f'itself: for name, part in X.groupby(level="{name}"), with y.loc[part.index]; or '
+            f"analyse_experiment. If one model of all is meant, give each run a label of its own "
+            f"and drop the level {name!r} from the index.",
+            PooledRunsWarning,
+            stacklevel=stacklevel,
+        )
 
 
 def select_runs(

@@ -5,10 +5,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from skhoid import load_human_tracking, read_runs
+from skhoid import ControlledElement, load_human_tracking, read_runs
 from skhoid.cli import main
+from skhoid.cli.options import with_one_element
 from skhoid.cli.parser import make_parser
 from skhoid.cli.recordings import read_recordings
+from skhoid.cli.search_output import element_of
 
 FILES = ["run.csv", "--time", "t"]
 WORDS = {
@@ -177,3 +179,22 @@ def test_names_are_printed_and_drawn_as_they_are(capsys):
     assert "12:100:0" in printed
     assert "input a$x_1$b" in printed
     assert "Pictures in skhoid-identify: simulation.png, parameters.png" in printed
+
+
+@pytest.mark.parametrize(
+    ("words", "element"),
+    [
+        (["90", "6"], ControlledElement(90.0, 6.0)),
+        (["1/(s(s+1))"], ControlledElement("1/(s(s+1))")),
+        (["1/s", "other.csv"], ControlledElement("1/s")),
+    ],
+)
+def test_controlled_elements(words, element):
+    given = ["diagnose", "--input", "e", "--controlled-element", *words]
+    options = make_parser().parse_args(with_one_element(given))
+    assert element_of(options.controlled_element) == element
+
+
+def test_an_element_that_cannot_be_read():
+    with pytest.raises(ValueError, match="'K' is not known"):
+        element_of("K/s")

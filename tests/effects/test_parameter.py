@@ -139,6 +139,15 @@ def test_limits_grow_with_the_signals_as_the_dimension_says():
             assert np.array(one.limits(larger)[p.name]) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.parametrize("core", [CoreKind.OPERATOR, CoreKind.ARX])
+def test_bounds_in_the_units_of_the_data_are_not_stretched(core):
+    record = replace(synthetic_record(), core=core, time_unit=60.0)
+    as_written = Parameter("time", S, 2.0, 90.0, (30.0,), scale=Dimension())
+    assert as_written.scale_of(record, "command") == 1.0
+    of_a_person = Parameter("time", S, 0.1, 1.5, (0.5,))
+    assert of_a_person.scale_of(record, "command") == 60.0
+
+
 FACTORS = {"u": 2.0, "e": 4.0, "x": 4.0, "f_t": 4.0, "motion_acc": 8.0, "dist": 16.0, "speed": 32.0}
 
 

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import TransferFunction
 from scipy.stats import binom
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
@@ -17,6 +18,7 @@ from skhoid import (
     ControlledElement,
     Decimator,
     EffectSearchCV,
+    LinearElement,
     MissingDataWarning,
     OperatorRegressor,
     RankDeficiencyError,
@@ -365,6 +367,30 @@ def test_a_controlled_element_is_used_as_given(runs):
     element = ControlledElement(3.0, 2.0)
     model = OperatorRegressor(controlled_element=element).fit(*runs)
     assert float(model.controlled_element_.K_c) == 3.0
+
+
+def test_an_element_is_the_same_however_it_is_given(runs):
+    X, y = runs
+    inverse = Feedforward(form="inverse")
+    given = [
+        "90/(s(s+6))",
+        TransferFunction([90], [1, 6, 0]),
+        LinearElement([90.0], [1.0, 6.0, 0.0]),
+    ]
+    expected = OperatorRegressor(effects=inverse, controlled_element=ControlledElement(90.0, 6.0))
+    prediction = expected.fit(X, y).predict(X)
+    for element in given:
+        model = clone(expected).set_params(controlled_element=element).fit(X, y)
+        np.testing.assert_array_equal(model.predict(X), prediction)
+        assert model.controlled_element_ == ControlledElement(90.0, 6.0)
+
+
+def test_an_element_without_an_inverse_is_refused_with_its_reason(runs):
+    model = OperatorRegressor(
+        effects=Feedforward(form="inverse"), controlled_element="(s-1)/(s(s+1))"
+    )
+    with pytest.raises(ValueError, match=r"feedforward does not apply.*has a zero at 1"):
+        model.fit(*runs)
 
 
 def test_units_are_those_of_the_data(fitted):

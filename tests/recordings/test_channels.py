@@ -314,13 +314,19 @@ def test_steps_pulses_and_pauses_are_no_fault():
 # The clock
 
 
-def test_row_numbers_or_milliseconds():
-    X = table(phi=smooth()[0])
+def counted_in_rows(X):
     run = X.index.get_level_values("run")
     time = X.groupby("run").cumcount().to_numpy()
     X.index = pd.MultiIndex.from_arrays([run, time], names=["run", "time"])
-    finding = only(check_channels(X))
+    return X
+
+
+def test_row_numbers_or_milliseconds():
+    """Of a person, who has an error and a target; a furnace may tick so."""
+    e, other = smooth()[0], smooth(seed=7)[0]
+    finding = only(check_channels(counted_in_rows(table(e=e, f_t=other))))
     assert (finding.name, finding.title) == ("clock unit", "The clock advances by 1 a row")
+    assert check_channels(counted_in_rows(table(gas=e, heat=other))) == []
 
 
 def test_small_jitter_and_gaps():

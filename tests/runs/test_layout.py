@@ -244,6 +244,7 @@ def test_level_order_and_labels_mean_nothing():
         np.testing.assert_array_equal(found, expected)
 
 
+@pytest.mark.filterwarnings("ignore::skhoid.exceptions.PooledRunsWarning")
 def test_lags_never_cross_subjects_and_conditions():
     X, y = arx_runs(4)
     run = X.index.get_level_values("run").to_numpy()

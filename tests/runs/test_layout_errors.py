@@ -165,11 +165,6 @@ ERRORS = {
         RunIndexError,
         ["must be numbers in seconds"],
     ),
-    "time in milliseconds": (
-        lambda: fit(with_levels(X, time=1000 * TIME), Y.array),
-        RunIndexError,
-        ["advances by 10 a row", "milliseconds", "Divide it by 1000", "dt=10"],
-    ),
     "time is NaN": (
         lambda: fit(with_levels(X, time=np.where(np.arange(N) == 7, np.nan, TIME)), Y.array),
         RunIndexError,
