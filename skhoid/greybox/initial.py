@@ -23,6 +23,7 @@ WEAK = 1e-6  # share of its squares in the known rows from which a state is esti
 GONE = 1e-9  # of a free response
 MARGIN = 1.3  # times that long, for poles that lie together
 N_NEWTON = 3  # iterations behind a nonlinear effect
+WORTHWHILE = 1e-4  # share of the squares, below which these end
 DIFFERENCE = 1e-3  # of the output's standard deviation, of the derivatives there
 SHARE_OF_ERROR, SHARE_OF_POWER = 0.1, 0.01  # by which a start must lower the squares to be taken
 
@@ -115,7 +116,8 @@ def with_fitted_start(
 
     step = DIFFERENCE * record.sd("u")
     start = np.zeros((states, record.n_runs))
-    for sign in (1.0, -1.0):  # which a sensor may hide
+    hidden = record.y[record.known].min(initial=0.0) >= 0.0  # by a sensor, as the sign may be
+    for sign in (1.0, -1.0) if hidden else (1.0,):
         wanted = sign * record.y[:n] - core_output[:n]
         guess = fitted_states(responses, wanted, record.known[:n])
         trial = begun(guess)
@@ -133,11 +135,12 @@ def with_fitted_start(
         right = np.einsum("inj,nj->ji", slopes, residual)
         change = np.linalg.solve(gram, right[:, :, None])[:, :, 0].T
         trial = begun(start + change)
-        better = _squares(record, trial) < _squares(record, output)
-        if not better.any():
-            break
+        before, after = _squares(record, output), _squares(record, trial)
+        better = after < before
         start = start + np.where(better, change, 0.0)
         output = np.where(better, trial, output)
+        if not (before - after > WORTHWHILE * before).any():
+            break
     return output
 
 
