@@ -152,8 +152,8 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         The output is zero before each run, and before the first row after a gap or a marked
         run-in; inputs are zero before the recording begins. Models with ``initial_`` equal to
         ``"estimate"`` begin as if the inputs had always been as in the first row. A NaN input
-        holds the last value, and
-        a warning says how many. Unstable models stay finite (within 1e100).
+        holds the last value, and a warning says how many. Unstable models stay finite (within
+        1e100).
 
         Parameters
         ----------

@@ -16,14 +16,17 @@ from .model import Model, halved, scaled_sse
 from .simulator import Simulator
 
 N_ROUNDS = 5  # of Steiglitz and McBride
-N_SPREAD = 6  # of the spread starts that are simulated
+N_LEAST_SQUARES = 3  # of these, best first, that are followed
+N_SPREAD = 4  # of the spread starts, the same
 
 
 def fitted_arx(core: ARXCore, record: Record, criterion: Criterion) -> Model:
     """The core without effects at its smallest simulation error, never worse than its starts."""
-    starts = arx_starts(core, record, record.input, N_ROUNDS)
-    starts += spread_starts(core, record, record.input, core.n_starts)[:N_SPREAD]
     simulator = Simulator(core, Effects([]), record)
+    starts = arx_starts(core, record, record.input, N_ROUNDS)
+    starts.sort(key=lambda theta: criterion.sse(simulator.run(theta)))
+    starts = starts[:N_LEAST_SQUARES]
+    starts += spread_starts(core, record, record.input, core.n_starts)[:N_SPREAD]
     best = min(starts, key=lambda theta: scaled_sse(simulator, criterion, theta))
     simulator = Simulator(core.sized(sizes(core, record, best)), Effects([]), record)
     return halved(simulator, criterion, starts)

@@ -65,6 +65,8 @@ class Core(Protocol):
     has_states : bool
         Whether ``denominator`` and ``held_start`` are those of the response; runs begin at rest
         otherwise.
+    memory : int
+        Samples of the command that the response remembers besides its states.
     """
 
     kind: CoreKind
@@ -76,6 +78,7 @@ class Core(Protocol):
     ratios: tuple[Ratio, ...]
     sizes: Mapping[str, float]
     has_states: bool
+    memory: int
 
     def on(self, record: Record) -> Record:
         """The record, completed by what effects must know about the core."""
@@ -134,6 +137,7 @@ class OperatorCore:
     """
 
     kind = CoreKind.OPERATOR
+    memory = 0
     gains: tuple[str, ...] = ("K_e", "K_edot")
     delays: tuple[str, ...] = ()
     ordinary: Mapping[str, float] = {"omega_nm": 11.0, "zeta_nm": 0.35}
@@ -266,6 +270,7 @@ class ARXCore:
     ):
         self.na, self.nb, self.nk, self.intercept = na, nb, nk, intercept
         self.n_starts = n_starts
+        self.memory = nk + nb
         self.sizes: Mapping[str, float] = sizes or {}
         self.parameters: tuple[Parameter, ...] = (
             *(Parameter(f"a{i + 1}", ONE, meaning="of the output") for i in range(na)),
@@ -341,8 +346,9 @@ class ARXCore:
         level = held_level(a, b.sum() * x + constant, levels)
         # What lags that reach before the first sample add to each of the first samples.
         before = np.zeros((n, x.size))
-        for t in range(min(n, max(self.na, b.size - 1))):
-            before[t] = b[t + 1 :].sum() * x - a[t + 1 :].sum() * level
+        for polynomial, signal in ((b, x), (-a, level)):
+            m = min(n, polynomial.size)
+            before[:m] += np.outer(polynomial.sum() - np.cumsum(polynomial)[:m], signal)
         return lfilter([1.0], a, before, axis=0)
 
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
@@ -376,6 +382,8 @@ def held_level(a: np.ndarray, drive: np.ndarray, levels: tuple[float, float]) ->
     had is none of it.
     """
     rest = np.clip(np.zeros_like(drive), *levels)
+    if levels[0] == levels[1]:
+        return rest
     return np.clip(drive / a.sum(), *levels) if is_stable(a) else rest
 
 

@@ -21,7 +21,9 @@ REST, HELD, ESTIMATE = "rest", "held", "estimate"
 FORGOTTEN = 2.0  # s of settling, after which an operator has forgotten how a run began
 WEAK = 1e-6  # share of its squares in the known rows from which a state is estimated in full
 GONE = 1e-9  # of a free response
+MARGIN = 1.3  # times that long, for poles that lie together
 N_NEWTON = 3  # iterations behind a nonlinear effect
+WORTHWHILE = 1e-4  # share of the squares, below which these end
 DIFFERENCE = 1e-3  # of the output's standard deviation, of the derivatives there
 SHARE_OF_ERROR, SHARE_OF_POWER = 0.1, 0.01  # by which a start must lower the squares to be taken
 
@@ -42,6 +44,16 @@ def error_of(record: Record, output: np.ndarray) -> float:
         error = (record.y - output)[record.known]
         total = float(error @ error)
     return total if np.isfinite(total) else np.inf
+
+
+def horizon(denominator: np.ndarray, n: int) -> int:
+    """Rows of ``n`` in which the free response of 1 / A is felt."""
+    radius = float(np.abs(np.roots(denominator)).max(initial=0.0))
+    if not radius > GONE:
+        return min(n, denominator.size)
+    if radius >= 1.0:
+        return n
+    return int(min(n, MARGIN * np.log(GONE) / np.log(radius) + 2 * denominator.size))
 
 
 def free_responses(denominator: np.ndarray, n: int) -> np.ndarray:
@@ -82,43 +94,53 @@ def with_fitted_start(
     behind: Callable[[np.ndarray], np.ndarray],
     additive: bool,
 ) -> np.ndarray:
-    """Output whose initial states fit the measured one best.
+    """Output whose initial states fit the measured one best, felt in the rows of ``responses``.
 
     ``behind`` are the stages after the core, which only add to the output where ``additive``.
     """
     assert record.y is not None
-    states = responses.shape[1]
+    n, states = responses.shape
     output = behind(core_output)
     if not states or not np.isfinite(output).all():
         return output
     if additive:
-        amounts = fitted_states(responses, record.y - output, record.known)
-        return output + responses @ amounts
+        amounts = fitted_states(responses, record.y[:n] - output[:n], record.known[:n])
+        output = output.copy()
+        output[:n] += responses @ amounts
+        return output
+
+    def begun(amounts: np.ndarray) -> np.ndarray:
+        answer = core_output.copy()
+        answer[:n] += responses @ amounts
+        return behind(answer)
+
     step = DIFFERENCE * record.sd("u")
     start = np.zeros((states, record.n_runs))
-    for sign in (1.0, -1.0):  # which a sensor may hide
-        guess = fitted_states(responses, sign * record.y - core_output, record.known)
-        trial = behind(core_output + responses @ guess)
+    hidden = record.y[record.known].min(initial=0.0) >= 0.0  # by a sensor, as the sign may be
+    for sign in (1.0, -1.0) if hidden else (1.0,):
+        wanted = sign * record.y[:n] - core_output[:n]
+        guess = fitted_states(responses, wanted, record.known[:n])
+        trial = begun(guess)
         better = _squares(record, trial) < _squares(record, output)
         start, output = np.where(better, guess, start), np.where(better, trial, output)
     for _ in range(N_NEWTON):
-        here = core_output + responses @ start
         residual = np.where(record.known, record.y - output, 0.0)
         slopes = np.stack(
             [
-                np.where(record.known, (behind(here + step * r[:, None]) - output) / step, 0.0)
-                for r in responses.T
+                np.where(record.known, (begun(start + step * one[:, None]) - output) / step, 0.0)
+                for one in np.eye(states)
             ]
         )
         gram = np.einsum("inj,knj->jik", slopes, slopes) + WEAK * np.eye(states)
         right = np.einsum("inj,nj->ji", slopes, residual)
         change = np.linalg.solve(gram, right[:, :, None])[:, :, 0].T
-        trial = behind(core_output + responses @ (start + change))
-        better = _squares(record, trial) < _squares(record, output)
-        if not better.any():
-            break
+        trial = begun(start + change)
+        before, after = _squares(record, output), _squares(record, trial)
+        better = after < before
         start = start + np.where(better, change, 0.0)
         output = np.where(better, trial, output)
+        if not (before - after > WORTHWHILE * before).any():
+            break
     return output
 
 

@@ -19,7 +19,7 @@ N_LIKELIHOOD = {
 }
 N_FREELY = {CoreKind.OPERATOR: 2, CoreKind.ARX: 0}  # rounds of which the free run may get worse
 # Largest ratio of the squares of the simulation error to those of the round before (ARX: of all).
-WORSE = {CoreKind.OPERATOR: 1.01, CoreKind.ARX: 1.02}
+WORSE = {CoreKind.OPERATOR: 1.01, CoreKind.ARX: 1.05}
 SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
 
 JOINT_RATE = 12.5  # Hz: faster, errors of the simulation count more than the remnant

@@ -15,7 +15,7 @@ from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import Parameter
 from ..effects.record import Record
 from .cores import Core, neutral_gains
-from .initial import HELD, REST, free_responses, with_fitted_start
+from .initial import HELD, REST, free_responses, horizon, with_fitted_start
 
 
 class StageSignals(NamedTuple):
@@ -133,8 +133,12 @@ class Simulator:
         additive = all(effect.place != "output" for _, effect in self.effects)
 
         def start(s: StageSignals, theta: Any) -> StageSignals:
-            given, n = values(theta, dynamic), len(s.answer)
-            answer = s.answer + core.held_start(s.command, given, record.dt, n, record.levels)
+            given = values(theta, dynamic)
+            denominator = core.denominator(given, record.dt)
+            n = horizon(denominator, len(s.answer))
+            reach = min(n + core.memory, len(s.answer))
+            answer = s.answer.copy()
+            answer[:reach] += core.held_start(s.command, given, record.dt, reach, record.levels)
 
             def passed_on(signal: np.ndarray) -> np.ndarray:
                 state = s._replace(output=signal)
@@ -144,7 +148,7 @@ class Simulator:
 
             if record.initial == HELD or record.y is None:
                 return s._replace(output=passed_on(answer))
-            free = free_responses(core.denominator(given, record.dt), n)
+            free = free_responses(denominator, n)
             return s._replace(output=with_fitted_start(record, answer, free, passed_on, additive))
 
         return [*stages, Stage(start, dynamic)]
