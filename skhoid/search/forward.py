@@ -20,7 +20,7 @@ from ..greybox.extend import beside_each_other, extended
 from ..greybox.fitting import Criterion, Fit, RemnantModel, minimise
 from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
-from .held_out import HeldOutRows, held_out
+from .held_out import HeldOutRows, held_out, refitted_prediction
 from .in_loop import InLoop, LoopJudge, LoopParent
 from .signatures import traces_of
 
@@ -32,6 +32,8 @@ BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
 AS_GOOD = 0.05  # points
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
+CLAIM = "wrong_delay"  # the effect by which a given delay is freed
+AT_ZERO = 1e-9  # a bound that is a value like others: no delay, no leak
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
 
 
@@ -53,6 +55,8 @@ class Candidate:
     confused_with: list[str] = field(default_factory=list)
     trace: str = ""
     in_loop: InLoop | None = None
+    least_gain: float = LEAST_GAIN
+    refused: str = ""
 
     @property
     def id(self) -> str:
@@ -61,14 +65,16 @@ class Candidate:
     @property
     def passes(self) -> bool:
         """All criteria are met, or the output itself shows the effect."""
+        if self.refused:
+            return False
         if self.trace:
-            return self.gain > -LEAST_GAIN
+            return self.gain > -self.least_gain
         return self.helps and not (self.in_loop is not None and self.in_loop.refutes)
 
     @property
     def helps(self) -> bool:
         """Both criteria of the free run from the measured error are met."""
-        return self.evidence > LEAST_EVIDENCE and self.gain >= LEAST_GAIN
+        return self.evidence > LEAST_EVIDENCE and self.gain >= self.least_gain
 
 
 @dataclass
@@ -80,6 +86,7 @@ class SearchStep:
     prediction: np.ndarray
     candidates: list[Candidate]
     loop: LoopParent | None = None
+    refit: Callable[[Model], float] | None = None
 
     def rank(self) -> None:
         """Put the best first; it has passed in the closed loop too, where that is known."""
@@ -94,10 +101,14 @@ class SearchStep:
         mark_confused(self.candidates)
 
     def judge(self, candidate: Candidate) -> bool:
-        """Whether a candidate passes in the closed loop too."""
+        """Whether a candidate passes in the closed loop too, and refitted without each fold."""
         if self.loop is not None and candidate.in_loop is None and not candidate.trace:
             assert candidate.model is not None
             candidate.in_loop = self.loop.judged(candidate.model)
+        if candidate.passes and self.refit is not None and candidate.model is not None:
+            gain = self.refit(candidate.model) - self.refit(self.parent)
+            if gain <= (-candidate.least_gain if candidate.trace else 0.0):
+                candidate.refused = f"fitted without the rows, it loses {-gain:.2g} points there"
         return candidate.passes
 
     @property
@@ -129,7 +140,9 @@ class Search:
         self.traces = traces_of(record)
         self.criterion = Criterion(record)
         self.coarse = self.criterion.coarse()
+        self.share = share_about_mean(self.criterion)
         self.n_jobs = n_jobs
+        self._refits: dict[tuple, np.ndarray] = {}
 
     def _each(self, function: Callable[..., Any], items: Sequence[Any], *args: Any) -> list[Any]:
         """``function(item, *args)`` of each item, in ``n_jobs`` processes."""
@@ -198,13 +211,28 @@ class Search:
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
             c.trace = self.traces.get(c.id, "")
+            c.least_gain = LEAST_GAIN * self.share
+            c.refused = without_name(c)
         most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
         for c in tried:  # levels may be those at which something else came to rest
             c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
         loop = None if self.loop is None else self.loop.around(base)
-        step = SearchStep(base, base_vaf, base_prediction, candidates, loop)
+        step = SearchStep(base, base_vaf, base_prediction, candidates, loop, self.refit)
         step.rank()
         return step
+
+    def refit(self, model: Model) -> float:
+        """Held-out VAF of a model that is fitted anew without each fold's rows."""
+        return vaf_of_output(self.record, self.refitted(model))
+
+    def refitted(self, model: Model) -> np.ndarray:
+        """Held-out predictions of a model that is fitted anew without each fold's rows."""
+        key = (tuple(model.simulator.names), model.theta.tobytes())
+        if key not in self._refits:
+            self._refits[key] = refitted_prediction(
+                output_error_fit(model), self.criterion, self.folds
+            )
+        return self._refits[key]
 
     def _refined(
         self, found: tuple[Effects, Fit], parent: Model, criterion: Criterion
@@ -212,7 +240,7 @@ class Search:
         """A model at the minimum of a criterion, and what it predicts of held-out rows."""
         fitted = self._model(found, parent)
         # What gains too little in plain simulation error cannot gain enough held out.
-        if parent.sse - fitted.sse < HOPELESS * self.criterion.power:
+        if parent.sse - fitted.sse < HOPELESS * self.share * self.criterion.power:
             return fitted.refined(criterion, max_iter=1).fit, -np.inf, None
         model = fitted.refined(criterion)
         return model.fit, *self._held_out(fitted, model, criterion)
@@ -237,6 +265,29 @@ def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> 
     """The work of one process; a single thread, as the matrix products are small."""
     with threadpool_limits(1):
         return [function(item, *args) for item in items]
+
+
+def share_about_mean(criterion: Criterion) -> float:
+    """Share of the output's power that is not its mean: what points of VAF have to count in."""
+    y = criterion.y[criterion.known]
+    return float(np.var(y) / max(np.mean(y**2), 1e-300))
+
+
+def without_name(candidate: Candidate) -> str:
+    """Why a fitted effect names nothing: its numbers end where nobody measured them."""
+    model = candidate.model
+    assert model is not None
+    own = f"{candidate.name}__"
+    lost = [name.removeprefix(own) for name in model.undetermined() if name.startswith(own)]
+    if lost:
+        return f"the data do not determine its {', '.join(lost)}"
+    at_zero = {n for n, v in model.values().items() if abs(v) < AT_ZERO}
+    ends = [
+        name.removeprefix(own)
+        for name in model.at_bound()
+        if name.startswith(own) and name not in at_zero
+    ]
+    return f"{', '.join(ends)} at the bound" if ends else ""
 
 
 def plainest_first(candidates: list[Candidate]) -> None:
@@ -290,6 +341,9 @@ class Path:
 def forward(search: Search, baseline: Model, most: int) -> Path:
     """Add the best effect as long as one pays; try the second best first effect too."""
     first = search.step(baseline)
+    claim = next((c for c in first.candidates if c.id == CLAIM and c.model is not None), None)
+    if claim is not None and most:
+        return beside_claim(search, first, claim, most)
     greedy = follow(search, first, first.best if most else None, most)
     rivals = [c for c in first.candidates[1:3] if c.passes]
     if len(greedy.steps) > 1 and len(greedy.ids) > 1:
@@ -303,6 +357,24 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
                     greedy = follow_from(search, other, most)
     path = without_superfluous(search, fitted_again(search, greedy))
     return replace(path, model=by_rank(path.model, first))
+
+
+def beside_claim(search: Search, first: SearchStep, claim: Candidate, most: int) -> Path:
+    """A search whose model has a given delay, which is a claim: tested beside what is found.
+
+    All effects are tried with a free delay. In the end the given one is put back where it does.
+    """
+    first.judge(claim)
+    refuted = claim.passes
+    freed = search.step(output_error_fit(claim.model)) if claim.model else first
+    path = follow(search, freed, freed.best, most + 1)
+    path = replace(path, steps=[first, *path.steps])
+    if len(path.ids) == 1:
+        if refuted:
+            return path
+        return Path([first, freed], first.parent, first.vaf, first.prediction)
+    path = without_superfluous(search, fitted_again(search, path))
+    return replace(path, model=by_rank(path.model, freed))
 
 
 def fitted_again(search: Search, path: Path) -> Path:

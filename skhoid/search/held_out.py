@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..greybox.fitting import Criterion, whitened_derivatives
+from ..greybox.held_out import refitted
 from ..greybox.model import Model
 
 
@@ -51,4 +52,14 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -
             moved = output
         prediction[fold.test] = moved[fold.test]
     assert record.y is not None
+    return np.where(np.isfinite(prediction), prediction, 0.0)
+
+
+def refitted_prediction(
+    model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]
+) -> np.ndarray:
+    """Free runs of each fold's rows with parameters fitted anew without them, to the end."""
+    prediction = model.output.copy()
+    for fold in folds:
+        prediction[fold.test] = refitted(model, criterion, fold.train).output[fold.test]
     return np.where(np.isfinite(prediction), prediction, 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -80,9 +81,17 @@ class LoopParent:
     """A model in its loop, beside which others are judged."""
 
     def __init__(self, judge: LoopJudge, loop: Loop, parent: Model):
-        self.judge, self.loop = judge, loop
-        self.fit = judge.fitted(loop, parent.effects, [parent.theta])
-        self.solved = bool(np.isfinite(self.fit.output).all())
+        self.judge, self.loop, self.parent = judge, loop, parent
+
+    @cached_property
+    def fit(self) -> Model:
+        """The model at the smallest error of its loop."""
+        return self.judge.fitted(self.loop, self.parent.effects, [self.parent.theta])
+
+    @property
+    def solved(self) -> bool:
+        """Whether the loop can be solved."""
+        return bool(np.isfinite(self.fit.output).all())
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
@@ -104,7 +113,7 @@ class LoopParent:
         more = refined.n_parameters - parent.n_parameters
         return InLoop(after, ratio - more * np.log(criterion.n), after - before)
 
-    @property
+    @cached_property
     def vaf(self) -> float:
         """Held-out VAF of the parent in the loop; NaN where the loop cannot be solved."""
         if not self.solved:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from ..diagnosis.ceiling import noise_ceiling
+from ..diagnosis.ceiling import consistent_ceiling, noise_ceiling
 from ..diagnosis.run_signals import RunsRead, sorted_signals
 from ..effects.base import Effect
 from ..effects.traces import Signature
+from ..greybox.base import vaf_of_output
 from ..greybox.model import without
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
@@ -28,7 +29,8 @@ class SearchNumbers:
 
     ``steps`` are judged models with none, the first, the first two ... of the effects ``added``
     (names); ``left`` is structure that remains, ``noises`` effects that are noise and show in it.
-    ``ceiling`` is the VAF that a model can reach, NaN where it is not known. ``changes`` are
+    ``ceiling`` is the VAF that a model can reach, NaN where it is not known, as ``no_ceiling`` may
+    say. ``share`` is the part of the output's power that is not its mean. ``changes`` are
     those of further parameters where gains change.
     """
 
@@ -38,6 +40,8 @@ class SearchNumbers:
     left: list[Leftover]
     noises: list[tuple[Effect, Signature]]
     ceiling: float
+    no_ceiling: str
+    share: float
     changes: dict[str, tuple[float, float, float]]
 
     @property
@@ -74,29 +78,38 @@ def numbers_of(
     noises, others = noises_in(record.y - path.model.output, record, search.noises)
     left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
     rest, rest_sd, vaf = gap_of(best, prepared, measured)
-    left = [item for item in left if item.points >= NOTED]
-    if rest > SURE * rest_sd and rest >= NOTED:  # not where it is NaN
+    noted = NOTED * search.share
+    left = [item for item in left if item.points >= noted]
+    if rest > SURE * rest_sd and rest >= noted:  # not where it is NaN
         left.insert(0, Leftover("repeats", "output", REPEATS, rest, np.nan))
+    ceiling, why = consistent_ceiling(vaf + rest, max(step.vaf for step in steps), rest_sd)
     return SearchNumbers(
         path=path,
         steps=steps,
         added=[n for n in path.model.effects.names if n not in before],
         left=left,
         noises=noises,
-        ceiling=vaf + rest,
+        ceiling=ceiling,
+        no_ceiling=why,
+        share=search.share,
         changes=further_changes(search, path),
     )
 
 
 def walked(search: Search, path: Path) -> list[SearchStep]:
-    """Held-out predictions of the model with the first, the first two ... of its effects."""
+    """Models with the first, the first two ... of the effects, each fitted anew for every fold."""
     models = [output_error_fit(path.model)]
     first = path.steps[0].parent.effects.names
     added = [n for n in path.model.effects.names if n not in first]
     for name in reversed(added):
         models.append(without(models[-1], name, path.core))
     noise = search.criterion.remnant_model(path.model.output)
-    return [search.judged(model, [], noise) for model in reversed(models)]
+    steps = [search.judged(model, [], noise) for model in reversed(models)]
+    predictions = [search.refitted(step.parent) for step in steps]
+    return [
+        replace(step, vaf=vaf_of_output(search.record, prediction), prediction=prediction)
+        for step, prediction in zip(steps, predictions, strict=True)
+    ]
 
 
 def gap_of(

@@ -7,11 +7,11 @@ from enum import Enum, auto
 
 from .search_numbers import SearchNumbers
 
-# Structure left counts as unknown if it exceeds so many points and the first share of what could
-# be explained; above the second share, the effects found do not name it: several effects that
-# leave something may together imitate what is missing.
-BESIDE_ONE = (0.6, 0.1, 0.12)
-BESIDE_SEVERAL = (0.4, 0.04, 0.04)
+# Structure left counts as unknown if it exceeds so many points (about the mean) and the first share
+# of what could be explained. Above the second share the effects found do not name it: several
+# effects that leave something may together imitate what is missing.
+BESIDE_ONE = (0.6, 0.1, 0.4)
+BESIDE_SEVERAL = (0.4, 0.04, 0.15)
 
 
 class Outcome(Enum):
@@ -43,7 +43,7 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
     ids, stand_ins, worst = found.ids, [], found.worst
     share = worst / max(worst + found.gained, 1e-300)
     least, small, large = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
-    if not (worst >= least and share > small):
+    if not (worst >= least * found.share and share > small):
         return Verdict(Outcome.FOUND if ids else Outcome.NOTHING, ids, [])
     if share > large:
         ids, stand_ins = [], ids
