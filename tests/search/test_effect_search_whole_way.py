@@ -162,7 +162,7 @@ def test_what_the_trial_hides_is_found_among_rivals(trial, name):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("name", names(ALL, {*STUCK, "drift"}, ALL))
+@pytest.mark.parametrize("name", names(ALL, STUCK, ALL))
 def test_what_the_trial_hides_is_found_in_the_catalogue(trial, name):
     search, share, gap, right = search_trial(trial, name, "all", 5)
     if name == "tremor":
