@@ -69,7 +69,7 @@ def response_plot(bench: Bench) -> Response:
         for channel in bench.record.roles:
             if channel != bench.error and answers(bench, channel):
                 return path(bench, channel)
-    if place == "sum" and answers(bench, bench.error):
+    if place == "sum" and _adds_answer(bench):
         return path(bench, bench.error)
     if place == "path":
         return path(bench, bench.error) if is_odd(bench) else added_command(bench)
@@ -84,6 +84,17 @@ def response_plot(bench: Bench) -> Response:
     if place == "inside":
         return inside(bench)
     return spring(bench) if place == "spring" else course(bench)
+
+
+def _adds_answer(bench: Bench) -> bool:
+    """Whether what is added to the output follows the input."""
+    t, pulse = unit_pulse(bench.record.dt)
+    zero = np.zeros((t.size, 1))
+    moved, still = (
+        bench.effect.apply(zero, record, **bench.values)
+        for record in (bench.made_up(t, {bench.error: pulse}), bench.made_up(t))
+    )
+    return bool(np.abs(np.asarray(moved) - still).max() > 0.0)
 
 
 def signal_map(bench: Bench, signal: str) -> Response:
