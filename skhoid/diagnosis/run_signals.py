@@ -211,8 +211,8 @@ def sorted_signals(
         if run_in and _longest_stretches(layout, ~missing & ~read.trimmed, channels):
             longest, least = max(np.diff(layout.starts)) * layout.dt, LEAST_ROWS * layout.dt
             raise ShortRunError(
-                f"run_in={run_in:g} s leaves no run {LEAST_ROWS} rows ({least:.3g} s) to compare; the longest run lasts {longest:.4g} s. Give a shorter run_in, or "
-                "longer runs."
+                f"run_in={run_in:g} s leaves no run {LEAST_ROWS} rows ({least:.3g} s) to compare; "
+                f"the longest run lasts {longest:.4g} s. Give a shorter run_in, or longer runs."
             )
         raise ShortRunError(
             f"No run has {LEAST_ROWS} successive rows ({LEAST_ROWS * layout.dt:.3g} s) in which "
