@@ -312,18 +312,8 @@ def compare(
         fitted = read_signals(model, *estimation, repeats=False, **options)
     vaf = _pooled(signals, signals.predicted)  # which refuses an output of zeros
     ceiling = noise_ceiling(signals)
-    known = np.isfinite(signals.one_step)
     domain = domain or _domain(signals)
     leak = _leak(signals, domain)
-    scored = signals.y[signals.scored]
-    mean_share = float(np.mean(scored) ** 2 / np.mean(scored**2))
-    # With rows that have no route left out, the ceiling is that of all rows that count.
-    raw = vaf + ceiling.gap
-    top, reason = consistent_ceiling(raw, vaf, ceiling.sd, held_out=fitted is not None)
-    reason = reason or ceiling.reason
-    gap = np.nan if reason else min(ceiling.gap, 100 - vaf)
-    half = (ceiling.interval[1] - ceiling.interval[0]) / 2
-    low, high = (np.nan, np.nan) if reason else (raw - half, min(raw + half, 100.0))
     found = Comparison(
         model_name=_name_of(model),
         output=signals.output,
@@ -331,23 +321,58 @@ def compare(
         dt=signals.dt,
         false_alarm=false_alarm,
         domain=domain,
-        vaf=vaf,
-        vaf_about_mean=(100 - (100 - vaf) / (1 - mean_share) if mean_share < CONSTANT else np.nan),
-        mean_share=mean_share,
-        one_step_vaf=_pooled(signals, signals.one_step, known) if known.any() else np.nan,
-        rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
+        **_figures(signals, vaf),
         **_overfit(vaf, fitted),
-        noise_ceiling=top,
-        noise_ceiling_interval=(min(low, top), max(high, top)),
-        explainable_gap=gap,
-        ceiling_route="none" if reason else ceiling.route,
-        ceiling_note=f"none: {reason}" if reason else ceiling.note,
+        **_ceiling_of(ceiling, vaf, held_out=fitted is not None),
         leak=leak,
         **_tables(signals, ceiling, fitted, leak, false_alarm),
         findings=[],
         notes=signals.notes,
     )
     return replace(found, findings=advise(found, signals, check_channels(X, y, dt=dt, run=run)))
+
+
+def _figures(signals: Signals, vaf: float) -> dict[str, Any]:
+    """How good the predictions are."""
+    scored = signals.y[signals.scored]
+    mean_share = float(np.mean(scored) ** 2 / np.mean(scored**2))
+    moves = mean_share < CONSTANT
+    known = np.isfinite(signals.one_step)
+    return {
+        "vaf": vaf,
+        "vaf_about_mean": 100 - (100 - vaf) / (1 - mean_share) if moves else np.nan,
+        "mean_share": mean_share,
+        "one_step_vaf": _pooled(signals, signals.one_step, known) if known.any() else np.nan,
+        "rmse": float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
+    }
+
+
+def _ceiling_of(ceiling: Ceiling, vaf: float, held_out: bool) -> dict[str, Any]:
+    """The ceiling to show, or why it is not known.
+
+    With rows that have no route left out, the ceiling is that of all rows that count.
+    """
+    estimate = vaf + ceiling.gap
+    top, reason = consistent_ceiling(estimate, vaf, ceiling.sd, held_out=held_out)
+    if reason := reason or ceiling.reason:
+        return {
+            "noise_ceiling": np.nan,
+            "noise_ceiling_interval": (np.nan, np.nan),
+            "explainable_gap": np.nan,
+            "ceiling_route": "none",
+            "ceiling_note": f"none: {reason}",
+        }
+    half = (ceiling.interval[1] - ceiling.interval[0]) / 2
+    return {
+        "noise_ceiling": top,
+        "noise_ceiling_interval": (
+            min(estimate - half, top),
+            min(max(estimate + half, top), 100.0),
+        ),
+        "explainable_gap": min(ceiling.gap, 100 - vaf),
+        "ceiling_route": ceiling.route,
+        "ceiling_note": ceiling.note,
+    }
 
 
 def _overfit(vaf: float, fitted: Signals | None) -> dict[str, Any]:

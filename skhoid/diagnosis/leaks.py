@@ -18,6 +18,8 @@ from .element_inverse import band_edge, estimated_inverse, lagged, low_passed
 LEAST_DELAY = 0.1  # s; no person answers sooner
 EARLY = 0.05  # s by which a zero-phase filter or a held sample may put an answer before its cause
 STEP = 0.025  # s between the lags at which an immediate answer is looked for
+WINDOWS = 8  # of a run, each with an element of its own
+LEFT_BY_CHANGE = 0.35  # of a disturbance that is an element's change, at most, is left by them
 SLOPE = 0.3  # of the unseen disturbance, at least, that a leak holds
 SIGMAS = 3.0  # standard errors by which the slope exceeds half of that
 LEAST_DISTURBANCE = 0.1  # rms, of that of the output; less is no probe
@@ -133,6 +135,7 @@ def leak_test(
     taps = max(round(0.15 / (edge * dt)), 1)
     edge *= WIDER
     low = [{name: low_passed(values, dt, edge) for name, values in p.items()} for p in pieces]
+    low_all = low
     inverse = _inverse(pieces, low, dt, edge, taps, element)
     if isinstance(inverse, str):
         return _unknown(inverse)
@@ -156,6 +159,11 @@ def leak_test(
             f"the unseen disturbance is {100 * size:.0f} % of the output (rms), too little to tell "
             "the output from what the element received"
         )
+    if element is None and _changes(low_all, dt, taps, joined, size):
+        return _unknown(
+            "what looks like an unseen disturbance is an element that changes in time, or is not "
+            "linear; say which element it is"
+        )
     slope, sd = _immediate(low, unseen, dt, taps, trim, least_delay)
     with_inverse, reference = _correlation(prediction, v), _correlation(output, v)
     with_disturbance = _correlation(output - prediction, d)
@@ -171,6 +179,27 @@ def leak_test(
         sd,
         _reason(leaks, slope, sd, with_inverse, reference, with_disturbance, least_delay),
     )
+
+
+def _changes(
+    low: list[dict[str, np.ndarray]], dt: float, taps: int, joined: Any, size: float
+) -> bool:
+    """Whether an element of its own in each window leaves hardly any disturbance."""
+    found: list[list[np.ndarray]] = [[] for _ in low]
+    for window in range(WINDOWS):
+        parts = []
+        for piece in low:
+            n = piece["u"].size
+            rows = slice(window * n // WINDOWS, (window + 1) * n // WINDOWS)
+            parts.append({name: values[rows] for name, values in piece.items()})
+        received = estimated_inverse(parts, dt, taps)
+        if isinstance(received, str):
+            return False
+        for of_piece, v, part in zip(found, received, parts, strict=True):
+            of_piece.append(v - part["u"])
+    d = joined([np.concatenate(of_piece) for of_piece in found])
+    output = joined([piece["u"] for piece in low])
+    return float(np.std(d) / np.std(output)) < LEFT_BY_CHANGE * size
 
 
 def _reason(

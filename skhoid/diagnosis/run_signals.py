@@ -163,13 +163,14 @@ def sorted_signals(
     read: RunsRead,
     *,
     run_in: float | None,
-    settling: Callable[[], np.ndarray] | None = None,
+    settling: Callable[[], tuple[np.ndarray, bool]] | None = None,
     repeats: Any = None,
     run: Any = None,
 ) -> Signals:
     """Find the rows to score, the channels by role, and the repeats; no one-step predictions.
 
-    ``settling`` finds the rows in which the free run settles, and counts where ``run_in`` is None.
+    ``settling`` finds the rows in which the free run settles, and whether it does; it counts where
+    ``run_in`` is None.
     """
     layout, measured, predicted = read.layout, read.measured, read.free_run
     used = scored_rows(layout, run_in, None) & ~read.trimmed
@@ -184,7 +185,7 @@ def sorted_signals(
     else:
         used = scored
     if run_in is None and settling is not None:
-        unsettled = settling()
+        unsettled, settles = settling()
         if unsettled.any() and (scored & ~unsettled).any():
             scored = scored & ~unsettled
             if unsettled.mean() > MOST_MASKED:
@@ -194,6 +195,11 @@ def sorted_signals(
                 f"the first {longest * layout.dt:.3g} s of each run, in which the free run "
                 f"settles from its start at rest, are left out{KEEP_SETTLING}"
             )
+            if not settles:
+                notes.append(
+                    "the free run has not forgotten its start at rest by then, and what follows is "
+                    "judged with it: give a longer run_in"
+                )
             # Spectra and tests go over whole periods of the target; nothing is missing there.
             predicted = np.where(used & unsettled, measured, predicted)
     n_missing = int(missing.sum())
@@ -202,6 +208,12 @@ def sorted_signals(
         notes.append(f"{counted(n_missing, 'row')} in which the output is missing {are} left out")
     stretches = _longest_stretches(layout, used, channels)
     if not stretches:
+        if run_in and _longest_stretches(layout, ~missing & ~read.trimmed, channels):
+            longest, least = max(np.diff(layout.starts)) * layout.dt, LEAST_ROWS * layout.dt
+            raise ShortRunError(
+                f"run_in={run_in:g} s leaves no run {LEAST_ROWS} rows ({least:.3g} s) to compare; "
+                f"the longest run lasts {longest:.4g} s. Give a shorter run_in, or longer runs."
+            )
         raise ShortRunError(
             f"No run has {LEAST_ROWS} successive rows ({LEAST_ROWS * layout.dt:.3g} s) in which "
             "the output and all channels with a role were measured, and compare needs as many for "
@@ -243,8 +255,10 @@ def sorted_signals(
 
 def _settling_rows(
     model: Any, X: Any, layout: RunLayout, trimmed: np.ndarray, predicted: np.ndarray
-) -> np.ndarray:
+) -> tuple[np.ndarray, bool]:
     """Rows in which the prediction still depends on where in the recording it started.
+
+    And whether it does no more after them.
 
     A free run begins at rest, and the person does not. How long that lasts is measured: the same
     rows are predicted again from a later start, until both predictions agree.
@@ -258,7 +272,7 @@ def _settling_rows(
     first, n = int(starts[longest]), int(lengths[longest])
     cut = min(n // 4, round(LONGEST_SETTLING / layout.dt))
     if cut < 4:
-        return settling
+        return settling, True
     rows = np.arange(first + cut, first + min(3 * cut, n))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # predict has said so
@@ -269,7 +283,7 @@ def _settling_rows(
     n_settling = min(int(late[-1]) + 1 if late.size else 0, cut)
     for start, length in zip(starts, lengths, strict=True):
         settling[start : start + min(n_settling, length)] = True
-    return settling
+    return settling, not late.size or late[-1] < cut
 
 
 def _one_step(model: Any, X: Any, y: Any) -> np.ndarray:

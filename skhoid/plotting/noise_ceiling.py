@@ -113,7 +113,8 @@ def draw_ceiling_bar(
     ceiling = comparison.noise_ceiling
     known = not np.isnan(ceiling)
     # Where not all runs share their target, the ceiling and the gap are of those that do.
-    explained = ceiling - comparison.explainable_gap if known else comparison.vaf
+    left = max(comparison.explainable_gap, 0.0) if known else 0.0
+    explained = ceiling - left if left > 0 else comparison.vaf
     end = float(np.clip(explained, 0.0, 100.0))
     worse = ": worse than no model" if explained < 0 else ""
     spans = {"explained": (PREDICTED, 0.0, end, f"explained {percent(explained)}{worse}")}

@@ -9,6 +9,7 @@ from support.unseen import DT, simulate
 
 from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs
 from skhoid.diagnosis.ceiling import consistent_ceiling
+from skhoid.exceptions import ShortRunError
 
 PERIOD = 20.0  # s
 
@@ -179,3 +180,21 @@ def test_the_reason_names_both_figures():
     assert "rows it did not see reaches 71.2 %, more than the 59.1 % estimated" in reason
     _, reason = consistent_ceiling(59.1, 71.2, 1.0, held_out=False)
     assert "learnt the noise" in reason
+
+
+def test_a_run_in_that_leaves_too_little_says_what_to_do():
+    X, y, model = as_runs(simulate("1/s", 1, duration=10.0, disturbance=0.0))
+    with pytest.raises(ShortRunError, match=r"run_in=9.5 s leaves no run .* shorter run_in"):
+        compare(model, X, y, run_in=9.5)
+
+
+def test_a_free_run_that_does_not_settle_is_said():
+    X, y, _ = as_runs(simulate("1/s", 1, duration=30.0, disturbance=0.0))
+
+    def slow(X):
+        """A model whose start takes a minute to be forgotten."""
+        return 5 * np.exp(-np.arange(len(X)) / 3600) + X["e"].to_numpy()
+
+    notes = " ".join(compare(Gives(slow), X, y).notes)
+    assert "has not forgotten its start" in notes
+    assert "longer run_in" in notes

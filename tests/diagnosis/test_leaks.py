@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from support.unseen import DT, ELEMENTS, second_difference, simulate
 
+from skhoid import make_tracking_runs
 from skhoid.diagnosis.leaks import leak_test
 
 SEEDS = 20
@@ -87,6 +88,22 @@ def test_without_a_disturbance_nothing_can_be_told():
     found = of_run(loop, second_difference(loop), 0)
     assert found.leaks is None
     assert "too little" in found.reason
+
+
+@pytest.mark.parametrize("condition", ["C3", pytest.param("C6", marks=pytest.mark.slow)])
+def test_an_element_that_changes_is_no_unseen_disturbance(condition):
+    X, y = make_tracking_runs(
+        condition,
+        n_runs=3,
+        remnant_intensity=0.1,
+        channels=["x", "f_t"],
+        sampling_rate=50,
+        random_state=1,
+    )
+    u, x, f = (np.asarray(v, dtype=float).reshape(3, -1).T for v in (y, X["x"], X["f_t"]))
+    found = leak_test(u, 0.8 * np.roll(u, -2, axis=0), x, 0.02, target=f)
+    assert found.leaks is None
+    assert "changes in time" in found.reason
 
 
 def test_a_recorded_disturbance_is_not_unseen(loop):

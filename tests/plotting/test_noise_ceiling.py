@@ -43,6 +43,17 @@ def test_bar_stays_between_0_and_100(vaf, ceiling, expected, said):
     assert said in labels_of(display.ax_.get_legend())
 
 
+def test_an_estimate_below_the_vaf_leaves_what_is_explained():
+    """The ceiling is then the VAF."""
+    display = NoiseCeilingDisplay(
+        vaf=85.0,
+        noise_ceiling=85.0,
+        noise_ceiling_interval=(83.5, 85.5),
+        explainable_gap=-0.5,
+    ).plot()
+    assert list(widths(display.parts_).values()) == [85.0, 0.0, 15.0]
+
+
 def test_bar_of_a_ceiling_known_for_some_runs():
     display = NoiseCeilingDisplay(
         vaf=70.0,
