@@ -47,7 +47,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--who",
         default="benchmarks.second.judge:product",
-        help="module:function, or oracle, deaf, inverse",
+        help="module:function, or oracle, deaf, inverse; judge:untold is a user without an element",
     )
     parser.add_argument(
         "--offsets", default=",".join(map(str, OFFSETS)), help="samples, of suite given_delay"
@@ -91,7 +91,7 @@ def one(key: Key, who: str, offsets: tuple[int, ...]) -> dict[str, Any]:
     try:
         if suite == "given_delay":
             return head | given_delays(case, function, offsets)
-        return head | judge(case, function, with_baseline=who.endswith("product"))
+        return head | judge(case, function, with_baseline="judge:" in who)
     except Exception as reason:
         last = traceback.extract_tb(reason.__traceback__)[-1]
         return head | {
