@@ -172,7 +172,8 @@ def leaks(element: str, seed: int, rng: np.random.Generator) -> Case:
             )
             chosen.hide(world, float(rng.uniform(0.3, 0.9)), rng)
         also = more_than_a_path(world, rng) if seed % 4 == 0 else ()
-        limit = linear.scale["u"] * rng.uniform(2.8, 4.0)  # the stops of the slider, seldom reached
+        size = min(spread(world, world.simulate(), 2), 3.0 * linear.scale["u"])
+        limit = size * rng.uniform(2.8, 4.0)  # the stops of the slider, seldom reached
         world.put(stick=CLIP, stick_a=limit)
         case = finished("leaks", element, seed, world, chosen, "pursuit")
         case.also = also

@@ -143,7 +143,7 @@ def name_row(case: Case, names: list[str]) -> dict[str, Any]:
     row: dict[str, Any] = {"false_names": wrong, "unknown": "unknown" in names}
     if case.hidden is not None:
         row["right_any"] = any(n in case.hidden.accepted for n in said)
-        row["right"] = row["right_any"] and said[0] in (*case.hidden.accepted, *case.also)
+        row["right"] = row["right_any"] and said[0] in accepted
         row["exact"] = bool(said) and said[0] == case.hidden.effect
     return row
 

@@ -46,7 +46,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, help="JSONL to append to and to resume from")
     parser.add_argument(
         "--who",
-        default="benchmarks.second.judge:product",
+        default="judge:product",
         help="module:function, or oracle, deaf, inverse; judge:untold is a user without an element",
     )
     parser.add_argument(
@@ -74,7 +74,9 @@ def wanted(args: argparse.Namespace) -> Iterator[Key]:
 def chosen(text: str) -> Any:
     """The function named by --who."""
     module, _, name = text.rpartition(":")
-    return getattr(importlib.import_module(module or "benchmarks.second.standins"), name)
+    if "." not in module:
+        module = f"benchmarks.second.{module or 'standins'}"
+    return getattr(importlib.import_module(module), name)
 
 
 def one(key: Key, who: str, offsets: tuple[int, ...]) -> dict[str, Any]:
