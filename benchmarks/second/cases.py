@@ -40,6 +40,7 @@ class Case:
     gap: float
     closed: list[np.ndarray]
     answers: list[np.ndarray]
+    also: tuple[str, ...] = ()  # further names that are right
 
     @property
     def old(self) -> range:
@@ -126,6 +127,9 @@ def idle(world: World, rng: np.random.Generator, share: float) -> None:
 def hidden(suite: str, element: str, seed: int, rng: np.random.Generator) -> Case:
     """One effect, by turns; drawn anew until it matters and the loop holds."""
     forms = all_forms()
+    if element != DRAWN:
+        given = elements.draw(element, np.random.default_rng(0))
+        forms = [f for f in forms if f.fits(given)]
     names = sorted({f.effect for f in forms})
     effect = names[seed % len(names)]
     strength = str(rng.choice(["medium", "strong"]))
@@ -136,7 +140,7 @@ def hidden(suite: str, element: str, seed: int, rng: np.random.Generator) -> Cas
         linear = draw_world(
             name, rng, display, dist_recorded=chosen.dist or bool(rng.random() < 0.3)
         )
-        if linear.element.order not in chosen.orders or (chosen.plain and linear.person.lead > 0):
+        if not chosen.fits(linear.element) or (chosen.plain and linear.person.lead > 0):
             continue
         world = linear.clean()
         idle(world, rng, 0.15)
@@ -167,12 +171,22 @@ def leaks(element: str, seed: int, rng: np.random.Generator) -> Case:
                 [f for f in all_forms() if f.effect in ("preview", "feedforward")], rng
             )
             chosen.hide(world, float(rng.uniform(0.3, 0.9)), rng)
-        limit = linear.scale["u"] * rng.uniform(2.8, 4.0)  # the stops of the slider, seldom reached
+        also = more_than_a_path(world, rng) if seed % 4 == 0 else ()
+        size = min(spread(world, world.simulate(), 2), 3.0 * linear.scale["u"])
+        limit = size * rng.uniform(2.8, 4.0)  # the stops of the slider, seldom reached
         world.put(stick=CLIP, stick_a=limit)
         case = finished("leaks", element, seed, world, chosen, "pursuit")
+        case.also = also
         if _holds(case) and (chosen is None or matters(case, 3.0)):
             return case
     raise RuntimeError(f"leaks on {element}, seed {seed}: no case in which the target matters")
+
+
+def more_than_a_path(world: World, rng: np.random.Generator) -> tuple[str, ...]:
+    """Make the person one of higher order: what is left of u then tempts to the plant's inverse."""
+    form = _choose([f for f in all_forms() if f.effect == "higher_order"], rng)
+    form.hide(world, float(rng.uniform(0.3, 0.8)), rng)
+    return form.accepted
 
 
 def finished(

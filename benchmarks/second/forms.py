@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .elements import Element
 from .world import World
 
 Hide = Callable[[World, float, np.random.Generator], None]
@@ -28,8 +29,13 @@ class Form:
     hide: Hide
     displays: tuple[str, ...] = ANY
     orders: tuple[int, ...] = (1, 2)
+    not_on: tuple[str, ...] = ()
     dist: bool = False
     plain: bool = False  # only for a person without lead (a coarse display has no rate to be seen)
+
+    def fits(self, element: Element) -> bool:
+        """Whether a person can do this on the element."""
+        return element.order in self.orders and element.name not in self.not_on
 
     @property
     def accepted(self) -> tuple[str, ...]:

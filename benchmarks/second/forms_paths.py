@@ -162,7 +162,7 @@ def _filter(world: World, num: list[float], den: list[float]) -> None:
     world.put(has_filter=1)
 
 
-@form("extra_lag", "lag", "command")
+@form("extra_lag", "lag", "command", not_on=("K/s^2",))
 def slow(world: World, size: float, rng: np.random.Generator) -> None:
     """A lag in the command, of a cautious person: the gain is not made up for, so that the loop
     stays stable.

@@ -45,6 +45,13 @@ def product(case: Case, delay: float | None) -> Any:
     )
 
 
+def untold(case: Case, delay: float | None) -> Any:
+    """The search of a user who does not say what the element is."""
+    from skhoid import EffectSearchCV, OperatorRegressor
+
+    return EffectSearchCV(OperatorRegressor(delay=delay), display=case.world.display)
+
+
 def baseline(case: Case, delay: float | None) -> Any:
     """The product's operator without any effect."""
     from skhoid import OperatorRegressor
@@ -129,14 +136,15 @@ def name_row(case: Case, names: list[str]) -> dict[str, Any]:
     """Right and false names. ``unknown`` is neither; with nothing hidden every name is false."""
     said = [n for n in names if n != "unknown"]
     accepted = case.hidden.accepted if case.hidden is not None else ()
+    accepted = (*accepted, *case.also)
     if case.suite == "leaks" and stops_reached(case):
         accepted = (*accepted, "saturation")
     wrong = [n for n in said if n not in accepted]
     row: dict[str, Any] = {"false_names": wrong, "unknown": "unknown" in names}
     if case.hidden is not None:
-        row["right"] = bool(said) and said[0] in case.hidden.accepted
-        row["exact"] = bool(said) and said[0] == case.hidden.effect
         row["right_any"] = any(n in case.hidden.accepted for n in said)
+        row["right"] = row["right_any"] and said[0] in accepted
+        row["exact"] = bool(said) and said[0] == case.hidden.effect
     return row
 
 

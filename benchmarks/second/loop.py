@@ -86,41 +86,116 @@ def at(past, k, steps):
 
 
 @numba.njit(cache=True, nogil=True)
-def simulate(
-    people,
-    start,
-    plant,
-    column,
-    shape,
-    f,
-    seen,
-    d,
-    before,
-    after,
-    tau,
-    g_error,
-    g_all,
-    awake,
-    x_given,
-    answer,
-):
-    """Columns of the result (n, 6): x, e, u, q (limb), x', command; f is the target, ``seen`` what
-    the error is taken of.
+def held(p, memory, e, v, dt, first):
+    """Error and rate that an intermittent person acts on; memory: the last sample, its age (s)."""
+    memory[2] += dt
+    age = memory[2]
+    if p.hold == 1:
+        expected = memory[0] + memory[1] * min(age, 0.5)
+    elif p.hold == 2:
+        expected = memory[0] * np.exp(-p.decay * age)
+    else:
+        expected = memory[0]
+    due = age >= p.period and (p.intermittent == 1 or abs(e - expected) > p.threshold)
+    if due or first:
+        memory[0], memory[1], memory[2] = e, v, 0.0
+        return e, v
+    if p.hold == 2:
+        return expected, memory[1] * np.exp(-p.decay * age)
+    return expected, memory[1]
+
+
+@numba.njit(cache=True, nogil=True)
+def equalised(p, error, k, steps, e, v, shape, memory, dt):
+    """Command of the error path; memory: the integral of the error, two states of the filter."""
+    c = p.gain * (static(int(p.late), p.late_a, p.late_b, e) + p.lead * v)
+    if p.second_lead != 0.0:
+        bent = at(error, k, steps) - 2 * at(error, k, steps + 1) + at(error, k, steps + 2)
+        c += p.gain * p.second_lead * (v + p.lead * bent / (dt * dt))
+    if p.integral != 0.0:
+        memory[0] += e * dt
+        c += p.integral * memory[0]
+    c = static(int(p.equal), p.equal_a, p.equal_b, c)
+    if p.has_filter > 0:
+        fresh = c - shape[4] * memory[1] - shape[5] * memory[2]
+        c = shape[0] * fresh + shape[1] * memory[1] + shape[2] * memory[2]
+        memory[2], memory[1] = memory[1], fresh
+    return c
+
+
+@numba.njit(cache=True, nogil=True)
+def beside(p, xs, vs, ms, plain, k, dt):
+    """Command of the paths beside the error: output, motion, reflex."""
+    c = 0.0
+    if p.x_gain != 0.0 or p.v_gain != 0.0:
+        c -= p.x_gain * at(xs, k, p.x_delay / dt) + p.v_gain * at(vs, k, p.x_delay / dt)
+    if p.motion > 0:
+        c -= p.motion_gain * at(ms, k, p.motion_delay / dt)
+    if p.reflex != 0.0:
+        steps = p.reflex_delay / dt
+        stretch = p.reflex_sign * (at(plain, k, steps) - at(plain, k, steps + 1)) / dt
+        c += p.reflex * p.reflex_sign * max(stretch, 0.0)
+    return c
+
+
+@numba.njit(cache=True, nogil=True)
+def move_limb(p, limb, c, dt):
+    """Position, rate and whether it is stuck, moved in place by half steps under the command c."""
+    for _ in range(2):
+        force = p.omega**2 * (c - limb[0] - p.hardening * limb[0] ** 3)
+        force -= 2 * p.zeta * p.omega * limb[1]
+        if p.friction > 0:  # Karnopp: stuck until the force exceeds what breaks away
+            if limb[2] > 0 and abs(force) <= p.breakaway:
+                limb[1] = 0.0
+            else:
+                limb[2] = 0.0
+                way = np.sign(limb[1]) if limb[1] != 0.0 else np.sign(force)
+                fresh = limb[1] + 0.5 * dt * (force - p.friction * way)
+                if limb[1] != 0.0 and fresh * limb[1] <= 0:
+                    fresh, limb[2] = 0.0, 1.0
+                limb[1] = fresh
+        else:
+            limb[1] += 0.5 * dt * force
+        limb[0] += 0.5 * dt * limb[1]
+
+
+@numba.njit(cache=True, nogil=True)
+def move_stick(p, stick, want, dt):
+    """u when the hand wants the stick there; stick: u, where its play and its stiction hold it."""
+    if p.play > 0:  # backlash: the stick is pushed by either flank
+        stick[1] = min(max(stick[1], want - p.play), want + p.play)
+        want = stick[1]
+    if p.stick_band > 0:  # stiction: rests within the band, then jumps
+        if abs(want - stick[2]) > p.stick_band:
+            stick[2] = want - np.sign(want - stick[2]) * (p.stick_band - p.jump)
+        want = stick[2]
+    want = static(int(p.stick), p.stick_a, p.stick_b, want)
+    if p.rate_stick > 0:
+        most = p.rate_stick * dt
+        want = stick[0] + min(max(want - stick[0], -most), most)
+    stick[0] = want
+    return want
+
+
+@numba.njit(cache=True, nogil=True)
+def simulate(people, start, plant, column, shape, outside, x_given, answer):
+    """Columns of the result (n, 6): x, e, u, limb, x', command.
+
+    Rows of ``outside`` (9, n): target, what the error is taken of, disturbance, what is added
+    before and behind the limb, delay (s), gain of the error path, of the whole person, attention
+    (1; 0 holds the command; -1 lets go).
     """
     p = people[0]
     dt = 1.0 / 600.0
+    f, seen, d, before, after = outside[0], outside[1], outside[2], outside[3], outside[4]
+    tau, g_error, g_all, awake = outside[5], outside[6], outside[7], outside[8]
     n = len(f)
     out = np.zeros((n, 6))
-    error = np.zeros(n)
-    plain = np.zeros(n)
-    xs = np.zeros(n)
-    vs = np.zeros(n)
-    ms = np.zeros(n)
+    error, plain = np.zeros(n), np.zeros(n)
+    xs, vs, ms = np.zeros(n), np.zeros(n), np.zeros(n)
+    sampled, summed, limb, stick = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     x, v = start[0], start[1]
-    q, qd, u, played, jumped, commanded, held_command = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    summed, e_held, v_held, since = 0.0, 0.0, 0.0, 1e9
-    w1, w2, last_v = 0.0, 0.0, v
-    stuck = False
+    last_v, commanded, kept = v, 0.0, 0.0
     for k in range(n):
         if answer:
             x = x_given[k]
@@ -135,95 +210,22 @@ def simulate(
         e_now = at(error, k, steps)
         v_now = (e_now - at(error, k, steps + 1.0)) / dt
         if p.intermittent > 0:
-            since += dt
-            if p.intermittent == 1:
-                sample = since >= p.period
-            else:
-                if p.hold == 2:
-                    expected = e_held * np.exp(-p.decay * since)
-                elif p.hold == 1:
-                    expected = e_held + v_held * min(since, 0.5)
-                else:
-                    expected = e_held
-                sample = since >= p.period and abs(e_now - expected) > p.threshold
-            if sample or k == 0:
-                e_held, v_held, since = e_now, v_now, 0.0
-            if p.hold == 1:
-                e_now, v_now = e_held + v_held * min(since, 0.5), v_held
-            elif p.hold == 2:
-                e_now = e_held * np.exp(-p.decay * since)
-                v_now = v_held * np.exp(-p.decay * since)
-            else:
-                e_now, v_now = e_held, v_held
-        e_late = static(int(p.late), p.late_a, p.late_b, e_now)
-        c = p.gain * (e_late + p.lead * v_now)
-        if p.second_lead != 0.0:
-            a_now = (
-                at(error, k, steps) - 2 * at(error, k, steps + 1) + at(error, k, steps + 2)
-            ) / (dt * dt)
-            c += p.gain * p.second_lead * (v_now + p.lead * a_now)
-        if p.integral != 0.0:
-            summed += e_now * dt
-            c += p.integral * summed
-        c = static(int(p.equal), p.equal_a, p.equal_b, c)
-        if p.has_filter > 0:
-            w0 = c - shape[4] * w1 - shape[5] * w2
-            c = shape[0] * w0 + shape[1] * w1 + shape[2] * w2
-            w2, w1 = w1, w0
-        c *= g_error[k]
-        if p.x_gain != 0.0 or p.v_gain != 0.0:
-            c -= p.x_gain * at(xs, k, p.x_delay / dt) + p.v_gain * at(vs, k, p.x_delay / dt)
-        if p.motion > 0:
-            c -= p.motion_gain * at(ms, k, p.motion_delay / dt)
-        if p.reflex != 0.0:
-            r = (
-                p.reflex_sign
-                * (at(plain, k, p.reflex_delay / dt) - at(plain, k, p.reflex_delay / dt + 1))
-                / dt
-            )
-            if r > 0:
-                c += p.reflex * p.reflex_sign * r
-        c *= g_all[k]
+            e_now, v_now = held(p, sampled, e_now, v_now, dt, k == 0)
+        c = g_error[k] * equalised(p, error, k, steps, e_now, v_now, shape, summed, dt)
+        c = g_all[k] * (c + beside(p, xs, vs, ms, plain, k, dt))
         if awake[k] > 0:
-            held_command = c
+            kept = c
         else:
-            c = held_command if awake[k] == 0 else 0.0
-        c += before[k]
-        c = static(int(p.command), p.command_a, p.command_b, c)
+            c = kept if awake[k] == 0 else 0.0
+        c = static(int(p.command), p.command_a, p.command_b, c + before[k])
         if p.rate_command > 0:
             most = p.rate_command * dt
             commanded += min(max(c - commanded, -most), most)
             c = commanded
-        for _ in range(2):  # the limb, half a step at a time
-            force = p.omega**2 * (c - q - p.hardening * q**3) - 2 * p.zeta * p.omega * qd
-            if p.friction > 0:  # Karnopp: stuck until the force exceeds what breaks away
-                if stuck and abs(force) <= p.breakaway:
-                    qd = 0.0
-                else:
-                    stuck = False
-                    way = np.sign(qd) if qd != 0.0 else np.sign(force)
-                    fresh = qd + 0.5 * dt * (force - p.friction * way)
-                    if qd != 0.0 and fresh * qd <= 0:
-                        fresh, stuck = 0.0, True
-                    qd = fresh
-            else:
-                qd += 0.5 * dt * force
-            q += 0.5 * dt * qd
-        want = q + after[k]
-        if p.play > 0:  # backlash: the stick is pushed by either flank
-            played = min(max(played, want - p.play), want + p.play)
-            want = played
-        if p.stick_band > 0:  # stiction of the stick: rests within the band, then jumps
-            if abs(want - jumped) > p.stick_band:
-                jumped = want - np.sign(want - jumped) * (p.stick_band - p.jump)
-            want = jumped
-        want = static(int(p.stick), p.stick_a, p.stick_b, want)
-        if p.rate_stick > 0:
-            most = p.rate_stick * dt
-            u += min(max(want - u, -most), most)
-        else:
-            u = want
-        out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = x, f[k] - x, u, q, v, c
+        move_limb(p, limb, c, dt)
+        u = move_stick(p, stick, limb[0] + after[k], dt)
+        out[k, 0], out[k, 1], out[k, 2] = x, f[k] - x, u
+        out[k, 3], out[k, 4], out[k, 5] = limb[0], v, c
         if not answer:
             drive = u + d[k]
             x_next = plant[0, 0] * x + plant[0, 1] * v + column[0] * drive

@@ -46,8 +46,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, help="JSONL to append to and to resume from")
     parser.add_argument(
         "--who",
-        default="benchmarks.second.judge:product",
-        help="module:function, or oracle, deaf, inverse",
+        default="judge:product",
+        help="module:function, or oracle, deaf, inverse; judge:untold is a user without an element",
     )
     parser.add_argument(
         "--offsets", default=",".join(map(str, OFFSETS)), help="samples, of suite given_delay"
@@ -74,7 +74,9 @@ def wanted(args: argparse.Namespace) -> Iterator[Key]:
 def chosen(text: str) -> Any:
     """The function named by --who."""
     module, _, name = text.rpartition(":")
-    return getattr(importlib.import_module(module or "benchmarks.second.standins"), name)
+    if "." not in module:
+        module = f"benchmarks.second.{module or 'standins'}"
+    return getattr(importlib.import_module(module), name)
 
 
 def one(key: Key, who: str, offsets: tuple[int, ...]) -> dict[str, Any]:
@@ -91,7 +93,7 @@ def one(key: Key, who: str, offsets: tuple[int, ...]) -> dict[str, Any]:
     try:
         if suite == "given_delay":
             return head | given_delays(case, function, offsets)
-        return head | judge(case, function, with_baseline=who.endswith("product"))
+        return head | judge(case, function, with_baseline="judge:" in who)
     except Exception as reason:
         last = traceback.extract_tb(reason.__traceback__)[-1]
         return head | {

@@ -144,23 +144,17 @@ class World:
         self, r: Run, remnant: float, target: float, disturbance: float, x: np.ndarray | None
     ) -> np.ndarray:
         plant, column = self.element.discrete(DT)
+        outside = np.stack(
+            [
+                *(r.f * target, r.seen * target, r.d * disturbance),
+                *(r.before + remnant * r.noise_before, r.after + remnant * r.noise_after),
+                *(r.tau, r.g_error, r.g_all, r.awake),
+            ]
+        )
+        given = np.ascontiguousarray(r.f if x is None else x)
+        start = r.start * target
         return loop.simulate(
-            self.pars,
-            r.start * target,
-            plant,
-            column,
-            self.shape,
-            r.f * target,
-            r.seen * target,
-            r.d * disturbance,
-            r.before + remnant * r.noise_before,
-            r.after + remnant * r.noise_after,
-            r.tau,
-            r.g_error,
-            r.g_all,
-            r.awake,
-            r.f if x is None else np.ascontiguousarray(x),
-            x is not None,
+            self.pars, start, plant, column, self.shape, outside, given, x is not None
         )
 
     @property
