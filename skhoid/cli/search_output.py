@@ -71,7 +71,7 @@ def show_search(
     search = EffectSearchCV(
         estimator,
         effects=wanted_effects(options),
-        display=getattr(options, "display", None) or "compensatory",
+        display=getattr(options, "display", None),
         controlled_element=element_of(getattr(options, "controlled_element", None)),
         max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
         domain=getattr(options, "domain", None),

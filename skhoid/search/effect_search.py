@@ -43,8 +43,13 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     Every effect of a catalogue is added to the model in turn, and all parameters refitted
     together in simulation. An effect counts when both criteria are met: by likelihood,
     an evidence n log(SSE before / after) - k log n > 25 with one noise model for all; by free
-    run, a gain of at least 0.2 points of VAF on held-out rows. The best is added, and the search
-    goes on until none meets both; effects that no longer do beside later ones are taken out.
+    run, a gain of at least 0.2 points of VAF (about the mean) on held-out rows. Where the
+    controlled element is known, the best must also lower the error of the **closed loop**: a run of
+    the loop in which target and disturbance go in, and the model's output moves x and e. There the
+    remnant, which comes back in the error, cannot pass for an answer. It must predict held-out
+    rows better when refitted without them, its numbers must not end at a bound, and it must not
+    rebuild the output from x. Then it is added, and the search goes on until none meets all;
+    effects that no longer do beside later ones are taken out.
 
     Parameters
     ----------
@@ -56,8 +61,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     cv : cross-validation generator, iterable of splits, int or None, default=None
         Rows to hold out. None leaves one run out at a time, and of a single run three
         blocks, with guards of 5 s on either side.
-    display : {"compensatory", "pursuit", "preview"}, default="compensatory"
-        What the operator could see; it decides how effects are described, not how they rank.
+    display : {"compensatory", "pursuit", "preview"} or None, default=None
+        What the operator could see; it decides how effects are described, not how they rank. None
+        is not known.
     controlled_element : ControlledElement, LinearElement, str, system or None, default=None
         What the operator controls: ``"1/(s(s+1))"``, or a transfer function of SciPy or
         python-control too. None estimates it from u and x where both are measured.
@@ -75,9 +81,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     ranking_ : DataFrame
         One row per step and effect, best first: step, rank, effect, form, parameters (with
         standard errors and units), n_parameters, delta_loglik, delta_bic (positive is
-        better), vaf_before, vaf_after, vaf_gain (held out), p_value (of the likelihood
-        ratio, times the number of effects tried), confused_with, words, status ("added", "not
-        better", "does not apply"), reason.
+        better), vaf_before, vaf_after, vaf_gain (held out), evidence_loop and gain_loop (the same
+        in the closed loop; NaN where it was not asked), p_value (of the likelihood ratio, times
+        the number of effects tried), confused_with, words, status ("added", "not better", "does
+        not apply"), reason.
     best_effects_ : list of str
         Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
         structure that none of the effects tried explains; alone, that the effects which explain
@@ -91,8 +98,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         among the effects tried" if ``effects`` is but a part of it; "..., and max_effects is
         reached" if the search ended while effects still helped.
     error_path_ : DataFrame
-        One row per step from the baseline on: effect, vaf and rmse (held out), vaf_train,
-        ceiling, explainable_gap (points that are left).
+        One row per step from the baseline on: effect, vaf and rmse (held out, each fold
+        refitted), vaf_loop (of the closed loop; NaN where it is not known), vaf_train, ceiling (NaN
+        where it is not known), explainable_gap (points that are left).
     predictions_ : DataFrame
         Held-out free runs: measured, baseline, and one column per effect added.
     baseline_, best_estimator_ : estimator
@@ -118,8 +126,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
 
     Notes
     -----
-    Held-out rows are predicted with parameters of their fold, one Gauss-Newton step from those of
-    all rows. Since e = f_t - x, responses to f_t, x and e without delays are the same;
+    Candidates are compared on held-out rows with parameters of their fold, one Gauss-Newton step
+    from those of all rows; what is named is refitted for each fold. A ``delay`` that the estimator
+    was given is a claim: all effects are tried with a free one, and ``wrong_delay`` says whether
+    the data refute it. Since e = f_t - x, responses to f_t, x and e without delays are the same;
     delays, and the controlled element's inverse in the feedforward path, tell them apart.
 
     Examples
@@ -136,7 +146,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         "estimator": "no_validation",  # see fit
         "effects": [StrOptions({"all"}), list, tuple, str, Effect, Effects],
         "cv": ["cv_object"],
-        "display": [StrOptions({"compensatory", "pursuit", "preview"})],
+        "display": [StrOptions({"compensatory", "pursuit", "preview"}), None],
         "controlled_element": ELEMENT,
         "max_effects": [Interval(Integral, 0, None, closed="left")],
         "n_jobs": [Integral, None],
@@ -148,7 +158,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         estimator: Any,
         effects: Any = "all",
         cv: Any = None,
-        display: str = "compensatory",
+        display: str | None = None,
         controlled_element: Any = None,
         *,
         max_effects: int = 4,

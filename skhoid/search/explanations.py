@@ -17,6 +17,9 @@ EQUIVALENT = (
     "equivalent to {}: a compensatory display shows the error alone, and with e = f_t - x the same "
     "output follows from other lags of e; the operator cannot have seen the target or x apart"
 )
+NOT_SAID = (
+    "if the display shows the error alone (say display=), it is equivalent to other lags of e"
+)
 # Runs that would tell two effects apart.
 EXPERIMENTS = {
     frozenset({"stiction", "backlash"}): "record slow ramps of a few seconds: with backlash the "
@@ -77,10 +80,12 @@ ANY_EXPERIMENT = (
 )
 
 
-def sentence_of(effect: Effect, display: str, domain: str = "human") -> str:
+def sentence_of(effect: Effect, display: str | None, domain: str = "human") -> str:
     """What an effect means, in one sentence, given what the operator could see, if there is one."""
     if domain == "machine":
         return effect.physics_in(domain)
+    if effect.name in SHOWS_TARGET and display is None:
+        return f"{effect.physics[:-1]}; {NOT_SAID}"
     seen = display != "compensatory" and (effect.name != "preview" or display == "preview")
     if effect.name in SHOWS_TARGET and not seen:
         if display == "pursuit":
@@ -135,6 +140,14 @@ def stand_ins_sentence(ids: Sequence[str]) -> str:
     return f"No name for it, though part of it follows: {', '.join(ids)}"
 
 
+def in_loop_text(before: pd.Series, row: pd.Series) -> str:
+    """What a step does in the closed loop, where both are known."""
+    pair = before["vaf_loop"], row["vaf_loop"]
+    if not np.isfinite(pair).all():
+        return ""
+    return f"; in the closed loop VAF {pair[0]:.1f} -> {pair[1]:.1f} %"
+
+
 def summary_of(
     path: pd.DataFrame,
     ranking: pd.DataFrame,
@@ -160,7 +173,7 @@ def summary_of(
         lines.append(
             f"Step {step}: add {row['effect']}" + (f" ({text})" if text else "") + ": VAF "
             f"{before['vaf']:.1f} -> {row['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> "
-            f"{row['rmse']:.4g}."
+            f"{row['rmse']:.4g}{in_loop_text(before, row)}."
         )
         if len(added):
             lines.append(f"  {added['words'].iloc[0]}")

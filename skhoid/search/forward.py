@@ -22,6 +22,7 @@ from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
 from .held_out import HeldOutRows, held_out, refitted_prediction
 from .in_loop import InLoop, LoopJudge, LoopParent
+from .leak import leak_of
 from .signatures import traces_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
@@ -105,6 +106,9 @@ class SearchStep:
         if self.loop is not None and candidate.in_loop is None and not candidate.trace:
             assert candidate.model is not None
             candidate.in_loop = self.loop.judged(candidate.model)
+        if candidate.passes and candidate.model is not None:
+            leak = leak_of(candidate.model)
+            candidate.refused = leak.reason if leak is not None and leak.leaks else ""
         if candidate.passes and self.refit is not None and candidate.model is not None:
             gain = self.refit(candidate.model) - self.refit(self.parent)
             if gain <= (-candidate.least_gain if candidate.trace else 0.0):

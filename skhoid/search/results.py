@@ -21,18 +21,18 @@ def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
     record, steps = prepared.record, found.steps
     assert record.y is not None
     rows = []
-    # If an effect passes remnant through a nonlinearity, the baseline's ceiling is a lower bound.
     reachable = float(np.nanmax([found.ceiling, steps[-1].vaf + found.worst]))
-    top = reachable if np.isfinite(found.ceiling) else np.nan
+    reachable = min(reachable, 100.0)
     for title, step in zip(["baseline", *found.added], steps, strict=True):
         error = (record.y - step.prediction)[record.known]
         rows.append(
             {
                 "effect": title,
                 "vaf": step.vaf,
+                "vaf_loop": np.nan if step.loop is None else step.loop.vaf,
                 "rmse": float(np.sqrt(np.mean(error**2))),
                 "vaf_train": vaf_of_output(record, step.parent.output),
-                "ceiling": top,
+                "ceiling": found.ceiling,
                 "explainable_gap": reachable - step.vaf,
             }
         )
@@ -61,7 +61,7 @@ def held_out_table(
     return pd.DataFrame(columns, index=index)
 
 
-def ranking_table(found: SearchNumbers, prepared: Prepared, display: str) -> pd.DataFrame:
+def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None) -> pd.DataFrame:
     """One row per step and effect, best first."""
     rows = []
     path, domain = found.path, prepared.record.domain
@@ -86,12 +86,14 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str) -> pd.
                     "vaf_before": step.vaf,
                     "vaf_after": np.nan if c.reason else c.vaf,
                     "vaf_gain": np.nan if c.reason else c.gain,
+                    "evidence_loop": np.nan if c.in_loop is None else c.in_loop.evidence,
+                    "gain_loop": np.nan if c.in_loop is None else c.in_loop.gain,
                     "p_value": c.p_value,
                     "confused_with": c.confused_with,
                     "words": sentence_of(c.effect, display, domain)
                     + (f" {c.trace}." if c.trace else ""),
                     "status": status,
-                    "reason": c.reason,
+                    "reason": c.reason or c.refused or refuted_in_loop(c),
                 }
             )
     for rank, (effect, shown) in enumerate(found.noises, len(path.steps[0].candidates) + 1):
@@ -108,6 +110,8 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str) -> pd.
                 "vaf_before": path.steps[0].vaf,
                 "vaf_after": path.steps[0].vaf,
                 "vaf_gain": 0.0,
+                "evidence_loop": np.nan,
+                "gain_loop": np.nan,
                 "p_value": 0.0,
                 "confused_with": [],
                 "words": f"{effect.physics} It is noise to the free run: {shown.words}.",
@@ -116,6 +120,17 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str) -> pd.
             }
         )
     return pd.DataFrame(rows)
+
+
+def refuted_in_loop(candidate: Candidate) -> str:
+    """Why a candidate that follows the measured error better is not taken."""
+    judged = candidate.in_loop
+    if judged is None or not (candidate.helps and judged.refutes):
+        return ""
+    return (
+        f"in the closed loop it is no better ({judged.gain:+.2f} points, evidence "
+        f"{judged.evidence:.0f}): it follows the remnant that comes back in the error"
+    )
 
 
 def _form(candidate: Candidate) -> str:

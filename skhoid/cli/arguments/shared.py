@@ -88,7 +88,7 @@ def add_recording_options(add: Callable[..., Any]) -> None:
     add(
         "--display",
         choices=["compensatory", "pursuit", "preview"],
-        help="what the operator could see (default: compensatory)",
+        help="what the operator could see (default: not said)",
     )
     add(
         "--controlled-element",
