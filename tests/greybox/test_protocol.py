@@ -9,9 +9,9 @@ from sklearn.linear_model import LinearRegression
 from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor
 from skhoid.effects import Bias, Dimension, Parameter
 from skhoid.greybox import GreyBox, SimulatedCore
-from skhoid.greybox.likelihood import likelihood_fit
 from skhoid.greybox.cores import OperatorCore
 from skhoid.greybox.fitting import Criterion
+from skhoid.greybox.likelihood import likelihood_fit
 from skhoid.greybox.model import fit_core
 from skhoid.greybox.protocol import METHODS, PARAMETERS, check_simulated_model
 
