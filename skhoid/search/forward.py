@@ -235,9 +235,8 @@ class Search:
         """Held-out predictions of a model that is fitted anew without each fold's rows."""
         key = (tuple(model.simulator.names), model.theta.tobytes())
         if key not in self._refits:
-            self._refits[key] = refitted_prediction(
-                output_error_fit(model), self.criterion, self.folds
-            )
+            found = refitted_prediction(output_error_fit(model), self.criterion, self.folds)
+            self._refits[key] = np.where(np.isfinite(found), found, 0.0)
         return self._refits[key]
 
     def _refined(

@@ -41,6 +41,17 @@ class InLoop:
         return self.evidence <= LEAST_EVIDENCE or self.gain <= 0.0
 
 
+def only_levels(model: Model, parent: Model) -> bool:
+    """Whether a model has more effects than its parent, and these are levels of the output alone.
+
+    With an integrator in the element the level of u is that of the disturbance, whatever the
+    person's own is, which shows in e.
+    """
+    known = parent.effects.names
+    added = [effect for name, effect in model.effects if name not in known]
+    return all(e.place == "sum" and getattr(e, "channel", None) is None for e in added)
+
+
 class LoopJudge:
     """The loop of a record, in which models are fitted and judged."""
 
@@ -95,16 +106,17 @@ class LoopParent:
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
-        if not (model.simulator.smooth and self.solved):
+        if not (model.simulator.smooth and self.solved) or only_levels(model, self.parent):
             return InLoop()
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
+        # A linear answer without a solution is a loop that does not settle, or has no delay.
+        curved = fitted.simulator.is_curved(model.theta)
+        without = InLoop() if curved else InLoop(-np.inf, -np.inf, -np.inf)
         if not np.isfinite(fitted.output).all():
-            # A linear answer without a solution is a loop that does not settle, or has no delay.
-            lost = not fitted.simulator.is_curved(model.theta)
-            return InLoop(-np.inf, -np.inf, -np.inf) if lost else InLoop()
+            return without
         self._start_from(fitted)
         criterion = Criterion(self.judge.record)
         best = min(self.fit, fitted, key=lambda m: m.sse)
@@ -112,6 +124,10 @@ class LoopParent:
         (parent, before), (refined, after) = (
             self._held_out(m, criterion) for m in (self.fit, fitted)
         )
+        if not np.isfinite(before):
+            return InLoop()
+        if not np.isfinite(after):
+            return without
         ratio = criterion.n * np.log(max(parent.sse, 1e-300) / max(refined.sse, 1e-300))
         more = refined.n_parameters - parent.n_parameters
         return InLoop(after, ratio - more * np.log(criterion.n), after - before)
@@ -138,4 +154,6 @@ class LoopParent:
         refined = fitted.refined(criterion, max_iter=ITERATIONS, tol=TOLERANCE)
         judge = self.judge
         predicted = refitted_prediction(fitted, judge.plain, judge.folds)
+        if not np.isfinite(predicted[judge.record.known]).all():
+            return refined, np.nan
         return refined, vaf_of_output(judge.record, predicted)
