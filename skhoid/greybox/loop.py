@@ -90,7 +90,7 @@ class LoopSimulator:
         record = self.record
         self._draws = 1 if remnant is None else remnant.shape[2]
         self._columns = record
-        self._noise = 0.0
+        self._noise: Any = 0.0
         if remnant is not None:
             runs = np.tile(np.arange(record.n_runs), self._draws)
             self._columns = record.part(runs, 1)

@@ -113,7 +113,7 @@ class LoopParent:
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
         # A linear answer without a solution is a loop that does not settle, or has no delay.
-        curved = fitted.simulator.is_curved(model.theta)
+        curved = LoopSimulator.is_curved(fitted.simulator, model.theta)  # type: ignore[arg-type]
         without = InLoop() if curved else InLoop(-np.inf, -np.inf, -np.inf)
         if not np.isfinite(fitted.output).all():
             return without
