@@ -53,9 +53,10 @@ def test_nothing_is_named_over_seeds(text, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
-@pytest.mark.parametrize("seed", range(50, 53))
+@pytest.mark.parametrize("seed", range(90, 93))
 def test_feedforward_is_named_over_seeds(text, seed):
-    assert named(searched(text, seed, feedforward=0.6)) == ["feedforward"]
+    """A tenth of a second late: one without delay is a preview of no time."""
+    assert named(searched(text, seed, feedforward=0.6, early=-0.1)) == ["feedforward"]
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +73,8 @@ def test_records_are_thinned_to_what_is_fast_enough():
     X, y, _ = pursued("1/s", 0, n_runs=2, duration=10.0, rate=100)
     search, _ = search_of(X, y, ["bias"], "1/s")
     record = search.loop.record
-    assert 1 / record.dt == pytest.approx(50) and 1 / record.dt >= LEAST_RATE
+    assert 1 / record.dt == pytest.approx(50)
+    assert 1 / record.dt >= LEAST_RATE
     assert record.y.shape == (500, 2)
     for fold, whole in zip(search.loop.folds, search.folds, strict=True):
         np.testing.assert_array_equal(fold.test, whole.test[::2])

@@ -140,3 +140,28 @@ def pursued(
         tables.append(pd.DataFrame({n: v[kept] for n, v in columns.items()}, index=index))
     table = pd.concat(tables)
     return table[["e", "x", "f_t"]].copy(), table["u"].copy(), person
+
+
+def answered(*, dead=0.0, mean=0.0, seed=0, n_runs=3, duration=25.0, rate=50):
+    """Runs of someone who answers given errors, in open loop, with a dead zone."""
+    rng = np.random.default_rng(seed)
+    dt = 1 / rate
+    t = np.arange(-5, duration, dt)
+    person = Person(K_e=0.5, K_edot=0.2, tau_e=0.2)
+    b, a = person.answer(dt)
+    tables = []
+    for run in range(n_runs):
+        e = sines(rng, t, 1.5)
+        seen = e - np.clip(e, -dead, dead)
+        late = round(person.tau_e / dt)
+        u = lfilter(b, a, np.r_[np.zeros(late), seen[:-late]])
+        noise = lfilter([1.0], [1, -0.8], rng.standard_normal(t.size))
+        u += 0.15 * np.std(u) * noise / np.std(noise)
+        u = mean + u / np.std(u)
+        kept = t >= -1e-9
+        index = pd.MultiIndex.from_arrays(
+            [np.full(kept.sum(), run + 1), np.round(t[kept], 9)], names=["run", "time"]
+        )
+        tables.append(pd.DataFrame({"e": e[kept], "u": u[kept]}, index=index))
+    table = pd.concat(tables)
+    return table[["e"]].copy(), table["u"].copy()
