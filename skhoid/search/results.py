@@ -71,6 +71,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
         chosen = (added & {*after.effects.names}) - {*step.parent.effects.names}
         for rank, c in enumerate(step.candidates, 1):
             status = "added" if c.name in chosen else "not better"
+            reason = "" if c.name in chosen else c.reason or c.refused or refuted_in_loop(c)
             if c.reason:
                 status = "does not apply"
             described = c.model is not None and (rank <= DESCRIBED or c.passes)

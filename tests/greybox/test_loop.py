@@ -198,6 +198,28 @@ def test_remnant_reaches_a_threshold():
     assert with_draws.run(theta).shape == world.record.y.shape
 
 
+def test_a_first_run_that_fails_does_not_decide_on_draws():
+    """Whether thresholds answer the remnant shows where the loop can be solved."""
+    world = World("1/s", remnant=0.8)
+    remnant = drawn(world.noise, world.record.known)
+    simulator, theta = dead_zone_simulator(world, remnant)
+    expected = simulator.run(theta)
+    other, _ = dead_zone_simulator(world, remnant)
+    assert np.isnan(other.run(theta * [1e3, 1, 1, 1, 1, 1e-3])).all()
+    found = other.run(theta)
+    np.testing.assert_allclose(found, expected, atol=5e-3 * np.std(expected))
+
+
+def test_a_nonlinear_run_does_not_depend_on_runs_before():
+    world = World("1/s", remnant=0.8)
+    remnant = drawn(world.noise, world.record.known)
+    simulator, theta = dead_zone_simulator(world, remnant)
+    expected = simulator.run(theta)
+    for factor in (0.7, 1.2, 40.0, 0.9):
+        simulator.run(theta * np.r_[factor, np.ones(5)])
+    np.testing.assert_allclose(simulator.run(theta), expected, atol=5e-3 * np.std(expected))
+
+
 def test_change_of_a_parameter_of_a_nonlinear_model_points_the_same_way():
     """The sensitivity of a threshold varies; one for all is what a minimiser needs."""
     world = World("1/s", remnant=0.5)
