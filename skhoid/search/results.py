@@ -95,9 +95,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                     "words": sentence_of(c.effect, display, domain)
                     + (f" {c.trace}." if c.trace else ""),
                     "status": status,
-                    "reason": ""
-                    if c.name in chosen
-                    else c.reason or c.refused or refuted_in_loop(c),
+                    "reason": reason,
                 }
             )
     for rank, (effect, shown) in enumerate(found.noises, len(path.steps[0].candidates) + 1):
