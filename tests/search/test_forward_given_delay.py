@@ -20,11 +20,14 @@ def first_claim(search):
     return rows[rows["step"] == 1].iloc[0]
 
 
+ELSE = [(0.5, -5), (0.0, 10), (0.0, -5)]
 OPEN = ["dead_zone", "extra_lag", CLAIM]
 
 
-@pytest.mark.parametrize("dead", [0.0, 0.5])
-@pytest.mark.parametrize("samples", [10, -5])
+@pytest.mark.parametrize(
+    ("dead", "samples"),
+    [(0.5, 10), *(pytest.param(*case, marks=pytest.mark.slow) for case in ELSE)],
+)
 def test_wrong_delay_is_named_and_hides_nothing(dead, samples):
     """Of someone who answers given errors after 0.2 s."""
     X, y = answered(dead=dead)
@@ -52,7 +55,7 @@ def test_right_delay_adds_nothing(dead):
     assert added["effect"].tolist() == names  # once, where it was
 
 
-LOOP = ["feedforward", "dead_zone", CLAIM]
+LOOP = ["feedforward", CLAIM]
 
 
 @pytest.fixture(scope="module")
