@@ -90,7 +90,7 @@ class LoopSimulator:
         record = self.record
         self._draws = 1 if remnant is None else remnant.shape[2]
         self._columns = record
-        self._noise: Any = 0.0
+        self._noise: float | np.ndarray = 0.0
         if remnant is not None:
             runs = np.tile(np.arange(record.n_runs), self._draws)
             self._columns = record.part(runs, 1)
@@ -110,7 +110,7 @@ class LoopSimulator:
         if self._theta is not None and np.array_equal(theta, self._theta):
             return self._output
         self._solve(theta)
-        if not self._chosen:
+        if not self._chosen and np.isfinite(self._output).all():
             self._chosen = True
             if self.loop.remnant is not None and self.is_curved(theta):
                 self._set_draws(self.loop.remnant)

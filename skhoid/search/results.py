@@ -67,9 +67,11 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
     path, domain = found.path, prepared.record.domain
     added = set(path.model.effects.names)
     for number, step in enumerate(path.steps, 1):
-        chosen = [c for c in step.candidates if c.passes and c.name in added][:1]
+        after = path.steps[number].parent if number < len(path.steps) else path.model
+        chosen = (added & {*after.effects.names}) - {*step.parent.effects.names}
         for rank, c in enumerate(step.candidates, 1):
-            status = "added" if c in chosen else "not better"
+            status = "added" if c.name in chosen else "not better"
+            reason = "" if c.name in chosen else c.reason or c.refused or refuted_in_loop(c)
             if c.reason:
                 status = "does not apply"
             described = c.model is not None and (rank <= DESCRIBED or c.passes)
@@ -93,7 +95,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                     "words": sentence_of(c.effect, display, domain)
                     + (f" {c.trace}." if c.trace else ""),
                     "status": status,
-                    "reason": c.reason or c.refused or refuted_in_loop(c),
+                    "reason": reason,
                 }
             )
     for rank, (effect, shown) in enumerate(found.noises, len(path.steps[0].candidates) + 1):

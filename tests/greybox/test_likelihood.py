@@ -1,0 +1,138 @@
+"""Model and noise model estimated together."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from support.person_in_loop import Person, pursued
+
+from skhoid import OperatorRegressor
+from skhoid.greybox.fitting import AR_ORDER, Criterion
+from skhoid.greybox.likelihood import (
+    TOLERATED,
+    autoregression,
+    joint_fit,
+    likelihood_fit,
+    prior_of,
+    settled,
+)
+
+POLES = np.array([0.9, 0.6, -0.6, 0.5 + 0.6j, 0.5 - 0.6j, -0.3])
+
+
+def coloured(n=4000, runs=3, seed=0):
+    a = np.real(np.poly(POLES))
+    rng = np.random.default_rng(seed)
+    return lfilter([1.0], a, rng.standard_normal((n + 200, runs)), axis=0)[200:], a[1:]
+
+
+def test_autoregression_recovers_a_known_process():
+    residual, ar = coloured()
+    found = autoregression(residual, np.ones(residual.shape, dtype=bool))
+    assert found.ar.size == AR_ORDER == ar.size
+    np.testing.assert_allclose(found.ar, ar, atol=0.06)
+    np.testing.assert_array_equal(found.scale, 1.0)
+
+
+def test_autoregression_reads_no_unknown_rows():
+    residual, ar = coloured(seed=1)
+    known = np.ones(residual.shape, dtype=bool)
+    known[:500, 0] = known[1000:1200, 1] = known[3000:, 2] = False
+    expected = autoregression(residual, known)
+    other = np.where(known, residual, 1e3)
+    np.testing.assert_array_equal(autoregression(other, known).ar, expected.ar)
+    np.testing.assert_allclose(expected.ar, ar, atol=0.08)
+
+
+def test_autoregression_of_nothing_is_none():
+    known = np.ones((40, 2), dtype=bool)
+    assert autoregression(np.zeros((40, 2)), known) is None
+    assert autoregression(np.ones((40, 2)), ~known) is None
+    assert autoregression(np.ones((AR_ORDER, 2)), known[:AR_ORDER]) is None
+    assert np.isfinite(autoregression(np.ones((40, 2)), known).ar).all()  # a constant
+
+
+def first(text="1/s", seed=3, **options):
+    options = {"n_runs": 2, "duration": 25.0, "rate": 50, **options}
+    X, y, person = pursued(text, seed, **options)
+    estimator = OperatorRegressor(controlled_element=text)
+    prepared = estimator.prepare(X, y)
+    return estimator.first_fit(prepared), person
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return first()
+
+
+def test_joint_fit_is_no_worse_a_simulation_than_is_tolerated(fitted):
+    model, _ = fitted
+    plain = Criterion(model.simulator.record)
+    found = joint_fit(model)
+    assert found.sse == pytest.approx(plain.sse(found.output))
+    assert plain.sse(model.output) <= found.sse <= TOLERATED * plain.sse(model.output)
+    low, high = model.simulator.low, model.simulator.high
+    assert ((found.theta >= low) & (found.theta <= high)).all()
+
+
+def test_likelihood_fit_has_the_noise_model_of_its_residual(fitted):
+    model, _ = fitted
+    criterion = Criterion(model.simulator.record)
+    found, noise = likelihood_fit(model, criterion)
+    expected = criterion.remnant_model(found.output)
+    np.testing.assert_allclose(noise.ar, expected.ar)
+    assert found.sse == pytest.approx(criterion.sse(found.output))
+    assert found.fit.n == criterion.n
+
+
+def test_gain_on_the_error_rate_that_nobody_needs_is_zero(fitted):
+    model, person = fitted
+    assert person.K_edot == 0
+    found = joint_fit(model).values()
+    assert found["K_edot"] == 0
+    assert found["K_e"] == pytest.approx(person.K_e, rel=0.2)
+
+
+def test_gain_on_the_error_rate_that_is_needed_stays():
+    model, person = first("1/(s(s+1))")
+    assert joint_fit(model).values()["K_edot"] == pytest.approx(person.K_edot, rel=0.3)
+
+
+def test_settled_stops_where_the_free_run_gets_worse(fitted):
+    model, _ = fitted
+    criterion = Criterion(model.simulator.record)
+    found, noise = settled(model, criterion)
+    assert criterion.noise is noise
+    assert found.sse == pytest.approx(criterion.sse(found.output))
+
+
+def test_prior_knows_what_is_usual_of_a_person(fitted):
+    simulator = fitted[0].simulator
+    usual = {simulator.names[i] for i, _ in prior_of(simulator).usual}
+    assert usual == {"omega_nm", "zeta_nm", "tau_e"}
+
+
+def test_fit_without_remnant_is_exact():
+    person = Person(K_e=2.0, omega_nm=14.0, zeta_nm=0.25, tau_e=0.3)  # hardly usual
+    X, y, _ = pursued("1/s", 0, remnant=0.0, person=person, n_runs=2, duration=25.0, rate=50)
+    found = OperatorRegressor(controlled_element="1/s").fit(X, y).parameters_["value"]
+    # A lead of less than a sample and as much more delay are what is between samples.
+    assert 0 <= found["T_L"] < 1 / 50
+    assert found["tau_e"] - found["T_L"] == pytest.approx(0.3, abs=1e-3)
+    assert found["omega_nm"] == pytest.approx(14.0, rel=1e-3)
+    assert found["zeta_nm"] == pytest.approx(0.25, rel=2e-3)
+    assert found["K_e"] == pytest.approx(2.0, rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
+def test_delay_in_a_loop_is_found_where_the_simulation_error_is_off(text):
+    errors, plain = [], []
+    for seed in range(20, 27):
+        X, y, person = pursued(text, seed, remnant=0.5)
+        estimator = OperatorRegressor(controlled_element=text)
+        prepared = estimator.prepare(X, y)
+        plain.append(estimator.first_fit(prepared).values()["tau_e"] - person.tau_e)
+        errors.append(estimator.fit(X, y).parameters_["value"]["tau_e"] - person.tau_e)
+    print(text, np.round(errors, 3), np.round(plain, 3))
+    assert np.median(np.abs(errors)) < 0.03
+    assert np.median(np.abs(plain)) > np.median(np.abs(errors))

@@ -1,0 +1,273 @@
+"""What counts in a step: bounds, numbers that the data do not determine, folds, the mean, leaks."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.person_in_loop import answered, pursued
+from support.searching import search_of
+
+from skhoid import EffectSearchCV, OperatorRegressor
+from skhoid.effects import Dimension, Effect, Parameter
+from skhoid.search import forward
+from skhoid.search.forward import (
+    LEAST_EVIDENCE,
+    LEAST_GAIN,
+    Candidate,
+    SearchStep,
+    mark_confused,
+    output_error_fit,
+    plainest_first,
+    share_about_mean,
+    without_name,
+)
+from skhoid.search.in_loop import InLoop
+
+
+class Fitted:
+    """A model whose numbers are known."""
+
+    def __init__(self, values, undetermined=(), at_bound=()):
+        self._values, self._undetermined, self._at_bound = values, undetermined, at_bound
+
+    def values(self):
+        return self._values
+
+    def undetermined(self):
+        return list(self._undetermined)
+
+    def at_bound(self):
+        return list(self._at_bound)
+
+
+def candidate(name="preview", **options):
+    return Candidate(name, SimpleNamespace(name=name), **options)
+
+
+VALUES = {"K_e": 1.0, "preview__gain": 0.4, "preview__time": 0.8, "preview-2__time": 1.5}
+
+
+def test_no_name_where_the_data_do_not_determine_it():
+    model = Fitted(VALUES, ["K_e", "preview__gain", "preview__time"])
+    reason = without_name(candidate(model=model))
+    assert reason == "the data do not determine its gain, time"
+
+
+def test_no_name_where_its_numbers_end_at_a_bound():
+    model = Fitted(VALUES, at_bound=["K_e", "preview__time"])
+    assert without_name(candidate(model=model)) == "time at the bound"
+
+
+def test_a_name_where_only_others_end_there():
+    model = Fitted(VALUES, ["preview-2__time"], ["K_e", "preview-2__time"])
+    assert without_name(candidate(model=model)) == ""
+
+
+def test_zero_is_a_bound_like_other_values():
+    model = Fitted({**VALUES, "preview__time": 0.0}, at_bound=["preview__time"])
+    assert without_name(candidate(model=model)) == ""
+
+
+def passing(name="preview", **options):
+    options = {"evidence": 100.0, "gain": 2.0, "vaf": 85.0, "n_parameters": 2, **options}
+    return candidate(name, **options)
+
+
+@pytest.mark.parametrize(
+    ("changes", "passes"),
+    [
+        ({}, True),
+        ({"evidence": LEAST_EVIDENCE}, False),
+        ({"gain": LEAST_GAIN}, True),
+        ({"gain": LEAST_GAIN - 1e-9}, False),
+        ({"gain": 0.01, "least_gain": 0.005}, True),
+        ({"refused": "a number at the bound"}, False),
+        ({"in_loop": InLoop()}, True),
+        ({"in_loop": InLoop(90.0, 50.0, 1.0)}, True),
+        ({"in_loop": InLoop(90.0, 50.0, -0.1)}, False),
+        ({"in_loop": InLoop(90.0, 5.0, 1.0)}, False),
+        ({"trace": "levels", "evidence": -10.0, "gain": -0.1}, True),
+        ({"trace": "levels", "gain": -0.3}, False),
+        ({"trace": "levels", "refused": "it loses"}, False),
+    ],
+)
+def test_what_passes(changes, passes):
+    assert passing(**changes).passes == passes
+
+
+class Judge:
+    """A loop that refutes some, and counts whom it was asked about."""
+
+    def __init__(self, refuted):
+        self.refuted, self.asked = refuted, []
+
+    def judged(self, model):
+        self.asked.append(model)
+        return InLoop(80.0, 50.0, -1.0 if model in self.refuted else 1.0)
+
+
+@pytest.fixture
+def no_leaks(monkeypatch):
+    monkeypatch.setattr(forward, "leak_of", lambda model: None)
+
+
+def step_of(candidates, **options):
+    return SearchStep("parent", 80.0, np.zeros(0), candidates, **options)
+
+
+def test_rank_asks_the_loop_until_one_passes(no_leaks):
+    loop = Judge({"a", "b"})
+    found = [passing(n, model=n, evidence=e) for n, e in zip("abcd", (90, 80, 70, 60), strict=True)]
+    step = step_of(found[::-1], loop=loop)
+    step.rank()
+    assert loop.asked == ["a", "b", "c"]
+    assert step.best.name == "c"
+    assert [c.name for c in step.candidates] == ["c", "d", "a", "b"]
+    step.rank()
+    assert loop.asked == ["a", "b", "c"]  # once each
+
+
+def test_rank_asks_no_loop_about_what_the_output_shows(no_leaks):
+    loop = Judge({"a"})
+    step = step_of([passing("a", model="a", trace="levels at equal distances")], loop=loop)
+    step.rank()
+    assert step.best.name == "a"
+    assert not loop.asked
+
+
+def test_rank_of_nothing():
+    step = step_of([])
+    step.rank()
+    assert step.best is None
+    step = step_of([candidate(reason="does not apply")])
+    step.rank()
+    assert step.best is None
+
+
+def test_a_step_that_loses_when_refitted_is_not_taken(no_leaks):
+    vafs = {"parent": 80.0, "a": 79.5, "b": 81.0}
+    step = step_of(
+        [passing("a", model="a", evidence=200.0), passing("b", model="b")], refit=vafs.get
+    )
+    step.rank()
+    assert step.best.name == "b"
+    refused = step.candidates[-1]
+    assert refused.refused == "fitted without the rows, it loses 0.5 points there"
+
+
+@pytest.mark.parametrize(("vaf", "taken"), [(79.9, True), (79.7, False)])
+def test_what_the_output_shows_may_lose_a_little_when_refitted(no_leaks, vaf, taken):
+    vafs = {"parent": 80.0, "a": vaf}
+    step = step_of([passing("a", model="a", trace="levels")], refit=vafs.get)
+    step.rank()
+    assert (step.best is not None) == taken
+
+
+@pytest.fixture(scope="module")
+def opened():
+    """A step of a search of someone with a dead zone."""
+    search, baseline = search_of(*answered(dead=0.5), ["dead_zone", "bias"])
+    return search, search.step(baseline)
+
+
+def test_a_step_refits_without_each_fold(opened):
+    """The dead zone predicts held-out runs better when both are fitted without them."""
+    search, step = opened
+    best = step.best
+    assert best.name == "dead_zone"
+    gain = search.refit(best.model) - search.refit(step.parent)
+    assert gain > LEAST_GAIN
+    assert search.refit(best.model) == pytest.approx(best.vaf, abs=0.5)
+
+
+def test_a_real_step_is_refused_by_what_refits_say(opened):
+    _, step = opened
+    again = [replace(c, refused="") for c in step.candidates if c.name == "dead_zone"]
+    ranked = replace(step, candidates=again, refit=lambda m: 50.0 - len(m.effects))
+    ranked.rank()
+    assert ranked.best is None
+    assert "fitted without the rows" in again[0].refused
+
+
+def test_output_error_fit_is_no_worse_a_simulation(opened):
+    search, step = opened
+    plain = output_error_fit(step.best.model)
+    assert plain.sse <= search.criterion.sse(step.best.model.output) * (1 + 1e-9)
+
+
+def test_share_about_the_mean():
+    X, y = answered(mean=10.0)
+    search, _ = search_of(X, y, ["bias"])
+    assert search.share == pytest.approx(1 / 101, rel=0.2)
+    assert share_about_mean(search.criterion) == search.share
+    search, _ = search_of(X, y - 10.0, ["bias"])
+    assert search.share == pytest.approx(1.0, abs=0.02)
+
+
+def test_an_effect_behind_a_large_mean_is_found():
+    """With a mean of ten, a dead zone explains hundredths of a point of the whole power."""
+    X, y = answered(dead=0.5, mean=10.0)
+    found = EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone", "asym_gain"])
+    found.fit(X, y)
+    assert found.best_effects_ == ["bias", "dead_zone"]
+    gain = found.ranking_.query("effect == 'dead_zone' and status == 'added'")["vaf_gain"]
+    assert 0 < gain.item() < LEAST_GAIN
+
+
+def test_nothing_is_found_behind_a_large_mean():
+    X, y = answered(mean=10.0, seed=3)
+    found = EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone", "asym_gain"])
+    assert found.fit(X, y).best_effects_ == ["bias"]
+
+
+class OfTheAnswer(Effect):
+    """What the controlled element does shows what went into it."""
+
+    name = "of_the_answer"
+    place = "sum"
+    physics = "The acceleration of the controlled element is in the output."
+    formula = "u + gain d2x/dt2"
+    parameters = (Parameter("gain", Dimension(u=1), -20.0, 20.0, (0.5,), "on it"),)
+
+    def __init__(self, *, gain=None):
+        self.gain = gain
+
+    def apply(self, signal, record, gain):
+        (name,) = record.with_role("x")
+        x = record.channels[name]
+        ahead, behind = np.roll(x, -1, axis=0), np.roll(x, 1, axis=0)
+        second = (ahead - 2 * x + behind) / record.dt**2
+        second[0] = second[-1] = 0.0
+        return signal + gain * second
+
+
+def test_a_model_that_rebuilds_the_output_from_x_is_refused():
+    X, y, _ = pursued("1/(s(s+1))", 5, n_runs=3, duration=30.0)
+    found = EffectSearchCV(
+        OperatorRegressor(), effects=[OfTheAnswer()], controlled_element="1/(s(s+1))"
+    ).fit(X, y)
+    row = found.ranking_.iloc[0]
+    assert row["vaf_gain"] > LEAST_GAIN
+    assert row["delta_bic"] > LEAST_EVIDENCE
+    assert "of_the_answer" not in found.best_effects_
+    assert row["status"] == "not better"
+    assert "rebuilds the output from the element's response" in row["reason"]
+
+
+def test_plainest_first_where_hardly_anything_is_left():
+    first, plain = passing("a", vaf=98.0, n_parameters=3), passing("b", vaf=98.0, n_parameters=1)
+    found = [first, plain]
+    plainest_first(found)
+    assert [c.name for c in found] == ["b", "a"]
+    found = [replace(first, vaf=90.0), plain]
+    plainest_first(found)
+    assert [c.name for c in found] == ["a", "b"]
+    plainest_first([])
+
+
+def test_confused_are_those_of_the_same_evidence_that_pass():
+    found = [passing("a", evidence=100.0), passing("b", evidence=95.0), passing("c", evidence=60.0)]
+    found.append(passing("d", evidence=99.0, refused="a bound"))
+    mark_confused(found)
+    assert [c.confused_with for c in found] == [["b"], ["a"], [], []]

@@ -1,0 +1,72 @@
+"""Predictions of rows that were held out: by one step, and by fits to the end."""
+
+import numpy as np
+import pytest
+from support.person_in_loop import answered
+from support.searching import search_of
+
+from skhoid.greybox.base import vaf_of_output
+from skhoid.greybox.fitting import Criterion
+from skhoid.greybox.held_out import refitted
+from skhoid.search.held_out import HeldOutRows, held_out, refitted_prediction
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    search, model = search_of(*answered(dead=0.0, n_runs=3), ["bias"])
+    return search, model
+
+
+def test_one_step_is_nearly_a_fit_to_the_end(fitted):
+    search, model = fitted
+    plain = Criterion(search.record)
+    one = held_out(model, plain, search.folds)
+    whole = refitted_prediction(model, plain, search.folds)
+    inside = vaf_of_output(search.record, model.output)
+    vafs = [vaf_of_output(search.record, p) for p in (one, whole)]
+    assert vafs[0] == pytest.approx(vafs[1], abs=0.05)
+    assert max(vafs) < inside
+
+
+def test_rows_held_out_are_predicted_by_the_fit_without_them(fitted):
+    search, model = fitted
+    plain = Criterion(search.record)
+    found = refitted_prediction(model, plain, search.folds)
+    for fold in search.folds:
+        expected = refitted(model, plain, fold.train).output
+        np.testing.assert_allclose(found[fold.test], expected[fold.test], rtol=1e-9)
+
+
+def test_rows_of_no_fold_keep_the_prediction_of_all(fitted):
+    search, model = fitted
+    plain = Criterion(search.record)
+    one = search.folds[:1]
+    for predict in (held_out, refitted_prediction):
+        found = predict(model, plain, one)
+        rest = ~one[0].test
+        np.testing.assert_allclose(found[rest], model.output[rest], rtol=1e-12)
+        assert np.abs(found - model.output)[one[0].test].max() > 0
+
+
+@pytest.mark.parametrize("predict", [held_out, refitted_prediction])
+def test_measurements_held_out_do_not_matter(fitted, predict):
+    search, model = fitted
+    fold = search.folds[0]
+    record = search.record
+    kept = record.y.copy()
+    start = model.under(Criterion(record))
+    first = predict(start, Criterion(record), [fold])[fold.test]
+    record.y[fold.test] += 5.0
+    try:
+        second = predict(start, Criterion(record), [fold])[fold.test]
+    finally:
+        record.y[:] = kept
+    np.testing.assert_allclose(second, first, rtol=1e-6, atol=1e-9)
+
+
+def test_a_fold_of_everything_changes_nothing(fitted):
+    search, model = fitted
+    known = search.record.known
+    fold = HeldOutRows(known, known)
+    found = held_out(model, Criterion(search.record), [fold])
+    np.testing.assert_allclose(found, model.output, atol=1e-3 * np.std(model.output))

@@ -1,0 +1,158 @@
+"""Candidates judged in the closed loop."""
+
+import numpy as np
+import pytest
+from support.person_in_loop import pursued
+from support.searching import search_of
+
+from skhoid import EffectSearchCV, OperatorRegressor
+from skhoid.greybox.extend import extended
+from skhoid.search.in_loop import LEAST_EVIDENCE, LEAST_RATE, InLoop, LoopJudge
+
+RIVALS = ["feedforward", "preview", "output_feedback"]
+SHORT = {"n_runs": 3, "duration": 30.0}
+TARGET = {"feedforward", "preview"}
+
+
+def named(search):
+    return [name for name in search.best_effects_ if name != "unknown"]
+
+
+def searched(text, seed, effects=RIVALS, **options):
+    X, y, _ = pursued(text, seed, **options)
+    return EffectSearchCV(OperatorRegressor(), effects=effects, controlled_element=text).fit(X, y)
+
+
+def test_nothing_is_named_of_a_person_who_answers_the_error():
+    found = searched("1/s", 1, **SHORT)
+    assert named(found) == []
+    row = found.ranking_.iloc[0]
+    assert row["effect"] in TARGET  # which follows the measured error better
+    assert row["vaf_gain"] > 0.5
+    assert row["status"] == "not better"
+    assert row["gain_loop"] < 0
+    assert row["reason"].startswith("in the closed loop it is no better")
+
+
+def test_feedforward_is_named_where_it_is():
+    found = searched("1/s", 2, feedforward=0.5, **SHORT)
+    assert named(found) == ["feedforward"]
+    row = found.ranking_.iloc[0]
+    assert row["status"] == "added"
+    assert row["evidence_loop"] > LEAST_EVIDENCE
+    assert row["gain_loop"] > 0
+    assert found.error_path_["vaf_loop"].is_monotonic_increasing
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
+@pytest.mark.parametrize("seed", range(40, 46))
+def test_nothing_is_named_over_seeds(text, seed):
+    assert named(searched(text, seed)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
+@pytest.mark.parametrize("seed", range(90, 93))
+def test_feedforward_is_named_over_seeds(text, seed):
+    """A tenth of a second late: one without delay is a preview of no time."""
+    assert named(searched(text, seed, feedforward=0.6, early=-0.1)) == ["feedforward"]
+
+
+@pytest.fixture(scope="module")
+def parts():
+    """Search, baseline, and the model with feedforward, of someone who has it."""
+    X, y, _ = pursued("1/s", 2, feedforward=0.5, **SHORT)
+    search, baseline = search_of(X, y, ["feedforward", "dead_zone", "stiction"], "1/s")
+    effect = search.effects[0]
+    model = extended(baseline, "feedforward", effect, search.criterion, search.coarse)
+    return search, baseline, model
+
+
+def test_records_are_thinned_to_what_is_fast_enough():
+    X, y, _ = pursued("1/s", 0, n_runs=2, duration=10.0, rate=100)
+    search, _ = search_of(X, y, ["bias"], "1/s")
+    record = search.loop.record
+    assert 1 / record.dt == pytest.approx(50)
+    assert 1 / record.dt >= LEAST_RATE
+    assert record.y.shape == (500, 2)
+    for fold, whole in zip(search.loop.folds, search.folds, strict=True):
+        np.testing.assert_array_equal(fold.test, whole.test[::2])
+        np.testing.assert_array_equal(fold.train, whole.train[::2])
+    assert search.loop.loop.begin == 150
+
+
+def test_without_an_element_there_is_no_judge(parts):
+    X, y, _ = pursued("1/s", 0, n_runs=2, duration=10.0)
+    search, baseline = search_of(X[["e"]], y, ["bias"])
+    assert search.record.controlled_element is None
+    assert search.loop is None
+    assert search.step(baseline).candidates[0].in_loop is None
+    assert LoopJudge.of(search.core, search.record, search.folds) is None
+
+
+def test_true_effect_pays_in_the_loop(parts):
+    search, baseline, model = parts
+    judged = search.loop.around(baseline).judged(model)
+    assert not judged.refutes
+    assert judged.evidence > 5 * LEAST_EVIDENCE
+    assert judged.gain > 1.0
+    assert 0 < judged.vaf < 100
+
+
+def test_judgement_repeats(parts):
+    search, baseline, model = parts
+    first, second = (search.loop.around(baseline).judged(model) for _ in range(2))
+    assert first == second
+
+
+def test_effect_that_adds_nothing_has_no_evidence(parts):
+    search, _, model = parts
+    more = extended(model, "dead_zone", search.effects[1], search.criterion, search.coarse)
+    judged = search.loop.around(model).judged(more)
+    assert judged.refutes or np.isnan(judged.gain)
+
+
+def test_what_jumps_is_not_asked(parts):
+    search, baseline, _ = parts
+    effect = next(e for e in search.effects if e.name == "stiction")
+    assert not effect.smooth
+    model = extended(baseline, "stiction", effect, search.criterion, search.coarse)
+    judged = search.loop.around(baseline).judged(model)
+    assert np.isnan([judged.vaf, judged.evidence, judged.gain]).all()
+    assert not judged.refutes
+
+
+@pytest.mark.parametrize(
+    ("evidence", "gain", "refutes"),
+    [
+        (100.0, 1.0, False),
+        (LEAST_EVIDENCE, 1.0, True),
+        (100.0, 0.0, True),
+        (-5.0, -1.0, True),
+        (np.nan, np.nan, False),
+    ],
+)
+def test_what_refutes(evidence, gain, refutes):
+    assert InLoop(90.0, evidence, gain).refutes == refutes
+
+
+def test_error_of_the_loop_is_nothing_without_remnant():
+    X, y, _ = pursued("1/s", 4, remnant=0.0, n_runs=2, duration=20.0)
+    search, baseline = search_of(X, y, ["bias"], "1/s")
+    around = search.loop.around(baseline)
+    assert around.solved
+    assert around.vaf > 99.99
+
+
+def test_parent_that_cannot_be_solved_judges_nothing(parts):
+    search, baseline, model = parts
+    broken = search.loop.around(baseline)
+    broken.__dict__["fit"] = _Unsolved()
+    assert not broken.solved
+    assert np.isnan(broken.vaf)
+    assert np.isnan(broken.judged(model).gain)
+
+
+class _Unsolved:
+    output = np.full((3, 1), np.nan)
