@@ -159,7 +159,7 @@ def summary_of(
     experiments: Sequence[str],
     notes: Sequence[str],
 ) -> str:
-    """The whole search in plain sentences."""
+    """The whole search in plain sentences; ``path`` has the final parameters of each effect."""
     first, last = path.iloc[0], path.iloc[-1]
     ceiling = first["ceiling"]
     lines = [
@@ -168,8 +168,7 @@ def summary_of(
     ]
     for step, row in path.iloc[1:].iterrows():
         added = ranking[(ranking["status"] == "added") & (ranking["effect"] == row["effect"])]
-        text = added["parameters"].iloc[0] if len(added) else ""
-        before = path.loc[step - 1]
+        text, before = row["parameters"], path.loc[step - 1]
         lines.append(
             f"Step {step}: add {row['effect']}" + (f" ({text})" if text else "") + ": VAF "
             f"{before['vaf']:.1f} -> {row['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> "

@@ -525,6 +525,12 @@ def test_the_summary_tells_the_steps(found, two):
     assert "Step 2: add" in two.summary()
 
 
+def test_the_summary_says_the_final_parameters(two):
+    estimates = two.best_estimator_.parameters_
+    for name in ("dead_zone", "bias"):
+        assert f"add {name} ({parameter_text(estimates, name)})" in two.summary()
+
+
 def test_experiments_name_what_cannot_be_told_apart(found):
     added = found.ranking_[found.ranking_["status"] == "added"]
     pairs = [(row["effect"], o) for _, row in added.iterrows() for o in row["confused_with"]]
