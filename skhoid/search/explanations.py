@@ -181,12 +181,15 @@ def summary_of(
                 lines.append(f"  As good here: {', '.join(others)}.")
     lines.append(f"Verdict: {verdict}.")
     if verdict.startswith("nothing"):
-        near = ranking[(ranking["step"] == 1) & (ranking["status"] == "not better")]
+        # The last step decides: the first one has a delay that was given, and is only a claim.
+        last_step = ranking["step"] == ranking["step"].max()
+        near = ranking[last_step & (ranking["status"] == "not better")]
         if len(near):
             best = near.iloc[0]
             lines.append(
                 f"  The best of {counted(len(near), 'effect')} tried, {best['effect']}, would gain "
-                f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): not enough."
+                f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): "
+                f"{best['reason'] or 'not enough'}."
             )
     if stand_ins:
         lines.append(f"  {stand_ins_sentence(stand_ins)}.")

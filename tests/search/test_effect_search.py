@@ -147,6 +147,14 @@ def test_nothing_is_missing(clean):
     assert "nothing is missing" in clean.summary()
 
 
+def test_the_summary_says_what_the_last_step_would_gain():
+    given = EffectSearchCV(OperatorRegressor(delay=TAU), ["wrong_delay", "bias"])
+    ranking = given.fit(*recorded()).ranking_  # the second step has a free delay
+    last = ranking[ranking["step"] == 2].iloc[0]
+    assert f"{last['effect']}, would gain {last['vaf_gain']:.2f} points" in given.summary()
+    assert "The best of 1 effect tried" in given.summary()
+
+
 @pytest.mark.parametrize(
     ("hidden", "where", "least"),
     [
