@@ -3,8 +3,8 @@
     pip install -e .
     python benchmarks/real_pursuit.py [--data ../shared/data] [person-element ...]
 
-Four people (S02, S04, S06, S09) steer 1/s ("fo") or 1/(s(s+1)) ("so") with a slider: the target is
-shown 0.25 s ahead, a disturbance is not shown. Sets are S02-fo, S04-fo, S04-so ...; by default all.
+Four people (S02, S04, S06, S09) steer 1/s ("f") or 1/(s(s+1)) ("s") with a slider: the target is
+shown 0.25 s ahead, a disturbance is not shown. Sets are S02-f, S04-f, S04-s ...; by default all.
 The recordings may not be copied, nor figures of single trials: only medians are printed. Of the
 trials with a target the first half (at most 6) is fitted, the second half judged, from 5 s on.
 Exits with 1 if a claim below is not met:
@@ -31,8 +31,8 @@ from real_effects import DATA, Table
 from skhoid import EffectSearchCV, OperatorRegressor, compare
 
 FOLDER = "human_pursuit_1dof"
-ELEMENTS = {"fo": "1/s", "so": "1/(s(s+1))"}
-SETS = ("S02-fo", "S04-fo", "S04-so", "S06-fo", "S06-so", "S09-fo", "S09-so")
+ELEMENTS = {"f": "1/s", "s": "1/(s(s+1))"}  # by the first letter of "plant"
+SETS = ("S02-f", "S04-f", "S04-s", "S06-f", "S06-s", "S09-f", "S09-s")
 RATE = 60  # Hz
 BEGIN = 5.0  # s, where the ramp of the forcing functions ends
 FITTED = 6  # trials, at most
@@ -67,9 +67,8 @@ def median_vaf(model: Any, X: pd.DataFrame, y: pd.Series) -> float:
 def judged(samples: pd.DataFrame, trials: pd.DataFrame, name: str) -> dict[str, Any]:
     """Search on the first half of a set, and medians on the second."""
     person, element = name.split("-")
-    chosen = trials[
-        (trials["subject"] == person) & (trials["plant"] == element) & (trials["ref_kind"] != "zer")
-    ]["trial"].tolist()
+    of_set = (trials["subject"] == person) & trials["plant"].str.startswith(element)
+    chosen = trials[of_set & (trials["ref_kind"] != "zer")]["trial"].tolist()
     middle = len(chosen) // 2
     X, y = tables(samples, chosen[:middle][:FITTED])
     fresh, measured = tables(samples, chosen[middle:])
