@@ -16,9 +16,9 @@ from ..greybox.cores import Core
 from ..greybox.fitting import Criterion, minimise
 from ..greybox.loop import Loop, LoopSimulator, drawn, loop_of
 from ..greybox.model import Model
-from .held_out import HeldOutRows, held_out
+from .held_out import HeldOutRows, refitted_prediction
 
-LEAST_EVIDENCE = 12.0  # of an effect that counts
+LEAST_EVIDENCE = 20.0  # of an effect that counts
 LEAST_RATE = 45.0  # Hz, to which records are thinned
 ITERATIONS = 10
 TOLERANCE = 1e-4
@@ -102,7 +102,10 @@ class LoopParent:
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
         if not np.isfinite(fitted.output).all():
-            return InLoop()
+            # A linear answer without a solution is a loop that does not settle, or has no delay.
+            lost = not fitted.simulator.is_curved(model.theta)
+            return InLoop(-np.inf, -np.inf, -np.inf) if lost else InLoop()
+        self._start_from(fitted)
         criterion = Criterion(self.judge.record)
         best = min(self.fit, fitted, key=lambda m: m.sse)
         criterion.set_noise(criterion.remnant_model(best.output))
@@ -112,6 +115,14 @@ class LoopParent:
         ratio = criterion.n * np.log(max(parent.sse, 1e-300) / max(refined.sse, 1e-300))
         more = refined.n_parameters - parent.n_parameters
         return InLoop(after, ratio - more * np.log(criterion.n), after - before)
+
+    def _start_from(self, other: Model) -> None:
+        """Fit the parent from where another model ended, which may be better."""
+        known = {**self.fit.values(), **other.values()}
+        start = np.array([known[name] for name in self.fit.simulator.names])
+        again = self.judge.fitted(self.loop, self.parent.effects, [start])
+        if again.sse < self.fit.sse:
+            self.fit = again
 
     @cached_property
     def vaf(self) -> float:
@@ -123,10 +134,8 @@ class LoopParent:
         return self._held_out(self.fit, criterion)[1]
 
     def _held_out(self, fitted: Model, criterion: Criterion) -> tuple[Model, float]:
-        """Refined under a noise model; held-out VAF of the fit that predicts them better."""
+        """Refined under a noise model; VAF of held-out rows, each fold refitted without them."""
         refined = fitted.refined(criterion, max_iter=ITERATIONS, tol=TOLERANCE)
-        predicted = [
-            held_out(model, by, self.judge.folds)
-            for model, by in ((fitted, self.judge.plain), (refined, criterion))
-        ]
-        return refined, max(vaf_of_output(self.judge.record, p) for p in predicted)
+        judge = self.judge
+        predicted = refitted_prediction(fitted, judge.plain, judge.folds)
+        return refined, vaf_of_output(judge.record, predicted)
