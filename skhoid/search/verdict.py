@@ -9,9 +9,11 @@ from .search_numbers import SearchNumbers
 
 # Structure left counts as unknown if it exceeds so many points (about the mean) and the first share
 # of what could be explained. Above the second share the effects found do not name it: several
-# effects that leave something may together imitate what is missing.
-BESIDE_ONE = (0.6, 0.1, 0.4)
-BESIDE_SEVERAL = (0.4, 0.04, 0.15)
+# effects that leave something may together imitate what is missing. The third takes its place
+# where they gain much, which hardly anything else imitates.
+BESIDE_ONE = (0.6, 0.1, 0.12, 0.5)
+BESIDE_SEVERAL = (0.4, 0.04, 0.04, 0.25)
+MUCH = 10.0  # points about the mean
 
 
 class Outcome(Enum):
@@ -42,7 +44,9 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
     """Whether what was found is a name, and whether something is missing beside it."""
     ids, stand_ins, worst = found.ids, [], found.worst
     share = worst / max(worst + found.gained, 1e-300)
-    least, small, large = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
+    least, small, large, of_much = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
+    if found.gained >= MUCH * found.share:
+        large = of_much
     if not (worst >= least * found.share and share > small):
         return Verdict(Outcome.FOUND if ids else Outcome.NOTHING, ids, [])
     if share > large:

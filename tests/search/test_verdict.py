@@ -52,15 +52,16 @@ def test_effect_that_explains_much_stays_named_beside_unknown():
     assert found.stand_ins == []
 
 
-def test_effect_that_explains_little_stands_in():
-    found = verdict(["feedforward"], 2.0, 8.0)
+@pytest.mark.parametrize(("gained", "worst"), [(2.0, 8.0), (9.0, 3.0), (12.0, 14.0)])
+def test_effect_that_explains_little_stands_in(gained, worst):
+    found = verdict(["feedforward"], gained, worst)
     assert found.best_effects == ["unknown"]
     assert found.stand_ins == ["feedforward"]
 
 
 @pytest.mark.parametrize("above", [True, False])
 def test_the_limits_beside_one(above):
-    least, small, large = BESIDE_ONE
+    least, small, _, large = BESIDE_ONE
     little = 1e-6 if above else -1e-6
     worst = (small + little) / (1 - small) * 50.0
     assert ("unknown" in verdict(["bias"], 50.0, worst).best_effects) == above
@@ -70,8 +71,8 @@ def test_the_limits_beside_one(above):
 
 
 def test_several_that_leave_something_are_stand_ins_sooner():
-    assert verdict(["bias"], 8.0, 2.0).named == ["bias"]
-    both = verdict(["bias", "dead_zone"], 8.0, 2.0)
+    assert verdict(["bias"], 20.0, 9.0).named == ["bias"]
+    both = verdict(["bias", "dead_zone"], 20.0, 9.0)
     assert both.named == []
     assert both.stand_ins == ["bias", "dead_zone"]
 
