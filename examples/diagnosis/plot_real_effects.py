@@ -116,7 +116,7 @@ print(search.fit(X, y).summary())
 
 # %%
 # Every effect of the catalogue was added to the model in turn, and judged on a recording that was
-# held out. The best of them gains a quarter of a point, and others nearly the same:
+# held out. The best of them gain a few tenths of a point each:
 
 from skhoid.plotting import EffectRankingDisplay
 
@@ -127,8 +127,8 @@ _ = EffectRankingDisplay.from_estimator(search, n_candidates=12)
 # repeats, and that is some points more than the model explains: it is no noise. This can be
 # believed. The author of the recordings explains them by a generator that locks on to the phase of
 # the orbit, in two dimensions at once, and nothing of the kind is in the catalogue. So the search
-# gives no name, and calls the changing gain a stand-in. Rightly: with another recording in place of
-# one of them it is gone, and the rest is the same.
+# gives no name, and calls what it added stand-ins. Rightly: with another recording in place of one
+# of them the spring is gone, the change of gain takes no time at all, and the rest is the same.
 
 other = EffectSearchCV(OperatorRegressor(inputs=["f_t"]), display="pursuit")
 print(other.fit(*recordings("2b", "2d", "2e")).summary())
@@ -140,11 +140,11 @@ table = search.baseline_.parameters_
 print(table[["value", "sd", "unit"]].round(3).to_string())
 
 # %%
-# Nobody answers within hundredths of a second. The arm of the model makes the cursor late as well,
-# by 2 zeta / omega; but even both together are too fast for a reaction. This person predicts where
-# the target will be. And if we insist on a delay of a reaction, the model invents a lead to make up
-# for it, and is hardly worse: a smooth target cannot tell the two apart, as the standard errors of
-# both say.
+# It stands at 0.1 s, the least that the model allows a person, and the data would take a shorter
+# one. The arm of the model makes the cursor late as well, by 2 zeta / omega; but even both together
+# are soon for a reaction to a target that nobody knows. This person predicts where the target will
+# be. And if we insist on a longer delay, the model invents a lead to make up for it, and is hardly
+# worse: a smooth target cannot tell the two apart.
 
 late = table["value"]["tau_e"] + 2 * table["value"]["zeta_nm"] / table["value"]["omega_nm"]
 insisting = OperatorRegressor(delay=0.25, inputs=["f_t"]).fit(X, y)
@@ -156,10 +156,11 @@ print(f"and a lead of {insisting.parameters_.loc['T_L', 'value']:.2f} s")
 # The answer
 # ----------
 # **The rider**: the pull pays most of what a rider can feel, 6 points, with a delay of a fifth of a
-# second, which is what a person needs. The roll rate pays less than half of that beside the roll
-# angle. The yaw rate would pay far more than either, and means nothing. One run of a minute in
-# closed loop cannot say whether the pull moves the handlebar through the rider's arms or through
-# the frame; pulls at two speeds, or with the hands off, would.
+# second, which is what a person needs. The roll rate pays about half of that beside the roll angle,
+# and nothing beside the pull. The yaw rate would pay far more than either, and means nothing.
+# Something is left beside the pull, too. One run of a minute in closed loop cannot say what, nor
+# whether the pull moves the handlebar through the rider's arms or through the frame; pulls at two
+# speeds, or with the hands off, would.
 #
 # **The tracker**: something is missing, and it is not in the catalogue. We believe it. We do not
 # believe the delay: this person predicts.

@@ -20,7 +20,7 @@ from scipy.signal import fftconvolve, lfilter
 
 from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
-from ..effects.record import Record
+from ..effects.record import Record, differentiated
 from ..human.linear_element import LinearElement
 from .cores import Core
 from .simulator import FreeParameter, Simulator
@@ -36,6 +36,7 @@ PULSE = 0.5  # standard deviations of the error
 RINGS = 0.5  # of a pulse, in the last sixth of the memory: no loop that settles
 MOVED = 0.1  # relative change of a parameter, after which that answer is computed anew
 CURVED = 0.02  # of the output, by which the answer to a remnant and to its opposite differ
+FOLLOWS = 0.7  # share of a channel that x may leave, at most, if it moves with x
 ROUGH = 3  # differences that tell a rough signal from a smooth one
 MISSING = 0.005  # share of the output, at most
 
@@ -81,6 +82,7 @@ class LoopSimulator:
         self._spread = float(np.std(record.input[record.known])) or 1.0
         self._theta: np.ndarray | None = None
         self._pulse: tuple[np.ndarray, np.ndarray | None] | None = None
+        self._follow = record.once("follow", lambda: followers(record))
         self._set_draws(None)
 
     def _set_draws(self, remnant: np.ndarray | None) -> None:
@@ -98,11 +100,7 @@ class LoopSimulator:
         self._chosen = False
 
     def _with_error(self, error: np.ndarray) -> Record:
-        record = self._columns
-        channels = {**record.channels, record.inputs[0]: error}
-        for name in record.with_role("x")[:1]:
-            channels[name] = record.channels[name] - (error - self._error)
-        return replace(record, channels=channels, _derived={})
+        return moved_with(self._columns, error, self._follow)
 
     def _open(self, error: np.ndarray) -> Simulator:
         return Simulator(self.core, self.effects, self._with_error(error))
@@ -114,7 +112,7 @@ class LoopSimulator:
         self._solve(theta)
         if not self._chosen and np.isfinite(self._output).all():
             self._chosen = True
-            if self.loop.remnant is not None and self._is_curved(theta):
+            if self.loop.remnant is not None and self.is_curved(theta):
                 self._set_draws(self.loop.remnant)
                 self._chosen = True
                 self._solve(theta)
@@ -122,8 +120,14 @@ class LoopSimulator:
         return self._output
 
     def _solve(self, theta: np.ndarray) -> None:
-        """Solve the loop from the last error; the first time in small steps too."""
-        if not self._solved(theta, self._inside) and self._theta is None:
+        """Solve the loop from the last error, else from the measured one with its own sensitivity.
+
+        The first time in small steps too.
+        """
+        if self._solved(theta, self._inside):
+            return
+        self._pulse = None
+        if not self._solved(theta, self._error) and self._theta is None:
             self._solved(theta, self._error, SMALL_STEP)
 
     def _solved(self, theta: np.ndarray, error: np.ndarray, step: float = 1.0) -> bool:
@@ -183,14 +187,22 @@ class LoopSimulator:
         self._pulse = theta.copy(), found
         return found
 
-    def _is_curved(self, theta: np.ndarray) -> bool:
-        """Whether the model answers a remnant and its opposite differently."""
+    def is_curved(self, theta: np.ndarray) -> bool:
+        """Whether the open answer to a remnant and to its opposite differ from that to none."""
         assert self.loop.remnant is not None
-        through = -self.loop.moved(self.loop.remnant[:, :, 0])
-        through = filtered(through, self._sensitivity(theta, self._inside))
-        both = [self._open(self._inside + s * through).run(theta) for s in (1, -1)]
-        bend = (both[0] + both[1]) / 2 - self._answer
-        return bool(np.std(bend) > CURVED * np.std(self._answer))
+        remnant = self.loop.remnant[:, :, 0]
+        size = 0.3 * self._spread / max(float(np.std(remnant)), 1e-300)
+        error = self.record.input
+        both = [
+            Simulator(
+                self.core,
+                self.effects,
+                moved_with(self.record, error + s * size * remnant, self._follow),
+            ).run(theta)
+            for s in (0, 1, -1)
+        ]
+        bend = (both[1] + both[2]) / 2 - both[0]
+        return bool(np.std(bend) > CURVED * np.std(both[0]))
 
     def run_with_change(self, position: int, value: float) -> np.ndarray:
         """Output of the last ``run`` with one parameter changed, by the loop's sensitivity."""
@@ -209,17 +221,51 @@ class LoopSimulator:
     @property
     def record_inside(self) -> Record:
         """The record with the error and the controlled output of the last ``run``."""
-        error = self._mean(self._inside)
-        record = self.record
-        channels = {**record.channels, record.inputs[0]: error}
-        for name in record.with_role("x")[:1]:
-            channels[name] = record.channels[name] - (error - record.input)
-        return replace(record, channels=channels, _derived={})
+        return moved_with(self.record, self._mean(self._inside), self._follow)
 
     @property
     def last_state(self) -> Any:
         """Signals of the last run."""
         return self._last.last_state
+
+
+def followers(record: Record) -> dict[str, np.ndarray]:
+    """Channels that the loop moves: what each is of x, its rate and its acceleration.
+
+    Motion that is felt is that of the controlled element; a channel of which x explains little has
+    other causes, and stays as it was measured.
+    """
+    names = record.with_role("x")
+    if not names:
+        return {}
+    known, found = record.known, {names[0]: np.array([1.0, 0.0, 0.0])}
+    table = np.stack([s[known] for s in motions(record.channels[names[0]], record.dt)], axis=1)
+    table = table - table.mean(axis=0)
+    size = np.sqrt((table**2).sum(axis=0)) + 1e-300
+    for name in record.with_role("motion"):
+        signal = record.channels[name][known]
+        signal = signal - signal.mean()
+        shares = np.linalg.lstsq(table / size, signal, rcond=1e-9)[0] / size
+        left = signal - table @ shares
+        if left @ left < FOLLOWS * (signal @ signal):
+            found[name] = shares
+    return found
+
+
+def motions(signal: np.ndarray, dt: float) -> list[np.ndarray]:
+    """A signal, its rate and its acceleration."""
+    rate = differentiated(signal, dt)
+    return [signal, rate, differentiated(rate, dt)]
+
+
+def moved_with(record: Record, error: np.ndarray, follow: dict[str, np.ndarray]) -> Record:
+    """The record with another error, and with what moves then."""
+    channels = {**record.channels, record.inputs[0]: error}
+    moved = motions(record.input - error, record.dt) if len(follow) > 1 else [record.input - error]
+    for name, shares in follow.items():
+        change = sum(share * signal for share, signal in zip(shares, moved, strict=False))
+        channels[name] = record.channels[name] + change
+    return replace(record, channels=channels, _derived={})
 
 
 def filtered(signal: np.ndarray, response: np.ndarray | None) -> np.ndarray:

@@ -13,6 +13,7 @@ import pandas as pd
 from ..diagnosis.comparison import Comparison
 from ..diagnosis.comparison_text import figures
 from ..effects.catalogue import BY_NAME
+from ..greybox.estimates import parameter_text
 from ..pipelines import raw_layout, taken_apart
 from ..recordings.channels import check_channels
 from ..regression import units_of
@@ -321,6 +322,7 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
     if np.isfinite(last["ceiling"]) and last["vaf"] < 100:
         floor = last["rmse"] * np.sqrt(max(100 - last["ceiling"], 0.0) / (100 - last["vaf"]))
     added = search.ranking_[search.ranking_["status"] == "added"]
+    final = parameter_frame(search.best_estimator_)
     steps = []
     for step, (_, row) in enumerate(path.iterrows()):
         name = str(row["effect"])
@@ -339,7 +341,7 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
                 "from_vaf": f"{before['vaf']:.1f}",
                 "from_rmse": number(before["rmse"]),
                 "words": "" if entry is None else _sentence(entry["words"]),
-                "parameters": "" if entry is None else entry["parameters"],
+                "parameters": parameter_text(final, name),
                 "confused": "" if entry is None else ", ".join(entry["confused_with"]),
                 "picture": plots[step] if step < len(plots) else None,
             }

@@ -17,6 +17,7 @@ from ..arx.searches.folds import folds_of
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
+from ..greybox.estimates import parameter_text
 from ..greybox.fitting import Criterion
 from ..greybox.likelihood import likelihood_fit
 from ..greybox.model import Model
@@ -275,8 +276,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         text : str
         """
         check_is_fitted(self)
+        final = self.best_estimator_.parameters_
+        texts = [parameter_text(final, name) for name in self.error_path_["effect"]]
         return summary_of(
-            self.error_path_,
+            self.error_path_.assign(parameters=texts),
             self.ranking_,
             self.best_effects_,
             self.stand_ins_,

@@ -159,7 +159,7 @@ def summary_of(
     experiments: Sequence[str],
     notes: Sequence[str],
 ) -> str:
-    """The whole search in plain sentences."""
+    """The whole search in plain sentences; ``path`` has the final parameters of each effect."""
     first, last = path.iloc[0], path.iloc[-1]
     ceiling = first["ceiling"]
     lines = [
@@ -168,8 +168,7 @@ def summary_of(
     ]
     for step, row in path.iloc[1:].iterrows():
         added = ranking[(ranking["status"] == "added") & (ranking["effect"] == row["effect"])]
-        text = added["parameters"].iloc[0] if len(added) else ""
-        before = path.loc[step - 1]
+        text, before = row["parameters"], path.loc[step - 1]
         lines.append(
             f"Step {step}: add {row['effect']}" + (f" ({text})" if text else "") + ": VAF "
             f"{before['vaf']:.1f} -> {row['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> "
@@ -182,12 +181,15 @@ def summary_of(
                 lines.append(f"  As good here: {', '.join(others)}.")
     lines.append(f"Verdict: {verdict}.")
     if verdict.startswith("nothing"):
-        near = ranking[(ranking["step"] == 1) & (ranking["status"] == "not better")]
+        # The last step decides: the first one has a delay that was given, and is only a claim.
+        last_step = ranking["step"] == ranking["step"].max()
+        near = ranking[last_step & (ranking["status"] == "not better")]
         if len(near):
             best = near.iloc[0]
             lines.append(
                 f"  The best of {counted(len(near), 'effect')} tried, {best['effect']}, would gain "
-                f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): not enough."
+                f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): "
+                f"{best['reason'] or 'not enough'}."
             )
     if stand_ins:
         lines.append(f"  {stand_ins_sentence(stand_ins)}.")

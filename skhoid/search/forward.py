@@ -34,6 +34,7 @@ LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a pla
 AS_GOOD = 0.05  # points
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
+LEAST_GAIN_OF_CLAIM = 0.6  # VAF points: a little delay makes up for much that is not one
 AT_ZERO = 1e-9  # a bound that is a value like others: no delay, no leak
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
 
@@ -106,7 +107,8 @@ class SearchStep:
         if self.loop is not None and candidate.in_loop is None and not candidate.trace:
             assert candidate.model is not None
             candidate.in_loop = self.loop.judged(candidate.model)
-        if candidate.passes and candidate.model is not None:
+        solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
+        if candidate.passes and candidate.model is not None and not solved:
             leak = leak_of(candidate.model)
             candidate.refused = leak.reason if leak is not None and leak.leaks else ""
         if candidate.passes and self.refit is not None and candidate.model is not None:
@@ -215,7 +217,7 @@ class Search:
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
             c.trace = self.traces.get(c.id, "")
-            c.least_gain = LEAST_GAIN * self.share
+            c.least_gain = self.share * (LEAST_GAIN_OF_CLAIM if c.id == CLAIM else LEAST_GAIN)
             c.refused = without_name(c)
         most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
         for c in tried:  # levels may be those at which something else came to rest
@@ -233,9 +235,8 @@ class Search:
         """Held-out predictions of a model that is fitted anew without each fold's rows."""
         key = (tuple(model.simulator.names), model.theta.tobytes())
         if key not in self._refits:
-            self._refits[key] = refitted_prediction(
-                output_error_fit(model), self.criterion, self.folds
-            )
+            found = refitted_prediction(output_error_fit(model), self.criterion, self.folds)
+            self._refits[key] = np.where(np.isfinite(found), found, 0.0)
         return self._refits[key]
 
     def _refined(
@@ -285,13 +286,12 @@ def without_name(candidate: Candidate) -> str:
     lost = [name.removeprefix(own) for name in model.undetermined() if name.startswith(own)]
     if lost:
         return f"the data do not determine its {', '.join(lost)}"
-    at_zero = {n for n, v in model.values().items() if abs(v) < AT_ZERO}
-    ends = [
-        name.removeprefix(own)
-        for name in model.at_bound()
-        if name.startswith(own) and name not in at_zero
-    ]
-    return f"{', '.join(ends)} at the bound" if ends else ""
+    # Of numbers at which it does nothing; others, such as how sudden a change is, may end anywhere.
+    effect = dict(model.effects.steps)[candidate.name]
+    sizes = [p.name for p in effect.free if p.name in effect.neutral or not effect.neutral]
+    values, ends = model.values(), model.at_bound()
+    at_end = [n for n in sizes if own + n in ends and abs(values[own + n]) > AT_ZERO]
+    return f"{', '.join(at_end)} at the bound" if at_end and len(at_end) == len(sizes) else ""
 
 
 def plainest_first(candidates: list[Candidate]) -> None:

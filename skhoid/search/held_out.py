@@ -58,8 +58,11 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -
 def refitted_prediction(
     model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]
 ) -> np.ndarray:
-    """Free runs of each fold's rows with parameters fitted anew without them, to the end."""
+    """Free runs of each fold's rows with parameters fitted anew without them, to the end.
+
+    NaN where a model in its loop has no solution.
+    """
     prediction = model.output.copy()
     for fold in folds:
         prediction[fold.test] = refitted(model, criterion, fold.train).output[fold.test]
-    return np.where(np.isfinite(prediction), prediction, 0.0)
+    return prediction

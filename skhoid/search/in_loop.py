@@ -16,9 +16,9 @@ from ..greybox.cores import Core
 from ..greybox.fitting import Criterion, minimise
 from ..greybox.loop import Loop, LoopSimulator, drawn, loop_of
 from ..greybox.model import Model
-from .held_out import HeldOutRows, held_out
+from .held_out import HeldOutRows, refitted_prediction
 
-LEAST_EVIDENCE = 12.0  # of an effect that counts
+LEAST_EVIDENCE = 20.0  # of an effect that counts
 LEAST_RATE = 45.0  # Hz, to which records are thinned
 ITERATIONS = 10
 TOLERANCE = 1e-4
@@ -39,6 +39,17 @@ class InLoop:
     def refutes(self) -> bool:
         """Whether the loop is known, and the model no better than the parent there."""
         return self.evidence <= LEAST_EVIDENCE or self.gain <= 0.0
+
+
+def only_levels(model: Model, parent: Model) -> bool:
+    """Whether a model has more effects than its parent, and these are levels of the output alone.
+
+    With an integrator in the element the level of u is that of the disturbance, whatever the
+    person's own is, which shows in e.
+    """
+    known = parent.effects.names
+    added = [effect for name, effect in model.effects if name not in known]
+    return all(e.place == "sum" and getattr(e, "channel", None) is None for e in added)
 
 
 class LoopJudge:
@@ -95,23 +106,39 @@ class LoopParent:
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
-        if not (model.simulator.smooth and self.solved):
+        if not (model.simulator.smooth and self.solved) or only_levels(model, self.parent):
             return InLoop()
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
+        # A linear answer without a solution is a loop that does not settle, or has no delay.
+        curved = LoopSimulator.is_curved(fitted.simulator, model.theta)  # type: ignore[arg-type]
+        without = InLoop() if curved else InLoop(-np.inf, -np.inf, -np.inf)
         if not np.isfinite(fitted.output).all():
-            return InLoop()
+            return without
+        self._start_from(fitted)
         criterion = Criterion(self.judge.record)
         best = min(self.fit, fitted, key=lambda m: m.sse)
         criterion.set_noise(criterion.remnant_model(best.output))
         (parent, before), (refined, after) = (
             self._held_out(m, criterion) for m in (self.fit, fitted)
         )
+        if not np.isfinite(before):
+            return InLoop()
+        if not np.isfinite(after):
+            return without
         ratio = criterion.n * np.log(max(parent.sse, 1e-300) / max(refined.sse, 1e-300))
         more = refined.n_parameters - parent.n_parameters
         return InLoop(after, ratio - more * np.log(criterion.n), after - before)
+
+    def _start_from(self, other: Model) -> None:
+        """Fit the parent from where another model ended, which may be better."""
+        known = {**self.fit.values(), **other.values()}
+        start = np.array([known[name] for name in self.fit.simulator.names])
+        again = self.judge.fitted(self.loop, self.parent.effects, [start])
+        if again.sse < self.fit.sse:
+            self.fit = again
 
     @cached_property
     def vaf(self) -> float:
@@ -123,10 +150,10 @@ class LoopParent:
         return self._held_out(self.fit, criterion)[1]
 
     def _held_out(self, fitted: Model, criterion: Criterion) -> tuple[Model, float]:
-        """Refined under a noise model; held-out VAF of the fit that predicts them better."""
+        """Refined under a noise model; VAF of held-out rows, each fold refitted without them."""
         refined = fitted.refined(criterion, max_iter=ITERATIONS, tol=TOLERANCE)
-        predicted = [
-            held_out(model, by, self.judge.folds)
-            for model, by in ((fitted, self.judge.plain), (refined, criterion))
-        ]
-        return refined, max(vaf_of_output(self.judge.record, p) for p in predicted)
+        judge = self.judge
+        predicted = refitted_prediction(fitted, judge.plain, judge.folds)
+        if not np.isfinite(predicted[judge.record.known]).all():
+            return refined, np.nan
+        return refined, vaf_of_output(judge.record, predicted)

@@ -17,7 +17,7 @@ def leak_of(model: Model) -> LeakTest | None:
     x = record.channels[names[0]]
     if x.shape != record.y.shape:
         return None
-    element, recorded = record.controlled_element, record.with_role("dist")[:1]
+    recorded = record.with_role("dist")[:1]
     channels = {getattr(effect, "channel", None) for _, effect in model.effects}
     with np.errstate(all="ignore"):
         return leak_test(
@@ -25,7 +25,6 @@ def leak_of(model: Model) -> LeakTest | None:
             model.output,
             x,
             record.dt,
-            element=None if element is None else element.discrete(record.dt),
             target=x + record.input,
             disturbance=record.channels[recorded[0]] if recorded else None,
             told=bool(recorded) and recorded[0] in channels,

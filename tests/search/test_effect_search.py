@@ -147,6 +147,14 @@ def test_nothing_is_missing(clean):
     assert "nothing is missing" in clean.summary()
 
 
+def test_the_summary_says_what_the_last_step_would_gain():
+    given = EffectSearchCV(OperatorRegressor(delay=TAU), ["wrong_delay", "bias"])
+    ranking = given.fit(*recorded()).ranking_  # the second step has a free delay
+    last = ranking[ranking["step"] == 2].iloc[0]
+    assert f"{last['effect']}, would gain {last['vaf_gain']:.2f} points" in given.summary()
+    assert "The best of 1 effect tried" in given.summary()
+
+
 @pytest.mark.parametrize(
     ("hidden", "where", "least"),
     [
@@ -523,6 +531,12 @@ def test_the_summary_tells_the_steps(found, two):
     assert DeadZone.physics in text
     assert "Verdict: effects found" in text
     assert "Step 2: add" in two.summary()
+
+
+def test_the_summary_says_the_final_parameters(two):
+    estimates = two.best_estimator_.parameters_
+    for name in ("dead_zone", "bias"):
+        assert f"add {name} ({parameter_text(estimates, name)})" in two.summary()
 
 
 def test_experiments_name_what_cannot_be_told_apart(found):
