@@ -30,6 +30,9 @@ class Fitted:
 
     def __init__(self, values, undetermined=(), at_bound=()):
         self._values, self._undetermined, self._at_bound = values, undetermined, at_bound
+        free = [SimpleNamespace(name="gain"), SimpleNamespace(name="time")]
+        own = SimpleNamespace(free=free, neutral={"time": 0.0})
+        self.effects = SimpleNamespace(steps=[("preview", own)])
 
     def values(self):
         return self._values
@@ -61,6 +64,11 @@ def test_no_name_where_its_numbers_end_at_a_bound():
 
 def test_a_name_where_only_others_end_there():
     model = Fitted(VALUES, ["preview-2__time"], ["K_e", "preview-2__time"])
+    assert without_name(candidate(model=model)) == ""
+
+
+def test_a_name_where_a_number_ends_that_is_no_size():
+    model = Fitted(VALUES, at_bound=["preview__gain"])
     assert without_name(candidate(model=model)) == ""
 
 

@@ -60,7 +60,7 @@ LOOP = ["feedforward", CLAIM]
 
 @pytest.fixture(scope="module")
 def tracked():
-    return pursued("1/s", 2, feedforward=0.5, **SHORT)
+    return pursued("1/s", 2, feedforward=0.6, early=-0.1, **SHORT)
 
 
 @pytest.fixture(scope="module")

@@ -35,7 +35,7 @@ def test_nothing_is_named_of_a_person_who_answers_the_error():
 
 
 def test_feedforward_is_named_where_it_is():
-    found = searched("1/s", 2, feedforward=0.5, **SHORT)
+    found = searched("1/s", 2, feedforward=0.6, early=-0.1, **SHORT)
     assert named(found) == ["feedforward"]
     row = found.ranking_.iloc[0]
     assert row["status"] == "added"
