@@ -155,12 +155,12 @@ print(f"and a lead of {insisting.parameters_.loc['T_L', 'value']:.2f} s")
 # %%
 # The answer
 # ----------
-# **The rider**: the pull pays most of what a rider can feel, 6 points, with a delay of a fifth of a
-# second, which is what a person needs. The roll rate pays about half of that beside the roll angle,
-# and nothing beside the pull. The yaw rate would pay far more than either, and means nothing.
-# Something is left beside the pull, too. One run of a minute in closed loop cannot say what, nor
-# whether the pull moves the handlebar through the rider's arms or through the frame; pulls at two
-# speeds, or with the hands off, would.
+# **The rider**: the pull pays most of what a rider can feel, 6 points, with a delay of a fifth to a
+# quarter of a second, which is what a person needs. The roll rate pays about half of that beside
+# the roll angle, and two points beside the pull, with a delay at its bound: no estimate. The yaw
+# rate would pay far more than either, and means nothing. One run of a minute in closed loop cannot
+# say whether the pull moves the handlebar through the rider's arms or through the frame; pulls at
+# two speeds, or with the hands off, would.
 #
 # **The tracker**: something is missing, and it is not in the catalogue. We believe it. We do not
 # believe the delay: this person predicts.
