@@ -35,7 +35,7 @@ AS_GOOD = 0.05  # points
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
 LEAST_GAIN_OF_CLAIM = 0.6  # VAF points: a little delay makes up for much that is not one
-AT_ZERO = 1e-9  # a bound that is a value like others: no delay, no leak
+AT_ZERO = 1e-9  # rounding of a bound
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
 
 
@@ -290,8 +290,13 @@ def without_name(candidate: Candidate) -> str:
     effect = dict(model.effects.steps)[candidate.name]
     sizes = [p.name for p in effect.free if p.name in effect.neutral or not effect.neutral]
     values, ends = model.values(), model.at_bound()
-    at_end = [n for n in sizes if own + n in ends and abs(values[own + n]) > AT_ZERO]
+    at_end = [n for n in sizes if own + n in ends and not natural(values[own + n])]
     return f"{', '.join(at_end)} at the bound" if at_end and len(at_end) == len(sizes) else ""
+
+
+def natural(value: float) -> bool:
+    """Whether a bound is a value like others: no delay, no leak; a lapse that is complete."""
+    return min(abs(value), abs(value - 1.0)) < AT_ZERO
 
 
 def plainest_first(candidates: list[Candidate]) -> None:

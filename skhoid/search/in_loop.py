@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
 from ..greybox.base import vaf_of_output
@@ -28,27 +29,30 @@ TOLERANCE = 1e-4
 class InLoop:
     """A model in the closed loop: its VAF on held-out rows, and what it has over a parent there.
 
-    NaN where the loop cannot be solved, as with what jumps or sticks.
+    NaN where the loop cannot be solved, as with what jumps or sticks. ``bends`` says that the model
+    is not linear: a remnant makes its mean answer in the loop nearly so, and what is no better
+    there may still be right.
     """
 
     vaf: float = np.nan
     evidence: float = np.nan
     gain: float = np.nan
+    bends: bool = False
 
     @property
     def refutes(self) -> bool:
         """Whether the loop is known, and the model no better than the parent there."""
+        if self.bends:
+            return self.evidence < -LEAST_EVIDENCE
         return self.evidence <= LEAST_EVIDENCE or self.gain <= 0.0
 
 
-def only_levels(model: Model, parent: Model) -> bool:
-    """Whether a model has more effects than its parent, and these are levels of the output alone.
+def only_levels(added: Sequence[Effect]) -> bool:
+    """Whether effects are levels of the output alone.
 
     With an integrator in the element the level of u is that of the disturbance, whatever the
     person's own is, which shows in e.
     """
-    known = parent.effects.names
-    added = [effect for name, effect in model.effects if name not in known]
     return all(e.place == "sum" and getattr(e, "channel", None) is None for e in added)
 
 
@@ -106,15 +110,16 @@ class LoopParent:
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
-        if not (model.simulator.smooth and self.solved) or only_levels(model, self.parent):
+        if not (model.simulator.smooth and self.solved) or only_levels(self._added(model)):
             return InLoop()
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
-        # A linear answer without a solution is a loop that does not settle, or has no delay.
-        curved = LoopSimulator.is_curved(fitted.simulator, model.theta)  # type: ignore[arg-type]
-        without = InLoop() if curved else InLoop(-np.inf, -np.inf, -np.inf)
+        bends = LoopSimulator.is_curved(fitted.simulator, model.theta)  # type: ignore[arg-type]
+        # A linear path without a solution is a loop that does not settle, or has no delay.
+        paths = all(effect.place in ("path", "sum") for effect in self._added(model))
+        without = InLoop(-np.inf, -np.inf, -np.inf) if paths and not bends else InLoop()
         if not np.isfinite(fitted.output).all():
             return without
         self._start_from(fitted)
@@ -130,7 +135,12 @@ class LoopParent:
             return without
         ratio = criterion.n * np.log(max(parent.sse, 1e-300) / max(refined.sse, 1e-300))
         more = refined.n_parameters - parent.n_parameters
-        return InLoop(after, ratio - more * np.log(criterion.n), after - before)
+        return InLoop(after, ratio - more * np.log(criterion.n), after - before, bends)
+
+    def _added(self, model: Model) -> list[Effect]:
+        """Effects that a model has and the parent has not."""
+        known = self.parent.effects.names
+        return [effect for name, effect in model.effects if name not in known]
 
     def _start_from(self, other: Model) -> None:
         """Fit the parent from where another model ended, which may be better."""

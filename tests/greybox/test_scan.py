@@ -46,7 +46,7 @@ def scan_of(parent, effect, **options):
 
 
 def test_a_scan_is_what_the_protocol_says():
-    assert len(MEMBERS) == 9
+    assert len(MEMBERS) == 11
     scan = scan_of(parent_of("arx"), DeadZone(form="gap"))
     for name in MEMBERS:
         promised = inspect.getattr_static(ErrorScan, name)
