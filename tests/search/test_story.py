@@ -54,7 +54,6 @@ def test_the_ceiling_is_told_as_the_lower_bound_that_it_is():
     assert story.search_.best_effects_ == ["dead_zone"]
     assert "nothing is left, within its error" in told
     assert story.comparison_.ceiling_note in told
-    assert "No test exceeds chance" in told
     assert "Nothing is missing" not in told
     assert "points are left" not in told
 
