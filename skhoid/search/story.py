@@ -196,7 +196,10 @@ class Story:
                 break
             else:
                 if len(tried):
-                    yield "  none pays: likelihood, held-out VAF and the closed loop, where it is known, must say so"
+                    yield (
+                        "  none pays: likelihood, held-out VAF and the closed loop, where it is "
+                        "known, must say so"
+                    )
 
     def _ended(self) -> Iterator[str]:
         search = self.search_
