@@ -75,14 +75,23 @@ class Beginning:
         free = self._free(model, grid, inputs)
         if self.initial == REST or not np.abs(free).max() < RUN_AWAY:
             return free
+        if self.initial == ESTIMATE:
+            return model._from_fitted_states(grid, inputs, output, held=True)
         known = measured_rows(grid) & ~np.isnan(output)
-        y = output[known]
-        left = float(((y - free[known]) ** 2).sum())
-        if self.initial is None and not pays(left, 0.0, y):
+        wrong = np.where(known, output - free, 0.0) ** 2
+        doubtful = [
+            slice(begin, end)
+            for begin, end in zip(grid.begin, grid.end, strict=True)
+            if pays(float(wrong[begin:end].sum()), 0.0, output[begin:end][known[begin:end]])
+        ]
+        if not doubtful:
             return free
         fitted = model._from_fitted_states(grid, inputs, output, held=True)
-        after = float(((y - fitted[known]) ** 2).sum())
-        return free if self.initial is None and not pays(left, after, y) else fitted
+        left = np.where(known, output - fitted, 0.0) ** 2
+        for rows in doubtful:  # each judged alone: the others must not change its prediction
+            if pays(float(wrong[rows].sum()), float(left[rows].sum()), output[rows][known[rows]]):
+                free[rows] = fitted[rows]
+        return free
 
 
 def measured_rows(grid: ModelGrid, most: int | None = None) -> np.ndarray:

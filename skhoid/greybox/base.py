@@ -29,7 +29,7 @@ from .cores import Core
 from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
 from .fitting import Criterion, RemnantModel, covariance_of, minimise
-from .initial import ESTIMATE, HELD, REST, error_of, pays
+from .initial import ESTIMATE, HELD, REST, begun_where_it_pays, error_of, pays
 from .likelihood import likelihood_fit, prior_of
 from .model import Model
 from .operator_summary import simulated_summary
@@ -100,7 +100,7 @@ class Simulation:
         output: np.ndarray,
         initial: str | None,
     ) -> np.ndarray:
-        """Free run on the grid from initial states that fit the output; None: if it shows them."""
+        """Free run on the grid from initial states that fit the output; None: of runs that show them."""
         record, columns = self.record_of(estimator, grid, values)
         record = self.spec.core.on(record)
         free = self._run(record, self.begins)
@@ -109,8 +109,9 @@ class Simulation:
         known, y = measured(grid, columns, output), columns.beside(np.nan_to_num(output))
         record = replace(record, y=y, known=known, _derived={})
         fitted = self._run(record, ESTIMATE)
-        left = error_of(record, free), error_of(record, fitted)
-        return columns.rows(free if initial is None and not pays(*left, y[known]) else fitted)
+        return columns.rows(
+            begun_where_it_pays(record, free, fitted) if initial is None else fitted
+        )
 
 
 class SimulatedModelMixin:

@@ -33,8 +33,26 @@ def pays(rest: float, other: float, y: np.ndarray) -> bool:
 
     ``y`` is all that was measured; its power about the mean says how much that is.
     """
+    if not y.size:
+        return False
     power = float(((y - y.mean()) ** 2).sum())
     return bool(rest - other > max(SHARE_OF_ERROR * rest, SHARE_OF_POWER * power))
+
+
+def begun_where_it_pays(record: Record, free: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+    """Outputs whose columns are ``fitted`` where that pays, ``free`` elsewhere.
+
+    Each run is judged alone: what is predicted of it must not depend on the runs beside it.
+    """
+    assert record.y is not None
+    with np.errstate(over="ignore", invalid="ignore"):
+        left = zip(_squares(record, free), _squares(record, fitted), strict=True)
+        pairs = [(float(rest), float(other)) for rest, other in left]
+    chosen = free.copy()
+    for j, (rest, other) in enumerate(pairs):
+        if pays(rest, other, record.y[record.known[:, j], j]):
+            chosen[:, j] = fitted[:, j]
+    return chosen
 
 
 def error_of(record: Record, output: np.ndarray) -> float:

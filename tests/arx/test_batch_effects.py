@@ -360,8 +360,11 @@ def test_search_finds_nothing_in_a_linear_system():
     search = EffectSearchCV(ARXRegressor(2, 2, NK)).fit(X, y)
     assert search.best_effects_ == []
     assert search.verdict_ == "nothing is missing"
-    refused = search.ranking_.set_index("effect")["status"]
-    assert refused["nm_mode"] == refused["extra_lead"] == "does not apply"
+    assert list(search.error_path_["effect"]) == ["baseline"]
+    tried = search.ranking_  # twice: with the delay as given, and freed
+    refused = tried[tried["effect"].isin(["nm_mode", "extra_lead"])]
+    assert set(refused["status"]) == {"does not apply"}
+    assert not tried["status"].eq("added").any()
 
 
 def test_search_finds_the_delay():
