@@ -232,7 +232,7 @@ def identify(
             raise ValueError(
                 f"The longest delay to try, {longest_delay:g} s, is below the least, "
                 f"{least.seconds:.3g} s: {least.reason}. Allow a longer one, or a smaller "
-                "least_delay."
+                f"least_delay.{_doubted(layout.dt * factor, longest_delay)}"
             )
         for how in ("one_step", "vaf"):
             search = DelaySearchCV(
@@ -285,6 +285,16 @@ def identify(
         adapting,
         least,
         notes,
+    )
+
+
+def _doubted(dt: float, longest_delay: float) -> str:
+    """A question about a clock that ticks less often than any delay that is tried."""
+    if dt <= longest_delay:
+        return ""
+    return (
+        f" The rows are counted as {dt:.3g} s apart: if the times are not in seconds, say in what "
+        "they are with units={'time': ...}."
     )
 
 
