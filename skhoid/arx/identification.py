@@ -32,6 +32,10 @@ class ModelChoice:
     least squares; with ``method="iv"`` what they choose is fitted by instrumental variables.
     ``memory``, the ``memory_time`` or ``memory_horizon`` of a :class:`RecursiveARX`, adds a model
     that follows the data.
+
+    Where e or x are inputs, no delay below ``least_delay`` seconds is tried: None takes 0.1 s of a
+    person, and one sample of a machine. ``domain`` is "human" or "machine"; None says human where
+    the data have the role e and x or f_t; ``roles`` says the roles of columns.
     """
 
     inputs: list[str] | None = None
@@ -41,6 +45,9 @@ class ModelChoice:
     method: str = "ols"
     instruments: list[str] | None = None
     memory: dict[str, Any] | None = None
+    least_delay: float | None = None
+    domain: str | None = None
+    roles: Mapping[Any, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -184,19 +191,12 @@ def identify(
     validation_runs: list[Any] | None = None,
     centered: bool = True,
     callbacks: tuple[Any, ...] = (),
-    least_delay: float | None = None,
-    domain: str | None = None,
-    roles: Mapping[Any, Any] | None = None,
 ) -> Identification:
     """Discard the run-in, find delay and orders, fit, and validate on held-out data.
 
     The last run is held out, or ``validation_runs``, or the second half of a single run; nothing
     is chosen or fitted on it. With ``centered`` the models have an intercept and VAF is taken
     about the mean of each run.
-
-    Where e or x are inputs, no delay below ``least_delay`` seconds is tried: None takes 0.1 s of a
-    person, and one sample of a machine. ``domain`` is "human" or "machine"; None says human where
-    the data have the role e and x or f_t.
     """
     layout = read_layout(X)
     held_out, names = _held_out_rows(layout, validation_runs)
@@ -216,9 +216,9 @@ def identify(
         list(X.columns) if choice.inputs is None else choice.inputs,
         list(X.columns),
         layout.dt * factor,
-        seconds=least_delay,
-        domain=domain,
-        roles=roles,
+        seconds=choice.least_delay,
+        domain=choice.domain,
+        roles=choice.roles,
     )
     candidates = {}
     searches = {}
@@ -232,7 +232,7 @@ def identify(
             raise ValueError(
                 f"The longest delay to try, {longest_delay:g} s, is below the least, "
                 f"{least.seconds:.3g} s: {least.reason}. Allow a longer one, or a smaller "
-                "least_delay."
+                f"least_delay.{_doubted(layout.dt * factor, longest_delay)}"
             )
         for how in ("one_step", "vaf"):
             search = DelaySearchCV(
@@ -285,6 +285,16 @@ def identify(
         adapting,
         least,
         notes,
+    )
+
+
+def _doubted(dt: float, longest_delay: float) -> str:
+    """A question about a clock that ticks less often than any delay that is tried."""
+    if dt <= longest_delay:
+        return ""
+    return (
+        f" The rows are counted as {dt:.3g} s apart: if the times are not in seconds, say in what "
+        "they are with units={'time': ...}."
     )
 
 

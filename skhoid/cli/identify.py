@@ -48,6 +48,9 @@ def identify(options: argparse.Namespace) -> int:
         method=options.method,
         instruments=list(X.columns[n_inputs:]) or None,
         memory={name: value for name, value in memory.items() if value is not None},
+        least_delay=options.least_delay,
+        domain=options.domain,
+        roles=pairs(options.role, "--role", "NAME=ROLE, such as position=x"),
     )
     found = identify_runs(
         X,
@@ -59,9 +62,6 @@ def identify(options: argparse.Namespace) -> int:
         criterion=criterion,
         validation_runs=options.validate,
         centered=not options.keep_means,
-        least_delay=options.least_delay,
-        domain=options.domain,
-        roles=pairs(options.role, "--role", "NAME=ROLE, such as position=x"),
         callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
     )
     files = {

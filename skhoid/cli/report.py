@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from .._version import __version__
+from ..pipelines import prediction_from
 from ..search.story import comparison_dict, parameter_line
 from .files import new_file
 from .options import refuse
@@ -48,7 +49,9 @@ def _without_search(
     vaf = model.score(X, y) if compared is None else compared.vaf
     tables = {
         "parameters": model.parameters_,
-        "predictions": pd.DataFrame({"measured": y, "free_run": model.predict(X)}, index=X.index),
+        "predictions": pd.DataFrame(
+            {"measured": y, "free_run": prediction_from(model, X, y)}, index=X.index
+        ),
         **tables_of_comparison(compared),
     }
     files = {"report": str(path), "pictures": [], "tables": save_tables(tables, options)}

@@ -21,7 +21,7 @@ from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.record import Record
 from ..exceptions import did_you_mean
-from ..human import ELEMENT, as_element
+from ..human import ELEMENT, LinearElement
 from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor
 from ..summaries import Summary
@@ -75,7 +75,7 @@ class Simulation:
             held,
             self.roles,
             estimator.inputs_,
-            controlled_element=None if element is None else as_element(element),
+            controlled_element=None if element is None else LinearElement.of(element),
         )
 
     def free_run(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..effects.record import Record
-from ..human import LinearElement, as_element
+from ..human import LinearElement
 
 FAST = 0.15  # s over which motion is averaged and compared with that before
 FEWEST = 50  # known rows of a run
@@ -59,7 +59,7 @@ def _changes(signal: np.ndarray, m: int) -> np.ndarray:
 
 def given_element(given: Any, record: Record) -> LinearElement:
     """An element that the user gave, with the timing that the data have."""
-    element = as_element(given)
+    element = LinearElement.of(given)
     names = record.with_role("x")
     if not names or record.y is None:
         return element

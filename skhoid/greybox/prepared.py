@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects.record import Record
 from ..exceptions import RankDeficiencyError, ShortRunError
-from ..human import simplest
+from ..human.controlled_element import simplest
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, bad_output, still
 from ..runs import run_column

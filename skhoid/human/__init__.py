@@ -1,9 +1,8 @@
 """Physics as small objects: human operator, controlled element, parameters that vary in time."""
 
-from .controlled_element import ControlledElement
+from .controlled_element import ELEMENT, ControlledElement
 from .discretisation import delay_samples, pade, zoh_parameters
 from .linear_element import LinearElement
-from .linear_systems import ELEMENT, as_element, simplest
 from .margins import crossover
 from .operator import HumanOperator
 from .variation import Mixture, Ramp, Sigmoid, Step
@@ -17,10 +16,8 @@ __all__ = [
     "Ramp",
     "Sigmoid",
     "Step",
-    "as_element",
     "crossover",
     "delay_samples",
     "pade",
-    "simplest",
     "zoh_parameters",
 ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._sklearn import HasMethods
 from .checks import check_parameters
 from .element_text import is_number
 from .linear_element import LinearElement
@@ -145,6 +146,28 @@ class ControlledElement:
         K_c, omega_b = frozen(self, t, "K_c", "omega_b").values()
         return ControlledElement(K_c, omega_b)
 
+    def constant_coefficients(self) -> tuple[tuple[float, ...], tuple[float, ...], None]:
+        """Numerator, denominator and sampling time, which there is none, of a constant element.
+
+        Returns
+        -------
+        numerator, denominator : tuple of float
+            In falling powers of s.
+        dt : None
+
+        Raises
+        ------
+        ValueError
+            If the element varies in time.
+        """
+        K_c, omega_b = self.K_c, self.omega_b
+        if callable(K_c) or callable(omega_b):
+            raise ValueError(
+                "controlled_element must be constant here; got one that varies in time. Pass it "
+                "at one instant, controlled_element.at(t), or None to estimate it."
+            )
+        return (float(K_c),), (1.0, float(omega_b), 0.0), None
+
     def frequency_response(self, omega: Any, t: float = 0.0) -> np.ndarray:
         """H_CE(j omega), with parameters frozen at ``t``.
 
@@ -164,3 +187,13 @@ class ControlledElement:
         K_c, omega_b = frozen(self, t, "K_c", "omega_b").values()
         with np.errstate(divide="ignore", invalid="ignore"):
             return K_c / (s * (s + omega_b))
+
+
+# What estimators take as ``controlled_element``: of SciPy and of python-control by their methods.
+ELEMENT = [ControlledElement, LinearElement, str, HasMethods("to_tf"), HasMethods("dcgain"), None]
+
+
+def simplest(element: LinearElement) -> ControlledElement | LinearElement:
+    """The same element, as a ``ControlledElement`` where it has that form."""
+    constants = element.constants
+    return element if constants is None else ControlledElement(*constants)

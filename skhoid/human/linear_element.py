@@ -13,9 +13,9 @@ from scipy.signal import lfilter, lfilter_zi, tf2ss
 
 from .. import _kernels
 from .element_text import parsed, written
+from .linear_systems import TINY, coefficients_of
 
 SAME_CLOCK = 1e-6  # relative difference of two sampling times that are the same
-TINY = 1e-12  # relative to the largest coefficient: rounding
 CLOSE_TO_ONE = 1e-5  # of a pole in z that is an integrator
 ON_AXIS = 1e-9  # real part of a zero, relative to its size, that is on the stability limit
 
@@ -125,9 +125,15 @@ class LinearElement:
         TypeError
             If it describes no element.
         """
-        from .linear_systems import as_element
-
-        return as_element(system, dt)
+        if isinstance(system, str):
+            return cls.from_text(system, dt)
+        if dt is not None:
+            raise ValueError(
+                "dt is for a controlled element written as text; others have their own."
+            )
+        if isinstance(system, LinearElement):
+            return system
+        return cls(*coefficients_of(system))
 
     @classmethod
     def from_text(cls, text: str, dt: float | None = None) -> LinearElement:

@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..effects.record import Record
 from ..greybox.estimates import parameter_text
-from ..human import as_element
+from ..human import LinearElement
 from ..runs.roles import target_is_sum
 from ._axes import BLACK, COLOURS, GREY, plain_logarithmic
 from ._comparison import wrapped
@@ -254,7 +254,7 @@ def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
             roles=roles,
             inputs=tuple(model.inputs_),
             known=empty.astype(bool),
-            controlled_element=None if element is None else as_element(element),
+            controlled_element=None if element is None else LinearElement.of(element),
         )
         return record, None
     record, _ = simulation.record_of(model, *model._read_X(X, reset=False))

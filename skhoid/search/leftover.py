@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -155,7 +155,11 @@ def _more(gains: Gains, name: str, shape: np.ndarray) -> np.ndarray:
     return getattr(gains, name) * (1 + 0.05 * shape)
 
 
-def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
+# Where, at what, in words, and the changes of the output that it could make.
+Family = tuple[str, str, str, list[np.ndarray]]
+
+
+def _families(model: Model) -> list[Family]:
     simulator = model.simulator
     closed = simulator if isinstance(simulator, LoopSimulator) else None
     record = simulator.record if closed is None else closed.record_inside
@@ -226,46 +230,9 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
             [np.broadcast_to(s, output.shape).copy() for s in shapes],
         )
     )
-    lags = record.time_unit * np.linspace(0.06, LONGEST_LAG, LAGS)
-    for name, channel in record.channels.items():
-        if name in record.inputs:
-            continue
-        role = record.roles.get(name, "")
-        centred = channel - channel[record.known].mean()
-        # A channel that the loop moves could return the output itself without a delay.
-        seconds = (
-            lags
-            if role in ("x", "") or role.startswith("motion")
-            else lags - 0.5 * record.time_unit
-        )
-        found.append(
-            (
-                "channel",
-                name,
-                f"the output answers {name}",
-                [
-                    with_probe("path", lambda c, r, s=s, z=z: c.plus(0.1 * r.delayed(z, s)), False)
-                    for s, z in [
-                        *((s, centred) for s in seconds),
-                        *((seconds[1], remembered(centred, T, record)) for T in MEMORIES),
-                    ]
-                ],
-            )
-        )
-        if role == OTHER:
-            size = centred / record.sd(name)
-            found.append(
-                (
-                    "channel",
-                    name,
-                    f"the gains follow {name}",
-                    [
-                        with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
-                        for s in (size, size * np.abs(size), size**2)
-                        for o in ("error", "rate")
-                    ],
-                )
-            )
+    for name in record.channels:
+        if name not in record.inputs:
+            found.extend(_families_of_channel(name, record, with_probe))
     found.append(
         (
             "frequency",
@@ -277,4 +244,47 @@ def _families(model: Model) -> list[tuple[str, str, str, list[np.ndarray]]]:
             ],
         )
     )
+    return found
+
+
+def _families_of_channel(
+    name: str, record: Record, with_probe: Callable[..., np.ndarray]
+) -> list[Family]:
+    channel = record.channels[name]
+    found: list[Family] = []
+    lags = record.time_unit * np.linspace(0.06, LONGEST_LAG, LAGS)
+    role = record.roles.get(name, "")
+    centred = channel - channel[record.known].mean()
+    # A channel that the loop moves could return the output itself without a delay.
+    seconds = (
+        lags if role in ("x", "") or role.startswith("motion") else lags - 0.5 * record.time_unit
+    )
+    found.append(
+        (
+            "channel",
+            name,
+            f"the output answers {name}",
+            [
+                with_probe("path", lambda c, r, s=s, z=z: c.plus(0.1 * r.delayed(z, s)), False)
+                for s, z in [
+                    *((s, centred) for s in seconds),
+                    *((seconds[1], remembered(centred, T, record)) for T in MEMORIES),
+                ]
+            ],
+        )
+    )
+    if role == OTHER:
+        size = centred / record.sd(name)
+        found.append(
+            (
+                "channel",
+                name,
+                f"the gains follow {name}",
+                [
+                    with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
+                    for s in (size, size * np.abs(size), size**2)
+                    for o in ("error", "rate")
+                ],
+            )
+        )
     return found

@@ -25,8 +25,8 @@ def runs():
 
 
 def found(runs, inputs, **options):
-    choice = ModelChoice(inputs=inputs, na=2, nb=3)
-    return identify(*runs, choice, criterion="vaf", longest_delay=0.3, **options)
+    choice = ModelChoice(inputs=inputs, na=2, nb=3, **options)
+    return identify(*runs, choice, criterion="vaf", longest_delay=0.3)
 
 
 @pytest.mark.parametrize("inputs", [["e", "x"], ["e", "f_t"]])

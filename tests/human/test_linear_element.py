@@ -8,7 +8,6 @@ import pytest
 from scipy import signal
 
 from skhoid import ControlledElement, FrequencyResponse, HumanOperator, LinearElement, crossover
-from skhoid.human import as_element
 
 DT = 0.01
 TEXTS = {
@@ -112,7 +111,9 @@ def test_the_inverse_of_the_thesis_element_is_that_of_its_equation():
     x = np.random.default_rng(0).standard_normal((50, 3))
     rate = np.gradient(x, DT, axis=0)
     expected = (np.gradient(rate, DT, axis=0) + 6.0 * rate) / 90.0
-    np.testing.assert_allclose(as_element(ControlledElement()).inverse(x, DT), expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        LinearElement.of(ControlledElement()).inverse(x, DT), expected, rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize("text", ["(s-1)/(s(s+1))", "s/(s+1)^2", "(s^2+1)/(s+1)^3"])
@@ -149,7 +150,7 @@ def test_systems_of_scipy_and_of_python_control():
 
 def test_a_varying_element_is_no_linear_element():
     with pytest.raises(ValueError, match=r"varies in time.*at\(t\)"):
-        as_element(ControlledElement(K_c=lambda t: 90.0 + t))
+        LinearElement.of(ControlledElement(K_c=lambda t: 90.0 + t))
 
 
 @pytest.mark.parametrize(
@@ -168,7 +169,7 @@ def test_wrong_coefficients(arguments, what):
 
 def test_it_goes_where_a_controlled_element_goes():
     omega = np.array([0.5, 2.0])
-    same = as_element(ControlledElement(90.0, 6.0))
+    same = LinearElement.of(ControlledElement(90.0, 6.0))
     np.testing.assert_allclose(
         same.frequency_response(omega), ControlledElement(90.0, 6.0).frequency_response(omega)
     )
