@@ -300,8 +300,12 @@ def filtered(x, b, a):
     n, runs = x.shape
     out = np.empty((n, runs))
     flat, to = x.reshape(n * runs), out.reshape(n * runs)
-    for i in range(min(n, 2) * runs):
-        to[i] = b[0] * flat[i] + (b[1] * flat[i - runs] if i >= runs else 0.0)
+    for i in range(min(n, 1) * runs):
+        to[i] = b[0] * flat[i]
+    if n > 1:  # sums in a condition are rounded otherwise in lanes than beside them
+        first, second, at = flat[:runs], flat[runs : 2 * runs], to[runs : 2 * runs]
+        for i in range(runs):
+            at[i] = b[0] * second[i] + b[1] * first[i]
     m = max(n - 2, 0) * runs
     x0, x1, x2, late = flat[2 * runs :], flat[runs : runs + m], flat[:m], to[2 * runs :]
     b0, b1, b2 = b[0], b[1], b[2]

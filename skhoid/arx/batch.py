@@ -76,7 +76,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         How simulations begin. ``"rest"``: with all signals zero before the first sample.
         ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
         run best; in ``predict``, as if the inputs had always been as in the first row. None takes
-        that only where runs show that they do not begin at rest.
+        that only where runs show that they do not begin at rest, in ``score`` each run alone.
     start : dict or None, default=None
         Values to start a fit with effects from, ``{parameter: value}`` by the names of
         ``parameters_``, beside the model's own starts.
@@ -172,12 +172,14 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     >>> bool(model.score(X, y) > 90)
     True
 
-    The delay, to a fraction of a sample:
+    Nine samples of 10 ms are missing of the delay of a simulated operator, which has 29:
 
-    >>> model = ARXRegressor(na=2, nb=2, nk=9).with_effect("wrong_delay").fit(X, y)
+    >>> from skhoid import make_tracking_runs
+    >>> X, y = make_tracking_runs("C1", 2, duration=20.48, remnant_intensity=0.05, random_state=2)
+    >>> model = ARXRegressor(na=2, nb=2, nk=20).with_effect("wrong_delay").fit(X, y)
     >>> extra = model.parameters_.loc["wrong_delay__extra"]
     >>> [float(round(extra["value"], 2)), extra["unit"]]
-    [-0.09, 's']
+    [0.09, 's']
     """
 
     _parameter_constraints: dict = {

@@ -100,7 +100,7 @@ class Simulation:
         output: np.ndarray,
         initial: str | None,
     ) -> np.ndarray:
-        """Free run on the grid from states that fit the output; None: of runs that show them."""
+        """Free run from initial states that fit the output; None: of the runs that show them."""
         record, columns = self.record_of(estimator, grid, values)
         record = self.spec.core.on(record)
         free = self._run(record, self.begins)

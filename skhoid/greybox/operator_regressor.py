@@ -47,7 +47,7 @@ class OperatorRegressor(GreyBox):
         How simulations begin. ``"rest"``: with all signals zero before the first sample.
         ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
         run best; in ``predict``, as if the inputs had always been as in the first row. None takes
-        that only where runs show that they do not begin at rest.
+        that only where runs show that they do not begin at rest, in ``score`` each run alone.
     start : dict or None, default=None
         Values to start the fit from, ``{parameter: value}`` by the names of ``parameters_``, beside
         the model's own starts.

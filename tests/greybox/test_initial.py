@@ -83,6 +83,28 @@ def test_score_finds_the_state_of_other_runs():
         assert model.score(u[300:], y[300:]) > max(later + 1.5, 99.5)
 
 
+@pytest.mark.parametrize("effects", [None, "bias"])
+def test_start_of_a_run_does_not_depend_on_the_runs_beside_it(effects):
+    rng = np.random.default_rng(4)
+    u = rng.standard_normal(900)
+    y = lfilter([0.0, 0.1], [1.0, -1.9, 0.95], u) + 0.01 * rng.standard_normal(900)
+    # 1 and 2 begin at rest, 3 in the middle of 1, and so quiet that it is lost beside 2
+    X = pd.DataFrame({"run": np.repeat([1, 2, 3], [300, 600, 60]), "e": 0.0})
+    X["e"] = np.r_[u[:300], 30.0 * u[:600], u[240:300]]
+    out = np.r_[y[:300], 30.0 * y[:600], y[240:300]]
+    model = ARXRegressor(2, 1, 1, dt=0.01, run="run", effects=effects)
+    first, others = X["run"] == 1, X["run"] != 1
+    model.fit(X[first], out[first])
+    assert model.initial_ == "rest"
+    assert model.score(X[X["run"] == 3], out[-60:]) > vaf_score(out[-60:], model.predict(X)[-60:])
+    left = sum(
+        (1 - model.score(X[rows], out[rows]) / 100) * (out[rows] @ out[rows])
+        for rows in (X["run"] == 2, X["run"] == 3)
+    )
+    together = 100 * (1 - left / (out[others] @ out[others]))
+    assert model.score(X[others], out[others]) == pytest.approx(together, abs=1e-9)
+
+
 @pytest.fixture(scope="module")
 def offset():
     """Runs that begin in the middle of tracking, with a mean on every channel."""
