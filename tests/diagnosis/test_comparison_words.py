@@ -135,6 +135,13 @@ def test_a_few_parameters_have_not_learnt_the_noise():
     assert finding.title.startswith("The error on validation runs")
     assert "4 parameters cannot have learnt that much noise" in finding.meaning
     assert "Fewer parameters" not in finding.next_step
+
+
+@pytest.mark.slow
+def test_a_model_that_follows_the_data_may_have_learnt_the_noise():
+    X_fit, y_fit, _ = runs(3, seed=100, first_run=11)
+    X, y, truth = runs(3)
+    other = y + 0.5 * truth.n.to_numpy() + 0.2 * float(np.std(y))
     flexible = RecursiveARX(nk=NK, memory_time=0.3).fit(X_fit, y_fit)
     learnt = by_kind(compare(flexible, X, other, estimation=(X_fit, y_fit))).get("overfit")
     assert learnt is None or "learnt the noise" in learnt.meaning

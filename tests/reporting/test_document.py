@@ -40,6 +40,7 @@ CANDIDATES = ["bias", "dead_zone", "saturation", "motion_feedback"]
 def runs() -> tuple[pd.DataFrame, pd.Series]:
     return make_tracking_runs(
         n_runs=3,
+        duration=40.96,
         remnant_intensity=0.1,
         channels=["e", "x", "f_t"],
         sampling_rate=50,
@@ -168,7 +169,7 @@ def test_data_verdict_and_how_it_was_made(
     rms = [float(row[5]) for row in channels.rows]
     expected = [*np.sqrt((X**2).mean()), np.sqrt((y**2).mean())]
     assert rms == pytest.approx(expected, rel=1e-3)
-    assert [row[:3] for row in by_run.rows] == [[str(n), "4096", "81.92"] for n in range(3)]
+    assert [row[:3] for row in by_run.rows] == [[str(n), "2048", "40.96"] for n in range(3)]
     told = section(page, "made").text
     assert "Seed 11" in told
     assert "EffectSearchCV" in told

@@ -100,6 +100,7 @@ def test_true_effect_pays_in_the_loop(parts):
     assert 0 < judged.vaf < 100
 
 
+@pytest.mark.slow
 def test_judgement_repeats(parts):
     search, baseline, model = parts
     first, second = (search.loop.around(baseline).judged(model) for _ in range(2))
