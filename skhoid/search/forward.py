@@ -283,15 +283,19 @@ def without_name(candidate: Candidate) -> str:
     model = candidate.model
     assert model is not None
     own = f"{candidate.name}__"
-    lost = [name.removeprefix(own) for name in model.undetermined() if name.startswith(own)]
-    if lost:
-        return f"the data do not determine its {', '.join(lost)}"
     # Of numbers at which it does nothing; others, such as how sudden a change is, may end anywhere.
     effect = dict(model.effects.steps)[candidate.name]
     sizes = [p.name for p in effect.free if p.name in effect.neutral or not effect.neutral]
     values, ends = model.values(), model.at_bound()
+    lost = [name for name in sizes if own + name in model.undetermined()]
     at_end = [n for n in sizes if own + n in ends and not natural(values[own + n])]
-    return f"{', '.join(at_end)} at the bound" if at_end and len(at_end) == len(sizes) else ""
+    if not sizes or {*lost, *at_end} != {*sizes}:
+        return ""
+    return (
+        f"the data do not determine its {', '.join(lost)}"
+        if lost
+        else f"{', '.join(at_end)} at the bound"
+    )
 
 
 def natural(value: float) -> bool:

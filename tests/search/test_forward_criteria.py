@@ -54,7 +54,11 @@ VALUES = {"K_e": 1.0, "preview__gain": 0.4, "preview__time": 0.8, "preview-2__ti
 def test_no_name_where_the_data_do_not_determine_it():
     model = Fitted(VALUES, ["K_e", "preview__gain", "preview__time"])
     reason = without_name(candidate(model=model))
-    assert reason == "the data do not determine its gain, time"
+    assert reason == "the data do not determine its time"
+
+
+def test_a_name_where_they_determine_what_it_does():
+    assert without_name(candidate(model=Fitted(VALUES, ["K_e", "preview__gain"]))) == ""
 
 
 def test_no_name_where_its_numbers_end_at_a_bound():
