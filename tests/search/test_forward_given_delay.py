@@ -4,7 +4,7 @@ import pytest
 from support.person_in_loop import answered, pursued
 
 from skhoid import EffectSearchCV, OperatorRegressor
-from skhoid.search.forward import CLAIM
+from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM
 
 RATE = 60
 SHORT = {"n_runs": 3, "duration": 30.0}
@@ -20,7 +20,7 @@ def first_claim(search):
     return rows[rows["step"] == 1].iloc[0]
 
 
-ELSE = [(0.5, -5), (0.0, 10), (0.0, -5)]
+ELSE = [(0.5, -5), (0.0, 15)]
 OPEN = ["dead_zone", "extra_lag", CLAIM]
 
 
@@ -42,6 +42,17 @@ def test_wrong_delay_is_named_and_hides_nothing(dead, samples):
     free = searched(X, y, None, OPEN).best_estimator_.parameters_["value"]["tau_e"]
     assert wrong + extra == pytest.approx(free, abs=0.005)
     assert free == pytest.approx(0.2, abs=0.04)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("samples", [10, -5])
+def test_wrong_delay_that_costs_little_is_not_named(samples):
+    """Without a dead zone the other parameters make up for most of it."""
+    found = searched(*answered(dead=0.0), 0.2 + samples / 50, OPEN)
+    claim = first_claim(found)
+    assert found.best_effects_ == []
+    assert claim["status"] == "not better"
+    assert 0 < claim["vaf_gain"] < LEAST_GAIN_OF_CLAIM
 
 
 @pytest.mark.parametrize("dead", [0.0, 0.5])
