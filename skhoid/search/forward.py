@@ -26,6 +26,7 @@ from .leak import leak_of
 from .signatures import traces_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
+CLEAR = 300.0  # evidence of the free run, more than a bias in the loop often makes
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
@@ -71,7 +72,19 @@ class Candidate:
             return False
         if self.trace:
             return self.gain > -self.least_gain
-        return self.helps and not (self.in_loop is not None and self.in_loop.refutes)
+        return self.helps and not self.refuted
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the closed loop speaks against it.
+
+        A loop answers its forcing functions much alike whoever closes it: it cannot confirm all
+        that the free run shows clearly, but must not get worse.
+        """
+        judged = self.in_loop
+        if judged is None or not judged.refutes:
+            return False
+        return not (self.evidence > CLEAR and judged.gain > 0.0)
 
     @property
     def helps(self) -> bool:

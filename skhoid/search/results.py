@@ -127,7 +127,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
 def refuted_in_loop(candidate: Candidate) -> str:
     """Why a candidate that follows the measured error better is not taken."""
     judged = candidate.in_loop
-    if judged is None or not (candidate.helps and judged.refutes):
+    if judged is None or not (candidate.helps and candidate.refuted):
         return ""
     return (
         f"in the closed loop it is no better ({judged.gain:+.2f} points, evidence "

@@ -52,6 +52,7 @@ def test_figures_are_those_of_compare(files, run_json):
     assert found["leak"] is None
 
 
+@pytest.mark.slow
 def test_channels_that_the_model_does_not_have_are_compared_with(files, run_json, tmp_path):
     folder = files[0]
     more = ["--x", "x", "--target", "f_t", "--estimation", str(folder / "old.csv")]

@@ -41,8 +41,9 @@ def periodic(n, n_runs):
     return total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("element", ["1/s", "1/(s(s+1))"])
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_runs_with_another_unrecorded_disturbance_are_no_repeats(element, seed):
     options = {"seed": seed, "shared_target": True, "delay": (0.2, 0.2)}
     disturbance = 1.0 if element == "1/s" else 2.5
@@ -99,7 +100,7 @@ def test_a_few_repeats_among_many_runs_are_no_ceiling_of_all():
 
 
 @pytest.mark.parametrize("run_in", [0.0, 10.0, pytest.param(3.0, marks=pytest.mark.slow), 19.5])
-@pytest.mark.parametrize("n_runs", [1, 3])
+@pytest.mark.parametrize("n_runs", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_run_in_leaves_whole_periods(run_in, n_runs):
     loop = simulate("1/s", n_runs, disturbance=0.0, target=periodic)
     X, y, model = as_runs(loop)
