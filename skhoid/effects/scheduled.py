@@ -7,20 +7,19 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
-from ..runs.roles import OTHER
 from .base import Effect
 from .core_kind import CoreKind
-from .dimension import ONE, RAD, Dimension, E, S
+from .dimension import ONE, RAD, E, S
 from .dynamics import bilinear
 from .operator_signals import Gains
 from .parameter import Parameter
 from .record import Record
-from .time_variation import needs_channel
+from .time_variation import ScheduledGain
 
 SLOWEST, FASTEST = 0.05, 20.0  # times the frequency at the reference
 
 
-class ScheduledDynamics(Effect):
+class ScheduledDynamics(ScheduledGain):
     """Natural frequencies that follow a measured channel, and the damping ratios do not.
 
     Poles exp(s dt) of A(q) become exp(factor s dt) with factor = 1 + slope (channel - reference);
@@ -50,41 +49,15 @@ class ScheduledDynamics(Effect):
     name = "scheduled_dynamics"
     place = "gain"
     physics = "The dynamics become faster or slower with a measured condition, such as position."
+    machine_physics = physics
     formula = "omega (1 + slope (channel - reference)) in place of omega, of all poles"
     source = "Toth (2010)"
     domains = ("machine",)
-    neutral = {"slope": 0.0}
-
-    def __init__(
-        self,
-        *,
-        slope: float | None = None,
-        channel: str | None = None,
-        reference: float | None = None,
-    ):
-        self.slope = slope
-        self.channel = channel
-        self.reference = reference
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        dimension = ONE / Dimension.of_channel(self.channel)
-        return (Parameter("slope", dimension, -3.0, 3.0, (0.15, -0.15), "relative change"),)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core != CoreKind.ARX:
             return "for an ARX model: its poles follow the channel"
-        return needs_channel(self.channel, record, OTHER, "channel without role to follow")
-
-    def variants(self, record: Record) -> list[Effect]:
-        names = record.with_role(OTHER) if self.channel is None else [self.channel]
-        made = []
-        for name in names:
-            reference = self.reference
-            if reference is None:
-                reference = float(record.channels[name][record.known].mean())
-            made.append(self.with_choices(channel=name, reference=reference))
-        return made
+        return super().refusal(record, core)
 
     def apply(self, signal: Gains, record: Record, slope: float) -> Gains:
         away = record.channel(self.channel) - self.reference

@@ -58,10 +58,8 @@ class Criterion:
         self.y = np.ascontiguousarray(record.y[:: self.thin])
         self.known = np.ascontiguousarray(known[:: self.thin])
         self.power = float((self.y[self.known] ** 2).sum())
-        self.power_about_mean = (
-            self.power
-            - self.known.sum() * float(self.y[self.known].mean() if self.known.any() else 0.0) ** 2
-        )
+        about_mean = self.y[self.known] - self.y[self.known].sum() / max(self.known.sum(), 1)
+        self.power_about_mean = float((about_mean**2).sum())
         self.set_noise(noise or RemnantModel.white(record.n_runs))
 
     def coarse(self) -> Criterion:

@@ -287,8 +287,7 @@ def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> 
 
 def share_about_mean(criterion: Criterion) -> float:
     """Share of the output's power that is not its mean: what points of VAF have to count in."""
-    y = criterion.y[criterion.known]
-    return float(np.var(y) / max(np.mean(y**2), 1e-300))
+    return criterion.power_about_mean / max(criterion.power, 1e-300)
 
 
 def without_name(candidate: Candidate) -> str:
@@ -299,8 +298,8 @@ def without_name(candidate: Candidate) -> str:
     # Of numbers at which it does nothing; others, such as how sudden a change is, may end anywhere.
     effect = dict(model.effects.steps)[candidate.name]
     sizes = [p.name for p in effect.free if p.name in effect.neutral or not effect.neutral]
-    values, ends = model.values(), model.at_bound()
-    lost = [name for name in sizes if own + name in model.undetermined()]
+    values, ends, unknown = model.values(), model.at_bound(), model.undetermined()
+    lost = [name for name in sizes if own + name in unknown]
     at_end = [n for n in sizes if own + n in ends and not natural(values[own + n])]
     if not sizes or {*lost, *at_end} != {*sizes}:
         return ""
@@ -390,9 +389,9 @@ def beside_claim(search: Search, first: SearchStep, claim: Candidate, most: int)
 
     All effects are tried with a free delay. In the end the given one is put back where it does.
     """
-    first.judge(claim)
-    refuted = claim.passes
-    freed = search.step(output_error_fit(claim.model)) if claim.model else first
+    assert claim.model is not None
+    refuted = first.judge(claim)
+    freed = search.step(output_error_fit(claim.model))
     path = follow(search, freed, freed.best, most + 1)
     path = replace(path, steps=[first, *path.steps])
     if len(path.ids) == 1:

@@ -17,6 +17,7 @@ from ..greybox.cores import Core
 from ..greybox.fitting import Criterion, minimise
 from ..greybox.loop import Loop, LoopSimulator, drawn, loop_of
 from ..greybox.model import Model
+from ..greybox.simulator import Simulator
 from .held_out import HeldOutRows, refitted_prediction
 
 LEAST_EVIDENCE = 20.0  # of an effect that counts
@@ -78,7 +79,7 @@ class LoopJudge:
     def around(self, parent: Model) -> LoopParent:
         """The loop around a model; a remnant of the kind that it leaves is drawn along."""
         assert self.record.y is not None
-        open_run = type(parent.simulator)(self.core, parent.effects, self.record).run(parent.theta)
+        open_run = Simulator(self.core, parent.effects, self.record).run(parent.theta)
         remnant = drawn(self.record.y - open_run, self.record.known)
         return LoopParent(self, replace(self.loop, remnant=remnant), parent)
 
