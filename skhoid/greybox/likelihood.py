@@ -97,17 +97,8 @@ def joint_fit(model: Model) -> Model | None:
     """
     simulator = model.simulator
     core = simulator.core
-    starts = [model.theta]
-    at = {name: simulator.names.index(name) for name in core.usual if name in simulator.names}
-    free_delay = [at[name] for name in core.delays if name in at]
-    for delay in DELAYS if free_delay else DELAYS[:1]:
-        start = model.theta.copy()
-        for name, usual in core.usual.items():
-            if name in at:
-                start[at[name]] = usual.centre
-        start[free_delay] = delay
-        starts.append(start)
-    best = _best(simulator, starts, np.zeros(model.theta.size, dtype=bool))
+    starts = [model.theta, *usual_starts(simulator, model.theta)]
+    best = likeliest(simulator, starts)
     if best is None:
         return None
     extra = [simulator.names.index(name) for name in core.gains[1:]]
@@ -115,7 +106,7 @@ def joint_fit(model: Model) -> Model | None:
     held[extra] = True
     if extra and best[1][extra].any():
         plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
-        without = _best(simulator, plain, held)
+        without = likeliest(simulator, plain, held=held)
         if without is not None and without[0] < best[0] + NEEDED:
             best = without
     theta = best[1]
@@ -128,20 +119,43 @@ def joint_fit(model: Model) -> Model | None:
     return Model(simulator, fit, model.other_core)
 
 
-def _best(
-    simulator: Simulator, starts: Iterable[np.ndarray], held: np.ndarray
+def usual_starts(simulator: Simulator, theta: np.ndarray) -> list[np.ndarray]:
+    """The same parameters, but what is usual for the core, with a short to a long delay."""
+    core, found = simulator.core, []
+    at = {name: simulator.names.index(name) for name in core.usual if name in simulator.names}
+    free_delay = [at[name] for name in core.delays if name in at]
+    for delay in DELAYS if free_delay else DELAYS[:1]:
+        start = theta.copy()
+        for name, usual in core.usual.items():
+            if name in at:
+                start[at[name]] = usual.centre
+        start[free_delay] = delay
+        found.append(start)
+    return found
+
+
+def likeliest(
+    simulator: Simulator,
+    starts: Iterable[np.ndarray],
+    rate: float = JOINT_RATE,
+    held: np.ndarray | None = None,
 ) -> tuple[float, np.ndarray] | None:
-    found = [_joint(simulator, start, held) for start in starts]
+    """Least n log(SSE / n) of model and noise model, with what the prior costs; parameters there.
+
+    On rows at a ``rate`` (Hz). None where no start leads anywhere.
+    """
+    held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
+    criterion = Criterion(simulator.record, rate=rate)
+    found = [_joint(simulator, start, criterion, held) for start in starts]
     known = [one for one in found if one is not None]
     return min(known, key=lambda one: one[0]) if known else None
 
 
 def _joint(
-    simulator: Simulator, theta: np.ndarray, held: np.ndarray
+    simulator: Simulator, theta: np.ndarray, criterion: Criterion, held: np.ndarray
 ) -> tuple[float, np.ndarray] | None:
     """From one start: n log(SSE / n), what the prior costs, and the parameters."""
     prior = prior_of(simulator)
-    criterion = Criterion(simulator.record, rate=JOINT_RATE)
     last = np.inf
     theta = np.clip(theta, simulator.low, simulator.high)
     for _ in range(N_LIKELIHOOD[CoreKind.OPERATOR]):

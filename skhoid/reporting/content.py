@@ -20,9 +20,9 @@ from ..regression import units_of
 from ..runs import RunLayout, run_name
 from ..runs.fingerprint import as_frame
 from ..runs.roles import output_name, roles_of
+from ..search.candidates import LEAST_EVIDENCE, LEAST_GAIN
 from ..search.effect_search import EffectSearchCV
 from ..search.explanations import HOW_TO_GO_ON, NOT_IN_CATALOGUE, stand_ins_sentence, unexplained_by
-from ..search.forward import LEAST_EVIDENCE, LEAST_GAIN
 from ..summaries import DASH, Estimate, counted, number
 from .plots import Gallery, Plot
 from .provenance import provenance
@@ -389,6 +389,9 @@ def _why(row: pd.Series, winner: str) -> str:
         text = "Added: likelihood and held-out VAF both say so, and none says it better."
         others = ", ".join(row["confused_with"])
         return text + (f" As good on these runs: {others}." if others else "")
+    if row["reason"]:
+        text = str(row["reason"]).rstrip(".")
+        return f"{text[:1].upper()}{text[1:]}."
     likely, gains = row["delta_bic"] > LEAST_EVIDENCE, row["vaf_gain"] >= LEAST_GAIN
     if likely and gains:
         return f"It pays too, but {winner} has more evidence." if winner else "It pays."

@@ -43,14 +43,14 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
 
     Every effect of a catalogue is added to the model in turn, and all parameters refitted
     together in simulation. An effect counts when both criteria are met: by likelihood,
-    an evidence n log(SSE before / after) - k log n > 25 with one noise model for all; by free
-    run, a gain of at least 0.2 points of VAF (about the mean) on held-out rows. Where the
-    controlled element is known, the best must also lower the error of the **closed loop**: a run of
-    the loop in which target and disturbance go in, and the model's output moves x and e. There the
-    remnant, which comes back in the error, cannot pass for an answer. It must predict held-out
-    rows better when refitted without them, its numbers must not end at a bound, and it must not
-    rebuild the output from x. Then it is added, and the search goes on until none meets all;
-    effects that no longer do beside later ones are taken out.
+    an evidence n log(SSE before / after) - k log n > 25 with one noise model for both, which for an
+    operator is estimated along with the effect, so that no remnant that comes back in the error
+    passes for an answer; by free run, a gain of at least 0.2 points of VAF (about the mean) on
+    held-out rows. Where the controlled element is known, the best must also lower the error of the
+    **closed loop**: a run of the loop in which target and disturbance go in, and the model's output
+    moves x and e. It must predict held-out rows better when refitted without them, its numbers must
+    not end at a bound, and it must not rebuild the output from x. Then it is added, and the search
+    goes on until none meets all; effects that no longer do beside later ones are taken out.
 
     Parameters
     ----------
@@ -82,8 +82,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     ranking_ : DataFrame
         One row per step and effect, best first: step, rank, effect, form, parameters (with
         standard errors and units), n_parameters, delta_loglik, delta_bic (positive is
-        better), vaf_before, vaf_after, vaf_gain (held out), evidence_loop and gain_loop (the same
-        in the closed loop; NaN where it was not asked), p_value (of the likelihood ratio, times
+        better; one noise model for all candidates), vaf_before, vaf_after, vaf_gain (held out),
+        evidence_joint (as delta_bic, with a noise model that is estimated along; NaN of an ARX
+        model, and of effects without a gain), evidence_loop and gain_loop (the same in the closed
+        loop; NaN where it was not asked), p_value (of the likelihood ratio, times
         the number of effects tried), confused_with, words, status ("added", "not better", "does
         not apply"), reason.
     best_effects_ : list of str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,120 +20,26 @@ from ..greybox.extend import beside_each_other, extended
 from ..greybox.fitting import Criterion, Fit, RemnantModel, minimise
 from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
+from .candidates import (
+    AS_GOOD,
+    LEAST_EVIDENCE,
+    LEAST_GAIN,
+    LITTLE_NOISE,
+    Candidate,
+    SearchStep,
+    without_name,
+)
 from .held_out import HeldOutRows, held_out, refitted_prediction
-from .in_loop import InLoop, LoopJudge, LoopParent
-from .leak import leak_of
+from .in_loop import LoopJudge
+from .joint import JointParent
 from .signatures import traces_of
 
-LEAST_EVIDENCE = 25.0  # of an effect that counts
-CLEAR = 300.0  # evidence of the free run, more than a bias in the loop often makes
-LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
-LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
-AS_GOOD = 0.05  # points
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
 LEAST_GAIN_OF_CLAIM = 0.6  # VAF points: a little delay makes up for much that is not one
-AT_ZERO = 1e-9  # rounding of a bound
-CONFUSED = 12.0  # of evidence, within which two effects are not told apart
-
-
-@dataclass
-class Candidate:
-    """An effect tried beside a parent, and what came of it."""
-
-    name: str
-    effect: Effect
-    model: Model | None = None
-    reason: str = ""
-    evidence: float = -np.inf
-    loglik: float = -np.inf
-    n_parameters: int = 0
-    vaf: float = -np.inf
-    gain: float = -np.inf
-    p_value: float = 1.0
-    prediction: np.ndarray | None = None
-    confused_with: list[str] = field(default_factory=list)
-    trace: str = ""
-    in_loop: InLoop | None = None
-    least_gain: float = LEAST_GAIN
-    refused: str = ""
-
-    @property
-    def id(self) -> str:
-        return self.effect.name
-
-    @property
-    def passes(self) -> bool:
-        """All criteria are met, or the output itself shows the effect."""
-        if self.refused:
-            return False
-        if self.trace:
-            return self.gain > -self.least_gain
-        return self.helps and not self.refuted
-
-    @property
-    def refuted(self) -> bool:
-        """Whether the closed loop speaks against it.
-
-        A loop answers its forcing functions much alike whoever closes it: it cannot confirm all
-        that the free run shows clearly, but must not get worse.
-        """
-        judged = self.in_loop
-        if judged is None or not judged.refutes:
-            return False
-        return not (self.evidence > CLEAR and judged.gain > 0.0)
-
-    @property
-    def helps(self) -> bool:
-        """Both criteria of the free run from the measured error are met."""
-        return self.evidence > LEAST_EVIDENCE and self.gain >= self.least_gain
-
-
-@dataclass
-class SearchStep:
-    """A parent, and all candidates beside it, best first."""
-
-    parent: Model
-    vaf: float
-    prediction: np.ndarray
-    candidates: list[Candidate]
-    loop: LoopParent | None = None
-    refit: Callable[[Model], float] | None = None
-
-    def rank(self) -> None:
-        """Put the best first; it has passed in the closed loop too, where that is known."""
-        while True:
-            self.candidates.sort(
-                key=lambda c: (not (c.passes and c.trace), not c.passes, -c.evidence)
-            )
-            plainest_first(self.candidates)
-            first = self.candidates[0] if self.candidates else None
-            if first is None or not first.passes or self.judge(first):
-                break
-        mark_confused(self.candidates)
-
-    def judge(self, candidate: Candidate) -> bool:
-        """Whether a candidate passes in the closed loop too, and refitted without each fold."""
-        if self.loop is not None and candidate.in_loop is None and not candidate.trace:
-            assert candidate.model is not None
-            candidate.in_loop = self.loop.judged(candidate.model)
-        solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
-        if candidate.passes and candidate.model is not None and not solved:
-            leak = leak_of(candidate.model)
-            candidate.refused = leak.reason if leak is not None and leak.leaks else ""
-        if candidate.passes and self.refit is not None and candidate.model is not None:
-            gain = self.refit(candidate.model) - self.refit(self.parent)
-            if gain <= (-candidate.least_gain if candidate.trace else 0.0):
-                candidate.refused = f"fitted without the rows, it loses {-gain:.2g} points there"
-        return candidate.passes
-
-    @property
-    def best(self) -> Candidate | None:
-        first = self.candidates[0] if self.candidates else None
-        return first if first is not None and first.passes else None
 
 
 def unique_name(effect: Effect, effects: Effects) -> str:
@@ -235,10 +141,19 @@ class Search:
         most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
         for c in tried:  # levels may be those at which something else came to rest
             c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
+        if self.core.kind.is_operator:
+            gaining = [c for c in tried if c.gain >= c.least_gain and not (c.trace or c.refused)]
+            models = [(c.model.effects, c.model.fit) for c in gaining if c.model]
+            beside = JointParent(base) if gaining else None
+            for c, found in zip(gaining, self._each(self._joint, models, beside), strict=True):
+                c.joint = found
         loop = None if self.loop is None else self.loop.around(base)
         step = SearchStep(base, base_vaf, base_prediction, candidates, loop, self.refit)
         step.rank()
         return step
+
+    def _joint(self, found: tuple[Effects, Fit], beside: JointParent) -> float:
+        return beside.evidence(self._model(found, beside.parent), LEAST_EVIDENCE)
 
     def refit(self, model: Model) -> float:
         """Held-out VAF of a model that is fitted anew without each fold's rows."""
@@ -288,60 +203,6 @@ def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> 
 def share_about_mean(criterion: Criterion) -> float:
     """Share of the output's power that is not its mean: what points of VAF have to count in."""
     return criterion.power_about_mean / max(criterion.power, 1e-300)
-
-
-def without_name(candidate: Candidate) -> str:
-    """Why a fitted effect names nothing: its numbers end where nobody measured them."""
-    model = candidate.model
-    assert model is not None
-    own = f"{candidate.name}__"
-    # Of numbers at which it does nothing; others, such as how sudden a change is, may end anywhere.
-    effect = dict(model.effects.steps)[candidate.name]
-    sizes = [p.name for p in effect.free if p.name in effect.neutral or not effect.neutral]
-    values, ends, unknown = model.values(), model.at_bound(), model.undetermined()
-    lost = [name for name in sizes if own + name in unknown]
-    at_end = [n for n in sizes if own + n in ends and not natural(values[own + n])]
-    if not sizes or {*lost, *at_end} != {*sizes}:
-        return ""
-    return (
-        f"the data do not determine its {', '.join(lost)}"
-        if lost
-        else f"{', '.join(at_end)} at the bound"
-    )
-
-
-def natural(value: float) -> bool:
-    """Whether a bound is a value like others: no delay, no leak; a lapse that is complete."""
-    return min(abs(value), abs(value - 1.0)) < AT_ZERO
-
-
-def plainest_first(candidates: list[Candidate]) -> None:
-    """Put a plainer effect before the best where hardly anything is left to tell them apart.
-
-    With little remnant the likelihood responds to the last digits of simulations.
-    """
-    first = candidates[0] if candidates else None
-    if first is None or not first.passes or first.trace or first.vaf < LITTLE_NOISE:
-        return
-    plainer = [
-        c
-        for c in candidates
-        if c.passes and c.gain > first.gain - AS_GOOD and c.n_parameters < first.n_parameters
-    ]
-    if plainer:
-        best = min(plainer, key=lambda c: (c.n_parameters, -c.evidence))
-        candidates.remove(best)
-        candidates.insert(0, best)
-
-
-def mark_confused(candidates: list[Candidate]) -> None:
-    """Note for each candidate which others explain as much."""
-    for c in candidates:
-        c.confused_with = [
-            o.id
-            for o in candidates
-            if o is not c and o.passes and c.passes and abs(o.evidence - c.evidence) < CONFUSED
-        ]
 
 
 @dataclass

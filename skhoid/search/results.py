@@ -8,8 +8,8 @@ import pandas as pd
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
+from .candidates import LEAST_EVIDENCE, Candidate
 from .explanations import sentence_of
-from .forward import Candidate
 from .leftover import Leftover
 from .search_numbers import SearchNumbers
 
@@ -71,7 +71,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
         chosen = (added & {*after.effects.names}) - {*step.parent.effects.names}
         for rank, c in enumerate(step.candidates, 1):
             status = "added" if c.name in chosen else "not better"
-            reason = "" if c.name in chosen else c.reason or c.refused or refuted_in_loop(c)
+            reason = "" if c.name in chosen else c.reason or c.refused or refuted(c)
             if c.reason:
                 status = "does not apply"
             described = c.model is not None and (rank <= DESCRIBED or c.passes)
@@ -88,6 +88,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                     "vaf_before": step.vaf,
                     "vaf_after": np.nan if c.reason else c.vaf,
                     "vaf_gain": np.nan if c.reason else c.gain,
+                    "evidence_joint": c.joint,
                     "evidence_loop": np.nan if c.in_loop is None else c.in_loop.evidence,
                     "gain_loop": np.nan if c.in_loop is None else c.in_loop.gain,
                     "p_value": c.p_value,
@@ -112,6 +113,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 "vaf_before": path.steps[0].vaf,
                 "vaf_after": path.steps[0].vaf,
                 "vaf_gain": 0.0,
+                "evidence_joint": np.nan,
                 "evidence_loop": np.nan,
                 "gain_loop": np.nan,
                 "p_value": 0.0,
@@ -124,15 +126,22 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
     return pd.DataFrame(rows)
 
 
-def refuted_in_loop(candidate: Candidate) -> str:
+def refuted(candidate: Candidate) -> str:
     """Why a candidate that follows the measured error better is not taken."""
-    judged = candidate.in_loop
-    if judged is None or not (candidate.helps and candidate.refuted):
+    if not (candidate.helps and candidate.refuted):
         return ""
-    return (
-        f"in the closed loop it is no better ({judged.gain:+.2f} points, evidence "
-        f"{judged.evidence:.0f}): it follows the remnant that comes back in the error"
-    )
+    found, judged = [], candidate.in_loop
+    if candidate.joint <= LEAST_EVIDENCE:
+        found.append(
+            f"with a noise model that is estimated along there is no evidence for it "
+            f"({candidate.joint:.0f})"
+        )
+    if judged is not None and np.isfinite(judged.gain):
+        found.append(
+            f"in the closed loop it is no better ({judged.gain:+.2f} points, evidence "
+            f"{judged.evidence:.0f})"
+        )
+    return f"{'; '.join(found)}: it follows the remnant that comes back in the error"
 
 
 def _form(candidate: Candidate) -> str:

@@ -10,18 +10,17 @@ from support.searching import search_of
 
 from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.effects import Dimension, Effect, Parameter
-from skhoid.search import forward
-from skhoid.search.forward import (
+from skhoid.search import candidates
+from skhoid.search.candidates import (
     LEAST_EVIDENCE,
     LEAST_GAIN,
     Candidate,
     SearchStep,
     mark_confused,
-    output_error_fit,
     plainest_first,
-    share_about_mean,
     without_name,
 )
+from skhoid.search.forward import output_error_fit, share_about_mean
 from skhoid.search.in_loop import InLoop
 
 
@@ -99,6 +98,21 @@ def passing(name="preview", **options):
         ({"in_loop": InLoop(90.0, 50.0, 1.0)}, True),
         ({"in_loop": InLoop(90.0, 50.0, -0.1)}, False),
         ({"in_loop": InLoop(90.0, 5.0, 1.0)}, False),
+        ({"joint": 10.0}, True),  # the loop has not been asked
+        ({"joint": 10.0, "evidence": 0.0}, False),
+        ({"joint": 50.0, "evidence": 0.0}, True),
+        ({"joint": 50.0, "evidence": 0.0, "gain": 0.1}, False),
+        ({"joint": 10.0, "in_loop": InLoop()}, False),
+        ({"joint": 50.0, "in_loop": InLoop()}, True),
+        ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, 0.01)}, True),
+        ({"joint": 50.0, "in_loop": InLoop(90.0, 50.0, -0.1)}, False),
+        ({"joint": 10.0, "in_loop": InLoop(90.0, 20.0, 0.2)}, True),
+        ({"joint": 10.0, "in_loop": InLoop(90.0, 10.0, 0.2)}, False),
+        ({"joint": 10.0, "in_loop": InLoop(90.0, 50.0, 0.01)}, False),
+        ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, -0.1, True)}, True),
+        ({"joint": 50.0, "in_loop": InLoop(90.0, -25.0, 1.0, True)}, False),
+        ({"joint": 10.0, "in_loop": InLoop(90.0, 50.0, 1.0, True)}, False),
+        ({"joint": 50.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
         ({"trace": "levels", "evidence": -10.0, "gain": -0.1}, True),
         ({"trace": "levels", "gain": -0.3}, False),
         ({"trace": "levels", "refused": "it loses"}, False),
@@ -121,7 +135,7 @@ class Judge:
 
 @pytest.fixture
 def no_leaks(monkeypatch):
-    monkeypatch.setattr(forward, "leak_of", lambda model: None)
+    monkeypatch.setattr(candidates, "leak_of", lambda model: None)
 
 
 def step_of(candidates, **options):

@@ -1,0 +1,208 @@
+"""Effects tried beside a model, what came of each, and which is the best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..effects.base import Effect
+from ..greybox.model import Model
+from .in_loop import InLoop, LoopParent
+from .leak import leak_of
+
+LEAST_EVIDENCE = 25.0  # of an effect that counts
+LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
+LEAST_GAIN_IN_LOOP = 0.1  # the same, of what the likelihood alone does not show
+LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
+AS_GOOD = 0.05  # points
+AT_ZERO = 1e-9  # rounding of a bound
+CONFUSED = 12.0  # of evidence, within which two effects are not told apart
+
+
+@dataclass
+class Candidate:
+    """An effect tried beside a parent, and what came of it."""
+
+    name: str
+    effect: Effect
+    model: Model | None = None
+    reason: str = ""
+    evidence: float = -np.inf
+    loglik: float = -np.inf
+    n_parameters: int = 0
+    vaf: float = -np.inf
+    gain: float = -np.inf
+    p_value: float = 1.0
+    prediction: np.ndarray | None = None
+    confused_with: list[str] = field(default_factory=list)
+    trace: str = ""
+    joint: float = np.nan
+    in_loop: InLoop | None = None
+    least_gain: float = LEAST_GAIN
+    refused: str = ""
+
+    @property
+    def id(self) -> str:
+        return self.effect.name
+
+    @property
+    def passes(self) -> bool:
+        """All criteria are met, or the output itself shows the effect."""
+        if self.refused:
+            return False
+        if self.trace:
+            return self.gain > -self.least_gain
+        return self.helps and not self.refuted
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the unbiased likelihood and the closed loop, once asked, speak against it.
+
+        A loop answers its forcing functions much alike whoever closes it, and a noise model takes
+        part of what is missing for remnant: neither alone confirms what is there. Their evidence
+        adds up, of what lowers the error of the loop.
+        """
+        judged = self.in_loop
+        if judged is None:
+            return False
+        if not np.isfinite(self.joint):
+            return judged.refutes
+        likely = self.joint > LEAST_EVIDENCE
+        if judged.bends or np.isnan(judged.evidence):
+            return not likely or judged.refutes
+        both = self.joint + judged.evidence
+        confirmed = both > LEAST_EVIDENCE and judged.gain >= LEAST_GAIN_IN_LOOP
+        return judged.gain <= 0.0 or not (likely or confirmed)
+
+    @property
+    def weight(self) -> float:
+        """Evidence by which candidates are put in order: the unbiased one where it is known."""
+        return self.joint if np.isfinite(self.joint) else self.evidence / 2
+
+    @property
+    def follows(self) -> bool:
+        """Whether it follows the measured error better, by likelihood and on held-out rows."""
+        return self.evidence > LEAST_EVIDENCE and self.gain >= self.least_gain
+
+    @property
+    def helps(self) -> bool:
+        """The same, or by an unbiased likelihood."""
+        return self.follows or (self.joint > LEAST_EVIDENCE and self.gain >= self.least_gain)
+
+
+@dataclass
+class SearchStep:
+    """A parent, and all candidates beside it, best first."""
+
+    parent: Model
+    vaf: float
+    prediction: np.ndarray
+    candidates: list[Candidate]
+    loop: LoopParent | None = None
+    refit: Callable[[Model], float] | None = None
+
+    def rank(self) -> None:
+        """Put the best first; it has passed in the closed loop too, where that is known."""
+        while True:
+            self.candidates.sort(key=place_of)
+            clearest_first(self.candidates)
+            plainest_first(self.candidates)
+            first = self.candidates[0] if self.candidates else None
+            if first is None or not first.passes or self.judge(first):
+                break
+        mark_confused(self.candidates)
+
+    def judge(self, candidate: Candidate) -> bool:
+        """Whether a candidate passes in the closed loop too, and refitted without each fold."""
+        if candidate.in_loop is None and not candidate.trace:
+            assert candidate.model is not None
+            loop = self.loop
+            candidate.in_loop = InLoop() if loop is None else loop.judged(candidate.model)
+        solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
+        if candidate.passes and candidate.model is not None and not solved:
+            leak = leak_of(candidate.model)
+            candidate.refused = leak.reason if leak is not None and leak.leaks else ""
+        if candidate.passes and self.refit is not None and candidate.model is not None:
+            gain = self.refit(candidate.model) - self.refit(self.parent)
+            if gain <= (-candidate.least_gain if candidate.trace else 0.0):
+                candidate.refused = f"fitted without the rows, it loses {-gain:.2g} points there"
+        return candidate.passes
+
+    @property
+    def best(self) -> Candidate | None:
+        first = self.candidates[0] if self.candidates else None
+        return first if first is not None and first.passes else None
+
+
+def place_of(candidate: Candidate) -> tuple[bool, bool, float]:
+    """Key of the order: what the output shows, what passes, and then by evidence."""
+    passes = candidate.passes
+    trace = passes and bool(candidate.trace)
+    return not trace, not passes, -(candidate.weight if passes else candidate.evidence)
+
+
+def without_name(candidate: Candidate) -> str:
+    """Why a fitted effect names nothing: its numbers end where nobody measured them."""
+    model = candidate.model
+    assert model is not None
+    own = f"{candidate.name}__"
+    # Of numbers at which it does nothing; others, such as how sudden a change is, may end anywhere.
+    effect = dict(model.effects.steps)[candidate.name]
+    sizes = [p.name for p in effect.free if p.name in effect.neutral or not effect.neutral]
+    values, ends, unknown = model.values(), model.at_bound(), model.undetermined()
+    lost = [name for name in sizes if own + name in unknown]
+    at_end = [n for n in sizes if own + n in ends and not natural(values[own + n])]
+    if not sizes or {*lost, *at_end} != {*sizes}:
+        return ""
+    return (
+        f"the data do not determine its {', '.join(lost)}"
+        if lost
+        else f"{', '.join(at_end)} at the bound"
+    )
+
+
+def natural(value: float) -> bool:
+    """Whether a bound is a value like others: no delay, no leak; a lapse that is complete."""
+    return min(abs(value), abs(value - 1.0)) < AT_ZERO
+
+
+def clearest_first(candidates: list[Candidate]) -> None:
+    """Put first, of those that are not told apart, what the free run shows most clearly."""
+    first = candidates[0] if candidates else None
+    if first is None or not first.passes or first.trace:
+        return
+    like = [c for c in candidates if c.passes and c.weight > first.weight - CONFUSED]
+    best = max(like, key=lambda c: c.evidence)
+    candidates.remove(best)
+    candidates.insert(0, best)
+
+
+def plainest_first(candidates: list[Candidate]) -> None:
+    """Put a plainer effect before the best where hardly anything is left to tell them apart.
+
+    With little remnant the likelihood responds to the last digits of simulations.
+    """
+    first = candidates[0] if candidates else None
+    if first is None or not first.passes or first.trace or first.vaf < LITTLE_NOISE:
+        return
+    plainer = [
+        c
+        for c in candidates
+        if c.passes and c.gain > first.gain - AS_GOOD and c.n_parameters < first.n_parameters
+    ]
+    if plainer:
+        best = min(plainer, key=lambda c: (c.n_parameters, -c.weight))
+        candidates.remove(best)
+        candidates.insert(0, best)
+
+
+def mark_confused(candidates: list[Candidate]) -> None:
+    """Note for each candidate which others explain as much."""
+    for c in candidates:
+        c.confused_with = [
+            o.id
+            for o in candidates
+            if o is not c and o.passes and c.passes and abs(o.weight - c.weight) < CONFUSED
+        ]

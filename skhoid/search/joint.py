@@ -1,0 +1,58 @@
+"""Evidence of an effect by likelihood, with noise models that are estimated along."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..greybox.fitting import Criterion
+from ..greybox.likelihood import likeliest, usual_starts
+from ..greybox.model import Model
+
+RATES = (12.5, 6.25)  # Hz: faster, errors of sensors and simulation count more than the remnant
+LOST = 10.0  # by which a larger model that has not been fitted well is worse
+
+
+class JointParent:
+    """A model beside which others are judged by likelihood.
+
+    The remnant comes back in the error, and the noise model of a simulation-error fit holds the
+    bias which that makes. Here each model has the noise model with which it is likeliest. What is
+    likely at one rate only is an error of the simulation or of a sensor, or structure that the
+    noise model cannot hold: the evidence is the least of all rates.
+    """
+
+    def __init__(self, parent: Model):
+        self.parent = parent
+        starts = [parent.theta, *usual_starts(parent.simulator, parent.theta)]
+        self.found = [likeliest(parent.simulator, starts, rate) for rate in RATES]
+
+    def evidence(self, model: Model, least: float = -np.inf) -> float:
+        """Of what a model has beside the parent; NaN where a likelihood has no maximum.
+
+        Rates after one at which it is not above ``least`` are left out.
+        """
+        found = np.inf
+        for at_parent, rate in zip(self.found, RATES, strict=True):
+            found = min(found, self._at_rate(model, at_parent, rate))
+            if not found > least:
+                break
+        return found
+
+    def _at_rate(self, model: Model, found: tuple[float, np.ndarray] | None, rate: float) -> float:
+        simulator, parent = model.simulator, self.parent.simulator
+        shared = [simulator.names.index(name) for name in parent.names]
+        starts = [model.theta, *usual_starts(simulator, model.theta)]
+        if found is not None:
+            beside = model.theta.copy()
+            beside[shared] = found[1]
+            starts.append(beside)
+        larger = likeliest(simulator, starts, rate)
+        if larger is None:
+            return np.nan
+        again = likeliest(parent, [larger[1][shared]], rate)
+        losses = [one[0] for one in (found, again) if one is not None]
+        if not losses or min(losses) < larger[0] - LOST:
+            return np.nan
+        n = Criterion(simulator.record, rate=rate).n
+        added = model.n_parameters - self.parent.n_parameters
+        return min(losses) - larger[0] - added * float(np.log(n))
