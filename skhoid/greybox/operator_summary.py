@@ -9,6 +9,7 @@ import pandas as pd
 from ..human import ControlledElement
 from ..summaries import Summary, estimates_table, grid_facts, quantity, signal_facts
 from .model import AT_BOUND
+from .two_estimates import difference_notes
 
 if TYPE_CHECKING:
     from .base import Simulation
@@ -49,6 +50,9 @@ def simulated_summary(model: Any, simulation: Simulation) -> Summary:
     if not (table["sd"] > 0).all():
         notes.append("A dash in place of a standard error: given, at a bound, or not determined.")
     notes += delay_notes(table, getattr(simulation.spec.core, "least", 0.0))
+    least_error = getattr(model, "simulation_parameters_", None)  # of an operator
+    if least_error is not None:
+        notes += difference_notes(table, least_error)
     return Summary(
         f"{type(model).__name__}: {output} from {model.inputs_[0]}",
         facts,

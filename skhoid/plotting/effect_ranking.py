@@ -28,10 +28,10 @@ BELOW_TICKS = 3.6
 class EffectRankingDisplay(Display):
     """Candidates of one step of a search by what they gain on held-out runs.
 
-    Bars are VAF points on runs that were held out of the fit; at their ends these points and by
-    how much BIC is better. The shaded band is the margin from the best to the second. Candidates
-    that these data cannot tell apart from the best are hatched; those that do not apply are grey,
-    with the reason.
+    Bars are VAF points on runs that were held out of the fit; at their ends these points, those in
+    the closed loop where it was asked, and by how much BIC is better. The shaded band is the margin
+    from the best to the second. Candidates that these data cannot tell apart from the best are
+    hatched; those that do not apply are grey, with the reason.
 
     Make it with :meth:`from_estimator`.
 
@@ -190,6 +190,8 @@ class EffectRankingDisplay(Display):
         )
         bic = float(row["delta_bic"])
         parts = [f"{round(gain, 1) + 0.0:+.1f}"] if np.isfinite(gain) else []  # no -0.0
+        in_loop = float(row.get("gain_loop", np.nan))
+        parts += [f"in the loop {round(in_loop, 1) + 0.0:+.1f}"] if np.isfinite(in_loop) else []
         parts += [f"ΔBIC {round(bic) + 0.0:+.0f}"] if np.isfinite(bic) else []
         cut = " (cut)" if gain < left else ""
         self.words_[name] = self.ax_.annotate(

@@ -23,12 +23,13 @@ from ..greybox.likelihood import likelihood_fit
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import check_simulated_model
+from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
 from ..summaries import Summary, estimates_table
-from .explanations import VERDICTS, changes_sentences, experiments, summary_of
+from .explanations import VERDICTS, changes_sentences, experiments, in_loop_text, summary_of
 from .forward import Search, forward, output_error_fit
 from .held_out import HeldOutRows
 from .results import error_path, held_out_table, ranking_table, unexplained_table
@@ -115,7 +116,8 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     experiments_ : list of str
         What to record to tell apart effects that these data cannot.
     notes_ : list of str
-        Further sentences of the summary: which other parameters change together with the gains.
+        Further sentences of the summary: which other parameters change together with the gains,
+        and both estimates of what likelihood and simulation error do not agree on.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -242,6 +244,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.error_path_ = error_path(found, prepared)
         self.ranking_ = ranking_table(found, prepared, self.display)
         self.notes_ = changes_sentences(found.changes)
+        best = self.best_estimator_
+        if hasattr(best, "simulation_parameters_"):  # an operator
+            self.notes_ += difference_notes(best.parameters_, best.simulation_parameters_)
         self.experiments_ = experiments(self.ranking_)
 
     def _candidates(self) -> list[Effect]:
@@ -291,11 +296,11 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         )
 
     def _found_html(self) -> str:
-        first, last = (self.error_path_["vaf"].iloc[i] for i in (0, -1))
+        first, last = (self.error_path_.iloc[i] for i in (0, -1))
         added = ", ".join(self.error_path_["effect"].iloc[1:]) or "none"
         found = (
-            f"EffectSearchCV: {self.verdict_}. Added: {added}; held-out VAF {first:.1f} to "
-            f"{last:.1f} %."
+            f"EffectSearchCV: {self.verdict_}. Added: {added}; held-out VAF {first['vaf']:.1f} to "
+            f"{last['vaf']:.1f} %{in_loop_text(first, last)}."
         )
         best = self.best_estimator_
         if isinstance(best, RunRegressor):

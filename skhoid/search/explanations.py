@@ -140,12 +140,12 @@ def stand_ins_sentence(ids: Sequence[str]) -> str:
     return f"No name for it, though part of it follows: {', '.join(ids)}"
 
 
-def in_loop_text(before: pd.Series, row: pd.Series) -> str:
-    """What a step does in the closed loop, where both are known."""
-    pair = before["vaf_loop"], row["vaf_loop"]
-    if not np.isfinite(pair).all():
+def in_loop_text(*rows: pd.Series) -> str:
+    """VAF in the closed loop of rows of an error path, where all of them are known."""
+    figures = [row["vaf_loop"] for row in rows]
+    if not np.isfinite(figures).all():
         return ""
-    return f"; in the closed loop VAF {pair[0]:.1f} -> {pair[1]:.1f} %"
+    return f"; in the closed loop VAF {' -> '.join(f'{figure:.1f}' for figure in figures)} %"
 
 
 def summary_of(
@@ -164,7 +164,8 @@ def summary_of(
     ceiling = first["ceiling"]
     lines = [
         f"Baseline: VAF {first['vaf']:.1f} % on held-out rows"
-        + (f", of at most {ceiling:.1f} %." if np.isfinite(ceiling) else "; no ceiling known.")
+        + (f", of at most {ceiling:.1f} %" if np.isfinite(ceiling) else "; no ceiling known")
+        + f"{in_loop_text(first)}."
     ]
     for step, row in path.iloc[1:].iterrows():
         added = ranking[(ranking["status"] == "added") & (ranking["effect"] == row["effect"])]
@@ -189,7 +190,7 @@ def summary_of(
             lines.append(
                 f"  The best of {counted(len(near), 'effect')} tried, {best['effect']}, would gain "
                 f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): "
-                f"{best['reason'] or 'not enough'}."
+                f"{best['reason']}."
             )
     if stand_ins:
         lines.append(f"  {stand_ins_sentence(stand_ins)}.")
