@@ -21,6 +21,7 @@ ROW = 0.235  # inches for each candidate
 LEAST = 1.0  # points on the axis, so that small gains look small
 FURTHEST_LEFT = 0.35  # of the largest gain; bars that lose more are cut
 TEXT_ROOM = 0.5  # of the width, for the text at the ends of the bars
+LOOP_ROOM = 0.85  # where it has the points in the closed loop too
 BELOW_TICKS = 3.6
 
 
@@ -161,7 +162,8 @@ class EffectRankingDisplay(Display):
         largest = max(float(np.nanmax(gain, initial=0.0)), LEAST)
         least = float(np.nanmin(gain, initial=0.0))
         left = max(least, -FURTHEST_LEFT * largest)
-        width = (largest - left) * (1 + TEXT_ROOM)
+        in_loop = "gain_loop" in tried and np.isfinite(_finite(tried["gain_loop"])).any()
+        width = (largest - left) * (1 + (LOOP_ROOM if in_loop else TEXT_ROOM))
         self.ax_.set_xlim(left - 0.02 * width * (left < 0), left + width)
         for i, row in enumerate(tried.to_dict("records")):
             self._draw_bar(i, row, left)

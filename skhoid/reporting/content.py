@@ -351,7 +351,7 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
                 "rmse": number(row["rmse"]),
                 "height": f"{100 * row['rmse'] / worst:.1f}" if worst > 0 else "0",
                 "floor": f"{100 * floor / worst:.1f}" if np.isfinite(floor) and worst > 0 else "",
-                "in_loop": in_loop_text(*([row] if step == 0 else [before, row])),
+                "in_loop": in_loop_text(*[before, row][step == 0 :]).replace("->", "→"),
                 "from_vaf": f"{before['vaf']:.1f}",
                 "from_rmse": number(before["rmse"]),
                 "words": "" if entry is None else _sentence(entry["words"]),

@@ -138,7 +138,9 @@ def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str
         return refuted_in_loop(c) if c.refuted else short_of(c)
     if taken_out:
         return "beside what was added later it no longer pays"
-    return f"it pays too; {winner} was added" if winner else "it pays; no more were to be added"
+    if winner:
+        return f"the free run is better with it too; {winner} was added"
+    return "it pays; no more were to be added"
 
 
 def short_of(candidate: Candidate) -> str:

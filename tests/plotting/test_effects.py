@@ -323,6 +323,9 @@ def test_ranking_shows_the_candidates_of_a_step():
 def test_ranking_says_what_is_gained_in_the_closed_loop():
     display = EffectRankingDisplay.from_estimator(SEARCHES["in loop"])
     assert display.words_["candidate_0"].get_text() == "+3.0, in the loop +1.5, ΔBIC +300"
+    display.figure_.canvas.draw()
+    panel = display.ax_.get_window_extent()
+    assert all(w.get_window_extent().x1 < panel.x1 for w in display.words_.values())
     search = copy.deepcopy(SEARCHES["in loop"])
     search.ranking_["gain_loop"] = np.nan
     words = EffectRankingDisplay.from_estimator(search).words_

@@ -35,7 +35,7 @@ def reason(winner="bias", taken_out=False, name="preview", **options):
             "in the closed loop it is no better (-0.40 points, evidence 5): it follows the remnant "
             "that comes back in the error",
         ),
-        ({}, "it pays too; bias was added"),
+        ({}, "the free run is better with it too; bias was added"),
         ({"winner": ""}, "it pays; no more were to be added"),
         ({"taken_out": True}, "beside what was added later it no longer pays"),
     ],
