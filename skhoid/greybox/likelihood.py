@@ -118,8 +118,8 @@ def joint_fit(model: Model) -> np.ndarray | None:
         without = _best(simulator, plain, held)
         if without is not None and without[0] < best[0] + NEEDED:
             best = without
-    plain = Criterion(simulator.record)
-    worse = plain.sse(simulator.run(best[1])) > TOLERATED * plain.sse(model.output)
+    simulation = Criterion(simulator.record)
+    worse = simulation.sse(simulator.run(best[1])) > TOLERATED * simulation.sse(model.output)
     return None if worse else best[1]
 
 
