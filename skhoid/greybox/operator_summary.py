@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from ..human import ControlledElement
-from ..summaries import Summary, estimates_table, grid_facts, quantity, signal_facts
+from ..summaries import VAF_RULE, Summary, estimates_table, grid_facts, quantity, signal_facts
 from .model import AT_BOUND
 from .two_estimates import difference_notes
 
@@ -44,7 +44,7 @@ def simulated_summary(model: Any, simulation: Simulation) -> Summary:
         simulation.spec.errors_note,
         "What the model lacks is not in them: see compare and EffectSearchCV.",
         "VAF and RMSE are those of the rows fitted; summary(X, y) says the VAF of others. "
-        "Log-likelihood and BIC are without constants.",
+        f"{VAF_RULE} Log-likelihood and BIC are without constants.",
     ]
     table = model.parameters_
     if not (table["sd"] > 0).all():

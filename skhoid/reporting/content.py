@@ -29,7 +29,7 @@ from ..search.explanations import (
     unexplained_by,
 )
 from ..search.forward import LEAST_EVIDENCE, LEAST_GAIN
-from ..summaries import DASH, Estimate, counted, number
+from ..summaries import DASH, VAF_RULE, Estimate, counted, number
 from .plots import Gallery, Plot
 from .provenance import provenance
 
@@ -107,6 +107,7 @@ def content_of(
     ]
     return {
         "in_short": _in_short(search, comparison),
+        "vaf_rule": VAF_RULE,
         "verdict": _verdict(search, comparison),
         "facts": list(_facts(search, comparison, rows)),
         "source": source,

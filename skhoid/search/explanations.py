@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..effects.base import Effect
-from ..summaries import counted
+from ..summaries import VAF_RULE, counted
 from .verdict import Outcome
 
 # What an effect on a compensatory display can only be equivalent to, and why.
@@ -203,5 +203,6 @@ def summary_of(
     gap = last["explainable_gap"]
     if np.isfinite(gap) and np.isfinite(ceiling):
         lines.append(f"Left to explain at the end: {max(gap, 0.0):.1f} points.")
+    lines.append(f"{VAF_RULE} Points asked of an effect count about the mean.")
     lines += [f"Note: {e}" for e in (*experiments, *notes)]
     return "\n".join(lines)

@@ -147,7 +147,10 @@ class Story:
     def _compared(self, found: Comparison) -> Iterator[str]:
         yield ""
         yield "Comparison with the measurement"
-        yield f"  the free run explains a VAF of {found.vaf:.1f} %"
+        about = ""
+        if found.mean_dominates:
+            about = f" about zero, which is mostly the mean: {found.vaf_about_mean:.1f} % about it"
+        yield f"  the free run explains a VAF of {found.vaf:.1f} %{about}"
         if np.isfinite(found.noise_ceiling):
             low, high = found.noise_ceiling_interval
             gap = max(found.explainable_gap, 0.0)

@@ -1,4 +1,7 @@
-"""Small changes of the data keep the name: runs left out, drawn again, in other order, cut."""
+"""Small changes of the data keep the name: runs left out, in another order, cut, and in parts.
+
+No run is drawn twice: its copy repeats the remnant too, which is then structure of the data.
+"""
 
 import numpy as np
 import pandas as pd
@@ -41,38 +44,45 @@ def person(name, seed):
     if name == "feedforward":
         X, y, _ = pursued("1/s", seed, feedforward=0.6, early=-0.1, n_runs=N_RUNS, duration=30.0)
         return X, y, "1/s"
-    return tracked({"dead_zone": DeadZone(0.3), "saturation": Saturation(0.1)}[name], seed)
+    return tracked(
+        {"dead_zone": DeadZone(width=0.3), "saturation": Saturation(limit=0.1)}[name], seed
+    )
 
 
-def with_runs(data, numbers):
-    """Runs by position, as often as they are asked for, under new labels."""
-    labels = data.index.unique("run")
-    parts = {i: data.xs(labels[number], level="run") for i, number in enumerate(numbers)}
-    return pd.concat(parts, names=["run", "time"])
+def runs_of(data):
+    return [data.xs(label, level="run") for label in data.index.unique("run")]
 
 
-def cut(data, seconds):
-    return data[data.index.get_level_values("time") >= seconds]
+def halves_of(data):
+    return [half for run in runs_of(data) for half in (run[: len(run) // 2], run[len(run) // 2 :])]
+
+
+def chosen(parts, numbers):
+    """Runs by their numbers, under new labels."""
+    return pd.concat({i: parts[n] for i, n in enumerate(numbers)}, names=["run", "time"])
 
 
 def resampled(X, y, how, seed):
     rng = np.random.default_rng(seed)
     if how == "begin later":
-        return cut(X, 4.0), cut(y, 4.0)
+        late = X.index.get_level_values("time") >= 4.0
+        return X[late], y[late]
+    if how == "eight of the halves":
+        numbers = rng.permutation(2 * N_RUNS)[:8]
+        return tuple(chosen(halves_of(data), numbers) for data in (X, y))
     numbers = {
         "first left out": np.arange(1, N_RUNS),
         "last left out": np.arange(N_RUNS - 1),
         "four in another order": rng.permutation(N_RUNS)[:4],
-        "drawn with replacement": rng.integers(0, N_RUNS, N_RUNS),
     }[how]
-    return with_runs(X, numbers), with_runs(y, numbers)
+    return tuple(chosen(runs_of(data), numbers) for data in (X, y))
 
 
 HOW = [
     "first left out",
     "last left out",
     "four in another order",
-    "drawn with replacement",
+    "eight of the halves",
     "begin later",
 ]
 
