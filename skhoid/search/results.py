@@ -10,6 +10,7 @@ from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
 from .explanations import sentence_of
 from .forward import LEAST_EVIDENCE, Candidate
+from .in_loop import LEAST_EVIDENCE as LEAST_IN_LOOP
 from .leftover import Leftover
 from .search_numbers import SearchNumbers
 
@@ -159,9 +160,15 @@ def refuted_in_loop(candidate: Candidate) -> str:
     """Why a candidate that follows the measured error better is not taken."""
     judged = candidate.in_loop
     assert judged is not None
+    figures = f"({judged.gain:+.2f} points, evidence {judged.evidence:.0f}"
+    if judged.gain > 0.0:
+        return (
+            f"in the closed loop it may gain by chance {figures}, asked: more than "
+            f"{LEAST_IN_LOOP:g}): from the measured error it may follow the remnant"
+        )
     return (
-        f"in the closed loop it is no better ({judged.gain:+.2f} points, evidence "
-        f"{judged.evidence:.0f}): it follows the remnant that comes back in the error"
+        f"in the closed loop it is no better {figures}): it follows the remnant that comes back in "
+        "the error"
     )
 
 

@@ -35,6 +35,11 @@ def reason(winner="bias", taken_out=False, name="preview", **options):
             "in the closed loop it is no better (-0.40 points, evidence 5): it follows the remnant "
             "that comes back in the error",
         ),
+        (
+            {"in_loop": InLoop(80.0, 5.0, 1.1)},
+            "in the closed loop it may gain by chance (+1.10 points, evidence 5, asked: more than "
+            "20): from the measured error it may follow the remnant",
+        ),
         ({}, "the free run is better with it too; bias was added"),
         ({"winner": ""}, "it pays; no more were to be added"),
         ({"taken_out": True}, "beside what was added later it no longer pays"),
