@@ -218,21 +218,12 @@ def _facts(
             left = max(float(last["explainable_gap"]), 0.0)
             yield f"{left:.1f}", "points left to explain", "the rest is remnant"
         else:
-            yield "not known", "noise ceiling", _no_ceiling(comparison)
+            yield "not known", "noise ceiling", search.ceiling_note_ or "of held-out rows"
     elif comparison is not None:
         yield f"{comparison.vaf:.1f} %", "VAF", f"free run, on {rows}"
         if np.isfinite(comparison.noise_ceiling):
             top = "what any model could reach, judged by what this one leaves"
             yield f"{comparison.noise_ceiling:.1f} %", "noise ceiling", top
-
-
-def _no_ceiling(comparison: Comparison | None) -> str:
-    """Why held-out rows have none."""
-    if comparison is None:
-        return "the runs are too short"
-    if np.isfinite(comparison.noise_ceiling):
-        return "of held-out rows"
-    return comparison.ceiling_note.removeprefix("none: ")
 
 
 def _data(

@@ -21,6 +21,7 @@ from ..greybox.estimates import parameter_text
 from ..greybox.fitting import Criterion
 from ..greybox.likelihood import likelihood_fit
 from ..greybox.model import Model
+from ..greybox.operator_summary import delay_notes
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import check_simulated_model
 from ..greybox.two_estimates import difference_notes
@@ -113,11 +114,13 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     unexplained_ : DataFrame
         Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
         is the same in all runs), at, description, points, evidence.
+    ceiling_note_ : str
+        Why the ceiling is not known; empty where it is.
     experiments_ : list of str
         What to record to tell apart effects that these data cannot.
     notes_ : list of str
-        Further sentences of the summary: which other parameters change together with the gains,
-        and both estimates of what likelihood and simulation error do not agree on.
+        Further sentences of the summary: which other parameters change together with the gains;
+        a delay at its least; both estimates of what likelihood and simulation error part on.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -242,9 +245,11 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.unexplained_ = unexplained_table(found.left)
         self.explainable_gap_ = found.explainable_gap
         self.error_path_ = error_path(found, prepared)
+        self.ceiling_note_ = found.no_ceiling if np.isnan(found.ceiling) else ""
         self.ranking_ = ranking_table(found, prepared, self.display)
         self.notes_ = changes_sentences(found.changes)
         best = self.best_estimator_
+        self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
         if hasattr(best, "simulation_parameters_"):  # an operator
             self.notes_ += difference_notes(best.parameters_, best.simulation_parameters_)
         self.experiments_ = experiments(self.ranking_)
@@ -290,6 +295,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             self.stand_ins_,
             self.verdict_,
             self.max_effects,
+            self.ceiling_note_,
             self.unexplained_,
             self.experiments_,
             self.notes_,

@@ -155,6 +155,7 @@ def summary_of(
     stand_ins: Sequence[str],
     verdict: str,
     max_effects: int,
+    no_ceiling: str,
     unexplained: pd.DataFrame,
     experiments: Sequence[str],
     notes: Sequence[str],
@@ -162,11 +163,10 @@ def summary_of(
     """The whole search in plain sentences; ``path`` has the final parameters of each effect."""
     first, last = path.iloc[0], path.iloc[-1]
     ceiling = first["ceiling"]
-    lines = [
-        f"Baseline: VAF {first['vaf']:.1f} % on held-out rows"
-        + (f", of at most {ceiling:.1f} %" if np.isfinite(ceiling) else "; no ceiling known")
-        + f"{in_loop_text(first)}."
-    ]
+    top = f", of at most {ceiling:.1f} %" if np.isfinite(ceiling) else "; no ceiling known"
+    lines = [f"Baseline: VAF {first['vaf']:.1f} % on held-out rows{top}{in_loop_text(first)}."]
+    if no_ceiling:
+        lines.append(f"  The ceiling is not known: {no_ceiling}.")
     for step, row in path.iloc[1:].iterrows():
         added = ranking[(ranking["status"] == "added") & (ranking["effect"] == row["effect"])]
         text, before = row["parameters"], path.loc[step - 1]

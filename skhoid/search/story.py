@@ -231,7 +231,8 @@ class Story:
             gap = max(last["explainable_gap"], 0.0)
             yield f"  left to explain: {gap:.1f} points of VAF; the rest is remnant"
         else:
-            yield "  how much is left to explain is not known for held-out rows"
+            why = f": {search.ceiling_note_}" if search.ceiling_note_ else ""
+            yield f"  how much is left to explain is not known for held-out rows{why}"
         for sentence in (*search.experiments_, *search.notes_):
             yield f"  note: {sentence}"
 
@@ -261,6 +262,7 @@ class Story:
             "explainable_gap": search.explainable_gap_,
             "parameters": _records(search.best_estimator_.parameters_.reset_index()),
             "unexplained": _records(search.unexplained_),
+            "ceiling_note": search.ceiling_note_,
             "experiments": search.experiments_,
             "notes": search.notes_,
         }

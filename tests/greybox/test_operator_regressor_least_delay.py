@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Disturbance, OutputFeedback, WrongDelay
 from skhoid.greybox.cores import OperatorCore
 
@@ -24,6 +24,13 @@ def test_delay_is_at_least_that_of_a_person(quick):
     assert found.parameters_.loc["tau_e", "value"] == 0.1
     assert np.isnan(found.parameters_.loc["tau_e", "sd"])
     assert "tau_e is at its least, 0.10 s" in " ".join(found.summary().split())
+
+
+def test_a_search_says_that_the_delay_is_at_its_least(quick):
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(*quick)
+    (note,) = [note for note in search.notes_ if "at its least" in note]
+    assert note.startswith("tau_e is at its least, 0.10 s")
+    assert f"Note: {note}" in search.summary()
 
 
 def test_least_delay_is_a_parameter(quick):

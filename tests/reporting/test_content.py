@@ -51,6 +51,7 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
         "unexplained_": pd.DataFrame(columns=["description", "where", "points"]),
         "best_effects_": list(added),
         "stand_ins_": [],
+        "ceiling_note_": "",
         "experiments_": [],
         "notes_": [],
         "verdict_": "effects found",
@@ -112,20 +113,11 @@ def test_the_headline_claims_no_more_than_was_tried(verdict: str, rest: str, adv
         assert (other in step["why"]) == (other == advice)
 
 
-@pytest.mark.parametrize(
-    ("comparison", "remark"),
-    [
-        (None, "the runs are too short"),
-        (SimpleNamespace(noise_ceiling=90.0), "of held-out rows"),
-        (
-            SimpleNamespace(noise_ceiling=np.nan, ceiling_note="none: the target is not known"),
-            "the target is not known",
-        ),
-    ],
-)
-def test_why_there_is_no_ceiling(comparison: object, remark: str) -> None:
-    told = {name: (value, text) for value, name, text in _facts(a_search(), comparison, "rows")}
-    assert told["noise ceiling"] == ("not known", remark)
+@pytest.mark.parametrize("note", ["the runs are too short for spectra", ""])
+def test_why_there_is_no_ceiling(note: str) -> None:
+    search = a_search(ceiling_note_=note)
+    told = {name: (value, text) for value, name, text in _facts(search, None, "rows")}
+    assert told["noise ceiling"] == ("not known", note or "of held-out rows")
 
 
 def test_labels_of_runs_are_no_mathematics() -> None:
