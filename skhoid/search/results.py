@@ -148,7 +148,7 @@ def short_of(candidate: Candidate) -> str:
     """Which criteria of the free run are not met, with what was found and what is asked."""
     found = []
     if not candidate.evidence > LEAST_EVIDENCE:
-        found.append(f"evidence {candidate.evidence:.0f}, asked: more than {LEAST_EVIDENCE:g}")
+        found.append(f"evidence {candidate.evidence:.1f}, asked: more than {LEAST_EVIDENCE:g}")
     if not candidate.gain >= candidate.least_gain:
         # What gains too little on the rows of its fit was not held out.
         rows = "the rows of the fit" if candidate.prediction is None else "held-out rows"

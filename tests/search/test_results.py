@@ -22,12 +22,12 @@ def reason(winner="bias", taken_out=False, name="preview", **options):
     [
         ({"reason": "X has no target"}, "X has no target"),
         ({"refused": "time at the bound"}, "time at the bound"),
-        ({"evidence": 3.2}, "evidence 3, asked: more than 25"),
+        ({"evidence": 3.2}, "evidence 3.2, asked: more than 25"),
         ({"gain": 0.15}, "+0.15 points on held-out rows, asked: 0.2"),
         ({"gain": 0.15, "prediction": None}, "+0.15 points on the rows of the fit, asked: 0.2"),
         (
             {"evidence": -8.0, "gain": -0.02},
-            "evidence -8, asked: more than 25; -0.02 points on held-out rows, asked: 0.2",
+            "evidence -8.0, asked: more than 25; -0.02 points on held-out rows, asked: 0.2",
         ),
         ({"trace": "levels", "gain": -0.3}, "-0.3 points on held-out rows, asked: 0.2"),
         (
