@@ -203,12 +203,7 @@ def tank(seed, *, first, top=2.0, noise=0.01):
     return inflow[:, None], level + noise * rng.standard_normal(level.size)
 
 
-BEHIND = "an estimated initial state is added behind the recursion, where no outflow sees it"
-
-
-@pytest.mark.parametrize(
-    "first", [0.0, pytest.param(1.0, marks=pytest.mark.xfail(reason=BEHIND, strict=True))]
-)
+@pytest.mark.parametrize("first", [0.0, 1.0])
 def test_a_tank_with_a_root_outflow_that_runs_over(first):
     X, y = tank(0, first=first)
     effects = RootFlow(form="zero") + Stops(form="high")
