@@ -16,28 +16,22 @@ bicycle     the pull force pays most of what a rider can feel (reported: there i
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from recorded import Claims, Table, judged, searched
 
 from skhoid import (
     ARXRegressor,
-    EffectSearchCV,
     OperatorRegressor,
     load_bicycle_rider,
     load_human_tracking,
 )
 from skhoid.effects import MotionFeedback
-
-DATA = Path(__file__).parents[2] / "shared" / "data"
-Table = tuple[pd.DataFrame, pd.Series]
 
 
 def run_of(x: np.ndarray, y: np.ndarray, dt: float, units: tuple[str, str]) -> Table:
@@ -48,18 +42,7 @@ def run_of(x: np.ndarray, y: np.ndarray, dt: float, units: tuple[str, str]) -> T
     return X, output
 
 
-def searched(model: Any, X: pd.DataFrame, y: pd.Series, **options: Any) -> EffectSearchCV:
-    """Search, and print what it says."""
-    began = time.perf_counter()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        search = EffectSearchCV(model, **options).fit(X, y)
-    print(f"{model}\n{time.perf_counter() - began:.1f} s: {search.best_effects_}")
-    print(search.summary(), "\n")
-    return search
-
-
-def silverbox(data: Path) -> list[tuple[str, bool]]:
+def silverbox(data: Path) -> Claims:
     table = pd.read_parquet(data / "silverbox" / "SNLS80mV.parquet")
     x, y = table["V1"].to_numpy(), table["V2"].to_numpy()
     dt = 2**14 / 1e7
@@ -95,7 +78,7 @@ def halves(data: Path, name: str, dt: float, units: tuple[str, str]) -> tuple[Ta
     return (X[:middle], output[:middle]), unseen
 
 
-def hair_dryer(data: Path) -> list[tuple[str, bool]]:
+def hair_dryer(data: Path) -> Claims:
     fitted, unseen = halves(data, "hairdryer.csv", 0.08, ("V", "V"))
     claims = []
     for nk, expected in ((1, ["wrong_delay"]), (3, [])):
@@ -108,7 +91,7 @@ def hair_dryer(data: Path) -> list[tuple[str, bool]]:
     return claims
 
 
-def robot_arm(data: Path) -> list[tuple[str, bool]]:
+def robot_arm(data: Path) -> Claims:
     fitted, unseen = halves(data, "robot_arm.csv", 1.0, ("-", "-"))
     claims = []
     for orders in ((2, 2, 0), (4, 5, 0)):
@@ -123,7 +106,7 @@ def robot_arm(data: Path) -> list[tuple[str, bool]]:
     return claims
 
 
-def tracking(data: Path) -> list[tuple[str, bool]]:
+def tracking(data: Path) -> Claims:
     for names in (
         ["difficulty 50", "difficulty 80"],
         [f"phase-size 2{letter}" for letter in "bcde"],
@@ -141,7 +124,7 @@ def tracking(data: Path) -> list[tuple[str, bool]]:
     return []
 
 
-def bicycle(data: Path) -> list[tuple[str, bool]]:
+def bicycle(data: Path) -> Claims:
     roles = {"RollAngle": "e", "RollRate": "motion_roll", "YawRate": "motion_yaw"}
     roles["PullForce"] = "dist"
     felt = [MotionFeedback(channel="RollRate", form="direct"), "disturbance"]
@@ -166,23 +149,5 @@ RECORDINGS = {f.__name__: f for f in (silverbox, hair_dryer, robot_arm, tracking
 FOLDERS = {"silverbox": "silverbox", "hair_dryer": "daisy", "robot_arm": "daisy"}
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", default=list(RECORDINGS), metavar="name")
-    parser.add_argument("--data", type=Path, default=DATA)
-    options = parser.parse_args()
-    claims = []
-    for name in options.names:
-        folder = FOLDERS.get(name)
-        if folder and not (options.data / folder).is_dir():
-            print(f"{name}: skipped, {options.data / folder} is missing\n")
-            continue
-        print(f"=== {name} ===")
-        claims += [(f"{name}: {text}", met) for text, met in RECORDINGS[name](options.data)]
-    for text, met in claims:
-        print("met   " if met else "MISSED", text)
-    return 0 if all(met for _, met in claims) else 1
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(judged(__doc__, RECORDINGS, FOLDERS))

@@ -16,7 +16,6 @@ hydraulic   second half <= 0.50 rms (0.467 for the neural networks of the litera
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -24,12 +23,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from real_effects import DATA, searched
+from recorded import Claims, judged, searched
 from scipy.signal import decimate
 
 from skhoid import ARXRegressor, EffectSearchCV
 
-Claims = list[tuple[str, bool]]
 FORCE_PER_VOLT = 35.15  # N/V
 COULOMB = 20.4  # N, by inverse dynamics
 EARLY = 4  # samples by which the ankle's torque may come before its position
@@ -148,22 +146,5 @@ FOLDERS = {
 }
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", default=list(RECORDINGS), metavar="name")
-    parser.add_argument("--data", type=Path, default=DATA)
-    options = parser.parse_args()
-    claims = []
-    for name in options.names:
-        if not (options.data / FOLDERS[name]).is_dir():
-            print(f"{name}: skipped, {options.data / FOLDERS[name]} is missing\n")
-            continue
-        print(f"=== {name} ===")
-        claims += [(f"{name}: {text}", met) for text, met in RECORDINGS[name](options.data)]
-    for text, met in claims:
-        print("met   " if met else "MISSED", text)
-    return 0 if all(met for _, met in claims) else 1
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(judged(__doc__, RECORDINGS, FOLDERS))

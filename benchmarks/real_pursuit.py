@@ -17,16 +17,14 @@ leaks       the leak test of the model found is silent on the fresh trials
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 import warnings
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from real_effects import DATA, Table
+from recorded import Table, exit_code, options_of
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare
 
@@ -114,10 +112,7 @@ def claims_of(one: dict[str, Any]) -> list[tuple[str, bool]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", default=list(SETS), metavar="person-element")
-    parser.add_argument("--data", type=Path, default=DATA)
-    options = parser.parse_args()
+    options = options_of(__doc__, SETS, "person-element")
     folder = options.data / FOLDER
     if not folder.is_dir():
         print(f"skipped, {folder} is missing")
@@ -129,9 +124,7 @@ def main() -> int:
         one = judged(samples, trials, name)
         print(said(one), flush=True)
         claims += claims_of(one)
-    for text, met in claims:
-        print("met   " if met else "MISSED", text)
-    return 0 if all(met for _, met in claims) else 1
+    return exit_code(claims)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ IN_SHORT = (
     "VAF, fit",
 )
 DASH = "-"
+VAF_RULE = "VAF is about zero and not clipped unless it says otherwise."
 LONGEST_UNIT = 16  # columns
 LEFT_ALIGNED = ("", "unit")
 TITLES = {"": "parameter", "[0.025": "95 % from", "0.975]": "to"}  # of columns, in HTML

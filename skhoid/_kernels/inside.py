@@ -92,13 +92,15 @@ def _balanced(whole, gain, terms, last, dt):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def arx_inside(x, a, b, against, spring, terms, constant, dt, bound):
-    """Output from rest of A(q) y = B(q) (x - spring(y)) - G(q) force(y, rate of y) + constant.
+def arx_inside(x, a, b, against, spring, terms, constant, begun, dt, bound):
+    """Output of A(q) y = B(q) (x - spring(y)) - G(q) force(y, rate of y) + constant.
 
-    a and b are of shape (1 or n_samples, n_lags), b and ``against``, the coefficients of G, from
-    lag 0 on; spring(y) = spring[0] y^3 + spring[1] y abs(y). The rows of ``terms`` are forces or
-    stops: (FRICTION or SHARP, of the rate, size, width, excess at rest, rate of its fall), (ROOT,
-    0, size, width of the line at zero, level, 0), (STOPS, 0, low, high, 0, 0). The force of now is
+    ``begun`` of shape (n_first, n_runs) adds to the first samples what led there; without any it
+    begins at rest. a and b are of shape (1 or n_samples, n_lags), b and ``against``, the
+    coefficients of G, from lag 0 on; spring(y) = spring[0] y^3 + spring[1] y abs(y). The rows of
+    ``terms`` are forces or stops: (FRICTION or SHARP, of the rate, size, width, excess at rest,
+    rate of its fall), (ROOT, 0, size, width of the line at zero, level, 0), (STOPS, 0, low, high,
+    0, 0). The force of now is
     that of the output of now, so that friction holds what rests; where G begins with a negative
     number it is that of the output before.
     """
@@ -121,6 +123,8 @@ def arx_inside(x, a, b, against, spring, terms, constant, dt, bound):
         ka, kb = k if varies_a else 0, k if varies_b else 0
         for j in range(runs):
             past = constant
+            if k < begun.shape[0]:
+                past += begun[k, j]
             for i in range(min(na, k)):
                 past -= a[ka, i] * out[k - 1 - i, j]
             for i in range(1, min(nb, k + 1)):

@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ..summaries import rendered
+from ..summaries import VAF_RULE, rendered
 
 if TYPE_CHECKING:
     from .comparison import Comparison
-
-
-VAF_RULE = "VAF is about zero and not clipped unless it says otherwise."
 
 
 def summary(c: Comparison) -> str:

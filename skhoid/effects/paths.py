@@ -18,6 +18,7 @@ from .record import Record, differentiated
 from .time_variation import needs_channel
 
 X = Dimension.of_role("x")  # is the target less the error: of the same size as the error
+FASTEST_REFLEX = 0.02  # s, from a perturbation of the arm to its muscles
 SCAN_STEP = 0.06  # s, of the time of an answer to the target
 
 
@@ -342,6 +343,11 @@ class MotionFeedback(Effect):
 class Disturbance(Effect):
     """A measured disturbance is answered directly.
 
+    A disturbance comes from outside: no model can rebuild the output from it, and the least delay
+    of what the loop moves does not bind it. But it is felt before it is seen, and no muscle answers
+    a perturbation sooner than the short-latency stretch reflex, 0.02 s: the least delay of a
+    person (or ``least_delay``, if that is less); a machine may answer at once.
+
     Parameters
     ----------
     gain : float or None, default=None
@@ -354,7 +360,8 @@ class Disturbance(Effect):
     References
     ----------
     Pool et al., Identification of multimodal pilot models using ramp target and multisine
-    disturbance signals (2011).
+    disturbance signals (2011). Pruszynski and Scott, Optimal feedback control and the long-latency
+    stretch response (2012), for the least delay.
 
     Examples
     --------
@@ -392,6 +399,11 @@ class Disturbance(Effect):
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, "dist", "column of role dist")
+
+    def limits(self, record: Record) -> dict[str, tuple[float, float]]:
+        found = super().limits(record)
+        least = min(FASTEST_REFLEX, record.least_delay) if record.core.is_operator else 0.0
+        return found | {"delay": (least, found["delay"][1])}
 
     def variants(self, record: Record) -> list[Effect]:
         names = record.with_role("dist") if self.channel is None else [self.channel]

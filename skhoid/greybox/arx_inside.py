@@ -18,19 +18,22 @@ def inside_response(
     omega: np.ndarray,
     dt: float,
     bound: float,
+    begun: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Output from rest, of shape (n_samples, n_runs), for an input of that shape.
+    """Output of shape (n_samples, n_runs) for an input of that shape.
 
     ``polynomials`` are the coefficients a and b, the first ``n_late`` of b being dead time, and the
     constant; forces pass b without the dead time, which a machine's friction does not wait for.
-    ``omega`` of shape (1 or n_samples, 1 or n_runs) multiplies the natural frequencies.
+    ``omega`` of shape (1 or n_samples, 1 or n_runs) multiplies the natural frequencies. ``begun``
+    adds to the first samples of the recursion what led there; None begins at rest.
     """
+    first = np.zeros((0, x.shape[1])) if begun is None else begun
     a, b, constant = polynomials
     force = _kernels.gate(b[n_late:])
     stiff = np.array([spring.cubic, spring.square])
     terms = _kernels.gate(spring.table)
 
-    def run(x: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    def run(x: np.ndarray, factor: np.ndarray, first: np.ndarray) -> np.ndarray:
         shifted, gain = with_frequencies(a, factor)
         return _kernels.inside.arx_inside(
             _kernels.gate(x),
@@ -40,13 +43,14 @@ def inside_response(
             stiff,
             terms,
             constant,
+            _kernels.gate(first),
             dt,
             bound,
         )
 
     if omega.shape[1] == 1:
-        return run(x, omega[:, 0])
-    columns = [run(x[:, [j]], omega[:, j]) for j in range(x.shape[1])]
+        return run(x, omega[:, 0], first)
+    columns = [run(x[:, [j]], omega[:, j], first[:, [j]]) for j in range(x.shape[1])]
     return np.concatenate(columns, axis=1)
 
 

@@ -36,6 +36,7 @@ from .operator_summary import simulated_summary
 from .prepared import Prepared, SimulatedCore, prepared_for
 from .side_by_side import SegmentColumns, build_record, measured
 from .simulator import Simulator
+from .two_estimates import of_least_error
 
 
 @dataclass(frozen=True)
@@ -264,6 +265,7 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
         self._simulation = simulation_of(self, prepared, model, noise)
         self.covariance_ = self._simulation.covariance
+        self.simulation_parameters_ = of_least_error(model, prepared)
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         return self._simulation.free_run(self, grid, values)

@@ -304,7 +304,13 @@ class ARXCore:
         return gains.error * error, np.zeros_like(error)
 
     def response(
-        self, command: Command, gains: Gains, spring: Spring, values: dict[str, float], dt: float
+        self,
+        command: Command,
+        gains: Gains,
+        spring: Spring,
+        values: dict[str, float],
+        dt: float,
+        begun: np.ndarray | None = None,
     ) -> np.ndarray:
         theta = np.array([values[p.name] for p in self.parameters])
         x = command.position
@@ -314,7 +320,7 @@ class ARXCore:
         constant = float(theta[-1]) if self.intercept else 0.0
         if spring.terms or gains.omega.size > 1:
             polynomials = theta[: self.na], b, constant
-            return inside_response(x, polynomials, self.nk, spring, gains.omega, dt, BOUND)
+            return inside_response(x, polynomials, self.nk, spring, gains.omega, dt, BOUND, begun)
         return _kernels.greybox.arx_response(
             _kernels.gate(x),
             _kernels.gate(theta[: self.na]),
@@ -339,6 +345,18 @@ class ARXCore:
         n: int,
         levels: tuple[float, float],
     ) -> np.ndarray:
+        pulses = self.held_pulses(command, values, dt, n, levels)
+        return lfilter([1.0], self.denominator(values, dt), pulses, axis=0)
+
+    def held_pulses(
+        self,
+        command: Command,
+        values: dict[str, float],
+        dt: float,
+        n: int,
+        levels: tuple[float, float],
+    ) -> np.ndarray:
+        """What to add to the first samples of the recursion for the start of ``held_start``."""
         a = self.denominator(values, dt)
         b = np.r_[np.zeros(self.nk), [values[f"b{i}"] for i in range(self.nb)]]
         x = command.position[0]
@@ -349,7 +367,7 @@ class ARXCore:
         for polynomial, signal in ((b, x), (-a, level)):
             m = min(n, polynomial.size)
             before[:m] += np.outer(polynomial.sum() - np.cumsum(polynomial)[:m], signal)
-        return lfilter([1.0], a, before, axis=0)
+        return before
 
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
         return {}

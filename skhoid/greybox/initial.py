@@ -5,7 +5,9 @@ as many decaying signals as the core has states. ``Start`` adds it after all sta
 where only the inputs are known, the one that fits best in each run where the output is. These
 initial states are nuisance parameters that no table shows: solved for in every simulation, they
 move along with the parameters (variable projection). Behind a nonlinear effect on the output they
-are solved for by Gauss and Newton's iteration; springs are linear in them.
+are solved for by Gauss and Newton's iteration, and so where something acts inside the recursion,
+such as an outflow by the root of the level, which acts on what the run began with too; springs are
+taken as linear in them.
 """
 
 from __future__ import annotations
@@ -132,7 +134,6 @@ def with_fitted_start(
         answer[:n] += responses @ amounts
         return behind(answer)
 
-    step = DIFFERENCE * record.sd("u")
     start = np.zeros((states, record.n_runs))
     hidden = record.y[record.known].min(initial=0.0) >= 0.0  # by a sensor, as the sign may be
     for sign in (1.0, -1.0) if hidden else (1.0,):
@@ -141,6 +142,50 @@ def with_fitted_start(
         trial = begun(guess)
         better = _squares(record, trial) < _squares(record, output)
         start, output = np.where(better, guess, start), np.where(better, trial, output)
+    return _by_newton(record, begun, start, output)
+
+
+def with_fitted_pulses(
+    record: Record,
+    begun: Callable[[np.ndarray], np.ndarray],
+    held: np.ndarray,
+    states: int,
+) -> np.ndarray:
+    """Output of a recursion whose beginning fits the measured one best.
+
+    What acts inside it, such as an outflow by the root of the level, acts on its state too.
+    ``begun`` is the output of what is added to the recursion's first samples; ``held`` is added
+    where the inputs were always as at first, of which the first ``states`` rows are estimated.
+    """
+    assert record.y is not None
+    states = min(states, len(held))
+    output = begun(held)
+    if not states or not np.isfinite(output).all():
+        return output
+
+    def of(amounts: np.ndarray) -> np.ndarray:
+        pulses = held.copy()
+        pulses[:states] += amounts
+        return begun(pulses)
+
+    start = np.zeros((states, record.n_runs))
+    guess = start.copy()
+    guess[0] = record.y[0] - output[0]  # measured, whether it counts or not
+    trial = of(guess)
+    better = _squares(record, trial) < _squares(record, output)
+    start, output = np.where(better, guess, start), np.where(better, trial, output)
+    return _by_newton(record, of, start, output)
+
+
+def _by_newton(
+    record: Record,
+    begun: Callable[[np.ndarray], np.ndarray],
+    start: np.ndarray,
+    output: np.ndarray,
+) -> np.ndarray:
+    """The output of the amounts (n_states, n_runs) that fit best near some, where it is better."""
+    assert record.y is not None
+    states, step = len(start), DIFFERENCE * record.sd("u")
     for _ in range(N_NEWTON):
         residual = np.where(record.known, record.y - output, 0.0)
         slopes = np.stack(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from ..effects.core_kind import CoreKind
-from .fitting import AR_ORDER, Criterion, Fit, RemnantModel, minimise
+from .fitting import AR_ORDER, Criterion, RemnantModel, minimise
 from .model import Model
 from .prior import Prior
 from .simulator import Simulator
@@ -42,13 +43,12 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     model, noise = settled(model, criterion)
     if kind == CoreKind.ARX or not model.simulator.smooth:
         return model, noise
-    found = joint_fit(model)
-    if found is None:
+    theta = joint_fit(model)
+    if theta is None:
         return model, noise
+    found = Model(model.simulator, replace(model.fit, theta=theta), model.other_core)
     criterion.set_noise(criterion.remnant_model(found.output))
-    theta = found.theta
-    fit = Fit(theta, criterion.sse(found.output), criterion.n, found.fit.normal, found.fit.gradient)
-    return Model(model.simulator, fit, model.other_core), criterion.noise
+    return found.under(criterion), criterion.noise
 
 
 def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
@@ -88,8 +88,8 @@ def prior_of(simulator: Simulator) -> Prior:
     return Prior.of(simulator.names, simulator.core.usual)
 
 
-def joint_fit(model: Model) -> Model | None:
-    """Parameters and noise model at their largest common probability; None where it fails.
+def joint_fit(model: Model) -> np.ndarray | None:
+    """Parameters at their and a noise model's largest common probability; None where it fails.
 
     The likelihood of both is that of a person's remnant as an AR process; what is usual for people
     decides where it hardly changes, as between a delay and the lag of a limb. A gain on the error
@@ -109,14 +109,9 @@ def joint_fit(model: Model) -> Model | None:
         without = likeliest(simulator, plain, held=held)
         if without is not None and without[0] < best[0] + NEEDED:
             best = without
-    theta = best[1]
-    plain_criterion = Criterion(simulator.record)
-    output = simulator.run(theta)
-    if plain_criterion.sse(output) > TOLERATED * plain_criterion.sse(model.output):
-        return None
-    size = theta.size
-    fit = Fit(theta, plain_criterion.sse(output), plain_criterion.n, np.eye(size), np.zeros(size))
-    return Model(simulator, fit, model.other_core)
+    simulation = Criterion(simulator.record)
+    worse = simulation.sse(simulator.run(best[1])) > TOLERATED * simulation.sse(model.output)
+    return None if worse else best[1]
 
 
 def usual_starts(simulator: Simulator, theta: np.ndarray) -> list[np.ndarray]:

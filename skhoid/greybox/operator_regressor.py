@@ -62,6 +62,10 @@ class OperatorRegressor(GreyBox):
         Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
         meaning. Parameters of effects are called ``<effect>__<parameter>``. A parameter at a
         bound has no sd.
+    simulation_parameters_ : DataFrame
+        The same for the smallest simulation error, without a noise model. In a closed loop it is
+        biased by the remnant; ``summary`` shows both estimates where they differ by more than
+        their uncertainty allows.
     effects_ : Effects
         The effects with estimated values and with their choices (form, channel) made.
     covariance_ : DataFrame

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from ..human import ControlledElement
-from ..summaries import Summary, estimates_table, grid_facts, quantity, signal_facts
+from ..summaries import VAF_RULE, Summary, estimates_table, grid_facts, quantity, signal_facts
 from .model import AT_BOUND
+from .two_estimates import difference_notes
 
 if TYPE_CHECKING:
     from .base import Simulation
@@ -43,12 +44,15 @@ def simulated_summary(model: Any, simulation: Simulation) -> Summary:
         simulation.spec.errors_note,
         "What the model lacks is not in them: see compare and EffectSearchCV.",
         "VAF and RMSE are those of the rows fitted; summary(X, y) says the VAF of others. "
-        "Log-likelihood and BIC are without constants.",
+        f"{VAF_RULE} Log-likelihood and BIC are without constants.",
     ]
     table = model.parameters_
     if not (table["sd"] > 0).all():
         notes.append("A dash in place of a standard error: given, at a bound, or not determined.")
     notes += delay_notes(table, getattr(simulation.spec.core, "least", 0.0))
+    least_error = getattr(model, "simulation_parameters_", None)  # of an operator
+    if least_error is not None:
+        notes += difference_notes(table, least_error)
     return Summary(
         f"{type(model).__name__}: {output} from {model.inputs_[0]}",
         facts,

@@ -14,8 +14,8 @@ from ..effects.dimension import Dimension
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import Parameter
 from ..effects.record import Record
-from .cores import Core, neutral_gains
-from .initial import HELD, REST, free_responses, horizon, with_fitted_start
+from .cores import ARXCore, Core, neutral_gains
+from .initial import HELD, REST, free_responses, horizon, with_fitted_pulses, with_fitted_start
 
 
 class StageSignals(NamedTuple):
@@ -132,24 +132,43 @@ class Simulator:
             return stages
         additive = all(effect.place != "output" for _, effect in self.effects)
 
+        def passed_on(s: StageSignals, theta: Any, signal: np.ndarray) -> np.ndarray:
+            state = s._replace(output=signal)
+            for stage in behind:
+                state = stage.run(state, theta)
+            return state.output
+
+        def begun_inside(
+            core: ARXCore, s: StageSignals, theta: Any, reach: int, states: int
+        ) -> np.ndarray:
+            given = values(theta, dynamic)
+            held = core.held_pulses(s.command, given, record.dt, reach, record.levels)
+
+            def begun(pulses: np.ndarray) -> np.ndarray:
+                answer = core.response(s.command, s.gains, s.spring, given, record.dt, pulses)
+                return passed_on(s, theta, answer)
+
+            if record.initial == HELD or record.y is None:
+                return begun(held)
+            return with_fitted_pulses(record, begun, held, states)
+
         def start(s: StageSignals, theta: Any) -> StageSignals:
             given = values(theta, dynamic)
             denominator = core.denominator(given, record.dt)
             n = horizon(denominator, len(s.answer))
             reach = min(n + core.memory, len(s.answer))
+            if isinstance(core, ARXCore) and s.spring.terms:
+                return s._replace(output=begun_inside(core, s, theta, reach, denominator.size - 1))
             answer = s.answer.copy()
             answer[:reach] += core.held_start(s.command, given, record.dt, reach, record.levels)
 
-            def passed_on(signal: np.ndarray) -> np.ndarray:
-                state = s._replace(output=signal)
-                for stage in behind:
-                    state = stage.run(state, theta)
-                return state.output
+            def last(signal: np.ndarray) -> np.ndarray:
+                return passed_on(s, theta, signal)
 
             if record.initial == HELD or record.y is None:
-                return s._replace(output=passed_on(answer))
+                return s._replace(output=last(answer))
             free = free_responses(denominator, n)
-            return s._replace(output=with_fitted_start(record, answer, free, passed_on, additive))
+            return s._replace(output=with_fitted_start(record, answer, free, last, additive))
 
         return [*stages, Stage(start, dynamic)]
 

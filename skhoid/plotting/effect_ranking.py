@@ -21,6 +21,7 @@ ROW = 0.235  # inches for each candidate
 LEAST = 1.0  # points on the axis, so that small gains look small
 FURTHEST_LEFT = 0.35  # of the largest gain; bars that lose more are cut
 TEXT_ROOM = 0.5  # of the width, for the text at the ends of the bars
+LOOP_ROOM = 0.85  # where it has the points in the closed loop too
 BELOW_TICKS = 3.6
 
 
@@ -28,10 +29,10 @@ BELOW_TICKS = 3.6
 class EffectRankingDisplay(Display):
     """Candidates of one step of a search by what they gain on held-out runs.
 
-    Bars are VAF points on runs that were held out of the fit; at their ends these points and by
-    how much BIC is better. The shaded band is the margin from the best to the second. Candidates
-    that these data cannot tell apart from the best are hatched; those that do not apply are grey,
-    with the reason.
+    Bars are VAF points on runs that were held out of the fit; at their ends these points, those in
+    the closed loop where it was asked, and by how much BIC is better. The shaded band is the margin
+    from the best to the second. Candidates that these data cannot tell apart from the best are
+    hatched; those that do not apply are grey, with the reason.
 
     Make it with :meth:`from_estimator`.
 
@@ -161,7 +162,8 @@ class EffectRankingDisplay(Display):
         largest = max(float(np.nanmax(gain, initial=0.0)), LEAST)
         least = float(np.nanmin(gain, initial=0.0))
         left = max(least, -FURTHEST_LEFT * largest)
-        width = (largest - left) * (1 + TEXT_ROOM)
+        in_loop = "gain_loop" in tried and np.isfinite(_finite(tried["gain_loop"])).any()
+        width = (largest - left) * (1 + (LOOP_ROOM if in_loop else TEXT_ROOM))
         self.ax_.set_xlim(left - 0.02 * width * (left < 0), left + width)
         for i, row in enumerate(tried.to_dict("records")):
             self._draw_bar(i, row, left)
@@ -190,6 +192,8 @@ class EffectRankingDisplay(Display):
         )
         bic = float(row["delta_bic"])
         parts = [f"{round(gain, 1) + 0.0:+.1f}"] if np.isfinite(gain) else []  # no -0.0
+        in_loop = float(row.get("gain_loop", np.nan))
+        parts += [f"in the loop {round(in_loop, 1) + 0.0:+.1f}"] if np.isfinite(in_loop) else []
         parts += [f"ΔBIC {round(bic) + 0.0:+.0f}"] if np.isfinite(bic) else []
         cut = " (cut)" if gain < left else ""
         self.words_[name] = self.ax_.annotate(

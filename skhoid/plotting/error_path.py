@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_above, with_unit
+from ._axes import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, legend_above, with_unit
 from ._comparison import percent, say_instead, wrapped
 from ._display import Display
 from ._effects import UNKNOWN, attributes_of, broken, step_labels, unit_of
@@ -20,6 +20,7 @@ WIDTH = 1.25  # inches for each step
 BESIDE = 0.9  # of a step, for the text beside the last
 SMALL_GAP = 0.05  # points, below which nothing is left
 LEAST_SPAN = 10.0  # points of VAF, so that a small gap looks small
+BESIDE_EACH_OTHER = 0.25  # of a step, by which two values on it are off its middle
 ROOM = 0.24  # of the height, for the text about the gap
 
 
@@ -29,7 +30,9 @@ class ErrorPathDisplay(Display):
 
     Above the VAF, below the RMSE of runs that were held out of the fit. The dashed line is the
     ceiling: what any model driven by these channels can reach. The bar beside the last step
-    is what is left to explain. Grey marks are the VAF on the rows of the fit.
+    is what is left to explain. Grey marks are the VAF on the rows of the fit. The dotted staircase
+    is the VAF of the same runs in the closed loop, in which the model's own output moves x and e:
+    what follows the remnant round the loop does not rise there.
 
     Make it with :meth:`from_estimator`.
 
@@ -37,7 +40,7 @@ class ErrorPathDisplay(Display):
     ----------
     error_path : DataFrame
         ``error_path_`` of the search: one row a step, with the columns effect, vaf, rmse,
-        vaf_train, ceiling and explainable_gap.
+        vaf_train, ceiling and explainable_gap, and vaf_loop where the closed loop is known.
     best_effects : list of str
         ``best_effects_`` of the search.
     verdict : str
@@ -52,7 +55,7 @@ class ErrorPathDisplay(Display):
     figure_ : Figure
         The figure that holds them.
     stairs_ : dict of StepPatch
-        The staircases, ``"vaf"`` and ``"rmse"``.
+        The staircases, ``"vaf"`` and ``"rmse"``, and ``"vaf_loop"`` where it is known.
     ceilings_ : dict of StepPatch
         The ceiling in both panels; empty where it is not known.
     train_ : Line2D or None
@@ -60,7 +63,7 @@ class ErrorPathDisplay(Display):
     gap_ : Line2D or None
         The bar, where something is left.
     labels_ : dict of list of Text
-        Values on the steps, ``"vaf"`` and ``"rmse"``.
+        Values on the steps, by the names of the staircases.
 
     See Also
     --------
@@ -140,11 +143,14 @@ class ErrorPathDisplay(Display):
         rmse = path["rmse"].to_numpy(dtype=float)
         top, bottom = self.axes_
         self._draw_train(top, path["vaf_train"].to_numpy(dtype=float))
+        in_loop = path.get("vaf_loop", pd.Series(np.nan, path.index)).to_numpy(dtype=float)
         self._draw_stairs(top, "vaf", vaf, ceiling, [percent(v) for v in vaf])
+        if np.isfinite(in_loop).any():
+            self._draw_in_loop(top, in_loop)
         # The power of the output, which VAF is relative to, is that of the RMSE at a VAF of 0.
         floor = rmse * np.sqrt(np.clip(100.0 - ceiling, 0.0, None) / (100.0 - vaf))
         self._draw_stairs(bottom, "rmse", rmse, floor, [f"{v:#.3g}" for v in rmse])
-        self._limit(vaf)
+        self._limit(np.r_[vaf, in_loop])
         gap = path["explainable_gap"].to_numpy(dtype=float)[-1]
         self._draw_gap(top, len(path), vaf[-1], ceiling[-1], gap)
         top.set_ylabel("held-out VAF, %")
@@ -155,8 +161,9 @@ class ErrorPathDisplay(Display):
             panel.set_xticks(range(len(path)), labels)
             panel.grid(alpha=0.3, axis="y")
             panel.set_axisbelow(True)
-        legend_above(top, columns=3)
-        top.set_title(top.get_title(), fontsize="medium", pad=24)
+        several = "vaf_loop" in self.stairs_  # of which a legend takes two rows
+        legend_above(top, columns=2 if several else 3)
+        top.set_title(top.get_title(), fontsize="medium", pad=38 if several else 24)
         return self
 
     def _title_text(self) -> str:
@@ -187,20 +194,43 @@ class ErrorPathDisplay(Display):
             self.ceilings_[name] = panel.stairs(
                 ceiling, edges, baseline=None, color=BLACK, lw=1.2, ls="--", label=self._ceiling()
             )
+        self._label(panel, name, values, labels, colour)
+
+    def _draw_in_loop(self, panel: Axes, values: np.ndarray) -> None:
+        edges = np.arange(len(values) + 1) - 0.5
+        self.stairs_["vaf_loop"] = panel.stairs(
+            values, edges, baseline=None, color=GREEN, lw=1.8, ls=":", label="in the closed loop"
+        )
+        labels = [percent(v) if np.isfinite(v) else "" for v in values]
+        self._label(panel, "vaf_loop", values, labels, GREEN, BESIDE_EACH_OTHER)
+        for label in self.labels_["vaf"]:  # beside these, whichever is higher
+            label.xy = (label.xy[0] - BESIDE_EACH_OTHER, label.xy[1])
+
+    def _label(
+        self,
+        panel: Axes,
+        name: str,
+        values: np.ndarray,
+        labels: list[str],
+        colour: str,
+        right: float = 0.0,
+    ) -> None:
+        """Write the value on each step, ``right`` of its middle."""
         self.labels_[name] = []
         for i, (value, label) in enumerate(zip(values, labels, strict=True)):
-            cut = name == "vaf" and value < LOWEST
+            cut = name != "rmse" and value < LOWEST
             above = cut or name == "rmse"
             self.labels_[name].append(
                 panel.annotate(
                     f"↓ {label}" if cut else label,
-                    (i, LOWEST if cut else value),
+                    (i + right, LOWEST if cut else np.nan_to_num(value)),
                     xytext=(0, 4 if above else -4),
                     textcoords="offset points",
                     ha="center",
                     va="bottom" if above else "top",
                     color=colour,
                     fontsize="small",
+                    visible=bool(label),
                     bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
                 )
             )

@@ -22,8 +22,14 @@ from ..runs.fingerprint import as_frame
 from ..runs.roles import output_name, roles_of
 from ..search.candidates import LEAST_EVIDENCE, LEAST_GAIN
 from ..search.effect_search import EffectSearchCV
-from ..search.explanations import HOW_TO_GO_ON, NOT_IN_CATALOGUE, stand_ins_sentence, unexplained_by
-from ..summaries import DASH, Estimate, counted, number
+from ..search.explanations import (
+    HOW_TO_GO_ON,
+    NOT_IN_CATALOGUE,
+    in_loop_text,
+    stand_ins_sentence,
+    unexplained_by,
+)
+from ..summaries import DASH, VAF_RULE, Estimate, counted, number
 from .plots import Gallery, Plot
 from .provenance import provenance
 
@@ -101,6 +107,7 @@ def content_of(
     ]
     return {
         "in_short": _in_short(search, comparison),
+        "vaf_rule": VAF_RULE,
         "verdict": _verdict(search, comparison),
         "facts": list(_facts(search, comparison, rows)),
         "source": source,
@@ -169,6 +176,10 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
             f"root mean square error {number(first['rmse'])} and {number(last['rmse'])} "
             f"{unit}".rstrip()
         )
+    in_loop = path["vaf_loop"].iloc[[0, -1] if len(path) > 1 else [0]]
+    if np.isfinite(in_loop).all():
+        figures_in_loop = " and ".join(f"{vaf:.1f} %" for vaf in in_loop)
+        sentence += f"; in the closed loop, where the model moves x and e, VAF {figures_in_loop}"
     sentence += "."
     if search.stand_ins_:
         sentence += f" {stand_ins_sentence(search.stand_ins_)}."
@@ -198,27 +209,21 @@ def _facts(
         yield f"{first['vaf']:.1f} %", "VAF of the baseline", "held-out rows"
         if len(path) > 1:
             yield f"{last['vaf']:.1f} %", "VAF with the effects", "held-out rows"
+        if np.isfinite(last["vaf_loop"]):
+            which = "the last model" if len(path) > 1 else "the baseline"
+            yield f"{last['vaf_loop']:.1f} %", "VAF in the closed loop", f"held-out rows, {which}"
         if np.isfinite(last["ceiling"]):
             top = "what any model could reach on held-out rows, judged after the last step"
             yield f"{last['ceiling']:.1f} %", "noise ceiling", top
             left = max(float(last["explainable_gap"]), 0.0)
             yield f"{left:.1f}", "points left to explain", "the rest is remnant"
         else:
-            yield "not known", "noise ceiling", _no_ceiling(comparison)
+            yield "not known", "noise ceiling", search.ceiling_note_ or "of held-out rows"
     elif comparison is not None:
         yield f"{comparison.vaf:.1f} %", "VAF", f"free run, on {rows}"
         if np.isfinite(comparison.noise_ceiling):
             top = "what any model could reach, judged by what this one leaves"
             yield f"{comparison.noise_ceiling:.1f} %", "noise ceiling", top
-
-
-def _no_ceiling(comparison: Comparison | None) -> str:
-    """Why held-out rows have none."""
-    if comparison is None:
-        return "the runs are too short"
-    if np.isfinite(comparison.noise_ceiling):
-        return "of held-out rows"
-    return comparison.ceiling_note.removeprefix("none: ")
 
 
 def _data(
@@ -338,6 +343,7 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
                 "rmse": number(row["rmse"]),
                 "height": f"{100 * row['rmse'] / worst:.1f}" if worst > 0 else "0",
                 "floor": f"{100 * floor / worst:.1f}" if np.isfinite(floor) and worst > 0 else "",
+                "in_loop": in_loop_text(*[before, row][step == 0 :]).replace("->", "→"),
                 "from_vaf": f"{before['vaf']:.1f}",
                 "from_rmse": number(before["rmse"]),
                 "words": "" if entry is None else _sentence(entry["words"]),
@@ -351,7 +357,6 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
 
 def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
     for step, table in search.ranking_.groupby("step"):
-        winner = table.loc[table["status"] == "added", "effect"]
         rows = [
             {
                 "rank": str(row["rank"]),
@@ -359,11 +364,12 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
                 "status": row["status"],
                 "vaf": _fixed(row["vaf_after"], ".2f"),
                 "gain": _fixed(row["vaf_gain"], "+.2f"),
+                "in_loop": _fixed(row["gain_loop"], "+.2f"),
                 "evidence": _fixed(row["delta_bic"], "+.0f"),
                 "p": DASH if row["status"] == "does not apply" else _p(row["p_value"]),
                 "parameters": row["parameters"],
                 "words": _sentence(row["words"]),
-                "why": _why(row, str(winner.iloc[0]) if len(winner) else ""),
+                "why": _why(row),
             }
             for _, row in table.iterrows()
         ]
@@ -371,6 +377,7 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
         yield {
             "step": str(step),
             "parent": " + ".join(search.error_path_["effect"].iloc[: int(step)]),
+            "asked_loop": bool(np.isfinite(table["gain_loop"]).any()),
             "first": tried[:5],
             "others": tried[5:],
             "refused": [row for row in rows if row["status"] == "does not apply"],
@@ -381,27 +388,17 @@ def _p(p: float) -> str:
     return "< 1e-6" if p < 1e-6 else f"{p:.2g}"
 
 
-def _why(row: pd.Series, winner: str) -> str:
+def _why(row: pd.Series) -> str:
     """Why a candidate is ranked where it is."""
     if row["status"] == "does not apply":
         return str(row["reason"])
-    if row["status"] == "added":
-        text = "Added: likelihood and held-out VAF both say so, and none says it better."
-        others = ", ".join(row["confused_with"])
-        return text + (f" As good on these runs: {others}." if others else "")
-    if row["reason"]:
-        text = str(row["reason"]).rstrip(".")
-        return f"{text[:1].upper()}{text[1:]}."
-    likely, gains = row["delta_bic"] > LEAST_EVIDENCE, row["vaf_gain"] >= LEAST_GAIN
-    if likely and gains:
-        return f"It pays too, but {winner} has more evidence." if winner else "It pays."
-    evidence = f"evidence {_fixed(row['delta_bic'], '+.0f')} (more than {LEAST_EVIDENCE:g} asked)"
-    gain = f"{_fixed(row['vaf_gain'], '+.2f')} points on held-out rows ({LEAST_GAIN:g} asked)"
-    if gains:
-        return f"One criterion is not met: {evidence}."
-    if likely:
-        return f"One criterion is not met: {gain}."
-    return f"Neither criterion is met: {evidence}, {gain}."
+    if row["status"] != "added":
+        return _sentence(row["reason"])
+    text = "Added: likelihood and held-out VAF both say so"
+    if np.isfinite(row["gain_loop"]):
+        text += f", and in the closed loop it gains {row['gain_loop']:.2g} points"
+    others = ", ".join(row["confused_with"])
+    return f"{text}." + (f" As good on these runs: {others}." if others else "")
 
 
 def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:

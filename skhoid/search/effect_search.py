@@ -21,14 +21,16 @@ from ..greybox.estimates import parameter_text
 from ..greybox.fitting import Criterion
 from ..greybox.likelihood import likelihood_fit
 from ..greybox.model import Model
+from ..greybox.operator_summary import delay_notes
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import check_simulated_model
+from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
 from ..summaries import Summary, estimates_table
-from .explanations import VERDICTS, changes_sentences, experiments, summary_of
+from .explanations import VERDICTS, changes_sentences, experiments, in_loop_text, summary_of
 from .forward import Search, forward, output_error_fit
 from .held_out import HeldOutRows
 from .results import error_path, held_out_table, ranking_table, unexplained_table
@@ -114,10 +116,13 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     unexplained_ : DataFrame
         Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
         is the same in all runs), at, description, points, evidence.
+    ceiling_note_ : str
+        Why the ceiling is not known; empty where it is.
     experiments_ : list of str
         What to record to tell apart effects that these data cannot.
     notes_ : list of str
-        Further sentences of the summary: which other parameters change together with the gains.
+        Further sentences of the summary: which other parameters change together with the gains;
+        a delay at its least; both estimates of what likelihood and simulation error part on.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -242,8 +247,13 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.unexplained_ = unexplained_table(found.left)
         self.explainable_gap_ = found.explainable_gap
         self.error_path_ = error_path(found, prepared)
+        self.ceiling_note_ = found.no_ceiling if np.isnan(found.ceiling) else ""
         self.ranking_ = ranking_table(found, prepared, self.display)
         self.notes_ = changes_sentences(found.changes)
+        best = self.best_estimator_
+        self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
+        if hasattr(best, "simulation_parameters_"):  # an operator
+            self.notes_ += difference_notes(best.parameters_, best.simulation_parameters_)
         self.experiments_ = experiments(self.ranking_)
 
     def _candidates(self) -> list[Effect]:
@@ -287,17 +297,18 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             self.stand_ins_,
             self.verdict_,
             self.max_effects,
+            self.ceiling_note_,
             self.unexplained_,
             self.experiments_,
             self.notes_,
         )
 
     def _found_html(self) -> str:
-        first, last = (self.error_path_["vaf"].iloc[i] for i in (0, -1))
+        first, last = (self.error_path_.iloc[i] for i in (0, -1))
         added = ", ".join(self.error_path_["effect"].iloc[1:]) or "none"
         found = (
-            f"EffectSearchCV: {self.verdict_}. Added: {added}; held-out VAF {first:.1f} to "
-            f"{last:.1f} %."
+            f"EffectSearchCV: {self.verdict_}. Added: {added}; held-out VAF {first['vaf']:.1f} to "
+            f"{last['vaf']:.1f} %{in_loop_text(first, last)}."
         )
         best = self.best_estimator_
         if isinstance(best, RunRegressor):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..effects.base import Effect
-from ..summaries import counted
+from ..summaries import VAF_RULE, counted
 from .verdict import Outcome
 
 # What an effect on a compensatory display can only be equivalent to, and why.
@@ -140,12 +140,12 @@ def stand_ins_sentence(ids: Sequence[str]) -> str:
     return f"No name for it, though part of it follows: {', '.join(ids)}"
 
 
-def in_loop_text(before: pd.Series, row: pd.Series) -> str:
-    """What a step does in the closed loop, where both are known."""
-    pair = before["vaf_loop"], row["vaf_loop"]
-    if not np.isfinite(pair).all():
+def in_loop_text(*rows: pd.Series) -> str:
+    """VAF in the closed loop of rows of an error path, where all of them are known."""
+    figures = [row["vaf_loop"] for row in rows]
+    if not np.isfinite(figures).all():
         return ""
-    return f"; in the closed loop VAF {pair[0]:.1f} -> {pair[1]:.1f} %"
+    return f"; in the closed loop VAF {' -> '.join(f'{figure:.1f}' for figure in figures)} %"
 
 
 def summary_of(
@@ -155,6 +155,7 @@ def summary_of(
     stand_ins: Sequence[str],
     verdict: str,
     max_effects: int,
+    no_ceiling: str,
     unexplained: pd.DataFrame,
     experiments: Sequence[str],
     notes: Sequence[str],
@@ -162,10 +163,10 @@ def summary_of(
     """The whole search in plain sentences; ``path`` has the final parameters of each effect."""
     first, last = path.iloc[0], path.iloc[-1]
     ceiling = first["ceiling"]
-    lines = [
-        f"Baseline: VAF {first['vaf']:.1f} % on held-out rows"
-        + (f", of at most {ceiling:.1f} %." if np.isfinite(ceiling) else "; no ceiling known.")
-    ]
+    top = f", of at most {ceiling:.1f} %" if np.isfinite(ceiling) else "; no ceiling known"
+    lines = [f"Baseline: VAF {first['vaf']:.1f} % on held-out rows{top}{in_loop_text(first)}."]
+    if no_ceiling:
+        lines.append(f"  The ceiling is not known: {no_ceiling}.")
     for step, row in path.iloc[1:].iterrows():
         added = ranking[(ranking["status"] == "added") & (ranking["effect"] == row["effect"])]
         text, before = row["parameters"], path.loc[step - 1]
@@ -189,7 +190,7 @@ def summary_of(
             lines.append(
                 f"  The best of {counted(len(near), 'effect')} tried, {best['effect']}, would gain "
                 f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): "
-                f"{best['reason'] or 'not enough'}."
+                f"{best['reason']}."
             )
     if stand_ins:
         lines.append(f"  {stand_ins_sentence(stand_ins)}.")
@@ -202,5 +203,6 @@ def summary_of(
     gap = last["explainable_gap"]
     if np.isfinite(gap) and np.isfinite(ceiling):
         lines.append(f"Left to explain at the end: {max(gap, 0.0):.1f} points.")
+    lines.append(f"{VAF_RULE} Points asked of an effect count about the mean.")
     lines += [f"Note: {e}" for e in (*experiments, *notes)]
     return "\n".join(lines)

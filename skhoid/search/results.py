@@ -68,10 +68,11 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
     added = set(path.model.effects.names)
     for number, step in enumerate(path.steps, 1):
         after = path.steps[number].parent if number < len(path.steps) else path.model
-        chosen = (added & {*after.effects.names}) - {*step.parent.effects.names}
+        of_step = {*after.effects.names} - {*step.parent.effects.names}
+        chosen = added & of_step
+        winner = next((c.id for c in step.candidates if c.name in chosen), "")
         for rank, c in enumerate(step.candidates, 1):
             status = "added" if c.name in chosen else "not better"
-            reason = "" if c.name in chosen else c.reason or c.refused or refuted(c)
             if c.reason:
                 status = "does not apply"
             described = c.model is not None and (rank <= DESCRIBED or c.passes)
@@ -96,7 +97,9 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                     "words": sentence_of(c.effect, display, domain)
                     + (f" {c.trace}." if c.trace else ""),
                     "status": status,
-                    "reason": reason,
+                    "reason": ""
+                    if c.name in chosen
+                    else reason_against(c, winner, taken_out=c.name in of_step),
                 }
             )
     for rank, (effect, shown) in enumerate(found.noises, len(path.steps[0].candidates) + 1):
@@ -126,22 +129,48 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
     return pd.DataFrame(rows)
 
 
+def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str:
+    """Why a candidate is not part of what was found; ``winner`` is what its step added, or none."""
+    c = candidate
+    if c.reason or c.refused:
+        return c.reason or c.refused
+    if not c.trace and not c.helps:
+        return short_of(c)
+    if not c.passes:
+        return refuted(c) if c.refuted else short_of(c)
+    if taken_out:
+        return "beside what was added later it no longer pays"
+    if winner:
+        return f"the free run is better with it too; {winner} was added"
+    return "it pays; no more were to be added"
+
+
+def short_of(candidate: Candidate) -> str:
+    """Which criteria of the free run are not met, with what was found and what is asked."""
+    found = []
+    if not candidate.evidence > LEAST_EVIDENCE:
+        found.append(f"evidence {candidate.evidence:.1f}, asked: more than {LEAST_EVIDENCE:g}")
+    if not candidate.gain >= candidate.least_gain:
+        # What gains too little on the rows of its fit was not held out.
+        rows = "the rows of the fit" if candidate.prediction is None else "held-out rows"
+        found.append(f"{candidate.gain:+.3g} points on {rows}, asked: {candidate.least_gain:.2g}")
+    return "; ".join(found)
+
+
 def refuted(candidate: Candidate) -> str:
     """Why a candidate that follows the measured error better is not taken."""
-    if not (candidate.helps and candidate.refuted):
-        return ""
     found, judged = [], candidate.in_loop
     if candidate.joint <= LEAST_EVIDENCE:
         found.append(
-            f"with a noise model that is estimated along there is no evidence for it "
-            f"({candidate.joint:.0f})"
+            f"with a noise model that is estimated along its evidence is {candidate.joint:.0f}"
         )
     if judged is not None and np.isfinite(judged.gain):
+        verdict = "no better" if judged.gain <= 0.0 else "hardly better"
         found.append(
-            f"in the closed loop it is no better ({judged.gain:+.2f} points, evidence "
+            f"in the closed loop it is {verdict} ({judged.gain:+.2f} points, evidence "
             f"{judged.evidence:.0f})"
         )
-    return f"{'; '.join(found)}: it follows the remnant that comes back in the error"
+    return f"{'; '.join(found)}: it may follow the remnant that comes back in the error"
 
 
 def _form(candidate: Candidate) -> str:

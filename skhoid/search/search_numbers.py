@@ -29,9 +29,9 @@ class SearchNumbers:
 
     ``steps`` are judged models with none, the first, the first two ... of the effects ``added``
     (names); ``left`` is structure that remains, ``noises`` effects that are noise and show in it.
-    ``ceiling`` is the VAF that a model can reach, NaN where it is not known, as ``no_ceiling`` may
-    say. ``share`` is the part of the output's power that is not its mean. ``changes`` are
-    those of further parameters where gains change.
+    ``ceiling`` is the VAF that a model can reach, NaN where it is not known, for the reason
+    ``no_ceiling``. ``share`` is the part of the output's power that is not its mean. ``changes``
+    are those of further parameters where gains change.
     """
 
     path: Path
@@ -77,7 +77,7 @@ def numbers_of(
     left = leftovers(path.model, search.folds, search.loop)
     noises, others = noises_in(record.y - path.model.output, record, search.noises)
     left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
-    rest, rest_sd, vaf = gap_of(best, prepared, measured)
+    rest, rest_sd, vaf, unknown = gap_of(best, prepared, measured)
     noted = NOTED * search.share
     left = [item for item in left if item.points >= noted]
     if rest > SURE * rest_sd and rest >= noted:  # not where it is NaN
@@ -90,7 +90,7 @@ def numbers_of(
         left=left,
         noises=noises,
         ceiling=ceiling,
-        no_ceiling=why,
+        no_ceiling=why or unknown,
         share=search.share,
         changes=further_changes(search, path),
     )
@@ -114,10 +114,10 @@ def walked(search: Search, path: Path) -> list[SearchStep]:
 
 def gap_of(
     model: SimulatedModel, prepared: Prepared, measured: np.ndarray
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, str]:
     """Explainable gap of a model in points, its standard error, and the VAF it refers to.
 
-    NaN where the data give no noise ceiling.
+    NaN where the data give no noise ceiling, for the reason that comes last.
     """
     layout = prepared.grid.layout
     read = RunsRead(
@@ -134,7 +134,7 @@ def gap_of(
     )
     try:
         signals = sorted_signals(read, run_in=model.settling)
-    except ValueError:  # too short for spectra
-        return np.nan, np.nan, np.nan
+    except ValueError:
+        return np.nan, np.nan, np.nan, "the runs are too short for spectra"
     found = noise_ceiling(signals)
-    return found.gap, found.sd, found.vaf
+    return found.gap, found.sd, found.vaf, found.reason

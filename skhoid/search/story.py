@@ -20,7 +20,7 @@ from ..regression import units_of
 from ..runs import output_name, read_layout
 from ..summaries import Estimate, counted
 from .effect_search import EffectSearchCV
-from .explanations import HOW_TO_GO_ON, stand_ins_sentence, unexplained_by
+from .explanations import HOW_TO_GO_ON, in_loop_text, stand_ins_sentence, unexplained_by
 
 # Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
 HIDDEN: dict[str, Effect] = {
@@ -147,7 +147,10 @@ class Story:
     def _compared(self, found: Comparison) -> Iterator[str]:
         yield ""
         yield "Comparison with the measurement"
-        yield f"  the free run explains a VAF of {found.vaf:.1f} %"
+        about = ""
+        if found.mean_dominates:
+            about = f" about zero, which is mostly the mean: {found.vaf_about_mean:.1f} % about it"
+        yield f"  the free run explains a VAF of {found.vaf:.1f} %{about}"
         if np.isfinite(found.noise_ceiling):
             low, high = found.noise_ceiling_interval
             gap = max(found.explainable_gap, 0.0)
@@ -183,7 +186,10 @@ class Story:
                 "rows held out of the fit"
             )
             if number == 1:  # of a likelihood fit, above, it can be lower
-                yield f"  without any, the best free run has a VAF of {path['vaf'].iloc[0]:.1f} %"
+                yield (
+                    f"  without any, the best free run has a VAF of {path['vaf'].iloc[0]:.1f} %"
+                    f"{in_loop_text(path.iloc[0])}"
+                )
             tried = tried[tried["delta_bic"].notna()]
             for _, row in tried.head(SHOWN).iterrows():
                 yield f"  {candidate_line(row)}"
@@ -196,18 +202,20 @@ class Story:
                 break
             else:
                 if len(tried):
+                    best = tried.iloc[0]
                     yield (
                         "  none pays: likelihood, held-out VAF and the closed loop, where it is "
-                        "known, must say so"
+                        f"known, must say so; {best['effect']}: {best['reason']}"
                     )
 
     def _ended(self) -> Iterator[str]:
         search = self.search_
         yield ""
         yield f"Verdict: {search.verdict_}"
-        path = search.error_path_["vaf"]
+        path = search.error_path_
         if len(path) > 1:
-            yield f"  held-out VAF {path.iloc[0]:.1f} -> {path.iloc[-1]:.1f} %"
+            vaf, in_loop = path["vaf"], in_loop_text(path.iloc[0], path.iloc[-1])
+            yield f"  held-out VAF {vaf.iloc[0]:.1f} -> {vaf.iloc[-1]:.1f} %{in_loop}"
             yield f"  {parameter_line(search.best_estimator_)}"
         if search.stand_ins_:
             yield f"  {stand_ins_sentence(search.stand_ins_)}"
@@ -223,8 +231,9 @@ class Story:
             gap = max(last["explainable_gap"], 0.0)
             yield f"  left to explain: {gap:.1f} points of VAF; the rest is remnant"
         else:
-            yield "  how much is left to explain is not known for held-out rows"
-        for sentence in search.experiments_:
+            why = f": {search.ceiling_note_}" if search.ceiling_note_ else ""
+            yield f"  how much is left to explain is not known for held-out rows{why}"
+        for sentence in (*search.experiments_, *search.notes_):
             yield f"  note: {sentence}"
 
     def as_dict(self) -> dict[str, Any]:
@@ -253,7 +262,9 @@ class Story:
             "explainable_gap": search.explainable_gap_,
             "parameters": _records(search.best_estimator_.parameters_.reset_index()),
             "unexplained": _records(search.unexplained_),
+            "ceiling_note": search.ceiling_note_,
             "experiments": search.experiments_,
+            "notes": search.notes_,
         }
 
 
@@ -285,6 +296,8 @@ def candidate_line(row: pd.Series) -> str:
         f"{row['rank']}. {row['effect']}{form}: VAF {row['vaf_after']:.2f} %, evidence "
         f"{row['delta_bic']:+.0f}"
     )
+    if np.isfinite(row["gain_loop"]):
+        text += f", in the closed loop {row['gain_loop']:+.2f} points"
     return f"{text}; {row['parameters']}" if row["parameters"] else text
 
 
@@ -298,6 +311,7 @@ def _added(row: pd.Series, name: str, path: pd.DataFrame, unit: str | None) -> I
     unit = f" {unit}" if unit else ""
     yield f"  {name} is added: VAF {before['vaf']:.1f} -> {after['vaf']:.1f} %, RMSE " + (
         f"{before['rmse']:.4g} -> {after['rmse']:.4g}{unit}, p = {row['p_value']:.1g}"
+        f"{in_loop_text(before, after)}"
     )
     yield f"  {row['words']}"
     if row["confused_with"]:

@@ -28,7 +28,7 @@ def noise(n, runs=2, seed=0):
     return np.random.default_rng(seed).standard_normal((n, runs))
 
 
-def run(x, a, b, against, terms, spring=(0.0, 0.0), constant=0.0, bound=1e9):
+def run(x, a, b, against, terms, spring=(0.0, 0.0), constant=0.0, bound=1e9, begun=None):
     return inside.arx_inside(
         x,
         np.atleast_2d(np.asarray(a, float)),
@@ -37,6 +37,7 @@ def run(x, a, b, against, terms, spring=(0.0, 0.0), constant=0.0, bound=1e9):
         np.array(spring, float),
         np.array(terms, float).reshape(-1, 6),
         constant,
+        np.zeros((0, x.shape[1])) if begun is None else begun,
         DT,
         bound,
     )
@@ -53,6 +54,17 @@ def test_it_is_its_twin(terms, against):
         np.testing.assert_allclose(out[:, j], expected, rtol=1e-8, atol=1e-9)
 
 
+@pytest.mark.parametrize("terms", [TERMS["root"], TERMS["all"]], ids=["root", "all"])
+def test_what_led_to_the_first_samples_passes_through_the_forces(terms):
+    x, a, b, begun = noise(60), [-0.9, 0.2], [0.0, 0.4, 0.1], noise(3, seed=5)
+    out = run(x, a, b, [0.3], terms, begun=begun)
+    for j in range(x.shape[1]):
+        expected = naive.arx_inside(
+            x[:, j], [a], [b], [0.3], (0.0, 0.0), terms, 0.0, DT, 1e9, begun[:, j]
+        )
+        np.testing.assert_allclose(out[:, j], expected, rtol=1e-8, atol=1e-9)
+
+
 def test_without_forces_it_is_the_linear_response():
     x, a, b = noise(80), np.array([-1.2, 0.5]), np.array([0.0, 0.3, 0.1])
     plain = greybox.arx_response(x, a, b, 0.0, 0.0, 0.2, 1e9)
@@ -62,7 +74,8 @@ def test_without_forces_it_is_the_linear_response():
 def test_coefficients_may_follow_time():
     x = noise(50)
     a, b = -0.5 + 0.3 * noise(50, 1, 1), 0.2 + 0.1 * noise(50, 2, 2)
-    out = inside.arx_inside(x, a, b, np.zeros(1), np.zeros(2), np.zeros((0, 6)), 0.0, DT, 1e9)
+    nothing = np.zeros((0, 6)), 0.0, np.zeros((0, 2))
+    out = inside.arx_inside(x, a, b, np.zeros(1), np.zeros(2), *nothing, DT, 1e9)
     for j in range(2):
         expected = naive.arx_inside(x[:, j], a, b, [0.0], (0.0, 0.0), [], 0.0, DT, 1e9)
         np.testing.assert_allclose(out[:, j], expected, rtol=1e-12)

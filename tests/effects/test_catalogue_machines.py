@@ -12,8 +12,10 @@ from skhoid.effects import (
     Friction,
     InputFilter,
     RateReflex,
+    RootFlow,
     ScheduledDynamics,
     SensorMagnitude,
+    Stops,
     effect,
 )
 from skhoid.effects.catalogue import CLASSES
@@ -188,3 +190,34 @@ def test_the_domain_of_an_arx_model_follows_from_roles(names, roles, domain):
 
 def test_an_effect_of_your_own_is_for_both():
     assert Effect.domains == ("human", "machine")
+
+
+def tank(seed, *, first, top=2.0, noise=0.01):
+    """Inflow and level of a tank with Torricelli's outflow, which runs over."""
+    rng = np.random.default_rng(seed)
+    inflow = np.repeat(rng.uniform(0.0, 1.6, 40), 25)
+    level = np.full(inflow.size, first)
+    for k in range(1, inflow.size):
+        risen = level[k - 1] + 0.05 * (inflow[k] - 0.8 * np.sqrt(level[k - 1]))
+        level[k] = min(max(risen, 0.0), top)
+    return inflow[:, None], level + noise * rng.standard_normal(level.size)
+
+
+@pytest.mark.parametrize("first", [0.0, 1.0])
+def test_a_tank_with_a_root_outflow_that_runs_over(first):
+    X, y = tank(0, first=first)
+    effects = RootFlow(form="zero") + Stops(form="high")
+    found = ARXRegressor(1, 1, 0, dt=1.0, effects=effects, settling=5.0).fit(X, y)
+    values = found.parameters_["value"]
+    assert values["a1"] == pytest.approx(-1.0, abs=0.002)  # nothing else flows out
+    assert values["root_flow__flow"] == pytest.approx(0.8 * np.sqrt(np.std(y)), rel=0.05)
+    assert values["stops__high"] == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_root_outflow_and_overflow_are_named(seed):
+    rivals = ["root_flow", "stops", "saturation", "hardening_stiffness", "bias"]
+    model = ARXRegressor(1, 1, 0, dt=1.0, settling=5.0)
+    search = EffectSearchCV(model, effects=rivals).fit(*tank(seed, first=0.0))
+    assert search.best_effects_ == ["root_flow", "stops"]

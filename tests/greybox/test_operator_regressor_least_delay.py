@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.effects import OutputFeedback, WrongDelay
+from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import Disturbance, OutputFeedback, WrongDelay
 from skhoid.greybox.cores import OperatorCore
 
 
@@ -24,6 +24,13 @@ def test_delay_is_at_least_that_of_a_person(quick):
     assert found.parameters_.loc["tau_e", "value"] == 0.1
     assert np.isnan(found.parameters_.loc["tau_e", "sd"])
     assert "tau_e is at its least, 0.10 s" in " ".join(found.summary().split())
+
+
+def test_a_search_says_that_the_delay_is_at_its_least(quick):
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(*quick)
+    (note,) = [note for note in search.notes_ if "at its least" in note]
+    assert note.startswith("tau_e is at its least, 0.10 s")
+    assert f"Note: {note}" in search.summary()
 
 
 def test_least_delay_is_a_parameter(quick):
@@ -46,3 +53,28 @@ def test_bounds_of_effects_follow(quick, least, low):
     assert OutputFeedback().limits(prepared.record)["delay"][0] == low
     given = OperatorCore(0.3, least).on(prepared.record)
     assert WrongDelay().limits(given)["extra"][0] == pytest.approx(least - 0.3)
+
+
+@pytest.mark.parametrize(("least", "low"), [(None, 0.02), (0.25, 0.02), (0.0, 0.0)])
+def test_a_disturbance_is_answered_no_sooner_than_by_a_reflex(quick, least, low):
+    """It comes from outside, and may be felt sooner than what is seen is answered."""
+    X, y = quick
+    felt = X.assign(dist=np.sin(np.arange(len(X)) / 40))
+    prepared = OperatorRegressor(least_delay=least).prepare(felt, y)
+    assert Disturbance(channel="dist").limits(prepared.record)["delay"][0] == low
+
+
+def test_a_disturbance_of_a_machine_may_act_at_once(quick):
+    X, y = quick
+    moved = X.assign(dist=np.sin(np.arange(len(X)) / 40))
+    prepared = ARXRegressor(inputs=["e"]).prepare(moved, y)
+    assert Disturbance(channel="dist").limits(prepared.record)["delay"][0] == 0.0
+
+
+def test_an_answer_to_a_disturbance_at_once_ends_at_the_reflex():
+    """What passes without delay is no answer of a person."""
+    X, y = make_tracking_runs(duration=20.48, channels=["e"], remnant_intensity=0.1, random_state=0)
+    felt = X.assign(dist=np.sin(np.arange(len(X)) / 40) + np.sin(np.arange(len(X)) / 17))
+    found = OperatorRegressor(effects="disturbance").fit(felt, y - 0.05 * felt["dist"])
+    assert found.parameters_.loc["disturbance__delay", "value"] == 0.02
+    assert np.isnan(found.parameters_.loc["disturbance__delay", "sd"])

@@ -95,6 +95,16 @@ def a_search(effects, vaf, ceiling=88.0, *, unknown=False, candidates=8):
 
 
 LONG = ["hardening_stiffness", "output_feedback", "absolute_value", "dead_zone-2"]
+
+
+def in_loop(search):
+    """The same search, with figures of the closed loop."""
+    path = search.error_path_
+    path["vaf_loop"] = path["vaf"] - np.linspace(0.5, 20.0, len(path))
+    search.ranking_["gain_loop"] = search.ranking_["vaf_gain"] / 2
+    return search
+
+
 SEARCHES = {
     "none": a_search([], [87.8]),
     "one": a_search(["dead_zone"], [76.0, 86.5]),
@@ -103,6 +113,9 @@ SEARCHES = {
     "unknown": a_search(["dead_zone"], [60.0, 70.0], unknown=True),
     "only unknown": a_search([], [60.0], unknown=True),
     "lost": a_search(["tv_gain"], [-300.0, 80.0]),
+    "in loop": in_loop(a_search(LONG[:2], [60.0, 75.0, 82.0])),
+    "no steps in loop": in_loop(a_search([], [60.0])),
+    "lost in loop": in_loop(a_search(["tv_gain"], [-300.0, 80.0])),
 }
 
 
@@ -130,6 +143,27 @@ def test_staircase_shows_the_path(search):
     for value, label in zip(path["vaf"], values, strict=True):
         assert f"{value:.1f} %" in label
     assert display.axes_[1].get_ylabel() == "held-out RMSE, deg"
+
+
+def test_staircase_has_the_closed_loop_beside_the_free_run():
+    display = ErrorPathDisplay.from_estimator(SEARCHES["in loop"])
+    expected = SEARCHES["in loop"].error_path_["vaf_loop"]
+    np.testing.assert_array_equal(display.stairs_["vaf_loop"].get_data().values, expected)
+    written = [label.get_text() for label in display.labels_["vaf_loop"]]
+    assert written == [f"{value:.1f} %" for value in expected]
+    assert "in the closed loop" in display.axes_[0].get_legend_handles_labels()[1]
+    low, high = display.axes_[0].get_ylim()
+    assert low < expected.min() < high
+
+
+def test_staircase_skips_steps_whose_loop_is_not_solved():
+    search = copy.deepcopy(SEARCHES["in loop"])
+    search.error_path_.loc[1, "vaf_loop"] = np.nan
+    display = ErrorPathDisplay.from_estimator(search)
+    display.figure_.canvas.draw()
+    assert [label.get_visible() for label in display.labels_["vaf_loop"]] == [True, False, True]
+    search.error_path_["vaf_loop"] = np.nan
+    assert "vaf_loop" not in ErrorPathDisplay.from_estimator(search).stairs_
 
 
 def test_staircase_has_the_ceiling_in_both_panels():
@@ -284,6 +318,18 @@ def test_ranking_shows_the_candidates_of_a_step():
     assert same_color(display.bars_["dead_zone"].get_facecolor(), BLUE)
     low, high = display.ax_.get_ylim()
     assert low > high  # the best is on top
+
+
+def test_ranking_says_what_is_gained_in_the_closed_loop():
+    display = EffectRankingDisplay.from_estimator(SEARCHES["in loop"])
+    assert display.words_["candidate_0"].get_text() == "+3.0, in the loop +1.5, ΔBIC +300"
+    display.figure_.canvas.draw()
+    panel = display.ax_.get_window_extent()
+    assert all(w.get_window_extent().x1 < panel.x1 for w in display.words_.values())
+    search = copy.deepcopy(SEARCHES["in loop"])
+    search.ranking_["gain_loop"] = np.nan
+    words = EffectRankingDisplay.from_estimator(search).words_
+    assert words["candidate_0"].get_text() == "+3.0, ΔBIC +300"
 
 
 def test_ranking_greys_what_does_not_apply():

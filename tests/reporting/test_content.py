@@ -18,30 +18,30 @@ from skhoid.reporting.plots import Gallery
 
 
 @pytest.mark.parametrize(
-    ("evidence", "gain", "expected"),
+    ("row", "said"),
     [
-        (3.2, 0.33, "One criterion is not met: evidence +3 (more than 25 asked)."),
-        (40.0, 0.15, "One criterion is not met: +0.15 points on held-out rows (0.2 asked)."),
+        ({"status": "does not apply", "reason": "X has no target"}, "X has no target"),
+        ({"status": "not better", "reason": "gain at the bound"}, "Gain at the bound."),
         (
-            -np.inf,
-            -0.02,
-            "Neither criterion is met: evidence - (more than 25 asked), -0.02 points on "
-            "held-out rows (0.2 asked).",
+            {"status": "added", "gain_loop": np.nan},
+            "Added: likelihood and held-out VAF both say so.",
         ),
-        (40.0, 0.33, "It pays too, but bias has more evidence."),
+        (
+            {"status": "added", "gain_loop": 1.26, "confused_with": ["bias"]},
+            "Added: likelihood and held-out VAF both say so, and in the closed loop it gains 1.3 "
+            "points. As good on these runs: bias.",
+        ),
     ],
 )
-def test_the_reason_says_which_key_did_not_turn(
-    evidence: float, gain: float, expected: str
-) -> None:
-    row = pd.Series({"status": "not better", "delta_bic": evidence, "vaf_gain": gain})
-    assert _why(row, "bias") == expected
+def test_why_a_candidate_is_where_it_is(row: dict[str, object], said: str) -> None:
+    assert _why(pd.Series({"confused_with": [], **row})) == said
 
 
 def a_search(*added: str, **attributes: object) -> SimpleNamespace:
     """What a fitted search says of itself."""
     n = len(added) + 1
     path = {"effect": ["baseline", *added], "vaf": [50.0] * n, "rmse": [0.1] * n}
+    path |= {"vaf_loop": attributes.pop("vaf_loop", np.nan)}
     given = {
         "error_path_": pd.DataFrame({**path, "ceiling": np.nan, "explainable_gap": np.nan}),
         "predictions_": pd.DataFrame(),
@@ -51,6 +51,7 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
         "unexplained_": pd.DataFrame(columns=["description", "where", "points"]),
         "best_effects_": list(added),
         "stand_ins_": [],
+        "ceiling_note_": "",
         "experiments_": [],
         "notes_": [],
         "verdict_": "effects found",
@@ -58,6 +59,24 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
         "_tries_all": lambda: False,
     }
     return SimpleNamespace(**(given | attributes))
+
+
+def test_the_figure_of_the_closed_loop_stands_beside_that_of_the_free_run() -> None:
+    search = a_search("bias", vaf_loop=[31.24, 38.61])
+    told = {name: (value, text) for value, name, text in _facts(search, None, "rows")}
+    assert told["VAF in the closed loop"] == ("38.6 %", "held-out rows, the last model")
+    sentence = _verdict(search, None)["sentence"]
+    assert "in the closed loop, where the model moves x and e, VAF 31.2 % and 38.6 %." in sentence
+    search = a_search(vaf_loop=[31.24])
+    told = {name: (value, text) for value, name, text in _facts(search, None, "rows")}
+    assert told["VAF in the closed loop"] == ("31.2 %", "held-out rows, the baseline")
+    assert "VAF 31.2 %." in _verdict(search, None)["sentence"]
+
+
+def test_without_a_closed_loop_there_is_no_figure_of_it() -> None:
+    search = a_search("bias")
+    assert "VAF in the closed loop" not in {name for _, name, _ in _facts(search, None, "rows")}
+    assert "closed loop" not in _verdict(search, None)["sentence"]
 
 
 @pytest.mark.parametrize(("name", "known"), [("dead_zone-2", True), ("myoffset", False)])
@@ -94,20 +113,11 @@ def test_the_headline_claims_no_more_than_was_tried(verdict: str, rest: str, adv
         assert (other in step["why"]) == (other == advice)
 
 
-@pytest.mark.parametrize(
-    ("comparison", "remark"),
-    [
-        (None, "the runs are too short"),
-        (SimpleNamespace(noise_ceiling=90.0), "of held-out rows"),
-        (
-            SimpleNamespace(noise_ceiling=np.nan, ceiling_note="none: the target is not known"),
-            "the target is not known",
-        ),
-    ],
-)
-def test_why_there_is_no_ceiling(comparison: object, remark: str) -> None:
-    told = {name: (value, text) for value, name, text in _facts(a_search(), comparison, "rows")}
-    assert told["noise ceiling"] == ("not known", remark)
+@pytest.mark.parametrize("note", ["the runs are too short for spectra", ""])
+def test_why_there_is_no_ceiling(note: str) -> None:
+    search = a_search(ceiling_note_=note)
+    told = {name: (value, text) for value, name, text in _facts(search, None, "rows")}
+    assert told["noise ceiling"] == ("not known", note or "of held-out rows")
 
 
 def test_labels_of_runs_are_no_mathematics() -> None:

@@ -75,6 +75,8 @@ def test_steps_show_the_error_path(made: Report, page: Node) -> None:
         name = row["effect"] if number == 0 else f"+ {row['effect']}"
         assert tab.text == f"{name} VAF {row['vaf']:.1f} % RMSE {row['rmse']:.4g} deg"
         assert panel.one("h3").text == name
+        loops = path["vaf_loop"][max(number - 1, 0) : number + 1]
+        assert f"in the closed loop VAF {' → '.join(f'{v:.1f}' for v in loops)} %" in panel.text
         bar = tab.one("span", class_="bar").attributes["style"]
         assert bar == f"--size: {100 * row['rmse'] / path['rmse'].max():.1f}%"
         # The same picture for a wide and for a narrow screen: which of the two CSS decides.
@@ -90,14 +92,19 @@ def test_ranking_holds_each_candidate_with_a_reason(made: Report, page: Node) ->
     tried = ranking[ranking["status"] != "does not apply"]
     assert len(rows) == len(tried)
     for cells, (_, row) in zip(rows, tried.iterrows(), strict=True):
-        rank, effect, why, vaf, gain, evidence, _, words = cells
+        rank, effect, why, vaf, gain, *in_loop, evidence, _, words = cells
         assert (rank, effect.split(" ")[0]) == (str(row["rank"]), row["effect"])
         assert float(vaf) == pytest.approx(row["vaf_after"], abs=0.005)
         assert float(gain) == pytest.approx(row["vaf_gain"], abs=0.005)
         assert float(evidence) == pytest.approx(row["delta_bic"], abs=0.5)
+        if np.isfinite(row["gain_loop"]):
+            assert float(in_loop[0]) == pytest.approx(row["gain_loop"], abs=0.005)
+        else:
+            assert in_loop in ([], ["-"])  # nobody of the step was asked, or not this one
         assert why
         assert words.startswith(row["words"])
         assert ("Added" in why) == (row["status"] == "added")
+    assert ranking["gain_loop"].notna().any()
     refused = ranking[ranking["status"] == "does not apply"]
     assert set(refused["effect"]) == {"motion_feedback"}
     items = [item.text for item in ranked.all("li")]

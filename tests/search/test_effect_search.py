@@ -446,10 +446,11 @@ def test_the_gap_is_that_of_a_comparison(found, hidden_data):
     """The best model's free run, from data that were read already, is judged as by compare."""
     best = found.best_estimator_
     prepared = clone(best).prepare(*hidden_data)
-    gap, _, vaf = gap_of(best, prepared, hidden_data[1].to_numpy())
+    gap, _, vaf, reason = gap_of(best, prepared, hidden_data[1].to_numpy())
     signals = run_signals.read_signals(best, *hidden_data, run_in=best.settling)
     ceiling = noise_ceiling(signals)
     np.testing.assert_array_equal([gap, vaf], [ceiling.gap, ceiling.vaf])
+    assert reason == ceiling.reason
 
 
 def test_fit_changes_nothing_that_it_is_given(hidden_data):

@@ -5,7 +5,7 @@ import pytest
 from support.person_in_loop import pursued
 from support.searching import search_of
 
-from skhoid import EffectSearchCV, OperatorRegressor
+from skhoid import EffectSearchCV, OperatorRegressor, compare
 from skhoid.greybox.extend import extended
 from skhoid.search.in_loop import LEAST_EVIDENCE, LEAST_RATE, InLoop, LoopJudge
 
@@ -57,6 +57,27 @@ def test_nothing_is_named_over_seeds(text, seed):
 def test_feedforward_is_named_over_seeds(text, seed):
     """A tenth of a second late: one without delay is a preview of no time."""
     assert named(searched(text, seed, feedforward=0.6, early=-0.1)) == ["feedforward"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(120, 123))
+def test_a_preview_is_found_and_not_the_inverse_of_the_element(seed):
+    """Which x would give, with a VAF near 100 % on these runs and far below 0 on others."""
+    text, sees = "1/(s(s+1))", {"feedforward": 0.6, "early": 0.2}
+    X, y, person = pursued(text, seed, **sees)
+    found = EffectSearchCV(
+        OperatorRegressor(),
+        effects=[*RIVALS, "higher_order", "saturation"],
+        display="preview",
+        controlled_element=text,
+    ).fit(X, y)
+    assert named(found) == ["preview"]
+    X, y, _ = pursued(text, seed + 1000, person=person, **sees)
+    assert found.score(X, y) > max(75.0, found.baseline_.score(X, y) + 20.0)
+    assert compare(found.best_estimator_, X, y).leak.leaks is False
+    tau_e = found.best_estimator_.parameters_.loc["tau_e"]
+    assert tau_e["value"] == pytest.approx(person.tau_e, abs=0.06)
+    assert np.isfinite(tau_e["sd"])  # not at its least
 
 
 @pytest.fixture(scope="module")

@@ -69,6 +69,12 @@ def test_one_effect_is_no_plural_and_what_was_not_tried_is_no_verdict(biased):
 
 def test_held_out_rows_without_a_ceiling(biased):
     X, y = (part.loc[[0]] for part in biased)
-    told = list(Story(EffectSearchCV(OperatorRegressor(), effects=["bias"]), X, y).tell())
+    story = Story(EffectSearchCV(OperatorRegressor(), effects=["bias"]), X, y)
+    told = list(story.tell())
     assert "Measured: 1 run, 2048 rows at 50 Hz, 41 s in all" in told
-    assert told[-1] == "  how much is left to explain is not known for held-out rows"
+    why = story.search_.ceiling_note_
+    assert "not periodic" in why
+    unknown = f"  how much is left to explain is not known for held-out rows: {why}"
+    assert unknown in told
+    assert f"The ceiling is not known: {why}." in story.search_.summary()
+    assert story.as_dict()["ceiling_note"] == why

@@ -45,8 +45,10 @@ def test_effect_that_leaves_little_is_found():
     assert (found.outcome, found.best_effects) == (Outcome.FOUND, ["feedforward"])
 
 
-def test_effect_that_explains_much_stays_named_beside_unknown():
-    found = verdict(["feedforward"], 10.0, 4.0)
+@pytest.mark.parametrize(("gained", "worst"), [(10.0, 4.0), (34.0, 10.8), (70.0, 50.0)])
+def test_effect_that_explains_much_stays_named_beside_unknown(gained, worst):
+    """However many runs say that something else repeats in them."""
+    found = verdict(["feedforward"], gained, worst)
     assert found.outcome == Outcome.NOT_IN_CATALOGUE
     assert found.best_effects == ["feedforward", "unknown"]
     assert found.stand_ins == []

@@ -194,18 +194,20 @@ def resistance(terms, y, rate):
     return total
 
 
-def arx_inside(x, a, b, against, spring_sizes, terms, constant, dt, bound):
+def arx_inside(x, a, b, against, spring_sizes, terms, constant, dt, bound, begun=()):
     """A(q) y = B(q) (x - spring(y)) - G(q) force(y, rate) + constant, within stops.
 
     ``a`` and ``b`` have a row for all samples, or one each. The force of now is that of the output
-    of now, found by Brent's method, if G begins with a positive number.
+    of now, found by Brent's method, if G begins with a positive number. ``begun`` adds to the
+    first samples.
     """
     y, held, forces = [], [], []
     low = max([-bound, *(t[2] for t in terms if t[0] == 2.0)])
     high = min([bound, *(t[3] for t in terms if t[0] == 2.0)])
     for k in range(len(x)):
         a_now, b_now = a[k if len(a) > 1 else 0], b[k if len(b) > 1 else 0]
-        value = constant - sum(c * y[k - 1 - i] for i, c in enumerate(a_now) if k - 1 - i >= 0)
+        value = constant + (begun[k] if k < len(begun) else 0.0)
+        value -= sum(c * y[k - 1 - i] for i, c in enumerate(a_now) if k - 1 - i >= 0)
         value += sum(b_now[i] * (x[k - i] - held[k - i]) for i in range(1, len(b_now)) if k >= i)
         value += b_now[0] * x[k]
         if b_now[0] != 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..commands import add_command
-from .shared import add_file_options, add_output_options, add_run_in
+from .shared import add_channel_options, add_file_options, add_output_options
 
 EXAMPLES = """\
 examples:
@@ -39,17 +39,7 @@ def add_compare(commands: Any) -> None:
         help="channels for the columns that the model was fitted on, in their order (default: "
         "channels of the same names)",
     )
-    add("--x", metavar="NAME", help="channel with the controlled element's output")
-    add("--target", metavar="NAME", help="channel with the target f_t")
-    add(
-        "--role",
-        action="append",
-        default=[],
-        metavar="NAME=ROLE",
-        help="another channel, or another role: e, x, f_t, dist..., motion... or empty; may be "
-        "repeated",
-    )
-    add_run_in(add)
+    add_channel_options(add)
     add(
         "--estimation",
         nargs="+",

@@ -44,6 +44,21 @@ def add_file_options(add: Callable[..., Any]) -> None:
     )
 
 
+def add_channel_options(add: Callable[..., Any]) -> None:
+    """Options that say which channels there are besides inputs and output, and the run-in."""
+    add("--x", metavar="NAME", help="channel with the controlled element's output")
+    add("--target", metavar="NAME", help="channel with the target f_t")
+    add(
+        "--role",
+        action="append",
+        default=[],
+        metavar="NAME=ROLE",
+        help="another channel, or another role: e, x, f_t, dist..., motion... or empty; may be "
+        "repeated",
+    )
+    add_run_in(add)
+
+
 def add_run_in(add: Callable[..., Any]) -> None:
     """The option that discards the start of each run."""
     add(
@@ -58,16 +73,7 @@ def add_recording_options(add: Callable[..., Any]) -> None:
     """Options of files, their channels, and the model."""
     add_file_options(add)
     add("--input", metavar="NAME", help="input channel, the error (default: e)")
-    add("--x", metavar="NAME", help="channel with the controlled element's output")
-    add("--target", metavar="NAME", help="channel with the target f_t")
-    add(
-        "--role",
-        action="append",
-        default=[],
-        metavar="NAME=ROLE",
-        help="another channel: its role begins with motion or dist, or is empty; may be repeated",
-    )
-    add_run_in(add)
+    add_channel_options(add)
     add(
         "--remove-means",
         action="store_true",

@@ -1,0 +1,55 @@
+"""Why candidates of a step are not part of what was found."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM, Candidate
+from skhoid.search.in_loop import InLoop
+from skhoid.search.results import reason_against
+
+GOOD = {"evidence": 100.0, "gain": 2.0, "prediction": np.zeros(1)}
+
+
+def reason(winner="bias", taken_out=False, name="preview", **options):
+    candidate = Candidate(name, SimpleNamespace(name=name), **{**GOOD, **options})
+    return reason_against(candidate, winner, taken_out=taken_out)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"reason": "X has no target"}, "X has no target"),
+        ({"refused": "time at the bound"}, "time at the bound"),
+        ({"evidence": 3.2}, "evidence 3.2, asked: more than 25"),
+        ({"gain": 0.15}, "+0.15 points on held-out rows, asked: 0.2"),
+        ({"gain": 0.15, "prediction": None}, "+0.15 points on the rows of the fit, asked: 0.2"),
+        (
+            {"evidence": -8.0, "gain": -0.02},
+            "evidence -8.0, asked: more than 25; -0.02 points on held-out rows, asked: 0.2",
+        ),
+        ({"trace": "levels", "gain": -0.3}, "-0.3 points on held-out rows, asked: 0.2"),
+        (
+            {"in_loop": InLoop(80.0, 5.0, -0.4)},
+            "in the closed loop it is no better (-0.40 points, evidence 5): it follows the remnant "
+            "that comes back in the error",
+        ),
+        (
+            {"in_loop": InLoop(80.0, 5.0, 1.1)},
+            "in the closed loop it may gain by chance (+1.10 points, evidence 5, asked: more than "
+            "20): from the measured error it may follow the remnant",
+        ),
+        ({}, "the free run is better with it too; bias was added"),
+        ({"winner": ""}, "it pays; no more were to be added"),
+        ({"taken_out": True}, "beside what was added later it no longer pays"),
+    ],
+)
+def test_the_reason_says_which_criterion_is_not_met(options, said):
+    assert reason(**options) == said
+
+
+def test_a_claim_that_gains_too_little_says_what_it_must_gain():
+    """A given delay is not called wrong for less than 0.6 points."""
+    said = reason(name=CLAIM, gain=0.4, least_gain=LEAST_GAIN_OF_CLAIM)
+    assert said == "+0.4 points on held-out rows, asked: 0.6"
