@@ -12,8 +12,8 @@ from rich.table import Table
 from sklearn.callback import ProgressBar
 
 from .._version import __version__
-from ..arx.identification import Identification, ModelChoice
-from ..arx.identification import identify as identify_runs
+from ..diagnosis.identification import Identification, ModelChoice
+from ..diagnosis.identification import identify as identify_runs
 from ..io import load_human_tracking
 from ..summaries import counted
 from .arguments.identify import LONGEST_DELAY

@@ -7,13 +7,14 @@ nobody could see. No person answers a disturbance within some 0.1 s; such a pred
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .element_inverse import band_edge, estimated_inverse, lagged, low_passed
+from .repeats import with_target_and_x
 
 LEAST_DELAY = 0.1  # s; no person answers sooner
 EARLY = 0.05  # s by which a zero-phase filter or a held sample may put an answer before its cause
@@ -178,6 +179,55 @@ def leak_test(
         slope,
         sd,
         _reason(leaks, slope, sd, with_inverse, reference, with_disturbance, least_delay),
+    )
+
+
+def leak_of_channels(
+    u: np.ndarray,
+    u_hat: np.ndarray,
+    channels: Mapping[str, np.ndarray],
+    dt: float,
+    runs: Sequence[Any] | None = None,
+    *,
+    told: Callable[[str], bool],
+    least_delay: float,
+) -> LeakTest | None:
+    """The leak test of a prediction, where x is known, or e and f_t; else None.
+
+    Parameters
+    ----------
+    u, u_hat : ndarray of shape (n_rows,) or (n_rows, n_runs)
+        Measured output, NaN in rows that do not count, and its prediction.
+    channels : dict of str to ndarray
+        Signals by role, of the same shape.
+    dt : float
+        Sampling time in s.
+    runs : sequence of slices or row numbers, or None, default=None
+        Rows of each run; None takes each column as a run.
+    told : callable
+        Whether the model has the recorded disturbance of this role as an input.
+    least_delay : float
+        Sooner than this (s) nothing that answers the disturbance can be an answer.
+
+    Returns
+    -------
+    found : LeakTest or None
+    """
+    known = with_target_and_x(channels)
+    if known is None:
+        return None
+    target, x = known
+    recorded = next((role for role in channels if role.startswith("dist")), None)
+    return leak_test(
+        u,
+        u_hat,
+        x,
+        dt,
+        runs,
+        target=target,
+        disturbance=None if recorded is None else channels[recorded],
+        told=recorded is not None and told(recorded),
+        least_delay=least_delay,
     )
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from support.hidden_disturbance import tracked
 
-from skhoid.arx.identification import ModelChoice, identify
+from skhoid.diagnosis.identification import ModelChoice, identify
 from skhoid.arx.least_delay import least_delay_of
 
 DT = 1 / 60

@@ -1,9 +1,15 @@
-"""The thesis's identification procedure, step by step, on recorded runs (its Section III-D)."""
+"""The thesis's identification procedure, step by step, on recorded runs (its Section III-D).
+
+Rows in which control was lost are left out first, and models that rebuild the output from what it
+caused are refused in the end.
+"""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,17 +17,29 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline, make_pipeline
 
-from ..metrics import VAF_FLOOR, VAFScorer, vaf_of_rows
+from ..arx.batch import ARXRegressor
+from ..arx.least_delay import LeastDelay, least_delay_of
+from ..arx.recursive import RecursiveARX
+from ..arx.searches import DelaySearchCV, OrderSearchCV
+from ..exceptions import MissingDataWarning
+from ..metrics import VAF_FLOOR, VAFScorer, scored_rows, vaf_of_rows
 from ..pipelines import trimmed_rows
 from ..preprocessing import Decimator, RunInTrimmer
+from ..recordings.loss_of_control import (
+    CHOICES,
+    KEEP,
+    LEAVE_OUT,
+    ControlCheck,
+    control_check,
+    sentences_of,
+)
 from ..runs import RunLayout, read_layout, run_name, whole_samples
+from ..runs.roles import columns_by_role
 from ..runs.selection import run_labels
-from .batch import ARXRegressor
-from .least_delay import LeastDelay, least_delay_of
-from .recursive import RecursiveARX
-from .searches import DelaySearchCV, OrderSearchCV
+from .leaks import LEAST_DELAY, LeakTest, leak_of_channels
 
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
+REBUILDS = "rebuilds the output from the controlled element's response"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,12 +70,16 @@ class ModelChoice:
 
 @dataclass(frozen=True)
 class FittedModel:
-    """A model and its free-run VAF on the rows it was fitted on and on held-out ones."""
+    """A model, its free-run VAF on the rows it was fitted on and on held-out ones, its leak test.
+
+    ``leak`` is None where neither x is known nor e and f_t.
+    """
 
     name: str
     pipeline: Pipeline
     vaf_estimation: float
     vaf_validation: float
+    leak: LeakTest | None = None
 
     @property
     def model(self) -> Any:
@@ -68,15 +90,23 @@ class FittedModel:
         return self.vaf_estimation / self.vaf_validation
 
     @property
+    def leaks(self) -> bool:
+        """Whether the model is refused: it answers what nobody could see."""
+        return self.leak is not None and self.leak.leaks is True
+
+    @property
     def verdict(self) -> str:
         if self.vaf_validation <= VAF_FLOOR:
             return "unstable"
+        if self.leaks:
+            return REBUILDS
         if self.vaf_validation <= 0:
             return "fails on validation data"
         return "overfit" if self.ratio > OVERFIT_RATIO else "no overfit"
 
     def as_dict(self) -> dict[str, Any]:
-        model = self.model
+        model, leak = self.model, self.leak
+        tested = leak is not None and leak.leaks is not None
         return {
             "name": self.name,
             "na": model.orders_.na,
@@ -87,6 +117,9 @@ class FittedModel:
             "vaf_validation": self.vaf_validation,
             "ratio": self.ratio,
             "verdict": self.verdict,
+            "leaks": leak.leaks if leak is not None else None,
+            "leak_slope": leak.slope if leak is not None and tested else None,
+            "leak_reason": leak.reason if leak is not None else None,
             "parameters": [
                 {"name": name, "value": value, "standard_error": error}
                 for name, value, error in zip(
@@ -115,6 +148,7 @@ class Identification:
     models: list[FittedModel]
     adapting: FittedModel | None
     least_delay: LeastDelay
+    left_out: pd.DataFrame
     notes: list[str]
 
     @property
@@ -138,7 +172,7 @@ class Identification:
 
     @property
     def best(self) -> FittedModel:
-        """The model with the searched, or given, delay and orders."""
+        """The model with the searched, or given, delay and orders; no answer where it ``leaks``."""
         return self.models[-1]
 
     @property
@@ -159,6 +193,8 @@ class Identification:
                 {"measured": self.y, **free_runs, "held_out": self.held_out}, index=self.X.index
             ),
         }
+        if len(self.left_out):
+            tables["left_out"] = self.left_out
         if self.delay_searches:
             columns = [
                 pd.DataFrame(s.cv_results_)
@@ -190,15 +226,28 @@ def identify(
     criterion: str = "one_step",
     validation_runs: list[Any] | None = None,
     centered: bool = True,
+    lost_control: str = LEAVE_OUT,
     callbacks: tuple[Any, ...] = (),
 ) -> Identification:
     """Discard the run-in, find delay and orders, fit, and validate on held-out data.
 
     The last run is held out, or ``validation_runs``, or the second half of a single run; nothing
     is chosen or fitted on it. With ``centered`` the models have an intercept and VAF is taken
-    about the mean of each run.
+    about the mean of each run. Rows in which control was lost count nowhere, unless
+    ``lost_control`` is "keep". Where x is known, or e and f_t, models are tested for leaks: one
+    that rebuilds the output from x is refused, and the notes say what was seen.
     """
+    if lost_control not in CHOICES:
+        raise ValueError(f"lost_control is 'leave_out' or 'keep'; got {lost_control!r}.")
     layout = read_layout(X)
+    of_role = columns_by_role(list(X.columns), choice.roles)
+    channels = {r: X.iloc[:, i].to_numpy(dtype=float) for r, i in of_role.items()}
+    control = ControlCheck()
+    if lost_control != KEEP:
+        control = control_check(layout, channels, scored_rows(layout, run_in, None))
+    lost = control.rows(layout.n_rows)
+    measured = y.mask(lost)
+    complete = not (X.isna().any(axis=None) or y.isna().any())
     held_out, names = _held_out_rows(layout, validation_runs)
     fixed_orders = choice.na is not None or choice.nb is not None
     orders: dict[str, Any] = {
@@ -210,7 +259,7 @@ def identify(
     steps = [RunInTrimmer(run_in), Decimator(factor)]
     pipeline = make_pipeline(*steps, model)
     scorer = VAFScorer(run_in=run_in, centered=centered)
-    X_e, y_e = X[~held_out], y[~held_out]
+    X_e, y_e = X[~held_out], measured[~held_out]
 
     least = least_delay_of(
         list(X.columns) if choice.inputs is None else choice.inputs,
@@ -251,17 +300,29 @@ def identify(
         orders = {name: order_search.best_params_[name] for name in ("na", "nb", "nk")}
         candidates["with delay and orders"] = orders
 
+    u = measured.to_numpy(dtype=float)
+
     def fitted(name: str, model: Any) -> FittedModel:
-        pipeline = make_pipeline(*map(clone, steps), model).fit(X_e, y_e)
+        with warnings.catch_warnings():
+            if complete:  # what is missing then is what was left out
+                warnings.simplefilter("ignore", MissingDataWarning)
+            pipeline = make_pipeline(*map(clone, steps), model).fit(X_e, y_e)
         prediction = pipeline.predict(X)
         keep = ~trimmed_rows(pipeline, X)
         vafs = [
-            vaf_of_rows(
-                y.to_numpy(dtype=float), prediction, keep & rows, layout, "pooled", centered
-            )
+            vaf_of_rows(u, prediction, keep & rows, layout, "pooled", centered)
             for rows in (~held_out, held_out)
         ]
-        return FittedModel(name, pipeline, *vafs)
+        leak = leak_of_channels(
+            np.where(keep, u, np.nan),
+            prediction,
+            channels,
+            layout.dt,
+            [slice(*rows) for rows in pairwise(layout.stretches)],
+            told=lambda role: str(X.columns[of_role[role]]) in pipeline[-1].inputs_,
+            least_delay=LEAST_DELAY if least.domain == "human" else layout.dt * factor,
+        )
+        return FittedModel(name, pipeline, *vafs, leak)
 
     model.set_params(method=choice.method, instruments=choice.instruments)
     models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]
@@ -272,6 +333,8 @@ def identify(
         )
         adapting = fitted("following changes", follows)
     notes = least.notes(orders["nk"], given=choice.nk is not None)
+    notes += [f"Note: {sentence}." for sentence in sentences_of(control.table)]
+    notes += [note for m in (*models, adapting) if m is not None for note in _leak_notes(m, least)]
     return Identification(
         X,
         y,
@@ -284,8 +347,22 @@ def identify(
         models,
         adapting,
         least,
+        control.table,
         notes,
     )
+
+
+def _leak_notes(model: FittedModel, least: LeastDelay) -> list[str]:
+    """Why a model is refused, and what to do."""
+    if not model.leaks:
+        return []
+    assert model.leak is not None
+    longest = max(model.model.orders_.nk) * model.model.dt_
+    return [
+        f"The model {model.name!r} is no answer, it {REBUILDS}. {model.leak.reason} Give a least "
+        f"delay that is longer than {max(longest, least.seconds):.3g} s, or other inputs: e alone, "
+        "or f_t without e and x."
+    ]
 
 
 def _doubted(dt: float, longest_delay: float) -> str:
