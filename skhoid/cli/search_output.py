@@ -75,6 +75,7 @@ def show_search(
         controlled_element=element_of(getattr(options, "controlled_element", None)),
         max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
         domain=getattr(options, "domain", None),
+        lost_control=options.lost_control,
     )
     story = Story(search, X, y)
     aloud = aloud and not options.json

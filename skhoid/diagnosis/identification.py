@@ -36,9 +36,11 @@ from ..recordings.loss_of_control import (
 from ..runs import RunLayout, read_layout, run_name, whole_samples
 from ..runs.roles import columns_by_role
 from ..runs.selection import run_labels
-from .leaks import LEAST_DELAY, LeakTest, leak_of_channels
+from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_of_channels
 
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
+SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
+UNTOLD = "cannot be told from the controlled element's inverse"
 REBUILDS = "rebuilds the output from the controlled element's response"
 
 
@@ -72,7 +74,8 @@ class ModelChoice:
 class FittedModel:
     """A model, its free-run VAF on the rows it was fitted on and on held-out ones, its leak test.
 
-    ``leak`` is None where neither x is known nor e and f_t.
+    ``leak`` is None where neither x is known nor e and f_t. ``soon`` says that the inputs tell x
+    with hardly more than the least delay, so that only the leak test can clear the model.
     """
 
     name: str
@@ -80,6 +83,7 @@ class FittedModel:
     vaf_estimation: float
     vaf_validation: float
     leak: LeakTest | None = None
+    soon: bool = False
 
     @property
     def model(self) -> Any:
@@ -95,11 +99,18 @@ class FittedModel:
         return self.leak is not None and self.leak.leaks is True
 
     @property
+    def untold(self) -> bool:
+        """Whether it could as well rebuild the output from x, and nothing can be tested."""
+        return self.soon and (self.leak is None or self.leak.leaks is None)
+
+    @property
     def verdict(self) -> str:
         if self.vaf_validation <= VAF_FLOOR:
             return "unstable"
         if self.leaks:
             return REBUILDS
+        if self.untold:
+            return UNTOLD
         if self.vaf_validation <= 0:
             return "fails on validation data"
         return "overfit" if self.ratio > OVERFIT_RATIO else "no overfit"
@@ -313,16 +324,19 @@ def identify(
             vaf_of_rows(u, prediction, keep & rows, layout, "pooled", centered)
             for rows in (~held_out, held_out)
         ]
-        leak = leak_of_channels(
-            np.where(keep, u, np.nan),
-            prediction,
-            channels,
-            layout.dt,
-            [slice(*rows) for rows in pairwise(layout.stretches)],
-            told=lambda role: str(X.columns[of_role[role]]) in pipeline[-1].inputs_,
-            least_delay=LEAST_DELAY if least.domain == "human" else layout.dt * factor,
-        )
-        return FittedModel(name, pipeline, *vafs, leak)
+        leak = None
+        if least.loop:  # what comes from outside the loop alone tells nothing of x
+            leak = leak_of_channels(
+                np.where(keep, u, np.nan),
+                prediction,
+                channels,
+                layout.dt,
+                [slice(*rows) for rows in pairwise(layout.stretches)],
+                told=lambda role: str(X.columns[of_role[role]]) in pipeline[-1].inputs_,
+                least_delay=LEAST_DELAY if least.domain == "human" else layout.dt * factor,
+                most=SLOPE_OF_X if least.closed else SLOPE,
+            )
+        return FittedModel(name, pipeline, *vafs, leak, _soon(pipeline[-1], least))
 
     model.set_params(method=choice.method, instruments=choice.instruments)
     models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]
@@ -334,7 +348,7 @@ def identify(
         adapting = fitted("following changes", follows)
     notes = least.notes(orders["nk"], given=choice.nk is not None)
     notes += [f"Note: {sentence}." for sentence in sentences_of(control.table)]
-    notes += [note for m in (*models, adapting) if m is not None for note in _leak_notes(m, least)]
+    notes += [note for m in (models[-1], adapting) if m is not None for note in _leak_notes(m, least)]
     return Identification(
         X,
         y,
@@ -354,15 +368,26 @@ def identify(
 
 def _leak_notes(model: FittedModel, least: LeastDelay) -> list[str]:
     """Why a model is refused, and what to do."""
-    if not model.leaks:
+    if not (model.leaks or model.untold) or model.leak is None:
         return []
-    assert model.leak is not None
-    longest = max(model.model.orders_.nk) * model.model.dt_
+    delay = max(_loop_delay(model.model, least) * model.model.dt_, least.seconds)
+    verdict = f"it {REBUILDS}" if model.leaks else f"it {UNTOLD}"
     return [
-        f"The model {model.name!r} is no answer, it {REBUILDS}. {model.leak.reason} Give a least "
-        f"delay that is longer than {max(longest, least.seconds):.3g} s, or other inputs: e alone, "
-        "or f_t without e and x."
+        f"The model {model.name!r} is no answer: {verdict}. {model.leak.reason} Give a least delay "
+        f"that is longer than {delay:.3g} s, or other inputs: e alone, or f_t without e and x."
     ]
+
+
+def _loop_delay(model: Any, least: LeastDelay) -> int:
+    """Shortest delay, in samples, of the inputs that the output moves."""
+    names = [str(name) for name in least.loop]
+    of_inputs = zip(model.inputs_, model.orders_.nk, strict=True)
+    return min(nk for name, nk in of_inputs if name in names)
+
+
+def _soon(model: Any, least: LeastDelay) -> bool:
+    """Whether the inputs tell x at the least delay, or sooner."""
+    return least.closed and _loop_delay(model, least) <= least.samples + least.beside
 
 
 def _doubted(dt: float, longest_delay: float) -> str:

@@ -79,6 +79,7 @@ def leak_test(
     disturbance: np.ndarray | None = None,
     told: bool = True,
     least_delay: float = LEAST_DELAY,
+    most: float = SLOPE,
 ) -> LeakTest:
     """Test whether a prediction knows the disturbance that only the element's response shows.
 
@@ -103,6 +104,9 @@ def leak_test(
         nowhere.
     least_delay : float, default=0.1
         Sooner than this (s) nothing that answers the disturbance can be an answer.
+    most : float, default=0.3
+        Slope above which the prediction leaks. An answer to the disturbance opposes it, so that
+        the slope of a right model is not above zero.
 
     Returns
     -------
@@ -170,7 +174,7 @@ def leak_test(
     with_disturbance = _correlation(output - prediction, d)
     if not np.isfinite(slope):
         return _unknown("the unseen disturbance follows the output and the target everywhere")
-    leaks = bool(slope > SLOPE and slope - SIGMAS * sd > SLOPE / 2)
+    leaks = bool(slope > most and slope - SIGMAS * sd > most / 2)
     return LeakTest(
         leaks,
         with_inverse,
@@ -191,6 +195,7 @@ def leak_of_channels(
     *,
     told: Callable[[str], bool],
     least_delay: float,
+    most: float = SLOPE,
 ) -> LeakTest | None:
     """The leak test of a prediction, where x is known, or e and f_t; else None.
 
@@ -208,6 +213,8 @@ def leak_of_channels(
         Whether the model has the recorded disturbance of this role as an input.
     least_delay : float
         Sooner than this (s) nothing that answers the disturbance can be an answer.
+    most : float, default=0.3
+        Slope above which the prediction leaks.
 
     Returns
     -------
@@ -228,6 +235,7 @@ def leak_of_channels(
         disturbance=None if recorded is None else channels[recorded],
         told=recorded is not None and told(recorded),
         least_delay=least_delay,
+        most=most,
     )
 
 

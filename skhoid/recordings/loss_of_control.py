@@ -16,7 +16,7 @@ import pandas as pd
 
 from ..preprocessing.base import check_numbers
 from ..runs import RunLayout, read_layout, run_column, run_name
-from ..runs.roles import check_named, columns_by_role, with_error, with_target
+from ..runs.roles import check_named, columns_by_role, is_external, with_error, with_target
 
 LEAVE_OUT, KEEP = "leave_out", "keep"
 CHOICES = (LEAVE_OUT, KEEP)
@@ -24,9 +24,9 @@ WINDOW = 4.0  # s, in most of which the error is large: a spike or a step makes 
 BLOCK = 0.5  # s; the parts of a window, of which half may be anything
 LEAST_SAMPLES = 16  # of a window; slower clocks are not those of somebody who steers
 LOST = 3.0  # times the usual error
-OF_CALM = 2.0  # times the calm level of a run: what it usually reaches, at least
-ALONE = 4.0  # the same of a run alone, which no other shows to be unusual
 CALM = 0.25  # of the windows of a run have a smaller error than its calm level
+OF_CALM = 2.0  # times that level: what a run usually reaches, at least
+ALONE = 4.0  # the same of a run alone, which no other shows to be unusual
 KEEP_ROWS = 'lost_control="keep" keeps them'
 
 
@@ -84,20 +84,20 @@ def lost_control(
     Returns
     -------
     found : DataFrame
-        One row per stretch: run, from and to (s in the run), times (largest rms error over 4 s, as
-        a multiple of the usual one), reason.
+        One row per stretch: run, from and to (s in the run), times (largest level of the
+        error, as a multiple of the usual one), reason.
 
     Notes
     -----
     The level of the error at a time is the median of eight rms values, each of half a second: it
     is large only where the error is large for most of 4 s. Control is lost where the level exceeds
 
-    - 3 times the usual level: of the largest levels of the other runs, the median (the lower one
-      of two in the middle). A run with a larger target may have an error larger by as much. Of a
-      run alone, twice its calm level stands for it;
-    - 3 times the run's own calm level, which a quarter of its windows stays below: a run that is
-      harder as a whole is not lost. Where the target is known, its rms may stand for this level,
-      for a run in which control was never there;
+    - 3 times the usual level, which is the median (of the logarithms) of the largest levels of the
+      other runs. Where the target or a recorded disturbance is larger in this run, the level may be
+      larger by as much. For a run that is alone it is 4 times the run's calm level, which a
+      quarter of its windows stays below;
+    - 6 times the run's own calm level: a run that is harder as a whole is not lost. Where the
+      target is known its rms may stand for the calm level, for a run that was never under control;
     - the rms of the target about its mean, where it is known: to hold still would be better.
 
     The stretch lasts from where the level exceeds the usual one to where it no longer does, or to
@@ -191,16 +191,14 @@ def control_check(
     if "e" not in known or layout.dt * LEAST_SAMPLES > WINDOW:
         return ControlCheck()
     error = known["e"] if judged is None else np.where(judged, known["e"], np.nan)
-    runs = [
-        _RunLevels.of(layout, number, error, known.get("f_t"))
-        for number in range(len(layout.labels))
-    ]
-    runs = [of_run for of_run in runs if of_run.level.size]
+    forcing = {role: values for role, values in known.items() if is_external(role)}
+    runs = [_RunLevels.of(layout, number, error, forcing) for number in range(len(layout.labels))]
+    runs = [of_run for of_run in runs if of_run.level.size and of_run.largest > 0]
     stretches: list[LostControl] = []
     worst = ControlCheck()
     for of_run in runs:
         usual = of_run.usual([other for other in runs if other is not of_run])
-        if usual <= 0:
+        if not usual > 0:
             continue
         times = of_run.largest / usual
         if not times <= worst.times:
@@ -215,7 +213,8 @@ class _RunLevels:
     """Levels of the error of one run, window by window.
 
     ``blocks`` has first rows, last rows, and rms of blocks; ``windows`` the first block and the
-    level of windows of successive blocks; ``target`` is the rms of the target about its mean.
+    level of windows of successive blocks; ``forcing`` has the rms about the mean of the target and
+    of each recorded disturbance, by role.
     """
 
     number: int
@@ -224,11 +223,11 @@ class _RunLevels:
     rms: np.ndarray
     window: np.ndarray
     level: np.ndarray
-    target: float
+    forcing: dict[str, float]
 
     @classmethod
     def of(
-        cls, layout: RunLayout, number: int, error: np.ndarray, target: np.ndarray | None
+        cls, layout: RunLayout, number: int, error: np.ndarray, forcing: dict[str, np.ndarray]
     ) -> _RunLevels:
         begin, end = layout.run_starts[number : number + 2]
         size = max(round(BLOCK / layout.dt), 1)
@@ -252,10 +251,17 @@ class _RunLevels:
             first += (a + size * np.arange(n)).tolist()
             last += (a + size * np.arange(1, n + 1)).tolist()
             rms += of_block.tolist()
-        moved = np.nan
-        if target is not None and np.isfinite(target[begin:end]).any():
-            moved = float(np.nanstd(target[begin:end])) or np.nan
+        moved = {
+            role: float(np.nanstd(values[begin:end]))
+            for role, values in forcing.items()
+            if np.isfinite(values[begin:end]).any()
+        }
         return cls(number, *map(np.asarray, (first, last, rms, window, level)), moved)
+
+    @property
+    def target(self) -> float:
+        """Rms of the target about its mean; NaN where it is not known, or does not move."""
+        return self.forcing.get("f_t", 0.0) or np.nan
 
     @property
     def largest(self) -> float:
@@ -270,12 +276,17 @@ class _RunLevels:
         own = OF_CALM * np.fmin(self.calm, self.target)
         if not others:
             return ALONE * self.calm
-        harder = [self.target / other.target for other in others]
-        reached = [
-            other.largest * (ratio if ratio > 1 else 1.0)
-            for other, ratio in zip(others, harder, strict=True)
+        reached = [other.largest * self._harder(other) for other in others]
+        return float(max(np.exp(np.median(np.log(reached))), own))
+
+    def _harder(self, other: _RunLevels) -> float:
+        """By how much more this run is driven than another one, 1 at least."""
+        ratios = [
+            size / other.forcing[role]
+            for role, size in self.forcing.items()
+            if other.forcing.get(role, 0.0) > 0
         ]
-        return float(max(sorted(reached)[(len(reached) - 1) // 2], own))
+        return max([1.0, *ratios])
 
     def lost(self, usual: float, layout: RunLayout) -> list[LostControl]:
         """Stretches in which control was lost."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from ..exceptions import ShortRunError
+from ..exceptions import ShortRunError, SlowClockWarning
 from ..greybox import OperatorRegressor
 from ..greybox.prepared import Prepared, check_rows
 from ..recordings.loss_of_control import KEEP, KEEP_ROWS, ControlCheck, control_in
@@ -26,7 +28,21 @@ def control_of(estimator: Any, X: Any, lost_control: str) -> ControlCheck:
         first = inputs[0] if names is None else names[inputs[0]]
         if role_of(first, roles) == OTHER:  # what an operator answers is the error
             roles = {**(roles or {}), first: "e"}
-    return control_in(X, roles=roles, dt=getattr(estimator, "dt", None), run=run)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SlowClockWarning)  # the fit says so
+        return control_in(X, roles=roles, dt=getattr(estimator, "dt", None), run=run)
+
+
+def without_output(y: Any, control: ControlCheck) -> Any:
+    """The output, missing where control was lost; as it is where nothing was lost."""
+    if not control.stretches:
+        return y
+    lost = control.rows(len(y))
+    if isinstance(y, (pd.Series, pd.DataFrame)):
+        kept = y.mask(lost)
+        kept.attrs = dict(y.attrs)
+        return kept
+    return np.where(lost, np.nan, np.asarray(y, dtype=float).ravel())
 
 
 def without_rows(prepared: Prepared, rows: np.ndarray, settling: float) -> Prepared:

@@ -104,7 +104,7 @@ def test_outlying_run_is_found():
 def test_lost_control_is_found(simulated):
     X, y, truth = simulated
     X = X.copy()
-    X.iloc[3000:3150, 0] *= 8  # of run 2, from 38.08 s on
+    X.iloc[3000:3150, 0] *= 15  # of run 2, from 38.08 s on
     X["x"] = X["f_t"] - X["e"]
     comparison = compare(Oracle(truth.u_without_remnant), X, y)
     assert "In run 2" in first_three(comparison)["lost control"].title
