@@ -74,7 +74,7 @@ class ModelChoice:
 class FittedModel:
     """A model, its free-run VAF on the rows it was fitted on and on held-out ones, its leak test.
 
-    ``leak`` is None where neither x is known nor e and f_t. ``soon`` says that the inputs tell x
+    ``leak`` is None where less than two of e, x and f_t are known. ``soon`` says that the inputs tell x
     with hardly more than the least delay, so that only the leak test can clear the model.
     """
 
@@ -348,7 +348,9 @@ def identify(
         adapting = fitted("following changes", follows)
     notes = least.notes(orders["nk"], given=choice.nk is not None)
     notes += [f"Note: {sentence}." for sentence in sentences_of(control.table)]
-    notes += [note for m in (models[-1], adapting) if m is not None for note in _leak_notes(m, least)]
+    notes += [
+        note for m in (models[-1], adapting) if m is not None for note in _leak_notes(m, least)
+    ]
     return Identification(
         X,
         y,
@@ -368,13 +370,16 @@ def identify(
 
 def _leak_notes(model: FittedModel, least: LeastDelay) -> list[str]:
     """Why a model is refused, and what to do."""
-    if not (model.leaks or model.untold) or model.leak is None:
+    if not (model.leaks or model.untold):
         return []
+    seen = "Leaks can be tested where two of e, x and f_t are known."
+    if model.leak is not None:
+        seen = model.leak.reason
     delay = max(_loop_delay(model.model, least) * model.model.dt_, least.seconds)
     verdict = f"it {REBUILDS}" if model.leaks else f"it {UNTOLD}"
     return [
-        f"The model {model.name!r} is no answer: {verdict}. {model.leak.reason} Give a least delay "
-        f"that is longer than {delay:.3g} s, or other inputs: e alone, or f_t without e and x."
+        f"The model {model.name!r} is no answer: {verdict}. {seen} Give a least delay that is "
+        f"longer than {delay:.3g} s, or other inputs: e alone, or f_t without e and x."
     ]
 
 

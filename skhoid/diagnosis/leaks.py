@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..runs.roles import with_target
 from .element_inverse import band_edge, estimated_inverse, lagged, low_passed
 from .repeats import with_target_and_x
 
@@ -197,7 +198,7 @@ def leak_of_channels(
     least_delay: float,
     most: float = SLOPE,
 ) -> LeakTest | None:
-    """The leak test of a prediction, where x is known, or e and f_t; else None.
+    """The leak test of a prediction, where two of e, x and f_t are known; else None.
 
     Parameters
     ----------
@@ -220,7 +221,7 @@ def leak_of_channels(
     -------
     found : LeakTest or None
     """
-    known = with_target_and_x(channels)
+    known = with_target_and_x(with_target(dict(channels)))
     if known is None:
         return None
     target, x = known

@@ -22,6 +22,8 @@ LEAVE_OUT, KEEP = "leave_out", "keep"
 CHOICES = (LEAVE_OUT, KEEP)
 WINDOW = 4.0  # s, in most of which the error is large: a spike or a step makes no such window
 BLOCK = 0.5  # s; the parts of a window, of which half may be anything
+APART = 2  # blocks, at most, from one large one to the next of a stretch
+BESIDE = 2  # blocks on either side: it began before it showed, and is still being answered
 LEAST_SAMPLES = 16  # of a window; slower clocks are not those of somebody who steers
 LOST = 3.0  # times the usual error
 CALM = 0.25  # of the windows of a run have a smaller error than its calm level
@@ -70,6 +72,9 @@ def lost_control(
 ) -> pd.DataFrame:
     """Find the stretches of runs in which control was lost.
 
+    :class:`skhoid.EffectSearchCV` and ``skhoid identify`` leave them out of fit and judgement, and
+    :func:`skhoid.compare` says them. For other models, set ``y`` to NaN there.
+
     Parameters
     ----------
     X : DataFrame or array of shape (n_rows, n_columns)
@@ -100,11 +105,13 @@ def lost_control(
       target is known its rms may stand for the calm level, for a run that was never under control;
     - the rms of the target about its mean, where it is known: to hold still would be better.
 
-    The stretch lasts from where the level exceeds the usual one to where it no longer does, or to
-    the end of the run where less than 4 s of control are left. A stretch with which the run
-    begins, and which ends in its first half, is a first transient: control that was not there yet
-    cannot be lost. After the stretch, the person answers as before, and a free run is driven by
-    the error that was measured; so what follows is kept.
+    The stretch lasts as long as the error exceeds the usual level, with 1 s on either side (it
+    began before it showed, and its error is still answered), or to the end of the run where less
+    than 4 s of control are left. What follows is kept: the person answers as before, and a free run
+    is driven by the error that was measured. A stretch with which the run begins, and which ends in
+    its first half, is a first transient: control that was not there yet cannot be lost.
+
+    It asks nothing of clocks that tick less often than every 0.25 s, on which nobody steers.
 
     Examples
     --------
@@ -291,16 +298,18 @@ class _RunLevels:
     def lost(self, usual: float, layout: RunLayout) -> list[LostControl]:
         """Stretches in which control was lost."""
         width = max(round(WINDOW / BLOCK), 1)
+        limit = float(np.fmax(LOST * usual, self.target))
         above = self.level > usual
-        worse = self.level > np.fmax(LOST * usual, self.target)
         found: list[LostControl] = []
         edges = np.flatnonzero(np.diff(np.r_[0, above, 0]))
         for begin, end in edges.reshape(-1, 2):
-            if not worse[begin:end].any():
+            if not self.level[begin:end].max() > limit:
                 continue
             blocks = np.arange(self.window[begin], self.window[end - 1] + width)
-            large = blocks[self.rms[blocks] > usual]
-            first, last = int(large[0]), int(large[-1]) + 1
+            first, last = _around(
+                blocks[self.rms[blocks] > limit], blocks[self.rms[blocks] > usual]
+            )
+            first, last = max(first - BESIDE, 0), min(last + BESIDE, len(self.rms))
             if len(self.rms) - last < width:
                 last = len(self.rms)
             if first == 0 and 2 * last <= len(self.rms):
@@ -321,3 +330,10 @@ class _RunLevels:
             end=float(layout.time[end - 1]),
             times=float(times),
         )
+
+
+def _around(core: np.ndarray, large: np.ndarray) -> tuple[int, int]:
+    """First and last block, the last not included, of large ones around the core of a stretch."""
+    groups = np.split(large, np.flatnonzero(np.diff(large) > APART) + 1)
+    inside = [group for group in groups if group[0] <= core[-1] and group[-1] >= core[0]]
+    return int(inside[0][0]), int(inside[-1][-1]) + 1

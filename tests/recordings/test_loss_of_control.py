@@ -53,8 +53,8 @@ def test_a_stretch_of_lost_control_is_found(n_runs, target):
         runs = [tracked(10 * seed + k) for k in range(n_runs)]
         found = lost_control(table(*runs[:-1], lost(runs[-1]), target=target))
         assert found["run"].tolist() == [str(n_runs)]
-        assert_allclose(found["from"], 20.0, atol=4.0)
-        assert_allclose(found["to"], 30.0, atol=4.0)
+        assert_allclose(found["from"], 20.0, atol=3.5)
+        assert_allclose(found["to"], 30.0, atol=3.5)
         assert found["times"].item() > 3
         assert "what is usual in these runs" in found["reason"].item()
 
@@ -70,7 +70,7 @@ def test_control_that_never_comes_back_is_lost_to_the_end():
     runs = [tracked(seed) for seed in range(4)]
     found = lost_control(table(*runs[:3], lost(runs[3], begin=8.0, end=37.0)))
     assert found["to"].tolist() == [T[-1]]
-    assert_allclose(found["from"], 8.0, atol=4.0)
+    assert_allclose(found["from"], 8.0, atol=3.5)
 
 
 def test_a_run_that_was_never_under_control_is_found_where_the_target_is_known():
