@@ -52,6 +52,7 @@ def identify(options: argparse.Namespace) -> int:
         least_delay=options.least_delay,
         domain=options.domain,
         roles=roles or None,
+        lost_control=options.lost_control,
     )
     found = identify_runs(
         X,
@@ -63,7 +64,6 @@ def identify(options: argparse.Namespace) -> int:
         criterion=criterion,
         validation_runs=options.validate,
         centered=not options.keep_means,
-        lost_control=options.lost_control,
         callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
     )
     files = {

@@ -150,6 +150,7 @@ def tables_of(story: Story) -> dict[str, Any]:
         "baseline": story.baseline_.parameters_,
         "parameters": search.best_estimator_.parameters_,
         "predictions": search.predictions_,
+        "left_out": search.left_out_,
         "unexplained": search.unexplained_,
         **tables_of_comparison(story.comparison_),
     }

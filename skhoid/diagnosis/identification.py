@@ -7,7 +7,8 @@ caused are refused in the end.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -36,7 +37,7 @@ from ..recordings.loss_of_control import (
 from ..runs import RunLayout, read_layout, run_name, whole_samples
 from ..runs.roles import columns_by_role
 from ..runs.selection import run_labels
-from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_of_channels
+from .leaks import LEAST_DELAY, LeakTest, leak_of_channels
 
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
@@ -56,6 +57,8 @@ class ModelChoice:
     Where e or x are inputs, no delay below ``least_delay`` seconds is tried: None takes 0.1 s of a
     person, and one sample of a machine. ``domain`` is "human" or "machine"; None says human where
     the data have the role e and x or f_t; ``roles`` says the roles of columns.
+
+    Rows in which control was lost count nowhere, unless ``lost_control`` is "keep".
     """
 
     inputs: list[str] | None = None
@@ -68,14 +71,15 @@ class ModelChoice:
     least_delay: float | None = None
     domain: str | None = None
     roles: Mapping[Any, Any] | None = None
+    lost_control: str = LEAVE_OUT
 
 
 @dataclass(frozen=True)
 class FittedModel:
     """A model, its free-run VAF on the rows it was fitted on and on held-out ones, its leak test.
 
-    ``leak`` is None where less than two of e, x and f_t are known. ``soon`` says that the inputs tell x
-    with hardly more than the least delay, so that only the leak test can clear the model.
+    ``leak`` is None where less than two of e, x and f_t are known. ``soon`` says that the inputs
+    tell x with hardly more than the least delay, so that only the leak test can clear the model.
     """
 
     name: str
@@ -237,28 +241,17 @@ def identify(
     criterion: str = "one_step",
     validation_runs: list[Any] | None = None,
     centered: bool = True,
-    lost_control: str = LEAVE_OUT,
     callbacks: tuple[Any, ...] = (),
 ) -> Identification:
     """Discard the run-in, find delay and orders, fit, and validate on held-out data.
 
     The last run is held out, or ``validation_runs``, or the second half of a single run; nothing
     is chosen or fitted on it. With ``centered`` the models have an intercept and VAF is taken
-    about the mean of each run. Rows in which control was lost count nowhere, unless
-    ``lost_control`` is "keep". Where x is known, or e and f_t, models are tested for leaks: one
-    that rebuilds the output from x is refused, and the notes say what was seen.
+    about the mean of each run. Where two of e, x and f_t are known, models are tested for leaks:
+    one that rebuilds the output from x is refused, and the notes say what was seen.
     """
-    if lost_control not in CHOICES:
-        raise ValueError(f"lost_control is 'leave_out' or 'keep'; got {lost_control!r}.")
     layout = read_layout(X)
-    of_role = columns_by_role(list(X.columns), choice.roles)
-    channels = {r: X.iloc[:, i].to_numpy(dtype=float) for r, i in of_role.items()}
-    control = ControlCheck()
-    if lost_control != KEEP:
-        control = control_check(layout, channels, scored_rows(layout, run_in, None))
-    lost = control.rows(layout.n_rows)
-    measured = y.mask(lost)
-    complete = not (X.isna().any(axis=None) or y.isna().any())
+    seen = _Measured.of(X, y, layout, choice, run_in)
     held_out, names = _held_out_rows(layout, validation_runs)
     fixed_orders = choice.na is not None or choice.nb is not None
     orders: dict[str, Any] = {
@@ -270,7 +263,7 @@ def identify(
     steps = [RunInTrimmer(run_in), Decimator(factor)]
     pipeline = make_pipeline(*steps, model)
     scorer = VAFScorer(run_in=run_in, centered=centered)
-    X_e, y_e = X[~held_out], measured[~held_out]
+    X_e, y_e = X[~held_out], seen.output[~held_out]
 
     least = least_delay_of(
         list(X.columns) if choice.inputs is None else choice.inputs,
@@ -311,32 +304,17 @@ def identify(
         orders = {name: order_search.best_params_[name] for name in ("na", "nb", "nk")}
         candidates["with delay and orders"] = orders
 
-    u = measured.to_numpy(dtype=float)
-
     def fitted(name: str, model: Any) -> FittedModel:
-        with warnings.catch_warnings():
-            if complete:  # what is missing then is what was left out
-                warnings.simplefilter("ignore", MissingDataWarning)
+        with seen.left_out_quietly():
             pipeline = make_pipeline(*map(clone, steps), model).fit(X_e, y_e)
         prediction = pipeline.predict(X)
-        keep = ~trimmed_rows(pipeline, X)
-        vafs = [
+        u, keep = seen.output.to_numpy(dtype=float), ~trimmed_rows(pipeline, X)
+        of_fit, of_others = (
             vaf_of_rows(u, prediction, keep & rows, layout, "pooled", centered)
             for rows in (~held_out, held_out)
-        ]
-        leak = None
-        if least.loop:  # what comes from outside the loop alone tells nothing of x
-            leak = leak_of_channels(
-                np.where(keep, u, np.nan),
-                prediction,
-                channels,
-                layout.dt,
-                [slice(*rows) for rows in pairwise(layout.stretches)],
-                told=lambda role: str(X.columns[of_role[role]]) in pipeline[-1].inputs_,
-                least_delay=LEAST_DELAY if least.domain == "human" else layout.dt * factor,
-                most=SLOPE_OF_X if least.closed else SLOPE,
-            )
-        return FittedModel(name, pipeline, *vafs, leak, _soon(pipeline[-1], least))
+        )
+        leak = seen.leak(pipeline[-1], prediction, keep, least)
+        return FittedModel(name, pipeline, of_fit, of_others, leak, _soon(pipeline[-1], least))
 
     model.set_params(method=choice.method, instruments=choice.instruments)
     models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]
@@ -347,7 +325,7 @@ def identify(
         )
         adapting = fitted("following changes", follows)
     notes = least.notes(orders["nk"], given=choice.nk is not None)
-    notes += [f"Note: {sentence}." for sentence in sentences_of(control.table)]
+    notes += [f"Note: {sentence}." for sentence in sentences_of(seen.left_out)]
     notes += [
         note for m in (models[-1], adapting) if m is not None for note in _leak_notes(m, least)
     ]
@@ -363,9 +341,75 @@ def identify(
         models,
         adapting,
         least,
-        control.table,
+        seen.left_out,
         notes,
     )
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Channels by role, and the output, which is missing where control was lost.
+
+    ``columns`` are the names of the channels' columns, and ``complete`` says that nothing else is
+    missing.
+    """
+
+    layout: RunLayout
+    columns: dict[str, str]
+    channels: dict[str, np.ndarray]
+    output: pd.Series
+    left_out: pd.DataFrame
+    complete: bool
+
+    @classmethod
+    def of(
+        cls,
+        X: pd.DataFrame,
+        y: pd.Series,
+        layout: RunLayout,
+        choice: ModelChoice,
+        run_in: float | None,
+    ) -> _Measured:
+        if choice.lost_control not in CHOICES:
+            raise ValueError(f"lost_control is 'leave_out' or 'keep'; got {choice.lost_control!r}.")
+        of_role = columns_by_role(list(X.columns), choice.roles)
+        channels = {role: X.iloc[:, i].to_numpy(dtype=float) for role, i in of_role.items()}
+        control = ControlCheck()
+        if choice.lost_control != KEEP:
+            control = control_check(layout, channels, scored_rows(layout, run_in, None))
+        return cls(
+            layout=layout,
+            columns={role: str(X.columns[i]) for role, i in of_role.items()},
+            channels=channels,
+            output=y.mask(control.rows(layout.n_rows)),
+            left_out=control.table,
+            complete=not (X.isna().any(axis=None) or y.isna().any()),
+        )
+
+    @contextmanager
+    def left_out_quietly(self) -> Iterator[None]:
+        """Warn of no missing output where all that is missing was left out."""
+        with warnings.catch_warnings():
+            if self.complete:
+                warnings.simplefilter("ignore", MissingDataWarning)
+            yield
+
+    def leak(
+        self, model: Any, prediction: np.ndarray, keep: np.ndarray, least: LeastDelay
+    ) -> LeakTest | None:
+        """The leak test of a free run, in the rows to keep; None where it cannot know x."""
+        if not least.loop:  # what comes from outside the loop alone tells nothing of x
+            return None
+        found = leak_of_channels(
+            np.where(keep, self.output.to_numpy(dtype=float), np.nan),
+            prediction,
+            self.channels,
+            self.layout.dt,
+            [slice(*rows) for rows in pairwise(self.layout.stretches)],
+            told=lambda role: self.columns[role] in model.inputs_,
+            least_delay=LEAST_DELAY if least.domain == "human" else model.dt_,
+        )
+        return found if found is None or not least.closed else found.above(SLOPE_OF_X)
 
 
 def _leak_notes(model: FittedModel, least: LeastDelay) -> list[str]:

@@ -8,7 +8,7 @@ nobody could see. No person answers a disturbance within some 0.1 s; such a pred
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,8 @@ SIGMAS = 3.0  # standard errors by which the slope exceeds half of that
 LEAST_DISTURBANCE = 0.1  # rms, of that of the output; less is no probe
 POWER = 0.99  # of the output, below the band's edge
 WIDER = 2.0  # times that edge: a disturbance is faster than the answer to it
+HONEST = "No more than an answer with a delay would hold: "
+REBUILT = ": the model rebuilds the output from the element's response instead of predicting it"
 LEAST_ROWS = 16  # of a run
 LEAST_PERIODS = 20  # of the edge of the band, of all runs
 AHEAD, BEHIND = 3, 5  # taps of the target, on either side
@@ -67,6 +69,23 @@ class LeakTest:
     sd: float
     reason: str
 
+    def above(self, slope: float) -> LeakTest:
+        """The same test with another slope above which the prediction leaks.
+
+        Parameters
+        ----------
+        slope : float
+            Part of the unseen disturbance. :func:`leak_test` takes 0.3.
+
+        Returns
+        -------
+        found : LeakTest
+        """
+        if self.leaks is not False or not _exceeds(self.slope, self.sd, slope):
+            return self
+        seen, figures = self.reason.removeprefix(HONEST).split("; ", 1)
+        return replace(self, leaks=True, reason=f"{seen}{REBUILT}; {figures}")
+
 
 def leak_test(
     u: np.ndarray,
@@ -80,7 +99,6 @@ def leak_test(
     disturbance: np.ndarray | None = None,
     told: bool = True,
     least_delay: float = LEAST_DELAY,
-    most: float = SLOPE,
 ) -> LeakTest:
     """Test whether a prediction knows the disturbance that only the element's response shows.
 
@@ -105,9 +123,6 @@ def leak_test(
         nowhere.
     least_delay : float, default=0.1
         Sooner than this (s) nothing that answers the disturbance can be an answer.
-    most : float, default=0.3
-        Slope above which the prediction leaks. An answer to the disturbance opposes it, so that
-        the slope of a right model is not above zero.
 
     Returns
     -------
@@ -175,7 +190,7 @@ def leak_test(
     with_disturbance = _correlation(output - prediction, d)
     if not np.isfinite(slope):
         return _unknown("the unseen disturbance follows the output and the target everywhere")
-    leaks = bool(slope > most and slope - SIGMAS * sd > most / 2)
+    leaks = _exceeds(slope, sd, SLOPE)
     return LeakTest(
         leaks,
         with_inverse,
@@ -196,7 +211,6 @@ def leak_of_channels(
     *,
     told: Callable[[str], bool],
     least_delay: float,
-    most: float = SLOPE,
 ) -> LeakTest | None:
     """The leak test of a prediction, where two of e, x and f_t are known; else None.
 
@@ -214,8 +228,6 @@ def leak_of_channels(
         Whether the model has the recorded disturbance of this role as an input.
     least_delay : float
         Sooner than this (s) nothing that answers the disturbance can be an answer.
-    most : float, default=0.3
-        Slope above which the prediction leaks.
 
     Returns
     -------
@@ -236,8 +248,11 @@ def leak_of_channels(
         disturbance=None if recorded is None else channels[recorded],
         told=recorded is not None and told(recorded),
         least_delay=least_delay,
-        most=most,
     )
+
+
+def _exceeds(slope: float, sd: float, most: float) -> bool:
+    return bool(slope > most and slope - SIGMAS * sd > most / 2)
 
 
 def _changes(
@@ -280,11 +295,8 @@ def _reason(
         "disturbance"
     )
     if leaks:
-        return (
-            f"{seen}: the model rebuilds the output from the element's response instead of "
-            f"predicting it; {figures}."
-        )
-    return f"No more than an answer with a delay would hold: {seen}; {figures}."
+        return f"{seen}{REBUILT}; {figures}."
+    return f"{HONEST}{seen}; {figures}."
 
 
 def _unknown(why: str) -> LeakTest:

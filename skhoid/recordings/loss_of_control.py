@@ -115,8 +115,7 @@ def lost_control(
 
     Examples
     --------
-    >>> from skhoid import make_tracking_runs
-    >>> from skhoid.recordings import lost_control
+    >>> from skhoid import lost_control, make_tracking_runs
     >>> X, y = make_tracking_runs(n_runs=3, sampling_rate=50, random_state=0)
     >>> len(lost_control(X))
     0
@@ -240,7 +239,11 @@ class _RunLevels:
         size = max(round(BLOCK / layout.dt), 1)
         width = max(round(WINDOW / (size * layout.dt)), 1)
         edges = layout.starts[(layout.starts >= begin) & (layout.starts <= end)]
-        first, last, rms, window, level = [], [], [], [], []
+        first: list[int] = []
+        last: list[int] = []
+        rms: list[float] = []
+        window: list[int] = []
+        level: list[float] = []
         for a, b in pairwise(edges):
             n = (b - a) // size
             blocks = error[a : a + n * size].reshape(n, size)
@@ -263,7 +266,15 @@ class _RunLevels:
             for role, values in forcing.items()
             if np.isfinite(values[begin:end]).any()
         }
-        return cls(number, *map(np.asarray, (first, last, rms, window, level)), moved)
+        return cls(
+            number,
+            np.asarray(first),
+            np.asarray(last),
+            np.asarray(rms),
+            np.asarray(window),
+            np.asarray(level),
+            moved,
+        )
 
     @property
     def target(self) -> float:

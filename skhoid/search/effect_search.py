@@ -80,7 +80,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         OperatorRegressor, and for an ARX model that answers the error, the target or x of a loop.
     lost_control : {"leave_out", "keep"}, default="leave_out"
         What becomes of stretches in which control was lost, which the rule of
-        :func:`skhoid.recordings.lost_control` finds in the error: they count neither in fits nor in
+        :func:`skhoid.lost_control` finds in the error: they count neither in fits nor in
         what is held out, or as all other rows do.
 
     Attributes

@@ -77,7 +77,7 @@ def test_a_run_that_was_never_under_control_is_found_where_the_target_is_known()
     runs = [tracked(seed) for seed in range(4)]
     never = lost(runs[3], begin=-2.0, end=99.0, size=20.0)
     found = lost_control(table(*runs[:3], never))
-    assert found[["run", "from", "to"]].values.tolist() == [["4", 0.0, T[-1]]]
+    assert found[["run", "from", "to"]].to_numpy().tolist() == [["4", 0.0, T[-1]]]
 
 
 def with_transient(run, size=12.0, seconds=3.0):
