@@ -38,11 +38,6 @@ class LeastDelay:
             return f"a person answers {names} after {self.seconds:.3g} s at the earliest; {FROM_X}"
         return f"{names} is moved by the output; {FROM_X}"
 
-    @property
-    def beside(self) -> int:
-        """Samples above the least: a minimum beside the limit is the limit's."""
-        return 1 if self.domain == "human" else 0
-
     def notes(self, best: Any, *, given: bool) -> list[str]:
         """What is to be said of a delay that was found or given, in samples."""
         shortest = int(np.min(best))
@@ -54,7 +49,8 @@ class LeastDelay:
                 f"({self.seconds:.3g} s): {self.reason}. What it finds may be the inverse of the "
                 "controlled element."
             ]
-        if not given and shortest <= self.samples + self.beside and self.closed:
+        beside = 1 if self.domain == "human" else 0  # a minimum beside the limit is the limit's
+        if not given and shortest <= self.samples + beside and self.closed:
             return [
                 f"The delay found, {shortest} samples, is at the least that was tried, "
                 f"{self.samples} samples ({self.seconds:.3g} s): {self.reason}. Do not trust it."

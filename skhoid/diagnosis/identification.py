@@ -37,10 +37,11 @@ from ..recordings.loss_of_control import (
 from ..runs import RunLayout, read_layout, run_name, whole_samples
 from ..runs.roles import columns_by_role
 from ..runs.selection import run_labels
-from .leaks import LEAST_DELAY, LeakTest, leak_of_channels
+from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_of_channels
 
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
+OPPOSED = -0.15  # correlation, below which a residual opposes what the prediction holds
 UNTOLD = "cannot be told from the controlled element's inverse"
 REBUILDS = "rebuilds the output from the controlled element's response"
 
@@ -58,7 +59,8 @@ class ModelChoice:
     person, and one sample of a machine. ``domain`` is "human" or "machine"; None says human where
     the data have the role e and x or f_t; ``roles`` says the roles of columns.
 
-    Rows in which control was lost count nowhere, unless ``lost_control`` is "keep".
+    Rows in which control was lost count nowhere, unless ``lost_control`` is "keep", or ``domain``
+    "machine".
     """
 
     inputs: list[str] | None = None
@@ -78,8 +80,9 @@ class ModelChoice:
 class FittedModel:
     """A model, its free-run VAF on the rows it was fitted on and on held-out ones, its leak test.
 
-    ``leak`` is None where less than two of e, x and f_t are known. ``soon`` says that the inputs
-    tell x with hardly more than the least delay, so that only the leak test can clear the model.
+    ``leak`` is None where less than two of e, x and f_t are known. ``spare`` are the samples by
+    which a person's answer to x is later than the least delay; where its inputs do not tell x, they
+    are infinite.
     """
 
     name: str
@@ -87,7 +90,7 @@ class FittedModel:
     vaf_estimation: float
     vaf_validation: float
     leak: LeakTest | None = None
-    soon: bool = False
+    spare: float = np.inf
 
     @property
     def model(self) -> Any:
@@ -104,8 +107,12 @@ class FittedModel:
 
     @property
     def untold(self) -> bool:
-        """Whether it could as well rebuild the output from x, and nothing can be tested."""
-        return self.soon and (self.leak is None or self.leak.leaks is None)
+        """Whether it could as well rebuild the output from x.
+
+        It answers sooner than anybody does, or as soon and cannot be tested.
+        """
+        tested = self.leak is not None and self.leak.leaks is not None
+        return self.spare < 0 or (self.spare <= 1 and not tested)
 
     @property
     def verdict(self) -> str:
@@ -314,7 +321,7 @@ def identify(
             for rows in (~held_out, held_out)
         )
         leak = seen.leak(pipeline[-1], prediction, keep, least)
-        return FittedModel(name, pipeline, of_fit, of_others, leak, _soon(pipeline[-1], least))
+        return FittedModel(name, pipeline, of_fit, of_others, leak, _spare(pipeline[-1], least))
 
     model.set_params(method=choice.method, instruments=choice.instruments)
     models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]
@@ -375,7 +382,7 @@ class _Measured:
         of_role = columns_by_role(list(X.columns), choice.roles)
         channels = {role: X.iloc[:, i].to_numpy(dtype=float) for role, i in of_role.items()}
         control = ControlCheck()
-        if choice.lost_control != KEEP:
+        if choice.lost_control != KEEP and choice.domain != "machine":
             control = control_check(layout, channels, scored_rows(layout, run_in, None))
         return cls(
             layout=layout,
@@ -409,7 +416,9 @@ class _Measured:
             told=lambda role: self.columns[role] in model.inputs_,
             least_delay=LEAST_DELAY if least.domain == "human" else model.dt_,
         )
-        return found if found is None or not least.closed else found.above(SLOPE_OF_X)
+        if found is None:
+            return None
+        return found.judged(SLOPE_OF_X if least.closed else SLOPE, OPPOSED)
 
 
 def _leak_notes(model: FittedModel, least: LeastDelay) -> list[str]:
@@ -434,9 +443,11 @@ def _loop_delay(model: Any, least: LeastDelay) -> int:
     return min(nk for name, nk in of_inputs if name in names)
 
 
-def _soon(model: Any, least: LeastDelay) -> bool:
-    """Whether the inputs tell x at the least delay, or sooner."""
-    return least.closed and _loop_delay(model, least) <= least.samples + least.beside
+def _spare(model: Any, least: LeastDelay) -> float:
+    """By how many samples a person answers later than at the least, where the inputs tell x."""
+    if not least.closed or least.domain != "human":
+        return np.inf
+    return float(_loop_delay(model, least) - least.samples)
 
 
 def _doubted(dt: float, longest_delay: float) -> str:

@@ -69,22 +69,26 @@ class LeakTest:
     sd: float
     reason: str
 
-    def above(self, slope: float) -> LeakTest:
-        """The same test with another slope above which the prediction leaks.
+    def judged(self, slope: float, residual: float) -> LeakTest:
+        """The same test with other limits, of which both must be exceeded.
 
         Parameters
         ----------
         slope : float
-            Part of the unseen disturbance. :func:`leak_test` takes 0.3.
+            Part of the unseen disturbance above which the prediction leaks. :func:`leak_test` takes
+            0.3.
+        residual : float
+            Correlation below which the residual opposes the disturbance that the prediction holds.
 
         Returns
         -------
         found : LeakTest
         """
-        if self.leaks is not False or not _exceeds(self.slope, self.sd, slope):
+        if self.leaks is None:
             return self
-        seen, figures = self.reason.removeprefix(HONEST).split("; ", 1)
-        return replace(self, leaks=True, reason=f"{seen}{REBUILT}; {figures}")
+        leaks = _exceeds(self.slope, self.sd, slope) and self.residual_with_disturbance < residual
+        seen, figures = self.reason.removeprefix(HONEST).replace(REBUILT, "").split("; ", 1)
+        return replace(self, leaks=leaks, reason=_told(leaks, seen, figures))
 
 
 def leak_test(
@@ -294,9 +298,11 @@ def _reason(
         f"measured output {reference:.2f}), its residual {with_disturbance:+.2f} with that "
         "disturbance"
     )
-    if leaks:
-        return f"{seen}{REBUILT}; {figures}."
-    return f"{HONEST}{seen}; {figures}."
+    return _told(leaks, seen, f"{figures}.")
+
+
+def _told(leaks: bool, seen: str, figures: str) -> str:
+    return f"{seen}{REBUILT}; {figures}" if leaks else f"{HONEST}{seen}; {figures}"
 
 
 def _unknown(why: str) -> LeakTest:

@@ -103,7 +103,9 @@ def lost_control(
       quarter of its windows stays below;
     - 6 times the run's own calm level: a run that is harder as a whole is not lost. Where the
       target is known its rms may stand for the calm level, for a run that was never under control;
-    - the rms of the target about its mean, where it is known: to hold still would be better.
+    - the rms of the target about its mean, where it is known: to hold still would be better. For a
+      run that is alone the target must be known, and its range counts: no answer to a step,
+      however slow, has a larger error.
 
     The stretch lasts as long as the error exceeds the usual level, with 1 s on either side (it
     began before it showed, and its error is still answered), or to the end of the run where less
@@ -220,7 +222,8 @@ class _RunLevels:
 
     ``blocks`` has first rows, last rows, and rms of blocks; ``windows`` the first block and the
     level of windows of successive blocks; ``forcing`` has the rms about the mean of the target and
-    of each recorded disturbance, by role.
+    of each recorded disturbance, by role. ``span`` is the range of the target, infinite where it is
+    not known.
     """
 
     number: int
@@ -230,6 +233,7 @@ class _RunLevels:
     window: np.ndarray
     level: np.ndarray
     forcing: dict[str, float]
+    span: float
 
     @classmethod
     def of(
@@ -261,6 +265,7 @@ class _RunLevels:
             first += (a + size * np.arange(n)).tolist()
             last += (a + size * np.arange(1, n + 1)).tolist()
             rms += of_block.tolist()
+        target = forcing.get("f_t", np.empty(0))[begin:end]
         moved = {
             role: float(np.nanstd(values[begin:end]))
             for role, values in forcing.items()
@@ -274,6 +279,7 @@ class _RunLevels:
             np.asarray(window),
             np.asarray(level),
             moved,
+            float(np.ptp(target[np.isfinite(target)])) if np.isfinite(target).any() else np.inf,
         )
 
     @property
@@ -293,7 +299,7 @@ class _RunLevels:
         """The level that the error of this run may usually reach."""
         own = OF_CALM * np.fmin(self.calm, self.target)
         if not others:
-            return ALONE * self.calm
+            return max(ALONE * self.calm, self.span / LOST)
         reached = [other.largest * self._harder(other) for other in others]
         return float(max(np.exp(np.median(np.log(reached))), own))
 

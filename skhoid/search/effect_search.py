@@ -81,7 +81,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     lost_control : {"leave_out", "keep"}, default="leave_out"
         What becomes of stretches in which control was lost, which the rule of
         :func:`skhoid.lost_control` finds in the error: they count neither in fits nor in
-        what is held out, or as all other rows do.
+        what is held out, or as all other rows do. Not asked with ``domain="machine"``.
 
     Attributes
     ----------
@@ -218,7 +218,8 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             if self.controlled_element is not None:
                 model.set_params(controlled_element=self.controlled_element)
             prepared = in_domain(model.prepare(X, y), self.domain, getattr(model, "roles", None))
-            control = control_of(model, X, self.lost_control)
+            control = control_of(model, X, self.lost_control, self.domain)
+            self._control = control
             lost = control.rows(prepared.grid.layout.n_rows)
             prepared = without_rows(prepared, lost, model.settling)
             folds = self._folds(X, y, prepared, groups)

@@ -17,9 +17,14 @@ from ..runs.roles import OTHER, input_columns, role_of
 from ..summaries import counted
 
 
-def control_of(estimator: Any, X: Any, lost_control: str) -> ControlCheck:
-    """Where control was lost in what a model is to be fitted on; nowhere if rows are to be kept."""
-    if lost_control == KEEP:
+def control_of(
+    estimator: Any, X: Any, lost_control: str, domain: str | None = None
+) -> ControlCheck:
+    """Where control was lost in what a model is to be fitted on.
+
+    Nowhere if rows are to be kept, or if the user says that it is a machine, which loses none.
+    """
+    if lost_control == KEEP or domain == "machine":
         return ControlCheck()
     roles, run = (getattr(estimator, name, None) for name in ("roles", "run"))
     if isinstance(estimator, OperatorRegressor):

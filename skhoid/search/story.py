@@ -100,7 +100,7 @@ class Story:
         line : str
         """
         estimator = self.search.estimator
-        self._lost = control_of(estimator, self.X, self.search.lost_control)
+        self._lost = control_of(estimator, self.X, self.search.lost_control, self.search.domain)
         self._kept = without_output(self.y, self._lost)
         self.baseline_ = clone(estimator).fit(self.X, self._kept)
         yield from self._measured()

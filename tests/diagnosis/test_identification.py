@@ -63,6 +63,16 @@ def test_in_pursuit_with_preview_it_is_refused_too(channels, nk):
     assert identify(X, y, choice).best.verdict == REBUILDS
 
 
+def test_an_answer_sooner_than_anybody_gives_is_none(loop):
+    X, y = loop
+    found = identify(X, y, ModelChoice(inputs=["e", "x"], na=2, nb=3, nk=0))
+    assert not found.best.leaks
+    assert found.best.verdict == UNTOLD
+    assert "longer than 0.1 s" in found.notes[-1]
+    machine = ModelChoice(inputs=["x"], na=2, nb=3, nk=0, domain="machine")
+    assert identify(X[["x"]], y, machine).best.verdict != UNTOLD
+
+
 def test_x_alone_cannot_be_tested_and_is_no_answer(loop):
     X, y = loop
     found = identify(X[["x"]], y, ModelChoice(inputs=["x"], na=2, nb=3, nk=1, domain="human"))

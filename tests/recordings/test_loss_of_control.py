@@ -85,6 +85,25 @@ def with_transient(run, size=12.0, seconds=3.0):
     return f_t, e + size * np.exp(-T / seconds)
 
 
+def with_slow_step(run):
+    """The same with an element that takes long: nothing but the target's own range."""
+    step = 15.0 * (T >= 22)
+    return run[0] + step, run[1] + step * np.exp(-np.maximum(T - 22.4, 0) / 4.0)
+
+
+def test_a_slow_answer_to_a_step_in_a_single_run_is_not_struck():
+    for seed in range(5):
+        odd = with_slow_step(tracked(seed, scatter=0.05))
+        assert lost_control(table(odd)).empty
+        assert lost_control(table(odd, target=False)).empty
+
+
+def test_a_run_alone_that_runs_away_is_found_where_the_target_is_known():
+    away = lost(tracked(3), size=60.0)
+    assert lost_control(table(away))["run"].tolist() == ["1"]
+    assert lost_control(table(away, target=False)).empty
+
+
 def with_outliers(run):
     f_t, e = run[0], run[1].copy()
     e[[500, 1000, 1004, 1010, 1500]] += 200.0

@@ -96,6 +96,8 @@ def test_rows_may_be_kept(lost):
     assert kept.left_out_.empty
     assert kept.predictions_["baseline"].notna().all()
     assert not any("lost" in note for note in kept.notes_)
+    machine = search(effects="bias", domain="machine").fit(X, y)
+    assert machine.left_out_.empty
 
 
 def test_honest_runs_lose_nothing(honest):
