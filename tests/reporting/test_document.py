@@ -449,6 +449,7 @@ def test_what_the_user_says_of_the_making_stays(
     assert told["Libraries"].startswith(f"skhoid {__version__}, numpy 1.0")
 
 
+@pytest.mark.slow
 def test_lost_control_is_left_out_and_said():
     X, y = make_tracking_runs(
         n_runs=3, duration=30.0, remnant_intensity=0.05, sampling_rate=40, random_state=4
