@@ -220,8 +220,8 @@ def control_check(
 class _RunLevels:
     """Levels of the error of one run, window by window.
 
-    ``blocks`` has first rows, last rows, and rms of blocks; ``windows`` the first block and the
-    level of windows of successive blocks; ``forcing`` has the rms about the mean of the target and
+    ``first``, ``last`` and ``rms`` are rows and rms error of blocks, ``window`` and ``level`` the
+    first block and the level of windows; ``forcing`` has the rms about the mean of the target and
     of each recorded disturbance, by role. ``span`` is the range of the target, infinite where it is
     not known.
     """

@@ -112,6 +112,18 @@ def test_lost_control_is_found(simulated):
     assert abs(where - 38.08) < 4.0
 
 
+def test_runs_in_which_control_was_lost_do_not_hide_each_other():
+    X, y, truth = runs(5)
+    X = X.copy()
+    for run in (1, 3):
+        X.iloc[2048 * run + 900 : 2048 * run + 1200, 0] *= 20
+    X["x"] = X["f_t"] - X["e"]
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    lost = comparison.tests[comparison.tests["test"] == "lost control"]
+    assert lost["signal"].tolist() == ["2", "4"]
+    assert lost["exceeds"].all()
+
+
 def test_single_event_is_found(simulated):
     X, y, truth = simulated
     y = y.copy()
