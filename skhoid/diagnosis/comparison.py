@@ -85,7 +85,8 @@ class Comparison:
     ceiling_note : str
         The same as a sentence; why it is not known, where it is not.
     leak : LeakTest or None
-        Whether the prediction is the output rebuilt from x; None without x (or e and f_t).
+        Whether the prediction is the output rebuilt from x; None without x (or e and f_t), and of
+        a model that has inputs from outside the loop alone.
     traces : DataFrame
         ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
         a role, row by row.
@@ -458,14 +459,17 @@ def _domain(signals: Signals) -> str:
 
 
 def _leak(signals: Signals, domain: str) -> LeakTest | None:
-    """Whether the model rebuilds the output from x; None where x is not known."""
+    """Whether the model rebuilds the output from x; None where x is not known, to it or at all."""
+    model = NextSteps(signals.model)
+    if model.from_outside:
+        return None
     return leak_of_channels(
         np.where(signals.scored, signals.y, np.nan),
         signals.free_run,
         signals.channels,
         signals.dt,
         [slice(*rows) for rows in itertools.pairwise(signals.layout.stretches)],
-        told=lambda role: NextSteps(signals.model).is_told(role),
+        told=model.is_told,
         least_delay=LEAST_DELAY if domain == "human" else signals.dt,
     )
 

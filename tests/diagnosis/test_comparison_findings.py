@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from support.comparison import DT, names, runs
 from support.hidden_effects import Effects, LinearTruth, Oracle
+from support.person_in_loop import pursued
 
 from skhoid import (
     ARXRegressor,
@@ -122,6 +123,18 @@ def test_runs_in_which_control_was_lost_do_not_hide_each_other():
     lost = comparison.tests[comparison.tests["test"] == "lost control"]
     assert lost["signal"].tolist() == ["2", "4"]
     assert lost["exceeds"].all()
+
+
+@pytest.mark.parametrize("seed", [21, 26])
+def test_what_answers_the_target_alone_cannot_rebuild_the_output(seed):
+    X, y, _ = pursued("1/(s(s+1))", seed, remnant=0.1, n_runs=4)
+    model = ARXRegressor(na=2, nb=3, nk=0, inputs=["f_t"]).fit(X, y)
+    comparison = compare(model, X, y)
+    assert comparison.leak is None
+    assert "leak" not in [finding.name for finding in comparison.findings]
+    named = X.rename(columns={"f_t": "wanted"})
+    model = ARXRegressor(na=2, nb=3, nk=0, inputs=["wanted"], roles={"wanted": "f_t"})
+    assert compare(model.fit(named, y), named, y).leak is None
 
 
 def test_single_event_is_found(simulated):
