@@ -4,7 +4,7 @@
 index. Estimators, searches and transformers follow the scikit-learn API. By task:
 
 - Data: `read_runs`, `write_runs`, `resample_runs`, `run_labels`, `sampling_time`, `select_runs`,
-  `check_channels`; recordings `load_human_tracking`, `load_bicycle_rider`.
+  `check_channels`, `lost_control`; recordings `load_human_tracking`, `load_bicycle_rider`.
 - Preprocess, in pipelines: `Decimator`, `DelayShift`, `RunInTrimmer`; outside them
   `ensemble_average`.
 - Identify: `ARXRegressor`; delay and orders by `DelaySearchCV`, `OrderSearchCV`; the physical

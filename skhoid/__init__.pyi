@@ -70,6 +70,7 @@ from .preprocessing import resample_runs as resample_runs
 from .preprocessing.ensemble import ensemble_average as ensemble_average
 from .recordings.channels import check_channels as check_channels
 from .recordings.findings import Finding as Finding
+from .recordings.loss_of_control import lost_control as lost_control
 from .reporting import Report as Report
 from .reporting import report as report
 from .runs.selection import run_labels as run_labels

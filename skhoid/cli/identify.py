@@ -12,16 +12,17 @@ from rich.table import Table
 from sklearn.callback import ProgressBar
 
 from .._version import __version__
-from ..arx.identification import Identification, ModelChoice
-from ..arx.identification import identify as identify_runs
+from ..diagnosis.identification import Identification, ModelChoice
+from ..diagnosis.identification import identify as identify_runs
 from ..io import load_human_tracking
 from ..summaries import counted
 from .arguments.identify import LONGEST_DELAY
-from .files import check_no_files, read_files, save_figures, without_screen
+from .files import check_no_files, column_of, read_files, save_figures, without_screen
 from .options import pairs, refuse
 from .output import WIDTH, print_json, say_files
 from .search_output import figure_folder
 from .tables import check_tables, save_tables
+from .wording import reworded
 
 PICTURES = ["simulation.png", "delay.png", "delay-vaf.png", "orders.png", "parameters.png"]
 CRITERIA = {"one_step": "lowest one-step error", "vaf": "highest cross-validated VAF"}
@@ -37,7 +38,7 @@ def identify(options: argparse.Namespace) -> int:
     if options.method != "iv":
         refuse(options, ["instruments"], "needs --method iv.")
     criterion = options.criterion or "one_step"
-    X, y, source = _read(options)
+    X, y, instruments, roles, source = _read(options)
     n_inputs = len(options.input) if options.input else X.shape[1]
     memory = {name: getattr(options, name) for name in ("memory_time", "memory_horizon")}
     choice = ModelChoice(
@@ -46,11 +47,12 @@ def identify(options: argparse.Namespace) -> int:
         nb=_one_or_each(options.nb),
         nk=_one_or_each(options.nk),
         method=options.method,
-        instruments=list(X.columns[n_inputs:]) or None,
+        instruments=instruments or None,
         memory={name: value for name, value in memory.items() if value is not None},
         least_delay=options.least_delay,
         domain=options.domain,
-        roles=pairs(options.role, "--role", "NAME=ROLE, such as position=x"),
+        roles=roles or None,
+        lost_control=options.lost_control,
     )
     found = identify_runs(
         X,
@@ -71,7 +73,7 @@ def identify(options: argparse.Namespace) -> int:
     if options.json:
         print_json({**_as_dict(found, source), **files})
     else:
-        _print(found, source, criterion)
+        _print(found, source, criterion, options)
         say_files(files)
     return 0
 
@@ -84,15 +86,22 @@ def _progress() -> tuple[Any, ...]:
     return (ProgressBar(max_propagation_depth=0),)
 
 
-def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
+def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, str], str]:
+    """X, y, the instruments and roles of columns of X, and where they are from."""
+    roles = pairs(options.role, "--role", "NAME=ROLE, such as position=x")
     if options.files:
         options.input = options.input or ["e"]
         others = (options.instruments or ["f_t"]) if options.method == "iv" else []
         inside = [name for name in others if name in options.input]
         if inside:
             raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
+        for name, role in ((options.x, "x"), (options.target, "f_t")):
+            if name is not None and roles.setdefault(name, role) != role:
+                raise ValueError(f"--role says that {name!r} is {roles[name]!r}, and not {role!r}.")
+        wanted = [*options.input, *others]
+        beside = [name for name in (options.x, options.target) if name not in (None, *wanted)]
         try:
-            X, y = read_files(options, [*options.input, *others])
+            X, y = read_files(options, [*wanted, *dict.fromkeys(beside)])
         except ValueError as error:
             if others and options.instruments is None and "'f_t'" in str(error):
                 raise ValueError(
@@ -100,12 +109,16 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
                     "names others."
                 ) from error
             raise
-        return X, y, ", ".join(options.files)
+        instruments = [column_of(X, name) for name in others]
+        roles = {column_of(X, name): role for name, role in roles.items()}
+        return X, y, instruments, roles, ", ".join(options.files)
     check_no_files(options)
     X, y = load_human_tracking("difficulty 80")
     return (
         X,
         y,
+        [],
+        roles,
         (
             "bundled recording: a person follows a pseudo-random target with a mouse "
             "(Matic 2022, MIT licence)"
@@ -168,6 +181,7 @@ def _as_dict(found: Identification, source: str) -> dict[str, Any]:
             "nk": found.least_delay.samples,
             "seconds": found.least_delay.seconds,
         },
+        "left_out": found.left_out.to_dict("records"),
         "notes": found.notes,
         "models": [model.as_dict() for model in found.models],
         "adapting": found.adapting.as_dict() if found.adapting else None,
@@ -187,7 +201,7 @@ def _console() -> Console:
     return Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=width)
 
 
-def _print(found: Identification, source: str, criterion: str) -> None:
+def _print(found: Identification, source: str, criterion: str, options: argparse.Namespace) -> None:
     layout, best = found.layout, found.best.model
     units = found.units
 
@@ -222,7 +236,7 @@ def _print(found: Identification, source: str, criterion: str) -> None:
             )
 
     for note in found.notes:
-        console.print(note)
+        console.print(reworded(note, options))
 
     table = Table(
         title="Free run" + (", about the means" if found.centered else ", means kept"),

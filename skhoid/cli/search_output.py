@@ -75,6 +75,7 @@ def show_search(
         controlled_element=element_of(getattr(options, "controlled_element", None)),
         max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
         domain=getattr(options, "domain", None),
+        lost_control=options.lost_control,
     )
     story = Story(search, X, y)
     aloud = aloud and not options.json
@@ -149,6 +150,7 @@ def tables_of(story: Story) -> dict[str, Any]:
         "baseline": story.baseline_.parameters_,
         "parameters": search.best_estimator_.parameters_,
         "predictions": search.predictions_,
+        "left_out": search.left_out_,
         "unexplained": search.unexplained_,
         **tables_of_comparison(story.comparison_),
     }

@@ -20,6 +20,7 @@ OPTION = {
     r"\bmeasurement_time=": "measurement_time",
     r"\beffects=": "effects",
     r"\bmax_effects\b": "max_effects",
+    r"\blost_control=": "lost_control",
     r"\bselect_runs\b": "files",
 }
 

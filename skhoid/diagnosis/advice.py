@@ -81,10 +81,11 @@ def _runs(c: Comparison, sure: dict[Any, Any], words: Words) -> Iterator[Finding
             yield Finding(
                 "lost control",
                 f"In run {run} control was lost at about {test.where:.4g} s",
-                f"The rms error over 4 s there is {test.size:.1f} times the largest of the other "
+                f"For 4 s and more the error there is {test.size:.1f} times what is usual in these "
                 "runs.",
                 words.lost_control,
-                "Leave the run out of estimation and validation, or cut it before that time.",
+                "Leave the stretch out of estimation and validation. EffectSearchCV and skhoid "
+                "identify do so.",
                 "RunComparisonDisplay",
             )
         if name == "outlying run":

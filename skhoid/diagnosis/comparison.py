@@ -20,7 +20,7 @@ from .ceiling import Ceiling, consistent_ceiling, noise_ceiling
 from .changes import BlockSums, cusum, tests_of_changes
 from .comparison_text import html, summary
 from .correlation import correlations
-from .leaks import LEAST_DELAY, LeakTest, leak_test
+from .leaks import LEAST_DELAY, LeakTest, leak_of_channels
 from .levels import level_tests
 from .misfit import linear_misfit
 from .next_steps import NextSteps, is_operator
@@ -28,7 +28,6 @@ from .operating_point import by_operating_point
 from .over_frequency import by_frequency, distortion_tests
 from .over_runs import by_run, tests_over_runs
 from .over_time import by_time, time_frequency
-from .repeats import with_target_and_x
 from .response_delay import delay_test
 from .run_signals import Signals, read_signals
 from .tests_table import Test, tests_table
@@ -86,7 +85,8 @@ class Comparison:
     ceiling_note : str
         The same as a sentence; why it is not known, where it is not.
     leak : LeakTest or None
-        Whether the prediction is the output rebuilt from x; None without x (or e and f_t).
+        Whether the prediction is the output rebuilt from x; None without x (or e and f_t), and of
+        a model that has inputs from outside the loop alone.
     traces : DataFrame
         ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
         a role, row by row.
@@ -459,23 +459,17 @@ def _domain(signals: Signals) -> str:
 
 
 def _leak(signals: Signals, domain: str) -> LeakTest | None:
-    """Whether the model rebuilds the output from x; None where x is not known."""
-    known = with_target_and_x(signals.channels)
-    if known is None:
+    """Whether the model rebuilds the output from x; None where x is not known, to it or at all."""
+    model = NextSteps(signals.model)
+    if model.from_outside:
         return None
-    target, x = known
-    name = next((role for role in signals.channels if role.startswith("dist")), None)
-    layout = signals.layout
-    starts = layout.stretches
-    return leak_test(
+    return leak_of_channels(
         np.where(signals.scored, signals.y, np.nan),
         signals.free_run,
-        x,
+        signals.channels,
         signals.dt,
-        [slice(*rows) for rows in itertools.pairwise(np.append(starts, layout.n_rows))],
-        target=target,
-        disturbance=None if name is None else signals.channels[name],
-        told=name is not None and NextSteps(signals.model).is_told(name),
+        [slice(*rows) for rows in itertools.pairwise(signals.layout.stretches)],
+        told=model.is_told,
         least_delay=LEAST_DELAY if domain == "human" else signals.dt,
     )
 

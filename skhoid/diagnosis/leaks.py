@@ -7,13 +7,15 @@ nobody could see. No person answers a disturbance within some 0.1 s; such a pred
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ..runs.roles import with_target
 from .element_inverse import band_edge, estimated_inverse, lagged, low_passed
+from .repeats import with_target_and_x
 
 LEAST_DELAY = 0.1  # s; no person answers sooner
 EARLY = 0.05  # s by which a zero-phase filter or a held sample may put an answer before its cause
@@ -25,6 +27,8 @@ SIGMAS = 3.0  # standard errors by which the slope exceeds half of that
 LEAST_DISTURBANCE = 0.1  # rms, of that of the output; less is no probe
 POWER = 0.99  # of the output, below the band's edge
 WIDER = 2.0  # times that edge: a disturbance is faster than the answer to it
+HONEST = "No more than an answer with a delay would hold: "
+REBUILT = ": the model rebuilds the output from the element's response instead of predicting it"
 LEAST_ROWS = 16  # of a run
 LEAST_PERIODS = 20  # of the edge of the band, of all runs
 AHEAD, BEHIND = 3, 5  # taps of the target, on either side
@@ -64,6 +68,27 @@ class LeakTest:
     slope: float
     sd: float
     reason: str
+
+    def judged(self, slope: float, residual: float) -> LeakTest:
+        """The same test with other limits, of which both must be exceeded.
+
+        Parameters
+        ----------
+        slope : float
+            Part of the unseen disturbance above which the prediction leaks. :func:`leak_test` takes
+            0.3.
+        residual : float
+            Correlation below which the residual opposes the disturbance that the prediction holds.
+
+        Returns
+        -------
+        found : LeakTest
+        """
+        if self.leaks is None:
+            return self
+        leaks = _exceeds(self.slope, self.sd, slope) and self.residual_with_disturbance < residual
+        seen, figures = self.reason.removeprefix(HONEST).replace(REBUILT, "").split("; ", 1)
+        return replace(self, leaks=leaks, reason=_told(leaks, seen, figures))
 
 
 def leak_test(
@@ -169,7 +194,7 @@ def leak_test(
     with_disturbance = _correlation(output - prediction, d)
     if not np.isfinite(slope):
         return _unknown("the unseen disturbance follows the output and the target everywhere")
-    leaks = bool(slope > SLOPE and slope - SIGMAS * sd > SLOPE / 2)
+    leaks = _exceeds(slope, sd, SLOPE)
     return LeakTest(
         leaks,
         with_inverse,
@@ -179,6 +204,59 @@ def leak_test(
         sd,
         _reason(leaks, slope, sd, with_inverse, reference, with_disturbance, least_delay),
     )
+
+
+def leak_of_channels(
+    u: np.ndarray,
+    u_hat: np.ndarray,
+    channels: Mapping[str, np.ndarray],
+    dt: float,
+    runs: Sequence[Any] | None = None,
+    *,
+    told: Callable[[str], bool],
+    least_delay: float,
+) -> LeakTest | None:
+    """The leak test of a prediction, where two of e, x and f_t are known; else None.
+
+    Parameters
+    ----------
+    u, u_hat : ndarray of shape (n_rows,) or (n_rows, n_runs)
+        Measured output, NaN in rows that do not count, and its prediction.
+    channels : dict of str to ndarray
+        Signals by role, of the same shape.
+    dt : float
+        Sampling time in s.
+    runs : sequence of slices or row numbers, or None, default=None
+        Rows of each run; None takes each column as a run.
+    told : callable
+        Whether the model has the recorded disturbance of this role as an input.
+    least_delay : float
+        Sooner than this (s) nothing that answers the disturbance can be an answer.
+
+    Returns
+    -------
+    found : LeakTest or None
+    """
+    known = with_target_and_x(with_target(dict(channels)))
+    if known is None:
+        return None
+    target, x = known
+    recorded = next((role for role in channels if role.startswith("dist")), None)
+    return leak_test(
+        u,
+        u_hat,
+        x,
+        dt,
+        runs,
+        target=target,
+        disturbance=None if recorded is None else channels[recorded],
+        told=recorded is not None and told(recorded),
+        least_delay=least_delay,
+    )
+
+
+def _exceeds(slope: float, sd: float, most: float) -> bool:
+    return bool(slope > most and slope - SIGMAS * sd > most / 2)
 
 
 def _changes(
@@ -220,12 +298,11 @@ def _reason(
         f"measured output {reference:.2f}), its residual {with_disturbance:+.2f} with that "
         "disturbance"
     )
-    if leaks:
-        return (
-            f"{seen}: the model rebuilds the output from the element's response instead of "
-            f"predicting it; {figures}."
-        )
-    return f"No more than an answer with a delay would hold: {seen}; {figures}."
+    return _told(leaks, seen, f"{figures}.")
+
+
+def _told(leaks: bool, seen: str, figures: str) -> str:
+    return f"{seen}{REBUILT}; {figures}" if leaks else f"{HONEST}{seen}; {figures}"
 
 
 def _unknown(why: str) -> LeakTest:

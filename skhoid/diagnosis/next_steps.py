@@ -11,6 +11,7 @@ from ..greybox.operator_regressor import OperatorRegressor
 from ..interpret.channel import is_arx
 from ..pipelines import taken_apart
 from ..preprocessing import DelayShift
+from ..runs.roles import is_external, role_of
 from ..summaries import counted
 
 
@@ -40,6 +41,14 @@ class NextSteps:
             if found is not None:
                 return len(found) if name == "parameters_" else int(np.size(found))
         return None
+
+    @property
+    def from_outside(self) -> bool:
+        """Whether the model has inputs from outside the loop alone: it cannot know x."""
+        inputs = getattr(self._model, "inputs_", [])
+        roles = getattr(self._model, "roles", None)
+        plain = (self._arx or self._operator) and not self._effects and len(inputs) > 0
+        return plain and all(is_external(role_of(name, roles)) for name in inputs)
 
     def is_told(self, signal: str) -> bool:
         """Whether the model has a signal from outside the loop as an input."""

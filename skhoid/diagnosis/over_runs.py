@@ -7,12 +7,10 @@ import pandas as pd
 from scipy.stats import norm
 
 from ..metrics import VAF_FLOOR
+from ..recordings.loss_of_control import WINDOW, ControlCheck
 from .ceiling import Ceiling
 from .run_signals import Signals
 from .tests_table import Test, of_several
-
-LOST = 3.0  # times the rms error of the other runs, over a window
-LOST_WINDOW = 4.0  # s
 
 
 def by_run(signals: Signals, data: str) -> pd.DataFrame:
@@ -121,38 +119,24 @@ def _spread_of_centre(scatter: np.ndarray) -> float:
 
 
 def _lost_control(signals: Signals) -> list[Test]:
-    """A stretch of one run in which the error is far larger than in all others."""
-    if signals.driving != "e":
-        return []
-    e = signals.channels["e"]
-    width = max(int(LOST_WINDOW / signals.dt), 1)
-    found = []
-    for group in signals.groups:
-        n = group.n_samples // width
-        if n >= 2:
-            cut = e[group.rows[:, : n * width]].reshape(group.n_runs, n, width)
-            rms = np.sqrt(np.mean(cut**2, axis=2))
-            found += [(group, k, of_run) for k, of_run in enumerate(rms)]
-    worst, where, which = 0.0, np.nan, ""
-    for position, (group, k, rms) in enumerate(found):
-        others = [largest.max() for i, (_, _, largest) in enumerate(found) if i != position]
-        usual = max(others) if others else 2 * np.median(rms)
-        if usual > 0 and rms.max() / usual > worst:
-            at = int(rms.argmax())
-            worst = float(rms.max() / usual)
-            where = float(signals.layout.time[group.rows[k, at * width]])
-            which = signals.run_label(int(group.runs[k]))
-    if not which:
-        return []
+    """Each run in which control was lost; else the one with the largest error for what is usual."""
+    found = signals.control if signals.driving == "e" else ControlCheck()
+    seen: dict[str, tuple[float, float]] = {}
+    for stretch in found.stretches:
+        begin, times = seen.get(stretch.label, (stretch.begin, 0.0))
+        seen[stretch.label] = begin, max(times, stretch.times)
+    if not seen and found.run >= 0:
+        seen[signals.run_label(found.run)] = found.begin, found.times
     return [
         Test(
             "lost control",
-            which,
-            worst,
+            run,
+            times,
             np.nan,
-            where=where,
-            size=worst,
-            description=f"largest rms error over {LOST_WINDOW:g} s, over the largest of other runs",
-            rule=worst > LOST,
+            where=begin,
+            size=times,
+            description=f"largest error over {WINDOW:g} s, over what is usual in the runs",
+            rule=bool(found.stretches),
         )
+        for run, (begin, times) in seen.items()
     ]

@@ -6,6 +6,7 @@ import itertools
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..exceptions import MissingDataWarning, ShortRunError, python_only
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
+from ..recordings.loss_of_control import ControlCheck, control_check
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_target
@@ -38,7 +40,8 @@ class Signals:
 
     ``predicted`` is the free run where it has settled, and the measurement before. ``scored`` are
     rows that were measured, outside a run-in and settled; ``channels`` the channels
-    of X that have a role; ``decided`` how it was found which runs are repeats.
+    of X that have a role; ``decided`` how it was found which runs are repeats; ``judged`` are rows
+    outside a run-in.
     """
 
     model: Any
@@ -55,6 +58,7 @@ class Signals:
     units: dict[str, str]
     notes: list[str]
     decided: str = ""
+    judged: np.ndarray | None = None
 
     @property
     def residual(self) -> np.ndarray:
@@ -80,6 +84,11 @@ class Signals:
     def external(self) -> list[str]:
         """Signals that come from outside the loop."""
         return [role for role in self.channels if is_external(role)]
+
+    @cached_property
+    def control(self) -> ControlCheck:
+        """Where control was lost, in rows outside a run-in."""
+        return control_check(self.layout, self.channels, self.judged)
 
     @property
     def driving(self) -> str | None:
@@ -178,7 +187,7 @@ def sorted_signals(
     missing = np.isnan(measured)
     channels = _channels(read.columns, read.roles, run)
     notes = []
-    scored = used & ~missing
+    judged, scored = used, used & ~missing
     if missing[used].mean() <= MOST_MASKED:
         # A few missing values do not cut a run: there is no residual in them.
         measured = np.where(missing, predicted, measured)
@@ -250,6 +259,7 @@ def sorted_signals(
         units=read.units,
         notes=notes + groups.notes,
         decided=groups.decided,
+        judged=judged,
     )
 
 

@@ -1,6 +1,7 @@
-"""Checks of recordings for faults, before anything is fitted: ``check_channels``, ``Finding``."""
+"""Checks of recordings before anything is fitted: faults of channels, and lost control."""
 
 from .channels import check_channels
 from .findings import Finding
+from .loss_of_control import lost_control
 
-__all__ = ["Finding", "check_channels"]
+__all__ = ["Finding", "check_channels", "lost_control"]

@@ -25,6 +25,7 @@ from ..pipelines import raw_layout, taken_apart
 from ..runs import output_name
 from ..runs.fingerprint import fingerprint
 from ..search.effect_search import EffectSearchCV
+from ..search.left_out import without_output
 from ..summaries import rendered
 from .content import Results, content_of
 
@@ -229,8 +230,9 @@ def report(
     else:
         baseline = model if _is_fitted(model) else clone(model).fit(X, y)
         final = None
-    comparison, no_comparison = _comparison(baseline, X, y, repeats)
-    after, _ = (None, "") if final is None else _comparison(final, X, y, repeats)
+    kept = y if search is None else without_output(y, search._control)
+    comparison, no_comparison = _comparison(baseline, X, kept, repeats)
+    after, _ = (None, "") if final is None else _comparison(final, X, kept, repeats)
     results = Results(
         baseline=baseline,
         final=final,

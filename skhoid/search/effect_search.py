@@ -26,6 +26,7 @@ from ..greybox.prepared import Prepared
 from ..greybox.protocol import check_simulated_model
 from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
+from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
@@ -33,6 +34,7 @@ from ..summaries import Summary, estimates_table
 from .explanations import VERDICTS, changes_sentences, experiments, in_loop_text, summary_of
 from .forward import Search, forward, output_error_fit
 from .held_out import HeldOutRows
+from .left_out import control_of, without_rows
 from .results import error_path, held_out_table, ranking_table, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
 from .verdict import Verdict, decided
@@ -78,6 +80,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         What was recorded. It decides the words, and which effects are tried: dry friction or a
         sensor that shows the magnitude are for machines. None takes "human" for an
         OperatorRegressor, and for an ARX model that answers the error, the target or x of a loop.
+    lost_control : {"leave_out", "keep"}, default="leave_out"
+        What becomes of stretches in which control was lost, which the rule of
+        :func:`skhoid.lost_control` finds in the error: they count neither in fits nor in
+        what is held out, or as all other rows do. Not asked with ``domain="machine"``.
 
     Attributes
     ----------
@@ -107,7 +113,8 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         refitted), vaf_loop (of the closed loop; NaN where it is not known), vaf_train, ceiling (NaN
         where it is not known), explainable_gap (points that are left).
     predictions_ : DataFrame
-        Held-out free runs: measured, baseline, and one column per effect added.
+        Held-out free runs: measured, baseline, and one column per effect added; NaN in rows that
+        are left out.
     baseline_, best_estimator_ : estimator
         The model without and with the effects, fitted on all rows.
     explainable_gap_ : float
@@ -120,9 +127,13 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         Why the ceiling is not known; empty where it is.
     experiments_ : list of str
         What to record to tell apart effects that these data cannot.
+    left_out_ : DataFrame
+        Stretches in which control was lost, and which are left out: run, from and to (s in the
+        run), times (the error, as a multiple of what is usual), reason.
     notes_ : list of str
         Further sentences of the summary: which other parameters change together with the gains;
-        a delay at its least; both estimates of what likelihood and simulation error part on.
+        a delay at its least; both estimates of what likelihood and simulation error part on; what
+        is left out.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -159,6 +170,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         "max_effects": [Interval(Integral, 0, None, closed="left")],
         "n_jobs": [Integral, None],
         "domain": [StrOptions({"human", "machine"}), None],
+        "lost_control": [StrOptions({*CHOICES})],
     }
 
     def __init__(
@@ -172,6 +184,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         max_effects: int = 4,
         n_jobs: int | None = None,
         domain: str | None = None,
+        lost_control: str = LEAVE_OUT,
     ):
         self.estimator = estimator
         self.effects = effects
@@ -181,6 +194,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.max_effects = max_effects
         self.n_jobs = n_jobs
         self.domain = domain
+        self.lost_control = lost_control
 
     @fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None) -> EffectSearchCV:
@@ -211,6 +225,10 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             if self.controlled_element is not None:
                 model.set_params(controlled_element=self.controlled_element)
             prepared = in_domain(model.prepare(X, y), self.domain, getattr(model, "roles", None))
+            control = control_of(model, X, self.lost_control, self.domain)
+            self._control = control
+            lost = control.rows(prepared.grid.layout.n_rows)
+            prepared = without_rows(prepared, lost, model.settling)
             folds = self._folds(X, y, prepared, groups)
             search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
             path = forward(search, model.first_fit(prepared), int(self.max_effects))
@@ -223,12 +241,14 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             if len(path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=path.model.effects)
             measured = np.asarray(y, dtype=float).ravel()
-            found = numbers_of(search, path, best, prepared, measured)
+            kept = np.where(lost, np.nan, measured)
+            found = numbers_of(search, path, best, prepared, kept)
             self.baseline_, self.best_estimator_ = baseline, best
             self._conclude(decided(found, tries_all=self._tries_all()))
+            self.left_out_ = control.table
             self._tabulate(found, prepared)
         index = X.index if isinstance(X, pd.DataFrame) else None
-        self.predictions_ = held_out_table(found, prepared, measured, index)
+        self.predictions_ = held_out_table(found, prepared, measured, lost, index)
         unit = units_of(y).get(str(getattr(y, "name", None)))
         if unit:
             self.predictions_.attrs["units"] = {"measured": unit}
@@ -254,6 +274,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
         if hasattr(best, "simulation_parameters_"):  # an operator
             self.notes_ += difference_notes(best.parameters_, best.simulation_parameters_)
+        self.notes_ += sentences_of(self.left_out_)
         self.experiments_ = experiments(self.ranking_)
 
     def _candidates(self) -> list[Effect]:
@@ -268,8 +289,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         """Rows to hold out and to fit on, in columns."""
         record, columns, known = prepared.record, prepared.columns, prepared.record.known
         run_of = prepared.run_of_columns
-        if self.cv is None and groups is None and np.unique(run_of).size > 1:
-            tests = [known & (run_of == run) for run in np.unique(run_of)]
+        runs = np.unique(run_of[known.any(axis=0)])
+        if self.cv is None and groups is None and runs.size > 1:
+            tests = [known & (run_of == run) for run in runs]
             return [HeldOutRows(t, known & ~t) for t in tests]
         if self.cv is None and groups is None:
             return _blocks(known, round(GUARD / record.dt))
@@ -277,7 +299,8 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         for fold in folds_of(X, y, prepared.grid.layout, self.cv, groups):
             rows = fold.test if prepared.grid.rows is None else fold.test[prepared.grid.rows]
             test = columns.beside(rows, fill=False) & known
-            folds.append(HeldOutRows(test, known & ~test))
+            if test.any():
+                folds.append(HeldOutRows(test, known & ~test))
         return folds
 
     def summary(self) -> str:

@@ -4,29 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..diagnosis.leaks import LeakTest, leak_test
+from ..diagnosis.leaks import LeakTest, leak_of_channels
 from ..greybox.model import Model
 
 
 def leak_of(model: Model) -> LeakTest | None:
-    """The leak test of a model's free run; None where x is not measured, or nobody steers."""
+    """The leak test of a model's free run; None where x is not known, or nobody steers."""
     record = model.simulator.record
-    names = record.with_role("x")
-    if not names or record.y is None or record.roles.get(record.inputs[0]) != "e":
+    if record.y is None or record.roles.get(record.inputs[0]) != "e":
         return None
-    x = record.channels[names[0]]
-    if x.shape != record.y.shape:
-        return None
-    recorded = record.with_role("dist")[:1]
-    channels = {getattr(effect, "channel", None) for _, effect in model.effects}
+    names: dict[str, str] = {}
+    for name, role in record.roles.items():
+        if role and record.channels[name].shape == record.y.shape:
+            names.setdefault(role, name)
+    channels = {role: record.channels[name] for role, name in names.items()}
+    told = {getattr(effect, "channel", None) for _, effect in model.effects}
     with np.errstate(all="ignore"):
-        return leak_test(
+        return leak_of_channels(
             np.where(record.known, record.y, np.nan),
             model.output,
-            x,
+            channels,
             record.dt,
-            target=x + record.input,
-            disturbance=record.channels[recorded[0]] if recorded else None,
-            told=bool(recorded) and recorded[0] in channels,
+            told=lambda role: names[role] in told,
             least_delay=record.least_delay or record.dt,
         )

@@ -50,14 +50,18 @@ def unexplained_table(left: list[Leftover]) -> pd.DataFrame:
 
 
 def held_out_table(
-    found: SearchNumbers, prepared: Prepared, measured: np.ndarray, index: pd.Index | None
+    found: SearchNumbers,
+    prepared: Prepared,
+    measured: np.ndarray,
+    left_out: np.ndarray,
+    index: pd.Index | None,
 ) -> pd.DataFrame:
     """Measured output, and held-out free runs without and with each effect, at every row."""
     columns = {"measured": measured}
     titles = ["baseline", *(f"+ {name}" for name in found.added)]
     for title, step in zip(titles, found.steps, strict=True):
         rows = prepared.columns.rows(step.prediction)
-        columns[title] = prepared.grid.to_full_rate(rows)
+        columns[title] = np.where(left_out, np.nan, prepared.grid.to_full_rate(rows))
     return pd.DataFrame(columns, index=index)
 
 

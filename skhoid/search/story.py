@@ -16,11 +16,13 @@ from ..effects.input_maps import AsymmetricGain, CubicGain, DeadZone
 from ..effects.offsets import Bias, Drift
 from ..effects.paths import Feedforward, OutputFeedback
 from ..effects.time_variation import GainDrift, TimeVaryingGain
+from ..recordings.loss_of_control import sentences_of
 from ..regression import units_of
 from ..runs import output_name, read_layout
 from ..summaries import Estimate, counted
 from .effect_search import EffectSearchCV
 from .explanations import HOW_TO_GO_ON, in_loop_text, stand_ins_sentence, unexplained_by
+from .left_out import control_of, without_output
 
 # Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
 HIDDEN: dict[str, Effect] = {
@@ -97,11 +99,14 @@ class Story:
         ------
         line : str
         """
-        self.baseline_ = clone(self.search.estimator).fit(self.X, self.y)
+        estimator = self.search.estimator
+        self._lost = control_of(estimator, self.X, self.search.lost_control, self.search.domain)
+        self._kept = without_output(self.y, self._lost)
+        self.baseline_ = clone(estimator).fit(self.X, self._kept)
         yield from self._measured()
         yield from self._of_baseline()
         try:
-            self.comparison_: Comparison | None = compare(self.baseline_, self.X, self.y)
+            self.comparison_: Comparison | None = compare(self.baseline_, self.X, self._kept)
         except ValueError as error:
             self.comparison_ = None
             yield f"Comparison: not possible ({error})"
@@ -125,6 +130,8 @@ class Story:
         if others:
             text += f"; channels that effects may use: {', '.join(map(self._named, others))}"
         yield text
+        for sentence in sentences_of(self._lost.table):
+            yield f"  {sentence}"
 
     @property
     def _output(self) -> str:
@@ -264,6 +271,7 @@ class Story:
             "unexplained": _records(search.unexplained_),
             "ceiling_note": search.ceiling_note_,
             "experiments": search.experiments_,
+            "left_out": _records(search.left_out_),
             "notes": search.notes_,
         }
 

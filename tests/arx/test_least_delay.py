@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from support.hidden_disturbance import tracked
 
-from skhoid.arx.identification import ModelChoice, identify
 from skhoid.arx.least_delay import least_delay_of
+from skhoid.diagnosis.identification import ModelChoice, identify
 
 DT = 1 / 60
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from support.person_in_loop import pursued
 
 from skhoid import ARXRegressor, RecursiveARX, load_human_tracking, make_tracking_runs, vaf_score
 from skhoid.cli import main
@@ -209,3 +210,77 @@ def test_every_table_is_written(run_json):
     assert vaf_score(
         held_out["measured"], held_out["with_delay_and_orders"], centered=True
     ) == pytest.approx(found["models"][-1]["vaf_validation"])
+
+
+# Lost control, leaks
+
+
+@pytest.fixture
+def lost_file(tmp_path):
+    X, y = make_tracking_runs(
+        n_runs=3,
+        channels=["e", "x", "f_t"],
+        duration=30.0,
+        sampling_rate=40,
+        remnant_intensity=0.05,
+        random_state=3,
+    )
+    run, time = (X.index.get_level_values(level) for level in ("run", "time"))
+    rows = (run == 1) & (time >= 10) & (time < 22)
+    X, y = X.copy(), y.copy()
+    X.loc[rows, "e"] = 15 * np.cos(1.5 * (time[rows] - 10))
+    y[rows] = 0.35 * np.sign(X.loc[rows, "e"])
+    X["x"] = X["f_t"] - X["e"]
+    path = tmp_path / "lost.csv"
+    X.assign(u=y).reset_index().to_csv(path, index=False)
+    return [str(path), "--time", "time", "--run", "run"]
+
+
+def test_lost_control_is_left_out_unless_it_is_to_be_kept(capsys, run_json, lost_file, tmp_path):
+    words = ["--nk", "11", "--na", "2", "--no-pictures"]
+    found = identify(run_json, *lost_file, *words)
+    assert [row["run"] for row in found["left_out"]] == ["1"]
+    kept = identify(run_json, *lost_file, *words, "--lost-control", "keep")
+    assert kept["left_out"] == []
+    assert found["models"][0]["vaf_validation"] > kept["models"][0]["vaf_validation"]
+    assert main(["identify", *lost_file, *words, "--tables", str(tmp_path / "tables")]) == 0
+    printed = capsys.readouterr().out
+    assert "run 1 from 9" in printed
+    assert "On the command line: --lost-control." in printed
+    table = pd.read_csv(tmp_path / "tables" / "left_out.tsv", sep="\t")
+    assert table.columns.tolist() == ["run", "from", "to", "times", "reason"]
+
+
+def test_a_model_that_rebuilds_the_output_is_refused(capsys, run_json, tmp_path):
+    X, y, _ = pursued("1/(s(s+1))", 3, feedforward=0.6, early=0.1, n_runs=3)
+    path = tmp_path / "pursuit.csv"
+    X.rename(columns={"x": "cursor", "f_t": "wanted"}).assign(u=y).reset_index().to_csv(
+        path, index=False
+    )
+    words = [str(path), "--time", "time", "--run", "run", "--input", "e", "wanted", "--nk", "6"]
+    words += ["--na", "2", "--nb", "3", "--target", "wanted", "--no-pictures"]
+    (model,) = identify(run_json, *words)["models"]
+    assert model["leaks"] is True
+    assert model["verdict"] == "rebuilds the output from the controlled element's response"
+    assert main(["identify", *words]) == 0
+    printed = capsys.readouterr().out
+    assert "The model 'as given' is no answer" in printed
+    assert "within 0.1 s" in printed
+    assert "Give a least delay that is longer than 0.1 s, or other inputs" in printed
+
+
+def test_channels_of_the_leak_test_are_no_inputs(run_json, lost_file):
+    words = ["--nk", "11", "--na", "2", "--no-pictures", "--x", "x", "--target", "f_t"]
+    found = identify(run_json, *lost_file, *words)
+    assert found["inputs"] == ["e"]
+    assert found["models"][0]["leak_reason"].startswith("Leaks cannot be tested")
+    alone = identify(run_json, *lost_file, *words[:-4])
+    assert alone["models"][0]["leak_reason"] is None
+    (model,) = identify(run_json, *lost_file, *words, "--method", "iv")["models"]
+    assert model["nk"] == [11]
+
+
+def test_a_channel_has_one_role(capsys, lost_file):
+    words = ["identify", *lost_file, "--role", "x=f_t", "--x", "x"]
+    assert main(words) == 2
+    assert "--role says that 'x' is 'f_t', and not 'x'" in capsys.readouterr().err

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from support.comparison import DT, names, runs
 from support.hidden_effects import Effects, LinearTruth, Oracle
+from support.person_in_loop import pursued
 
 from skhoid import (
     ARXRegressor,
@@ -104,12 +105,36 @@ def test_outlying_run_is_found():
 def test_lost_control_is_found(simulated):
     X, y, truth = simulated
     X = X.copy()
-    X.iloc[3000:3150, 0] *= 8  # of run 2, from 38.08 s on
+    X.iloc[3000:3150, 0] *= 15  # of run 2, from 38.08 s on
     X["x"] = X["f_t"] - X["e"]
     comparison = compare(Oracle(truth.u_without_remnant), X, y)
     assert "In run 2" in first_three(comparison)["lost control"].title
     where = comparison.tests.set_index("test").loc["lost control", "where"]
     assert abs(where - 38.08) < 4.0
+
+
+def test_runs_in_which_control_was_lost_do_not_hide_each_other():
+    X, y, truth = runs(5)
+    X = X.copy()
+    for run in (1, 3):
+        X.iloc[2048 * run + 900 : 2048 * run + 1200, 0] *= 20
+    X["x"] = X["f_t"] - X["e"]
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    lost = comparison.tests[comparison.tests["test"] == "lost control"]
+    assert lost["signal"].tolist() == ["2", "4"]
+    assert lost["exceeds"].all()
+
+
+@pytest.mark.parametrize("seed", [21, 26])
+def test_what_answers_the_target_alone_cannot_rebuild_the_output(seed):
+    X, y, _ = pursued("1/(s(s+1))", seed, remnant=0.1, n_runs=4)
+    model = ARXRegressor(na=2, nb=3, nk=0, inputs=["f_t"]).fit(X, y)
+    comparison = compare(model, X, y)
+    assert comparison.leak is None
+    assert "leak" not in [finding.name for finding in comparison.findings]
+    named = X.rename(columns={"f_t": "wanted"})
+    model = ARXRegressor(na=2, nb=3, nk=0, inputs=["wanted"], roles={"wanted": "f_t"})
+    assert compare(model.fit(named, y), named, y).leak is None
 
 
 def test_single_event_is_found(simulated):

@@ -454,3 +454,19 @@ def test_what_the_user_says_of_the_making_stays(
     assert list(told)[:2] == ["Date", "Seed"]
     assert told["Date"] == "yesterday"
     assert told["Libraries"].startswith(f"skhoid {__version__}, numpy 1.0")
+
+
+@pytest.mark.slow
+def test_lost_control_is_left_out_and_said():
+    X, y = make_tracking_runs(
+        n_runs=3, duration=30.0, remnant_intensity=0.05, sampling_rate=40, random_state=4
+    )
+    time = X.index.get_level_values("time")
+    lost = (X.index.get_level_values("run") == 2) & (time >= 12) & (time < 22)
+    X, y = X.copy(), y.copy()
+    X.loc[lost, "e"] = 15.0 * np.cos(1.5 * time[lost])
+    y[lost] = 0.35 * np.sign(X.loc[lost, "e"])
+    page = report(OperatorRegressor(0.28), X, y, effects="bias")
+    assert page.comparison.vaf > 90
+    assert "lost control" in [finding.name for finding in page.comparison.findings]
+    assert "is left out of fit and judgement, because control was lost" in page.html

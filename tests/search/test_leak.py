@@ -40,6 +40,10 @@ def test_output_rebuilt_from_x_leaks(record, hidden):
     assert "unseen disturbance" in found.reason
 
 
+def test_x_that_follows_from_target_and_error_leaks_too(record):
+    assert leak_of(model_of(without(record, "x", "dist"), rebuilt(record))).leaks
+
+
 def test_the_output_itself_less_noise_does_not(record):
     found = leak_of(model_of(record, 0.9 * record.y))
     assert not found.leaks
@@ -51,7 +55,7 @@ def test_a_model_that_is_told_the_disturbance_may_hold_it(record):
 
 
 def test_there_is_none_without_x_or_where_nobody_steers(record):
-    assert leak_of(model_of(without(record, "x"), record.y)) is None
+    assert leak_of(model_of(without(record, "x", "f_t"), record.y)) is None
     assert leak_of(model_of(replace(record, y=None), record.y)) is None
     other = replace(record, inputs=("f_t",), _derived={})
     assert leak_of(model_of(other, record.y)) is None

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM, Candidate
+from skhoid.search.candidates import Candidate
+from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM
 from skhoid.search.in_loop import InLoop
 from skhoid.search.results import reason_against
 
@@ -32,13 +33,19 @@ def reason(winner="bias", taken_out=False, name="preview", **options):
         ({"trace": "levels", "gain": -0.3}, "-0.3 points on held-out rows, asked: 0.2"),
         (
             {"in_loop": InLoop(80.0, 5.0, -0.4)},
-            "in the closed loop it is no better (-0.40 points, evidence 5): it follows the remnant "
-            "that comes back in the error",
+            "in the closed loop it is no better (-0.40 points, evidence 5): it may follow the "
+            "remnant that comes back in the error",
         ),
         (
-            {"in_loop": InLoop(80.0, 5.0, 1.1)},
-            "in the closed loop it may gain by chance (+1.10 points, evidence 5, asked: more than "
-            "20): from the measured error it may follow the remnant",
+            {"joint": 8.0, "in_loop": InLoop(80.0, 5.0, 1.1)},
+            "with a noise model that is estimated along its evidence is 8; in the closed loop it is "
+            "hardly better (+1.10 points, evidence 5): it may follow the remnant that comes back in "
+            "the error",
+        ),
+        (
+            {"joint": -8.0, "in_loop": InLoop()},
+            "with a noise model that is estimated along its evidence is -8: it may follow the "
+            "remnant that comes back in the error",
         ),
         ({}, "the free run is better with it too; bias was added"),
         ({"winner": ""}, "it pays; no more were to be added"),

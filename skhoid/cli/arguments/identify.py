@@ -6,7 +6,13 @@ from typing import Any
 
 from ..commands import add_command
 from ..options import at_least_one, not_negative, positive
-from .shared import add_file_options, add_output_options, add_plot_options, add_run_in
+from .shared import (
+    add_file_options,
+    add_lost_control,
+    add_output_options,
+    add_plot_options,
+    add_run_in,
+)
 
 EXAMPLES = """\
 examples:
@@ -35,7 +41,10 @@ def add_identify(commands: Any) -> None:
     add = command.add_argument
     add_file_options(add)
     add("--input", nargs="+", metavar="NAME", help="input channels (default: e)")
+    add("--x", metavar="NAME", help="channel with the controlled element's output: the leak test")
+    add("--target", metavar="NAME", help="channel with the target f_t, for the same")
     add_run_in(add)
+    add_lost_control(add)
     add(
         "--decimate",
         type=at_least_one,

@@ -104,10 +104,22 @@ def add_recording_options(add: Callable[..., Any]) -> None:
     )
 
 
+def add_lost_control(add: Callable[..., Any]) -> None:
+    """The option on stretches in which control was lost."""
+    add(
+        "--lost-control",
+        choices=["leave_out", "keep"],
+        default="leave_out",
+        help="what becomes of stretches in which control was lost: left out of fit and judgement, "
+        "or kept (default: leave_out)",
+    )
+
+
 def add_search_options(add: Callable[..., Any], more: str = "") -> None:
     """Options of the search."""
     add("--effects", nargs="+", metavar="ID", help=f"effects to search for (default: all{more})")
     add("--max-effects", type=int, metavar="N", help=f"to add at most (default: {MAX_EFFECTS})")
+    add_lost_control(add)
 
 
 def add_plot_options(add: Callable[..., Any], folder: str) -> None:

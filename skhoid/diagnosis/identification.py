@@ -1,9 +1,16 @@
-"""The thesis's identification procedure, step by step, on recorded runs (its Section III-D)."""
+"""The thesis's identification procedure, step by step, on recorded runs (its Section III-D).
+
+Rows in which control was lost are left out first, and models that rebuild the output from what it
+caused are refused in the end.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,17 +18,32 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline, make_pipeline
 
-from ..metrics import VAF_FLOOR, VAFScorer, vaf_of_rows
+from ..arx.batch import ARXRegressor
+from ..arx.least_delay import LeastDelay, least_delay_of
+from ..arx.recursive import RecursiveARX
+from ..arx.searches import DelaySearchCV, OrderSearchCV
+from ..exceptions import MissingDataWarning
+from ..metrics import VAF_FLOOR, VAFScorer, scored_rows, vaf_of_rows
 from ..pipelines import trimmed_rows
 from ..preprocessing import Decimator, RunInTrimmer
+from ..recordings.loss_of_control import (
+    CHOICES,
+    KEEP,
+    LEAVE_OUT,
+    ControlCheck,
+    control_check,
+    sentences_of,
+)
 from ..runs import RunLayout, read_layout, run_name, whole_samples
+from ..runs.roles import columns_by_role
 from ..runs.selection import run_labels
-from .batch import ARXRegressor
-from .least_delay import LeastDelay, least_delay_of
-from .recursive import RecursiveARX
-from .searches import DelaySearchCV, OrderSearchCV
+from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_of_channels
 
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
+SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
+OPPOSED = -0.15  # correlation, below which a residual opposes what the prediction holds
+UNTOLD = "cannot be told from the controlled element's inverse"
+REBUILDS = "rebuilds the output from the controlled element's response"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +58,9 @@ class ModelChoice:
     Where e or x are inputs, no delay below ``least_delay`` seconds is tried: None takes 0.1 s of a
     person, and one sample of a machine. ``domain`` is "human" or "machine"; None says human where
     the data have the role e and x or f_t; ``roles`` says the roles of columns.
+
+    Rows in which control was lost count nowhere, unless ``lost_control`` is "keep", or ``domain``
+    "machine".
     """
 
     inputs: list[str] | None = None
@@ -48,16 +73,24 @@ class ModelChoice:
     least_delay: float | None = None
     domain: str | None = None
     roles: Mapping[Any, Any] | None = None
+    lost_control: str = LEAVE_OUT
 
 
 @dataclass(frozen=True)
 class FittedModel:
-    """A model and its free-run VAF on the rows it was fitted on and on held-out ones."""
+    """A model, its free-run VAF on the rows it was fitted on and on held-out ones, its leak test.
+
+    ``leak`` is None where less than two of e, x and f_t are known. ``spare`` are the samples by
+    which a person's answer to x is later than the least delay; where its inputs do not tell x, they
+    are infinite.
+    """
 
     name: str
     pipeline: Pipeline
     vaf_estimation: float
     vaf_validation: float
+    leak: LeakTest | None = None
+    spare: float = np.inf
 
     @property
     def model(self) -> Any:
@@ -68,15 +101,34 @@ class FittedModel:
         return self.vaf_estimation / self.vaf_validation
 
     @property
+    def leaks(self) -> bool:
+        """Whether the model is refused: it answers what nobody could see."""
+        return self.leak is not None and self.leak.leaks is True
+
+    @property
+    def untold(self) -> bool:
+        """Whether it could as well rebuild the output from x.
+
+        It answers sooner than anybody does, or as soon and cannot be tested.
+        """
+        tested = self.leak is not None and self.leak.leaks is not None
+        return self.spare < 0 or (self.spare <= 1 and not tested)
+
+    @property
     def verdict(self) -> str:
         if self.vaf_validation <= VAF_FLOOR:
             return "unstable"
+        if self.leaks:
+            return REBUILDS
+        if self.untold:
+            return UNTOLD
         if self.vaf_validation <= 0:
             return "fails on validation data"
         return "overfit" if self.ratio > OVERFIT_RATIO else "no overfit"
 
     def as_dict(self) -> dict[str, Any]:
-        model = self.model
+        model, leak = self.model, self.leak
+        tested = leak is not None and leak.leaks is not None
         return {
             "name": self.name,
             "na": model.orders_.na,
@@ -87,6 +139,9 @@ class FittedModel:
             "vaf_validation": self.vaf_validation,
             "ratio": self.ratio,
             "verdict": self.verdict,
+            "leaks": leak.leaks if leak is not None else None,
+            "leak_slope": leak.slope if leak is not None and tested else None,
+            "leak_reason": leak.reason if leak is not None else None,
             "parameters": [
                 {"name": name, "value": value, "standard_error": error}
                 for name, value, error in zip(
@@ -115,6 +170,7 @@ class Identification:
     models: list[FittedModel]
     adapting: FittedModel | None
     least_delay: LeastDelay
+    left_out: pd.DataFrame
     notes: list[str]
 
     @property
@@ -138,7 +194,7 @@ class Identification:
 
     @property
     def best(self) -> FittedModel:
-        """The model with the searched, or given, delay and orders."""
+        """The model with the searched, or given, delay and orders; no answer where it ``leaks``."""
         return self.models[-1]
 
     @property
@@ -159,6 +215,8 @@ class Identification:
                 {"measured": self.y, **free_runs, "held_out": self.held_out}, index=self.X.index
             ),
         }
+        if len(self.left_out):
+            tables["left_out"] = self.left_out
         if self.delay_searches:
             columns = [
                 pd.DataFrame(s.cv_results_)
@@ -196,9 +254,11 @@ def identify(
 
     The last run is held out, or ``validation_runs``, or the second half of a single run; nothing
     is chosen or fitted on it. With ``centered`` the models have an intercept and VAF is taken
-    about the mean of each run.
+    about the mean of each run. Where two of e, x and f_t are known, models are tested for leaks:
+    one that rebuilds the output from x is refused, and the notes say what was seen.
     """
     layout = read_layout(X)
+    seen = _Measured.of(X, y, layout, choice, run_in)
     held_out, names = _held_out_rows(layout, validation_runs)
     fixed_orders = choice.na is not None or choice.nb is not None
     orders: dict[str, Any] = {
@@ -210,7 +270,7 @@ def identify(
     steps = [RunInTrimmer(run_in), Decimator(factor)]
     pipeline = make_pipeline(*steps, model)
     scorer = VAFScorer(run_in=run_in, centered=centered)
-    X_e, y_e = X[~held_out], y[~held_out]
+    X_e, y_e = X[~held_out], seen.output[~held_out]
 
     least = least_delay_of(
         list(X.columns) if choice.inputs is None else choice.inputs,
@@ -252,16 +312,16 @@ def identify(
         candidates["with delay and orders"] = orders
 
     def fitted(name: str, model: Any) -> FittedModel:
-        pipeline = make_pipeline(*map(clone, steps), model).fit(X_e, y_e)
+        with seen.left_out_quietly():
+            pipeline = make_pipeline(*map(clone, steps), model).fit(X_e, y_e)
         prediction = pipeline.predict(X)
-        keep = ~trimmed_rows(pipeline, X)
-        vafs = [
-            vaf_of_rows(
-                y.to_numpy(dtype=float), prediction, keep & rows, layout, "pooled", centered
-            )
+        u, keep = seen.output.to_numpy(dtype=float), ~trimmed_rows(pipeline, X)
+        of_fit, of_others = (
+            vaf_of_rows(u, prediction, keep & rows, layout, "pooled", centered)
             for rows in (~held_out, held_out)
-        ]
-        return FittedModel(name, pipeline, *vafs)
+        )
+        leak = seen.leak(pipeline[-1], prediction, keep, least)
+        return FittedModel(name, pipeline, of_fit, of_others, leak, _spare(pipeline[-1], least))
 
     model.set_params(method=choice.method, instruments=choice.instruments)
     models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]
@@ -272,6 +332,10 @@ def identify(
         )
         adapting = fitted("following changes", follows)
     notes = least.notes(orders["nk"], given=choice.nk is not None)
+    notes += [f"Note: {sentence}." for sentence in sentences_of(seen.left_out)]
+    notes += [
+        note for m in (models[-1], adapting) if m is not None for note in _leak_notes(m, least)
+    ]
     return Identification(
         X,
         y,
@@ -284,8 +348,106 @@ def identify(
         models,
         adapting,
         least,
+        seen.left_out,
         notes,
     )
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Channels by role, and the output, which is missing where control was lost.
+
+    ``columns`` are the names of the channels' columns, and ``complete`` says that nothing else is
+    missing.
+    """
+
+    layout: RunLayout
+    columns: dict[str, str]
+    channels: dict[str, np.ndarray]
+    output: pd.Series
+    left_out: pd.DataFrame
+    complete: bool
+
+    @classmethod
+    def of(
+        cls,
+        X: pd.DataFrame,
+        y: pd.Series,
+        layout: RunLayout,
+        choice: ModelChoice,
+        run_in: float | None,
+    ) -> _Measured:
+        if choice.lost_control not in CHOICES:
+            raise ValueError(f"lost_control is 'leave_out' or 'keep'; got {choice.lost_control!r}.")
+        of_role = columns_by_role(list(X.columns), choice.roles)
+        channels = {role: X.iloc[:, i].to_numpy(dtype=float) for role, i in of_role.items()}
+        control = ControlCheck()
+        if choice.lost_control != KEEP and choice.domain != "machine":
+            control = control_check(layout, channels, scored_rows(layout, run_in, None))
+        return cls(
+            layout=layout,
+            columns={role: str(X.columns[i]) for role, i in of_role.items()},
+            channels=channels,
+            output=y.mask(control.rows(layout.n_rows)),
+            left_out=control.table,
+            complete=not (X.isna().any(axis=None) or y.isna().any()),
+        )
+
+    @contextmanager
+    def left_out_quietly(self) -> Iterator[None]:
+        """Warn of no missing output where all that is missing was left out."""
+        with warnings.catch_warnings():
+            if self.complete:
+                warnings.simplefilter("ignore", MissingDataWarning)
+            yield
+
+    def leak(
+        self, model: Any, prediction: np.ndarray, keep: np.ndarray, least: LeastDelay
+    ) -> LeakTest | None:
+        """The leak test of a free run, in the rows to keep; None where it cannot know x."""
+        if not least.loop:  # what comes from outside the loop alone tells nothing of x
+            return None
+        found = leak_of_channels(
+            np.where(keep, self.output.to_numpy(dtype=float), np.nan),
+            prediction,
+            self.channels,
+            self.layout.dt,
+            [slice(*rows) for rows in pairwise(self.layout.stretches)],
+            told=lambda role: self.columns[role] in model.inputs_,
+            least_delay=LEAST_DELAY if least.domain == "human" else model.dt_,
+        )
+        if found is None:
+            return None
+        return found.judged(SLOPE_OF_X if least.closed else SLOPE, OPPOSED)
+
+
+def _leak_notes(model: FittedModel, least: LeastDelay) -> list[str]:
+    """Why a model is refused, and what to do."""
+    if not (model.leaks or model.untold):
+        return []
+    seen = "Leaks can be tested where two of e, x and f_t are known."
+    if model.leak is not None:
+        seen = model.leak.reason
+    delay = max(_loop_delay(model.model, least) * model.model.dt_, least.seconds)
+    verdict = f"it {REBUILDS}" if model.leaks else f"it {UNTOLD}"
+    return [
+        f"The model {model.name!r} is no answer: {verdict}. {seen} Give a least delay that is "
+        f"longer than {delay:.3g} s, or other inputs: e alone, or f_t without e and x."
+    ]
+
+
+def _loop_delay(model: Any, least: LeastDelay) -> int:
+    """Shortest delay, in samples, of the inputs that the output moves."""
+    names = [str(name) for name in least.loop]
+    of_inputs = zip(model.inputs_, model.orders_.nk, strict=True)
+    return min(nk for name, nk in of_inputs if name in names)
+
+
+def _spare(model: Any, least: LeastDelay) -> float:
+    """By how many samples a person answers later than at the least, where the inputs tell x."""
+    if not least.closed or least.domain != "human":
+        return np.inf
+    return float(_loop_delay(model, least) - least.samples)
 
 
 def _doubted(dt: float, longest_delay: float) -> str:

@@ -1,0 +1,185 @@
+"""``identify`` leaves lost control out, and refuses models that rebuild the output from x."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+from support.hidden_disturbance import tracked
+from support.person_in_loop import pursued
+
+from skhoid import load_human_tracking, make_tracking_runs
+from skhoid.diagnosis.identification import REBUILDS, UNTOLD, ModelChoice, identify
+from skhoid.exceptions import MissingDataWarning
+
+
+def table(record, *channels):
+    n, m = record.y.shape
+    index = pd.MultiIndex.from_arrays(
+        [np.repeat(np.arange(m), n), np.tile(np.round(np.arange(n) * record.dt, 9), m)],
+        names=["run", "time"],
+    )
+    X = pd.DataFrame({k: record.channels[k].T.ravel() for k in channels}, index=index)
+    return X, pd.Series(record.y.T.ravel(), index=index, name="u")
+
+
+def hidden(seed, *channels, disturbance=1.0, remnant=0.6):
+    """Much remnant, and a disturbance that is recorded nowhere."""
+    options = {"direct": bool(seed % 2), "remnant": remnant, "disturbance": disturbance}
+    return table(tracked("1/(s(s+1))", seed=seed, runs=3, **options), *channels)
+
+
+@pytest.fixture(scope="module")
+def loop():
+    return hidden(1, "e", "x")
+
+
+# Leaks
+
+
+@pytest.mark.parametrize("nk", [6, 7])
+@pytest.mark.parametrize("channels", [("e", "x"), ("e", "f_t"), ("x", "f_t")])
+def test_near_a_second_difference_is_refused(channels, nk):
+    X, y = hidden(1, *channels)
+    found = identify(X, y, ModelChoice(inputs=list(channels), na=2, nb=3, nk=nk))
+    b = found.best.model.coef_[2:8].reshape(2, 3)
+    largest = b[np.argmax(np.abs(b[:, 1]))]
+    assert_allclose(largest / largest[0], [1, -2, 1], atol=0.2)
+    assert found.best.vaf_validation > 85
+    assert found.best.leaks
+    assert found.best.verdict == REBUILDS
+    assert "is no answer" in found.notes[-1]
+    assert "% of the unseen disturbance is in the prediction" in found.notes[-1]
+    assert "longer than 0.1" in found.notes[-1]
+    assert found.best.as_dict()["leaks"] is True
+
+
+@pytest.mark.parametrize("nk", [6, 7])
+@pytest.mark.parametrize("channels", [["e", "x"], ["e", "f_t"]])
+def test_in_pursuit_with_preview_it_is_refused_too(channels, nk):
+    X, y, _ = pursued("1/(s(s+1))", 3, feedforward=0.6, early=0.1, n_runs=3)
+    choice = ModelChoice(inputs=channels, na=2, nb=3, nk=nk)
+    assert identify(X, y, choice).best.verdict == REBUILDS
+
+
+def test_an_answer_sooner_than_anybody_gives_is_none(loop):
+    X, y = loop
+    found = identify(X, y, ModelChoice(inputs=["e", "x"], na=2, nb=3, nk=0))
+    assert not found.best.leaks
+    assert found.best.verdict == UNTOLD
+    assert "longer than 0.1 s" in found.notes[-1]
+    machine = ModelChoice(inputs=["x"], na=2, nb=3, nk=0, domain="machine")
+    assert identify(X[["x"]], y, machine).best.verdict != UNTOLD
+
+
+def test_x_alone_cannot_be_tested_and_is_no_answer(loop):
+    X, y = loop
+    found = identify(X[["x"]], y, ModelChoice(inputs=["x"], na=2, nb=3, nk=1, domain="human"))
+    assert found.best.verdict in (UNTOLD, "unstable")
+    assert "where two of e, x and f_t are known" in found.notes[-1]
+
+
+def test_the_answer_to_the_error_alone_is_not(loop):
+    X, y = loop
+    for channels in (X, X[["e"]]):
+        found = identify(channels, y, ModelChoice(inputs=["e"], na=2, nb=3, nk=7))
+        assert found.best.verdict == "no overfit"
+        assert (found.best.leak is None) == (channels is not X)
+
+
+def test_where_nothing_can_be_tested_the_least_delay_is_no_answer():
+    X, y = hidden(1, "e", "x", disturbance=0.6, remnant=0.2)
+    soon, late = (
+        identify(X, y, ModelChoice(inputs=["e", "x"], na=2, nb=3, nk=nk)) for nk in (6, 12)
+    )
+    assert soon.best.leak.leaks is None
+    assert soon.best.verdict == UNTOLD
+    assert "Leaks cannot be tested" in soon.notes[-1]
+    assert late.best.verdict == "no overfit"
+    assert late.best.as_dict()["leak_slope"] is None
+
+
+@pytest.mark.parametrize("inputs", [["e"], ["e", "f_t"]])
+def test_honest_loops_are_not_struck(inputs):
+    for seed in range(3):
+        X, y = make_tracking_runs(
+            n_runs=3,
+            channels=["e", "x", "f_t"],
+            duration=30.0,
+            sampling_rate=50,
+            remnant_intensity=0.1,
+            random_state=seed,
+        )
+        found = identify(X, y, ModelChoice(inputs=inputs, na=2, nb=2, nk=14))
+        assert not found.best.leaks
+        assert found.best.verdict in ("no overfit", "overfit")
+        assert found.notes == []
+
+
+def test_what_comes_from_outside_the_loop_is_not_tested():
+    X, y = load_human_tracking("difficulty 80")
+    X = X.assign(x=y)  # a mouse: the cursor is the hand
+    found = identify(X, y, ModelChoice(inputs=["f_t"], na=2, nb=2, nk=7))
+    assert found.best.leak is None
+    assert found.best.verdict == "no overfit"
+
+
+# Lost control
+
+
+@pytest.fixture(scope="module")
+def lost():
+    X, y = make_tracking_runs(
+        n_runs=4, duration=30.0, sampling_rate=40, remnant_intensity=0.05, random_state=3
+    )
+    run, time = (X.index.get_level_values(level) for level in ("run", "time"))
+    rows = (run == 1) & (time >= 10) & (time < 22)
+    X, y = X.copy(), y.copy()
+    X.loc[rows, "e"] = 15 * np.cos(1.5 * (time[rows] - 10))
+    y[rows] = 0.35 * np.sign(X.loc[rows, "e"])
+    return X, y, rows
+
+
+def test_rows_of_lost_control_count_nowhere(lost):
+    X, y, rows = lost
+    choice = ModelChoice(inputs=["e"], na=2, nb=2, nk=11)
+    found = identify(X, y, choice)
+    assert found.left_out["run"].tolist() == ["1"]
+    run, time = (X.index.get_level_values(level) for level in ("run", "time"))
+    begin, end = found.left_out[["from", "to"]].to_numpy()[0]
+    out = (run == 1) & (time >= begin) & (time <= end)
+    assert out[rows].mean() > 0.95
+    with pytest.warns(MissingDataWarning):
+        missing = identify(X, y.mask(out), replace(choice, lost_control="keep"))
+    keep = replace(choice, lost_control="keep")
+    kept = identify(X, y, keep)
+    assert kept.left_out.empty
+    assert found.best.vaf_validation > 85 > kept.best.vaf_validation
+    assert_allclose(found.best.model.coef_, missing.best.model.coef_, rtol=1e-9)
+    assert found.tables["predictions"]["measured"].equals(y.rename("measured"))
+    assert found.tables["left_out"].equals(found.left_out)
+    assert "left_out" not in kept.tables
+    (note,) = found.notes
+    assert "run 1 from 9" in note
+    assert 'lost_control="keep" keeps them' in note
+
+
+def test_what_was_missing_before_is_still_warned_of(lost):
+    X, y, _ = lost
+    y = y.copy()
+    y.iloc[2000:2005] = np.nan
+    with pytest.warns(MissingDataWarning, match="rows of 'u' are NaN"):
+        identify(X, y, ModelChoice(inputs=["e"], na=2, nb=2, nk=11))
+
+
+def test_lost_control_is_one_of_two_words(lost):
+    X, y, _ = lost
+    with pytest.raises(ValueError, match="lost_control is 'leave_out' or 'keep'; got 'drop'"):
+        identify(X, y, ModelChoice(inputs=["e"], lost_control="drop"))
+
+
+def test_a_run_in_is_not_judged(lost):
+    X, y, _ = lost
+    found = identify(X, y, ModelChoice(inputs=["e"], na=2, nb=2, nk=11), run_in=23.0)
+    assert found.left_out.empty

@@ -1,0 +1,152 @@
+"""Stretches of lost control count neither in fits nor in held-out figures of a search."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    EffectSearchCV,
+    OperatorRegressor,
+    make_tracking_runs,
+)
+from skhoid.exceptions import ShortRunError
+from skhoid.search.story import Story
+
+EFFECTS = ["bias", "dead_zone", "saturation", "gain_drift"]
+BEGIN, END = 12.0, 22.0
+
+
+@pytest.fixture(scope="module")
+def honest():
+    return make_tracking_runs(
+        "C1",
+        n_runs=3,
+        duration=30.0,
+        sampling_rate=40,
+        channels=["e", "x", "f_t"],
+        remnant_intensity=0.05,
+        random_state=4,
+    )
+
+
+def losing(runs, begin=BEGIN, end=END, run=2):
+    """The cursor runs away, and the person pushes the stick to its stop."""
+    X, y = (data.copy() for data in runs)
+    time = X.index.get_level_values("time")
+    lost = (X.index.get_level_values("run") == run) & (time >= begin) & (time < end)
+    grows = 15.0 * np.minimum((time[lost] - begin + 0.1) / 2, 1)
+    X.loc[lost, "e"] = grows * np.cos(1.5 * (time[lost] - begin))
+    X["x"] = X["f_t"] - X["e"]
+    y[lost] = 0.35 * np.sign(np.cos(1.5 * (time[lost] - begin)))
+    return X, y, lost
+
+
+@pytest.fixture(scope="module")
+def lost(honest):
+    return losing(honest)
+
+
+def search(**options):
+    options = {"effects": EFFECTS, "max_effects": 2} | options
+    return EffectSearchCV(OperatorRegressor(0.28), **options)
+
+
+@pytest.fixture(scope="module")
+def found(lost):
+    X, y, _ = lost
+    return search().fit(X, y)
+
+
+def test_nothing_is_named_for_a_run_in_which_control_was_lost(honest, lost, found):
+    X, y, _ = lost
+    assert search(lost_control="keep").fit(X, y).best_effects_ != []
+    assert found.best_effects_ == []
+    expected = OperatorRegressor(0.28).fit(*honest).parameters_
+    names = ["K_e", "T_L", "omega_nm"]
+    apart = found.baseline_.parameters_["value"] - expected["value"]
+    assert np.all(np.abs(apart[names]) < 4 * expected.loc[names, "sd"])
+
+
+def test_what_is_left_out_is_said_with_how_to_keep_it(found):
+    assert found.left_out_["run"].tolist() == ["2"]
+    assert_allclose(found.left_out_[["from", "to"]], [[BEGIN, END]], atol=3.5)
+    for told in (found.notes_[-1], found.summary()):
+        assert "run 2 from 11" in told
+        assert "control was lost" in told
+        assert 'lost_control="keep" keeps them' in told
+
+
+def test_held_out_figures_leave_the_rows_out(lost, found):
+    _, y, rows = lost
+    table = found.predictions_
+    missing = table["baseline"].isna().to_numpy()
+    assert missing[rows].all()
+    assert missing.sum() < 1.5 * rows.sum()
+    assert table["measured"].equals(y.rename("measured"))
+    counted = ~missing & (table.index.get_level_values("time") >= 8)
+    error = (table["measured"] - table["baseline"])[counted]
+    assert_allclose(found.error_path_["rmse"][0], np.sqrt(np.mean(error**2)), rtol=0.1)
+
+
+def test_rows_may_be_kept(lost):
+    X, y, _ = lost
+    kept = search(effects="bias", lost_control="keep").fit(X, y)
+    assert kept.left_out_.empty
+    assert kept.predictions_["baseline"].notna().all()
+    assert not any("lost" in note for note in kept.notes_)
+    machine = search(effects="bias", domain="machine").fit(X, y)
+    assert machine.left_out_.empty
+
+
+def test_honest_runs_lose_nothing(honest):
+    plain = EffectSearchCV(OperatorRegressor(0.28), effects="bias").fit(*honest)
+    assert plain.left_out_.empty
+    assert plain.left_out_.columns.tolist() == ["run", "from", "to", "times", "reason"]
+
+
+@pytest.mark.parametrize("model", [OperatorRegressor(0.28), ARXRegressor(nk=11)])
+def test_a_run_that_was_never_under_control_is_no_fold(honest, model):
+    X, y, _ = losing(honest, begin=-4.0, end=99.0)
+    found = EffectSearchCV(model, effects="bias").fit(X, y)
+    assert found.left_out_["run"].tolist() == ["2"]
+    assert found.predictions_["baseline"].loc[2].isna().all()
+    assert np.isfinite(found.error_path_["vaf"]).all()
+
+
+def test_decimated_rows_are_left_out_too(lost):
+    X, y, rows = lost
+    found = EffectSearchCV(OperatorRegressor(0.28), effects="bias").fit(
+        Decimator(2).fit_transform(X), y
+    )
+    assert found.left_out_["run"].tolist() == ["2"]
+    assert found.predictions_["baseline"].isna().to_numpy()[rows].all()
+
+
+def test_an_operator_on_an_array_answers_the_error(lost):
+    X, y, _ = lost
+    array = np.column_stack([X["e"], X.index.get_level_values("run")])
+    model = OperatorRegressor(0.28, inputs=[0], dt=0.025, run=1)
+    found = EffectSearchCV(model, effects="bias").fit(array, y.to_numpy())
+    assert found.left_out_["run"].tolist() == ["2.0"]
+
+
+def test_too_little_that_is_left_is_refused(honest):
+    X, y, _ = losing(honest, begin=-4.0, end=99.0)
+    X, y = X.loc[[1, 2]], y.loc[[1, 2]].copy()
+    y.loc[1] = np.where(np.arange(len(y.loc[1])) < 100, y.loc[1], np.nan)
+    with pytest.raises(ShortRunError, match=r"because control was lost in them; lost_control="):
+        EffectSearchCV(OperatorRegressor(0.28), effects="bias").fit(X, y)
+
+
+def test_the_story_fits_without_the_rows_and_says_so(lost, found):
+    X, y, _ = lost
+    story = Story(search(effects="bias"), X, y)
+    told = "\n".join(story.tell())
+    assert "run 2 from 11" in told
+    assert_allclose(
+        story.baseline_.parameters_["value"], found.baseline_.parameters_["value"], rtol=1e-3
+    )
+    assert [row["run"] for row in story.as_dict()["left_out"]] == ["2"]
+    assert "lost control" in [finding.name for finding in story.comparison_.findings]
