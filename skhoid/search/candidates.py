@@ -14,6 +14,7 @@ from .leak import leak_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
+LEAST_TOGETHER = 40.0  # of the evidence of likelihood and loop, where neither alone is enough
 LEAST_GAIN_IN_LOOP = 0.1  # the same, of what the likelihood alone does not show
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
 AS_GOOD = 0.05  # points
@@ -73,7 +74,7 @@ class Candidate:
         if judged.bends or np.isnan(judged.evidence):
             return not likely or judged.refutes
         both = self.joint + judged.evidence
-        confirmed = both > LEAST_EVIDENCE and judged.gain >= LEAST_GAIN_IN_LOOP
+        confirmed = both > LEAST_TOGETHER and judged.gain >= LEAST_GAIN_IN_LOOP
         return judged.gain <= 0.0 or not (likely or confirmed)
 
     @property

@@ -33,7 +33,7 @@ class JointParent:
         """
         found = np.inf
         for at_parent, rate in zip(self.found, RATES, strict=True):
-            found = min(found, self._at_rate(model, at_parent, rate))
+            found = float(np.minimum(found, self._at_rate(model, at_parent, rate)))
             if not found > least:
                 break
         return found
