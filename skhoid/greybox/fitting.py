@@ -137,13 +137,17 @@ def remnant_model(residual: np.ndarray, known: np.ndarray) -> RemnantModel:
 
 @dataclass
 class Fit:
-    """Parameters at a minimum, and the normal equations there."""
+    """Parameters at a minimum, and the normal equations there.
+
+    ``beside`` is the covariance of what parameters are by choices that might have been others.
+    """
 
     theta: np.ndarray
     sse: float
     n: int
     normal: np.ndarray
     gradient: np.ndarray
+    beside: np.ndarray | None = None
 
     def covariance(self, free: np.ndarray) -> np.ndarray:
         """Covariance of the parameters; those not ``free`` (at a bound) have none."""
@@ -291,12 +295,12 @@ def covariance_of(
 ) -> np.ndarray:
     """Covariance of an operator's parameters; NaN for those at a bound or without effect.
 
-    It has four parts. Derivatives are differences over about a standard deviation, which say more
+    It has five parts. Derivatives are differences over about a standard deviation, which say more
     than the tangent of a response that is a step, or jagged. Where whitened residuals are not
     white, a long-run covariance of the scores enlarges the variances. How far the estimates would
     move at twice the sampling time counts as a standard deviation of its own: the accuracy of the
     simulation limits them whatever the noise. So does the last step of a search where the response
-    is not smooth.
+    is not smooth, and what a fit says that other choices would have made of them.
     """
     theta = fit.theta
     free = (theta > simulator.low) & (theta < simulator.high)
@@ -325,7 +329,10 @@ def covariance_of(
     moved = inverse @ (
         slopes @ criterion.whitened(change_if_coarser(simulator, criterion, theta)[None])[0]
     )
-    covariance[np.ix_(free, free)] = block + np.outer(moved, moved)
+    block += np.outer(moved, moved)
+    if fit.beside is not None:
+        block += fit.beside[np.ix_(free, free)]
+    covariance[np.ix_(free, free)] = block
     for name, effect in simulator.effects:
         if not effect.smooth:
             own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]

@@ -24,6 +24,7 @@ WORSE = {CoreKind.OPERATOR: 1.01, CoreKind.ARX: 1.05}
 SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go on
 
 JOINT_RATE = 12.5  # Hz: faster, errors of the simulation count more than the remnant
+OTHER_RATES = (JOINT_RATE / 2, 2 * JOINT_RATE)  # at which a good estimate is about the same
 JOINT_FLOOR = 1e-5  # least share of the residual's variance that is white
 TOLERATED = 1.25  # times the squares of the simulation error, at most, of an unbiased estimate
 STEADY = 0.02  # of n log(SSE), by which a round must be better to go on
@@ -43,12 +44,15 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     model, noise = settled(model, criterion)
     if kind == CoreKind.ARX or not model.simulator.smooth:
         return model, noise
-    theta = joint_fit(model)
-    if theta is None:
+    joint = joint_fit(model)
+    if joint is None:
         return model, noise
+    theta, beside = joint
     found = Model(model.simulator, replace(model.fit, theta=theta), model.other_core)
     criterion.set_noise(criterion.remnant_model(found.output))
-    return found.under(criterion), criterion.noise
+    found = found.under(criterion)
+    found.fit.beside = beside
+    return found, criterion.noise
 
 
 def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
@@ -88,12 +92,15 @@ def prior_of(simulator: Simulator) -> Prior:
     return Prior.of(simulator.names, simulator.core.usual)
 
 
-def joint_fit(model: Model) -> np.ndarray | None:
+def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     """Parameters at their and a noise model's largest common probability; None where it fails.
 
     The likelihood of both is that of a person's remnant as an AR process; what is usual for people
     decides where it hardly changes, as between a delay and the lag of a limb. A gain on the error
     rate that is not needed is left out.
+
+    With them comes the covariance that choices make: rows at half and at twice the rate, and the
+    gain that was left out, by its odds.
     """
     simulator = model.simulator
     core = simulator.core
@@ -103,15 +110,30 @@ def joint_fit(model: Model) -> np.ndarray | None:
         return None
     extra = [simulator.names.index(name) for name in core.gains[1:]]
     held = np.zeros(model.theta.size, dtype=bool)
-    held[extra] = True
+    beside = np.zeros((held.size, held.size))
     if extra and best[1][extra].any():
+        held[extra] = True
         plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
         without = likeliest(simulator, plain, held=held)
         if without is not None and without[0] < best[0] + NEEDED:
+            odds = float(np.exp((without[0] - best[0] - NEEDED) / 2))
+            beside += odds / (1 + odds) * _outer(best[1] - without[1])
             best = without
+        else:
+            held[:] = False
+    theta = best[1]
     simulation = Criterion(simulator.record)
-    worse = simulation.sse(simulator.run(best[1])) > TOLERATED * simulation.sse(model.output)
-    return None if worse else best[1]
+    if simulation.sse(simulator.run(theta)) > TOLERATED * simulation.sse(model.output):
+        return None
+    for rate in OTHER_RATES:
+        other = likeliest(simulator, [theta], rate, held)
+        if other is not None:
+            beside += _outer(other[1] - theta) / len(OTHER_RATES)
+    return theta, beside
+
+
+def _outer(change: np.ndarray) -> np.ndarray:
+    return np.outer(change, change)
 
 
 def usual_starts(simulator: Simulator, theta: np.ndarray) -> list[np.ndarray]:

@@ -47,7 +47,7 @@ def test_story_names_what_is_hidden_with_numbers_at_each_step(biased):
 
 
 def test_the_ceiling_is_told_as_the_lower_bound_that_it_is():
-    runs = recorded(DeadZone(width=0.3), n_runs=2, remnant=0.5)
+    runs = recorded(DeadZone(width=0.3), n_runs=3, remnant=0.4)
     story = Story(EffectSearchCV(OperatorRegressor(), effects=["dead_zone"]), *runs)
     told = "\n".join(story.tell())
     assert story.comparison_.explainable_gap < 0
