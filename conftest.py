@@ -29,6 +29,24 @@ pytest_collect_file = Sybil(
 ).pytest()
 
 
+SLOW_PAGES = {  # whose examples search, simulate or start processes for many seconds
+    "find-what-is-missing.md",
+    "hidden-change.md",
+    "monte-carlo.md",
+    "report.md",
+    "scale-out.md",
+    "track-a-change.md",
+}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark the examples of slow pages."""
+    for item in items:
+        if item.path.name in SLOW_PAGES:
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(autouse=True)
 def close_figures():
     """Close what a test has drawn."""

@@ -65,6 +65,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("steps", "scorer"), PAIRS)
 def test_scores_are_those_of_grid_search(runs, steps, scorer):
     X, y = runs

@@ -20,6 +20,7 @@ def diagnose(run_json, *words):
     return run_json("diagnose", *words, "--no-pictures")
 
 
+@pytest.mark.slow
 def test_demo_finds_what_it_hides(run_json):
     words = ["--runs", "3", "--effect", "bias", "--effects", "bias", "drift"]
     found = demo(run_json, *words)
@@ -60,6 +61,7 @@ def test_effects_all_are_the_default():
     assert wanted_effects(Namespace(effects=None)) == "all"
 
 
+@pytest.mark.slow
 def test_diagnose_own_files(run_json, biased_file):
     found = diagnose(run_json, *biased_file, *FEW)
     assert found["best_effects"] == ["bias"]
@@ -69,6 +71,7 @@ def test_diagnose_own_files(run_json, biased_file):
     assert found["comparison"]["noise_ceiling"] > 90  # of the target, by its role
 
 
+@pytest.mark.slow
 def test_diagnose_takes_delay_display_element_and_run_in(run_json, biased_file):
     words = ["--delay", "0.28", "--display", "pursuit", "--controlled-element", "90", "6"]
     found = diagnose(run_json, *biased_file, *FEW, *words, "--run-in", "4")

@@ -78,6 +78,7 @@ def test_a_real_report_without_a_search(run_json, biased_file):
     assert Path("report.html").stat().st_size > 20_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", [["report", "--out", "mine.html"], ["diagnose", "--report", "mine.html"]]
 )
@@ -110,6 +111,7 @@ def test_demo_leaves_a_report_with_its_seed(capsys, calls):
     assert not Path("there").exists()
 
 
+@pytest.mark.slow
 def test_tables_of_the_story(run_json, biased_file):
     words = ["diagnose", *biased_file, *FEW, "--no-pictures"]
     found = run_json(*words, "--tables", "one")

@@ -41,6 +41,7 @@ def said(comparison):
     return names(comparison)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_runs", [1, 3])
 def test_perfect_model(simulated, n_runs):
     X, y, _ = simulated
@@ -96,6 +97,7 @@ def test_no_remnant_and_a_fitted_model(silent, arx):
     said(compare(arx, X, y))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lengths",
     [(2048,), (2048, 2048), (2048, 1500, 700), (250,), (250, 250, 250), (1000, 75, 1000)],

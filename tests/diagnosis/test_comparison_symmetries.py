@@ -24,6 +24,8 @@ from skhoid import (
     compare,
 )
 
+pytestmark = pytest.mark.slow
+
 # What must not matter
 
 

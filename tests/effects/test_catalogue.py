@@ -198,6 +198,7 @@ def first_of_each_class(cases):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("one", "values"), first_of_each_class(RECOVERED), ids=str)
 def test_values_are_recovered(one, values):
     check_effect(one, recovers=values)

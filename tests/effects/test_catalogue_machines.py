@@ -83,6 +83,7 @@ def test_a_sensor_of_the_magnitude_is_seen_through(seed):
     assert np.sqrt(np.mean((model.predict(X) - np.abs(speed)) ** 2)) < 0.02 * np.std(speed)
 
 
+@pytest.mark.slow
 def test_a_search_ends_with_what_its_best_model_fits():
     (X, y), _ = prbs_drive(1)
     search = EffectSearchCV(ARXRegressor(3, 2, inputs=["u"]), effects=["sensor_magnitude"])

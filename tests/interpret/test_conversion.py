@@ -413,6 +413,7 @@ def test_refusals(fitted):
         operator_parameters(scaled.fit(X, y))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("state", "gain", "expected"),
     [  # G1.Kn.H2.<state>.P0.15 and ho_from_batch.<state>.H2.P0.15, Table G.1

@@ -44,6 +44,7 @@ def same(one, two):
     pd.testing.assert_frame_equal(one, two, check_exact=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["loky", "threading", "sequential"])
 @pytest.mark.parametrize("keep", [True, False], ids=["folder", "no folder"])
 def test_any_backend_gives_the_same_table(table, tmp_path, backend, keep):

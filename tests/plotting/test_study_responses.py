@@ -7,6 +7,8 @@ from support.plot_checks import covers_nothing
 from skhoid import FrequencyResponse, HumanOperator
 from skhoid.plotting.study_responses import StudyResponseDisplay
 
+pytestmark = pytest.mark.slow
+
 OMEGA = np.array([0.23, 0.38, 0.61, 1.0, 1.69, 2.61, 4.07, 6.6, 10.66, 17.56])
 METHODS = ("fc", "batch", "recursive")
 TRUE = HumanOperator().frequency_response

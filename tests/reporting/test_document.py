@@ -32,6 +32,8 @@ from skhoid.effects import Bias, DeadZone
 from skhoid.reporting.document import _search
 from skhoid.reporting.provenance import fingerprint, provenance, settings
 
+pytestmark = pytest.mark.slow
+
 EVIL = "<script>window.hacked=1</script>"
 CANDIDATES = ["bias", "dead_zone", "saturation", "motion_feedback"]
 

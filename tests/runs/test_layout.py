@@ -76,6 +76,7 @@ def rows_of(X, order):
 # Twins of the waived checks
 
 
+@pytest.mark.slow
 @each_estimator
 @settings(max_examples=4, deadline=None)
 @given(order=st.permutations([1, 2, 3]), seed=st.integers(0, 2**16))
@@ -93,6 +94,7 @@ def test_permuting_runs_permutes_the_predictions(estimator, order, seed):
     )
 
 
+@pytest.mark.slow
 @each_estimator
 @settings(max_examples=4, deadline=None)
 @given(subset=st.sets(st.sampled_from([1, 2, 3, 4]), min_size=1), seed=st.integers(0, 2**16))

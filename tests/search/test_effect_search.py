@@ -115,6 +115,7 @@ HIDDEN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(HIDDEN))
 def test_what_is_hidden_is_named(name):
     search = searched(recorded(**HIDDEN[name], seed=5))
@@ -203,6 +204,7 @@ def test_an_effect_that_is_left_out_is_not_replaced_by_a_wrong_one():
     assert search.best_effects_ == ["unknown"]
 
 
+@pytest.mark.slow
 def test_what_explains_too_little_is_a_stand_in():
     data = recorded(outer=lambda u: of_limited_rate(u, 0.006), remnant=0.05)
     search = searched(data, ["bias", "gain_drift", "extra_lag"])
@@ -214,6 +216,7 @@ def test_what_explains_too_little_is_a_stand_in():
     assert story.as_dict()["stand_ins"] == ["extra_lag"]
 
 
+@pytest.mark.slow
 def test_two_effects_are_both_named(two):
     assert sorted(two.best_effects_) == ["bias", "dead_zone"]
     parameters = two.best_estimator_.parameters_
@@ -258,6 +261,7 @@ def test_an_own_effect_is_named(hidden_data):
     assert words.iloc[0] if isinstance(words, pd.Series) else words == Compressed.physics
 
 
+@pytest.mark.slow
 def test_effects_are_given_in_any_form(hidden_data):
     def tried(effects):
         search = searched(hidden_data, effects, max_effects=1)
@@ -505,6 +509,7 @@ def test_the_gap_is_what_the_effects_gained_and_what_is_left(found):
     np.testing.assert_allclose(gaps.iloc[0] - gaps.iloc[-1], gained, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_on_a_compensatory_display_the_target_is_equivalent():
     X, y = recorded()
     late = X["e"].groupby("run").shift(20).fillna(0.0)

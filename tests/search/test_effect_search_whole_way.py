@@ -47,12 +47,8 @@ ALL = [c.name for c in CLASSES]
 STUCK = {"intermittent"}
 # Weak linear answers, which three runs do not confirm in the closed loop.
 UNCONFIRMED = {*STUCK, "integral", "disturbance"}
-# One for each place where an effect acts: delay, command, gain, input; path, output, spring, sum.
-QUICK = {
-    *("tv_delay", "lapses", "tv_gain, sigmoid", "dead_zone"),
-    *("feedforward", "saturation", "hardening_stiffness", "bias"),
-    "tremor",  # which is seen in the spectrum
-}
+# One that acts on the error, one on the output, one that the spectrum shows; all are `slow`.
+QUICK = {"dead_zone", "bias", "tremor"}
 
 
 def closed_share(search, X, y, oracle):
@@ -154,6 +150,7 @@ def search_trial(trial, name, effects, n_runs):
     return search, share, gap, sets.right_answers(name, case.gap)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", names(OF_TRIAL, UNCONFIRMED))
 def test_what_the_trial_hides_is_found_among_rivals(trial, name):
     search, share, gap, right = search_trial(trial, name, sorted({*RIVALS, name}), 3)
@@ -184,6 +181,7 @@ def test_nothing_is_found_where_nothing_is_hidden():
     assert len(search.error_path_) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0])
 def test_nothing_is_found_in_the_trials_null_cases(trial, number):
     null_case(trial, number, 3)
@@ -205,6 +203,7 @@ def null_case(trial, number, n_runs):
     assert search.verdict_ == "nothing is missing"
 
 
+@pytest.mark.slow
 def test_two_hidden_effects_are_found_one_after_the_other():
     """The story of the documentation: error falls, and falls again, until nothing is left."""
     hidden = Hidden(dead_zone=0.5, gain_sigmoid=(20.0, 0.5, 0.5))

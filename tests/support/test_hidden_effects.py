@@ -17,6 +17,8 @@ from support.hidden_effects import (
 
 from skhoid import Remnant, make_tracking_runs
 
+pytestmark = pytest.mark.slow
+
 REPEATED_LAPSES = Effects(lapses=(3, 1.0), lapses_repeat=True)
 BEFORE_THE_STICK = [
     Effects(gain_step=(40.0, 0.7)),
