@@ -15,6 +15,8 @@ from .leak import leak_of
 LEAST_EVIDENCE = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 LEAST_TOGETHER = 40.0  # of the evidence of likelihood and loop, where neither alone is enough
+LEAST_IF_CLEAR = 10.0  # the same, where free run and loop gain much
+CLEAR, CLEAR_GAIN_IN_LOOP = 300.0, 1.0  # evidence of the free run and VAF points that are much
 LEAST_GAIN_IN_LOOP = 0.1  # the same, of what the likelihood alone does not show
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
 AS_GOOD = 0.05  # points
@@ -71,10 +73,13 @@ class Candidate:
         if not np.isfinite(self.joint):
             return judged.refutes
         likely = self.joint > LEAST_EVIDENCE
-        if judged.bends or np.isnan(judged.evidence):
+        if not np.isfinite(judged.evidence):
+            return not likely
+        if judged.bends:
             return not likely or judged.refutes
-        both = self.joint + judged.evidence
-        confirmed = both > LEAST_TOGETHER and judged.gain >= LEAST_GAIN_IN_LOOP
+        clear = self.evidence > CLEAR and judged.gain >= CLEAR_GAIN_IN_LOOP
+        together = self.joint + judged.evidence > (LEAST_IF_CLEAR if clear else LEAST_TOGETHER)
+        confirmed = together and judged.gain >= LEAST_GAIN_IN_LOOP
         return judged.gain <= 0.0 or not (likely or confirmed)
 
     @property

@@ -112,7 +112,10 @@ def passing(name="preview", **options):
         ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, -0.1, True)}, True),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -25.0, 1.0, True)}, False),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 50.0, 1.0, True)}, False),
-        ({"joint": 50.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
+        ({"joint": 10.0, "evidence": 400.0, "in_loop": InLoop(90.0, 10.0, 1.5)}, True),
+        ({"joint": -5.0, "evidence": 400.0, "in_loop": InLoop(90.0, 10.0, 1.5)}, False),
+        ({"joint": 50.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, True),  # a leak is next
+        ({"joint": 10.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
         ({"trace": "levels", "evidence": -10.0, "gain": -0.1}, True),
         ({"trace": "levels", "gain": -0.3}, False),
         ({"trace": "levels", "refused": "it loses"}, False),

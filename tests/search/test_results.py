@@ -39,8 +39,8 @@ def reason(winner="bias", taken_out=False, name="preview", **options):
         (
             {"joint": 8.0, "in_loop": InLoop(80.0, 5.0, 1.1)},
             "with a noise model that is estimated along its evidence is 8; in the closed loop it "
-            "is hardly better (+1.10 points, evidence 5): it may follow the remnant that comes back in "
-            "the error",
+            "is hardly better (+1.10 points, evidence 5): it may follow the remnant that comes "
+            "back in the error",
         ),
         (
             {"joint": -8.0, "in_loop": InLoop()},
