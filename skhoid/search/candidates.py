@@ -53,11 +53,14 @@ class Candidate:
     @property
     def passes(self) -> bool:
         """All criteria are met, or the output itself shows the effect."""
+        return self.pays and (bool(self.trace) or not self.refuted)
+
+    @property
+    def pays(self) -> bool:
+        """Whether the rows that are there are better explained with it, whatever the loop says."""
         if self.refused:
             return False
-        if self.trace:
-            return self.gain > -self.least_gain
-        return self.helps and not self.refuted
+        return self.gain > -self.least_gain if self.trace else self.helps
 
     @property
     def refuted(self) -> bool:

@@ -155,6 +155,11 @@ class Search:
     def _joint(self, found: tuple[Effects, Fit], beside: JointParent) -> float:
         return beside.evidence(self._model(found, beside.parent), LEAST_EVIDENCE)
 
+    def allowed_loss(self, model: Model, name: str) -> float:
+        """Points of VAF that an effect may lose: some, where the output itself shows it."""
+        id_ = dict(model.effects.steps)[name].name
+        return -LEAST_GAIN * self.share if id_ in self.traces else 0.0
+
     def refit(self, model: Model) -> float:
         """Held-out VAF of a model that is fitted anew without each fold's rows."""
         return vaf_of_output(self.record, self.refitted(model))
@@ -241,8 +246,9 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
                 pair = path_of_length(greedy, 2)
                 if better(search, other.model, pair):
                     greedy = follow_from(search, other, most)
-    path = without_superfluous(search, fitted_again(search, greedy))
-    return replace(path, model=by_rank(path.model, first))
+    return in_gaining_order(
+        search, without_superfluous(search, fitted_again(search, greedy)), first
+    )
 
 
 def beside_claim(search: Search, first: SearchStep, claim: Candidate, most: int) -> Path:
@@ -259,8 +265,7 @@ def beside_claim(search: Search, first: SearchStep, claim: Candidate, most: int)
         if refuted:
             return path
         return Path([first, freed], first.parent, first.vaf, first.prediction)
-    path = without_superfluous(search, fitted_again(search, path))
-    return replace(path, model=by_rank(path.model, freed))
+    return in_gaining_order(search, without_superfluous(search, fitted_again(search, path)), freed)
 
 
 def fitted_again(search: Search, path: Path) -> Path:
@@ -272,6 +277,35 @@ def fitted_again(search: Search, path: Path) -> Path:
         return path
     step = search.judged(model, [])
     return replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
+
+
+def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
+    """Effects by rank, or as they were added; without the one that loses, if one does either way.
+
+    Each step must lower the error of held-out rows, refitted without them.
+    """
+    start = len(path.steps[0].parent.effects)
+    gains: dict[str, float] = {}
+    for model in (by_rank(path.model, first), path.model):
+        parts = partial_models(model, start, path.core)
+        vafs = [search.refit(part) for part in parts]
+        names = model.effects.names[start:]
+        gains = dict(zip(names, np.diff(vafs).tolist(), strict=True))
+        if all(gain > search.allowed_loss(model, name) for name, gain in gains.items()):
+            return replace(path, model=model)
+    name = min(gains, key=lambda one: gains[one])
+    fewer = output_error_fit(without(path.model, name, path.core))
+    step = search.judged(fewer, [])
+    path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
+    return in_gaining_order(search, path, first)
+
+
+def partial_models(model: Model, start: int, core: dict[str, float]) -> list[Model]:
+    """Models with the first ``start`` effects, with one more, and so on."""
+    models = [output_error_fit(model)]
+    for name in reversed(model.effects.names[start:]):
+        models.append(without(models[-1], name, core))
+    return models[::-1]
 
 
 def by_rank(model: Model, first: SearchStep) -> Model:
@@ -377,7 +411,7 @@ def without_superfluous(search: Search, path: Path) -> Path:
             name, dict(path.model.effects.steps)[name], model=output_error_fit(path.model)
         )
         step = search.judged(output_error_fit(fewer), [one])
-        if not one.passes:
+        if not one.pays:
             path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
             return without_superfluous(search, path)
     return path

@@ -12,10 +12,9 @@ from ..diagnosis.run_signals import RunsRead, sorted_signals
 from ..effects.base import Effect
 from ..effects.traces import Signature
 from ..greybox.base import vaf_of_output
-from ..greybox.model import without
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
-from .forward import Path, Search, SearchStep, further_changes, output_error_fit
+from .forward import Path, Search, SearchStep, further_changes, partial_models
 from .leftover import REPEATS, Leftover, leftovers
 from .signatures import noises_in
 
@@ -98,13 +97,9 @@ def numbers_of(
 
 def walked(search: Search, path: Path) -> list[SearchStep]:
     """Models with the first, the first two ... of the effects, each fitted anew for every fold."""
-    models = [output_error_fit(path.model)]
-    first = path.steps[0].parent.effects.names
-    added = [n for n in path.model.effects.names if n not in first]
-    for name in reversed(added):
-        models.append(without(models[-1], name, path.core))
+    models = partial_models(path.model, len(path.steps[0].parent.effects), path.core)
     noise = search.criterion.remnant_model(path.model.output)
-    steps = [search.judged(model, [], noise) for model in reversed(models)]
+    steps = [search.judged(model, [], noise) for model in models]
     predictions = [search.refitted(step.parent) for step in steps]
     return [
         replace(step, vaf=vaf_of_output(search.record, prediction), prediction=prediction)

@@ -10,7 +10,7 @@ from .search_numbers import SearchNumbers
 # Structure left counts as unknown if it exceeds so many points (about the mean) and the first share
 # of what could be explained. Above the second share the effects found do not name it: several
 # effects that leave something may together imitate what is missing. The third takes its place
-# where they gain much, which hardly anything else imitates.
+# where they gain much, which hardly anything else imitates. Of several the first may stay named.
 BESIDE_ONE = (0.6, 0.1, 0.12, 0.5)
 BESIDE_SEVERAL = (0.4, 0.04, 0.04, 0.25)
 MUCH = 10.0  # points about the mean
@@ -50,7 +50,16 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
     if not (worst >= least * found.share and share > small):
         return Verdict(Outcome.FOUND if ids else Outcome.NOTHING, ids, [])
     if share > large:
-        ids, stand_ins = [], ids
+        kept = 1 if len(found.added) > 1 and first_explains(found) else 0
+        ids, stand_ins = ids[:kept], ids[kept:]
     if found.path.steps[-1].best is not None:
         return Verdict(Outcome.CUT_SHORT, ids, stand_ins)
     return Verdict(Outcome.NOT_IN_CATALOGUE if tries_all else Outcome.NOT_TRIED, ids, stand_ins)
+
+
+def first_explains(found: SearchNumbers) -> bool:
+    """Whether the first effect alone would stay named: others after it take nothing from it."""
+    gained = found.steps[1].vaf - found.steps[0].vaf
+    left = found.worst + found.gained - gained
+    large = BESIDE_ONE[3] if gained >= MUCH * found.share else BESIDE_ONE[2]
+    return left <= large * (left + gained)

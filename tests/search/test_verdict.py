@@ -13,14 +13,18 @@ from skhoid.search.verdict import BESIDE_ONE, Outcome, decided
 OWN = {"feedforward": Feedforward(), "dead_zone": DeadZone(), "bias": Bias()}
 
 
-def numbers(added, gained, worst, *, share=1.0, cut=False):
-    """What a search ended with: effects that gained points, and a structure of points left."""
+def numbers(added, gained, worst, *, share=1.0, cut=False, first=None):
+    """What a search ended with: effects that gained points, and a structure of points left.
+
+    The ``first`` of several gained so many of the points.
+    """
+    vafs = [80.0, 80.0 + gained] if first is None else [80.0, 80.0 + first, 80.0 + gained]
     model = SimpleNamespace(effects=Effects([(name, OWN[name]) for name in added]))
     last = SimpleNamespace(best=object() if cut else None)
     left = [Leftover("time", "t", "something", worst, np.nan)] if worst else []
     return SearchNumbers(
         path=SimpleNamespace(model=model, steps=[last]),
-        steps=[SimpleNamespace(vaf=80.0), SimpleNamespace(vaf=80.0 + gained)],
+        steps=[SimpleNamespace(vaf=vaf) for vaf in vafs],
         added=list(added),
         left=left,
         noises=[],
@@ -74,9 +78,15 @@ def test_the_limits_beside_one(above):
 
 def test_several_that_leave_something_are_stand_ins_sooner():
     assert verdict(["bias"], 20.0, 9.0).named == ["bias"]
-    both = verdict(["bias", "dead_zone"], 20.0, 9.0)
+    both = verdict(["bias", "dead_zone"], 20.0, 9.0, first=8.0)
     assert both.named == []
     assert both.stand_ins == ["bias", "dead_zone"]
+
+
+def test_the_first_of_several_stays_named_if_it_would_alone():
+    found = verdict(["feedforward", "bias"], 35.6, 14.4, first=28.0)
+    assert found.best_effects == ["feedforward", "unknown"]
+    assert found.stand_ins == ["bias"]
 
 
 def test_points_count_about_the_mean():
