@@ -106,6 +106,7 @@ def test_ols_covariance_with_white_equation_error():
     assert normalised_errors("ols", make, truth, nk=NK) == pytest.approx(1.0, abs=0.2)
 
 
+@pytest.mark.slow
 def test_hac_covariance_with_coloured_error():
     """Input and error are AR(1) with pole 0.6: their product has correlations 0.36^k.
 

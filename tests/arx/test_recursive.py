@@ -204,6 +204,7 @@ KINDS = st.sampled_from(["number", "parameters", "instants", "both", "function"]
 FORMS = st.sampled_from(["joint", "diagonal"])
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(recording=recordings(MODELS), kind=KINDS, form=FORMS)
 def test_any_runs_any_forgetting(recording, kind, form):

@@ -231,6 +231,7 @@ def test_dead_input_and_dead_output(params):
 # Scales
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scales", [(1e-12, 1e12), (1e12, 1e-12), (1e12, 1e12), (1e-12, 1e-12)])
 @pytest.mark.parametrize("other", [1e-12, 1.0, 1e12])
 @pytest.mark.parametrize("form", ["joint", "diagonal"])

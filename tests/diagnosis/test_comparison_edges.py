@@ -14,6 +14,8 @@ from skhoid import (
     compare,
 )
 
+pytestmark = pytest.mark.slow
+
 # Edges
 
 

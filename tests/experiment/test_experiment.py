@@ -32,6 +32,8 @@ from skhoid import (
 from skhoid.experiment import analyse_experiment, simulate_experiment, subjects
 from skhoid.experiment.subjects import STANDARD, draw_participant
 
+pytestmark = pytest.mark.slow
+
 T_M = 81.92
 ARX = ["a1", "a2", "b0", "b1"]
 OPERATOR = ["K_e", "T_L", "K_edot", "omega_nm", "zeta_nm"]

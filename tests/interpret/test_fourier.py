@@ -345,6 +345,7 @@ def test_appendix_i_of_c2():
     )
 
 
+@pytest.mark.slow
 def test_variance_from_neighbouring_bins_is_the_actual_one(ensemble):
     """Twelve degrees of freedom and 100 runs: the ratio of sds has a sd of about 0.08."""
     fourier = ensemble.fourier

@@ -51,6 +51,7 @@ def check_delays(e, u, nks, rtol):
         np.testing.assert_allclose(found, longest.coef_, rtol=1e3 * rtol)
 
 
+@pytest.mark.slow
 @compiled
 @pytest.mark.parametrize(
     "condition",

@@ -29,6 +29,8 @@ from skhoid.plotting import (
 from skhoid.plotting._comparison import EXCEEDING, RESIDUAL
 from skhoid.recordings import Finding
 
+pytestmark = pytest.mark.slow
+
 DISPLAYS = [
     ComparisonDisplay,
     NoiseCeilingDisplay,

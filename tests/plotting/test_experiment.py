@@ -45,6 +45,7 @@ def legend_of(display):
     return [text.get_text() for text in legend.get_texts()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [pytest.param("lambda", marks=pytest.mark.slow), "Lambda"])
 @pytest.mark.parametrize("parameters", [pytest.param("arx", marks=pytest.mark.slow), "operator"])
 def test_lines_are_those_of_the_tables(result, form, parameters):

@@ -61,6 +61,8 @@ from skhoid.effects import (
 )
 from skhoid.plotting import IdentifiedEffectDisplay
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def _close():

@@ -10,6 +10,8 @@ from support.plot_checks import covers_nothing
 from skhoid.plotting._axes import BLACK, GREEN, VERMILION
 from skhoid.plotting.study_paths import StudyPathDisplay
 
+pytestmark = pytest.mark.slow
+
 TIME = np.arange(0, 81.92, 1.28)
 ARX = ["a1", "a2", "b0", "b1"]
 OPERATOR = ["K_e", "T_L", "K_edot", "omega_nm", "zeta_nm"]

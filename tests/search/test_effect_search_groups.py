@@ -18,7 +18,7 @@ from skhoid import (
 SEARCHES = {
     "delay": lambda cv: DelaySearchCV(ARXRegressor(1, 1), nk=[1, 15], criterion="vaf", cv=cv),
     "order": lambda cv: OrderSearchCV(ARXRegressor(1, 1), na=[1, 2], nb=[1], nk=[15], cv=cv),
-    "memory": lambda cv: RecursiveARXCV(na=1, nb=1, nk=15, memory_horizons=[64, 512], cv=cv),
+    "memory": lambda cv: RecursiveARXCV(na=2, nb=2, nk=15, memory_horizons=[64, 512], cv=cv),
     "effects": lambda cv: EffectSearchCV(
         OperatorRegressor(0.28), effects=["bias"], max_effects=1, cv=cv
     ),

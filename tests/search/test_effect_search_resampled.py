@@ -92,9 +92,10 @@ def first_name(X, y, element):
     return search.fit(X, y).best_effects_[:1]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("how", HOW)
-@pytest.mark.parametrize("seed", [11, 12])
+@pytest.mark.parametrize(
+    "seed", [pytest.param(12, marks=pytest.mark.slow), pytest.param(11, marks=pytest.mark.whole)]
+)
 @pytest.mark.parametrize("name", ["dead_zone", "saturation", "feedforward"])
 def test_resampled_runs_give_the_same_name(name, seed, how):
     X, y, element = person(name, seed)

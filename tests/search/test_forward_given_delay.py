@@ -91,6 +91,7 @@ def test_free_delay_needs_no_claim(free):
     assert "estimates its delay already" in claim["reason"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [10, pytest.param(-5, marks=pytest.mark.slow)])
 def test_wrong_delay_in_a_loop_does_not_change_the_names(tracked, free, samples):
     X, y, person = tracked

@@ -14,6 +14,14 @@ SHORT = {"n_runs": 3, "duration": 30.0}
 TARGET = {"feedforward", "preview"}
 
 
+def seeds(first, end):
+    """Some, of which one is `slow` and the others are a study."""
+    marks = {
+        seed: pytest.mark.slow if seed == first else pytest.mark.whole for seed in range(first, end)
+    }
+    return [pytest.param(seed, marks=mark) for seed, mark in marks.items()]
+
+
 def named(search):
     return [name for name in search.best_effects_ if name != "unknown"]
 
@@ -44,16 +52,14 @@ def test_feedforward_is_named_where_it_is():
     assert found.error_path_["vaf_loop"].is_monotonic_increasing
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
-@pytest.mark.parametrize("seed", range(40, 46))
+@pytest.mark.parametrize("seed", seeds(40, 46))
 def test_nothing_is_named_over_seeds(text, seed):
     assert named(searched(text, seed)) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
-@pytest.mark.parametrize("seed", range(90, 93))
+@pytest.mark.parametrize("seed", seeds(90, 93))
 def test_feedforward_is_named_over_seeds(text, seed):
     """A tenth of a second late: one without delay is a preview of no time."""
     assert named(searched(text, seed, feedforward=0.6, early=-0.1)) == ["feedforward"]
