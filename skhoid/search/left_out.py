@@ -29,7 +29,8 @@ def control_of(
     roles, run = (getattr(estimator, name, None) for name in ("roles", "run"))
     if isinstance(estimator, OperatorRegressor):
         names = list(X.columns) if hasattr(X, "columns") else None
-        inputs = input_columns(names, np.shape(X)[1], estimator.inputs, run, roles)
+        n_columns = (X if names else np.asarray(X)).shape[1]
+        inputs = input_columns(names, n_columns, estimator.inputs, run, roles)
         first = inputs[0] if names is None else names[inputs[0]]
         if role_of(first, roles) == OTHER:  # what an operator answers is the error
             roles = {**(roles or {}), first: "e"}
