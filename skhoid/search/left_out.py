@@ -26,11 +26,11 @@ def control_of(
     """
     if lost_control == KEEP or domain == "machine":
         return ControlCheck()
+    X = X if hasattr(X, "columns") else np.asarray(X)
     roles, run = (getattr(estimator, name, None) for name in ("roles", "run"))
     if isinstance(estimator, OperatorRegressor):
         names = list(X.columns) if hasattr(X, "columns") else None
-        n_columns = (X if names else np.asarray(X)).shape[1]
-        inputs = input_columns(names, n_columns, estimator.inputs, run, roles)
+        inputs = input_columns(names, X.shape[1], estimator.inputs, run, roles)
         first = inputs[0] if names is None else names[inputs[0]]
         if role_of(first, roles) == OTHER:  # what an operator answers is the error
             roles = {**(roles or {}), first: "e"}
