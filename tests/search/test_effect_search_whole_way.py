@@ -47,6 +47,11 @@ ALL = [c.name for c in CLASSES]
 STUCK = {"intermittent"}
 # Weak linear answers, which three runs do not confirm in the closed loop.
 UNCONFIRMED = {*STUCK, "integral", "disturbance"}
+# One for each place where an effect acts; the rest are a study.
+OF_TRIAL_SLOW = {
+    *("wrong_delay", "scheduled_gain", "rectified", "hardening_stiffness", "integral", "preview"),
+    *("motion_feedback", "higher_order", "tremor", "quantised"),
+}
 # One that acts on the error, one on the output, one that the spectrum shows; all are `slow`.
 QUICK = {"dead_zone", "bias", "tremor"}
 
@@ -63,13 +68,15 @@ def closed_share(search, X, y, oracle):
     return (best - linear) / gap, gap
 
 
-def names(listed, stuck=STUCK, quick=QUICK):
+def names(listed, stuck=STUCK, quick=QUICK, slow=None):
     reason = "stops beside the minimum, another name fits as well, or the loop does not confirm it"
     mark = pytest.mark.xfail(reason=reason, strict=True)
-    return [
-        pytest.param(n, marks=[mark] * (n in stuck) + [pytest.mark.slow] * (n not in quick))
-        for n in listed
-    ]
+
+    def marks(name):
+        rest = pytest.mark.slow if slow is None or name in slow else pytest.mark.whole
+        return [mark] * (name in stuck) + [rest] * (name not in quick)
+
+    return [pytest.param(name, marks=marks(name)) for name in listed]
 
 
 def of_loop(name):
@@ -150,8 +157,7 @@ def search_trial(trial, name, effects, n_runs):
     return search, share, gap, sets.right_answers(name, case.gap)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", names(OF_TRIAL, UNCONFIRMED))
+@pytest.mark.parametrize("name", names(OF_TRIAL, UNCONFIRMED, (), OF_TRIAL_SLOW))
 def test_what_the_trial_hides_is_found_among_rivals(trial, name):
     search, share, gap, right = search_trial(trial, name, sorted({*RIVALS, name}), 3)
     if name == "tremor":  # of unknown phase: named, and nothing to gain
