@@ -139,9 +139,7 @@ def with_fitted_start(
     for sign in (1.0, -1.0) if hidden else (1.0,):
         wanted = sign * record.y[:n] - core_output[:n]
         guess = fitted_states(responses, wanted, record.known[:n])
-        trial = begun(guess)
-        better = _squares(record, trial) < _squares(record, output)
-        start, output = np.where(better, guess, start), np.where(better, trial, output)
+        start, output = _where_better(record, begun, guess, start, output)
     return _by_newton(record, begun, start, output)
 
 
@@ -171,10 +169,20 @@ def with_fitted_pulses(
     start = np.zeros((states, record.n_runs))
     guess = start.copy()
     guess[0] = record.y[0] - output[0]  # measured, whether it counts or not
-    trial = of(guess)
+    return _by_newton(record, of, *_where_better(record, of, guess, start, output))
+
+
+def _where_better(
+    record: Record,
+    begun: Callable[[np.ndarray], np.ndarray],
+    guess: np.ndarray,
+    start: np.ndarray,
+    output: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Amounts and output of a guess in the runs that it fits better, as they were in the others."""
+    trial = begun(guess)
     better = _squares(record, trial) < _squares(record, output)
-    start, output = np.where(better, guess, start), np.where(better, trial, output)
-    return _by_newton(record, of, start, output)
+    return np.where(better, guess, start), np.where(better, trial, output)
 
 
 def _by_newton(

@@ -68,6 +68,7 @@ class Search:
         self.share = share_about_mean(self.criterion)
         self.n_jobs = n_jobs
         self._refits: dict[tuple, np.ndarray] = {}
+        self._parts: dict[tuple, list[Model]] = {}
 
     def _each(self, function: Callable[..., Any], items: Sequence[Any], *args: Any) -> list[Any]:
         """``function(item, *args)`` of each item, in ``n_jobs`` processes."""
@@ -159,6 +160,16 @@ class Search:
         """Points of VAF that an effect may lose: some, where the output itself shows it."""
         id_ = dict(model.effects.steps)[name].name
         return -LEAST_GAIN * self.share if id_ in self.traces else 0.0
+
+    def partial_models(self, model: Model, start: int, core: dict[str, float]) -> list[Model]:
+        """Models with the first ``start`` effects, with one more, and so on."""
+        key = (tuple(model.simulator.names), model.theta.tobytes(), start)
+        if key not in self._parts:
+            models = [output_error_fit(model)]
+            for name in reversed(model.effects.names[start:]):
+                models.append(without(models[-1], name, core))
+            self._parts[key] = models[::-1]
+        return self._parts[key]
 
     def refit(self, model: Model) -> float:
         """Held-out VAF of a model that is fitted anew without each fold's rows."""
@@ -287,7 +298,7 @@ def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
     start = len(path.steps[0].parent.effects)
     gains: dict[str, float] = {}
     for model in (by_rank(path.model, first), path.model):
-        parts = partial_models(model, start, path.core)
+        parts = search.partial_models(model, start, path.core)
         vafs = [search.refit(part) for part in parts]
         names = model.effects.names[start:]
         gains = dict(zip(names, np.diff(vafs).tolist(), strict=True))
@@ -298,14 +309,6 @@ def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
     step = search.judged(fewer, [])
     path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
     return in_gaining_order(search, path, first)
-
-
-def partial_models(model: Model, start: int, core: dict[str, float]) -> list[Model]:
-    """Models with the first ``start`` effects, with one more, and so on."""
-    models = [output_error_fit(model)]
-    for name in reversed(model.effects.names[start:]):
-        models.append(without(models[-1], name, core))
-    return models[::-1]
 
 
 def by_rank(model: Model, first: SearchStep) -> Model:

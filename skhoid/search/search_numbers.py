@@ -14,7 +14,7 @@ from ..effects.traces import Signature
 from ..greybox.base import vaf_of_output
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
-from .forward import Path, Search, SearchStep, further_changes, partial_models
+from .forward import Path, Search, SearchStep, further_changes
 from .leftover import REPEATS, Leftover, leftovers
 from .signatures import noises_in
 
@@ -97,7 +97,7 @@ def numbers_of(
 
 def walked(search: Search, path: Path) -> list[SearchStep]:
     """Models with the first, the first two ... of the effects, each fitted anew for every fold."""
-    models = partial_models(path.model, len(path.steps[0].parent.effects), path.core)
+    models = search.partial_models(path.model, len(path.steps[0].parent.effects), path.core)
     noise = search.criterion.remnant_model(path.model.output)
     steps = [search.judged(model, [], noise) for model in models]
     predictions = [search.refitted(step.parent) for step in steps]

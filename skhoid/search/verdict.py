@@ -44,9 +44,9 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
     """Whether what was found is a name, and whether something is missing beside it."""
     ids, stand_ins, worst = found.ids, [], found.worst
     share = worst / max(worst + found.gained, 1e-300)
-    least, small, large, of_much = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
-    if found.gained >= MUCH * found.share:
-        large = of_much
+    limits = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
+    least, small = limits[:2]
+    large = largest_left(limits, found.gained, found)
     if not (worst >= least * found.share and share > small):
         return Verdict(Outcome.FOUND if ids else Outcome.NOTHING, ids, [])
     if share > large:
@@ -61,5 +61,11 @@ def first_explains(found: SearchNumbers) -> bool:
     """Whether the first effect alone would stay named: others after it take nothing from it."""
     gained = found.steps[1].vaf - found.steps[0].vaf
     left = found.worst + found.gained - gained
-    large = BESIDE_ONE[3] if gained >= MUCH * found.share else BESIDE_ONE[2]
-    return left <= large * (left + gained)
+    return left <= largest_left(BESIDE_ONE, gained, found) * (left + gained)
+
+
+def largest_left(
+    limits: tuple[float, float, float, float], gained: float, found: SearchNumbers
+) -> float:
+    """Share of what could be explained that may be left beside a name that gains so much."""
+    return limits[3] if gained >= MUCH * found.share else limits[2]
