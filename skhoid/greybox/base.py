@@ -321,7 +321,7 @@ def started(model: Model, criterion: Criterion, start: Mapping[str, float]) -> M
     values = {**model.values(), **start}
     theta = np.array([values[name] for name in simulator.names])
     fit = minimise(simulator, criterion, theta)
-    return Model(simulator, fit, model.other_core) if fit.sse < model.sse else model
+    return Model(simulator, fit, model.other_cores) if fit.sse < model.sse else model
 
 
 def simulation_of(

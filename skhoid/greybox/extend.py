@@ -63,8 +63,8 @@ def extended(
         if effect.place == "delay":
             starts = [restarted(simulator, coarse, start) for start in starts]
         starts += [start_given(simulator, one, start) for one in starts[:1] if start]
-        if parent.other_core is not None:
-            starts += [start_beside(parent, simulator, name, v, parent.other_core) for v in values]
+        for other in parent.other_cores:
+            starts += [start_beside(parent, simulator, name, v, other) for v in values]
         if last:  # what the previous variant found, where it has the same parameters
             known = [(last.get(n), i) for i, n in enumerate(simulator.names)]
             again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
@@ -97,7 +97,7 @@ def extended(
         if finished and (not promising or before - sse < ALIKE * gain):
             break
         full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)
-        model = Model(simulator, full, parent.other_core)
+        model = Model(simulator, full, parent.other_cores)
         if promising and not variant.smooth:
             model = searched(model, name, criterion, FINE_SIZES)
         finished.append((number, model))

@@ -59,8 +59,8 @@ def refitted(
         minimise(simulator, inside, point, max_iter=MOST_ITERATIONS, tol=TOLERANCE)
         for point in points
     ]
-    best = Model(simulator, min(fits, key=lambda fit: fit.sse), model.other_core)
+    best = Model(simulator, min(fits, key=lambda fit: fit.sse), model.other_cores)
     for name, effect in simulator.effects:
         if not effect.smooth:
             best = min([best, searched(best, name, inside, SIZES)], key=lambda m: m.sse)
-    return Model(whole, best.fit, model.other_core)
+    return Model(whole, best.fit, model.other_cores)

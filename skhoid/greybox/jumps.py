@@ -50,7 +50,7 @@ def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, 
                         break
                     best = trial
         best = minimise(tied, criterion, best.theta, max_iter=4, fixed=fixed)
-    return Model(simulator, tied.back_fit(best), model.other_core)
+    return Model(simulator, tied.back_fit(best), model.other_cores)
 
 
 def _followed(model: Model, name: str, criterion: Criterion) -> Model | None:
@@ -65,7 +65,7 @@ def _followed(model: Model, name: str, criterion: Criterion) -> Model | None:
         soft = Simulator(simulator.core, Effects(steps), simulator.record)
         theta = minimise(soft, criterion, theta, max_iter=8, tol=1e-4).theta
     sharp = minimise(simulator, criterion, theta, max_iter=4)
-    return Model(simulator, min(sharp, model.fit, key=lambda fit: fit.sse), model.other_core)
+    return Model(simulator, min(sharp, model.fit, key=lambda fit: fit.sse), model.other_cores)
 
 
 def _starts_beside(

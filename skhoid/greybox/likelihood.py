@@ -48,7 +48,7 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     if joint is None:
         return model, noise
     theta, beside = joint
-    found = Model(model.simulator, replace(model.fit, theta=theta), model.other_core)
+    found = Model(model.simulator, replace(model.fit, theta=theta), model.other_cores)
     criterion.set_noise(criterion.remnant_model(found.output))
     found = found.under(criterion)
     found.fit.beside = beside

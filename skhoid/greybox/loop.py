@@ -38,6 +38,7 @@ MOVED = 0.1  # relative change of a parameter, after which that answer is comput
 CURVED = 0.02  # of the output, by which the answer to a remnant and to its opposite differ
 FOLLOWS = 0.7  # share of a channel that x may leave, at most, if it moves with x
 ROUGH = 3  # differences that tell a rough signal from a smooth one
+SMOOTHED = 0.07  # s, over which averages are taken: between samples a sensor's error is rougher
 MISSING = 0.005  # share of the output, at most
 
 
@@ -323,12 +324,19 @@ def pulse_response(
     held = [plain, element.discrete(record.dt, "foh")]
     if len(element.numerator) < len(element.denominator):
         held.append(replace(element, direct=True).discrete(record.dt))
-    known = np.all(record.known[begin:], axis=1)
+    together = max(1, round(SMOOTHED / record.dt))
+    n = (len(record.known) - begin) // together
+    whole = np.s_[begin : begin + n * together]
+
+    def averages(signal: np.ndarray) -> np.ndarray:
+        return np.asarray(signal[whole].reshape(n, together, -1).mean(axis=1))
+
+    known = np.all(averages(record.known) == 1.0, axis=1)
     known = known[ROUGH:] & known[:-ROUGH]
 
     def roughness(b: np.ndarray, a: np.ndarray) -> float:
         assert record.y is not None
-        rest = record.channels[names[0]] - lfilter(b, a, record.y, axis=0)
-        return float(np.sum(np.diff(rest[begin:], n=ROUGH, axis=0)[known] ** 2))
+        rest = averages(record.channels[names[0]] - lfilter(b, a, record.y, axis=0))
+        return float(np.sum(np.diff(rest, n=ROUGH, axis=0)[known] ** 2))
 
     return min(held, key=lambda found: roughness(*found))

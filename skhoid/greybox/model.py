@@ -26,13 +26,13 @@ AT_BOUND = 1e-3  # of its size, by which a parameter is off a bound at most
 class Model:
     """A simulator with parameters at a minimum.
 
-    ``other_core`` are usual parameters of the core, a second place to start from where the
+    ``other_cores`` are usual parameters of the core, further places to start from where the
     minimum lies at a bound because what is missing has bent it.
     """
 
     simulator: Simulator
     fit: Fit
-    other_core: dict[str, float] | None = None
+    other_cores: tuple[dict[str, float], ...] = ()
 
     @property
     def effects(self) -> Effects:
@@ -93,12 +93,12 @@ class Model:
         output = self.simulator.run(self.theta)
         normal = normal_equations(self.simulator, criterion, self.theta, output)
         fit = Fit(self.theta, criterion.sse(output), criterion.n, *normal)
-        return Model(self.simulator, fit, self.other_core)
+        return Model(self.simulator, fit, self.other_cores)
 
     def refined(self, criterion: Criterion, max_iter: int = 12, tol: float = 1e-5) -> Model:
         """The same model at the minimum of another criterion nearby."""
         fit = minimise(self.simulator, criterion, self.theta, max_iter=max_iter, tol=tol)
-        return Model(self.simulator, fit, self.other_core)
+        return Model(self.simulator, fit, self.other_cores)
 
 
 def fit_core(core: Core, record: Record, criterion: Criterion, starts: np.ndarray) -> Model:
@@ -196,7 +196,7 @@ def without(model: Model, name: str, core: dict[str, float] | None = None) -> Mo
     if core is not None:
         other = np.array([(values | core)[n] for n in simulator.names])
         theta = min(theta, other, key=lambda start: criterion.sse(simulator.run(start)))
-    return Model(simulator, replace(model.fit, theta=theta), model.other_core).refined(criterion)
+    return Model(simulator, replace(model.fit, theta=theta), model.other_cores).refined(criterion)
 
 
 def in_order(model: Model, names: Sequence[str]) -> Model:
@@ -214,4 +214,4 @@ def in_order(model: Model, names: Sequence[str]) -> Model:
         normal=model.fit.normal[np.ix_(at, at)],
         gradient=model.fit.gradient[at],
     )
-    return Model(simulator, fit, model.other_core)
+    return Model(simulator, fit, model.other_cores)

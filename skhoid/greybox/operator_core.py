@@ -13,15 +13,25 @@ from .simulator import Simulator
 
 
 def fit_plain_operator(core: OperatorCore, record: Record, criterion: Criterion) -> Model:
-    """An operator without effects; see ``Model.other_core`` if it ends at a bound."""
+    """An operator without effects; see ``Model.other_cores`` where it ends at a bound."""
     starts = operator_starts(core, record, criterion)
     model = fit_core(core, record, criterion, starts)
     simulator = model.simulator
     dynamic = np.array([name in core.ordinary for name in simulator.names])
     at_bound = (model.theta <= simulator.low) | (model.theta >= simulator.high)
     if (at_bound & dynamic).any():
-        plain = minimise(simulator, criterion, starts[0], fixed=dynamic)
-        model.other_core = dict(zip(simulator.names, plain.theta.tolist(), strict=True))
+        # Lag and lead of a limb that is none make up for what is missing: without both, too.
+        plain = {name: usual.centre for name, usual in core.usual.items()}
+        plain |= dict.fromkeys(core.gains[1:], 0.0)
+        without = np.array([plain.get(name, value) for name, value in model.values().items()])
+        given = np.array([name in plain for name in simulator.names])
+        fits = [
+            minimise(simulator, criterion, start, fixed=fixed)
+            for start, fixed in ((starts[0], dynamic), (without, given))
+        ]
+        model.other_cores = tuple(
+            dict(zip(simulator.names, fit.theta.tolist(), strict=True)) for fit in fits
+        )
     return model
 
 

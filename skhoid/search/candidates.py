@@ -14,10 +14,6 @@ from .leak import leak_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
-LEAST_TOGETHER = 40.0  # of the evidence of likelihood and loop, where neither alone is enough
-LEAST_IF_CLEAR = 10.0  # the same, where free run and loop gain much
-CLEAR, CLEAR_GAIN_IN_LOOP = 300.0, 1.0  # evidence of the free run and VAF points that are much
-LEAST_GAIN_IN_LOOP = 0.1  # the same, of what the likelihood alone does not show
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
 AS_GOOD = 0.05  # points
 AT_ZERO = 1e-9  # rounding of a bound
@@ -66,24 +62,15 @@ class Candidate:
     def refuted(self) -> bool:
         """Whether the unbiased likelihood and the closed loop, once asked, speak against it.
 
-        A loop answers its forcing functions much alike whoever closes it, and a noise model takes
-        part of what is missing for remnant: neither alone confirms what is there. Their evidence
-        adds up, of what lowers the error of the loop.
+        What is linear the loop decides. A noise model that is estimated along decides where the
+        loop cannot be solved, and together with the loop of what is not linear.
         """
         judged = self.in_loop
         if judged is None:
             return False
-        if not np.isfinite(self.joint):
+        if not np.isnan(judged.evidence) and (judged.refutes or not judged.bends):
             return judged.refutes
-        likely = self.joint > LEAST_EVIDENCE
-        if not np.isfinite(judged.evidence):
-            return not likely
-        if judged.bends:
-            return not likely or judged.refutes
-        clear = self.evidence > CLEAR and judged.gain >= CLEAR_GAIN_IN_LOOP
-        together = self.joint + judged.evidence > (LEAST_IF_CLEAR if clear else LEAST_TOGETHER)
-        confirmed = together and judged.gain >= LEAST_GAIN_IN_LOOP
-        return judged.gain <= 0.0 or not (likely or confirmed)
+        return self.joint <= LEAST_EVIDENCE
 
     @property
     def weight(self) -> float:
@@ -133,7 +120,7 @@ class SearchStep:
             loop = self.loop
             candidate.in_loop = InLoop() if loop is None else loop.judged(candidate.model)
         solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
-        if candidate.passes and candidate.model is not None and not solved:
+        if candidate.pays and candidate.model is not None and not solved:
             leak = leak_of(candidate.model)
             candidate.refused = leak.reason if leak is not None and leak.leaks else ""
         if candidate.passes and self.refit is not None and candidate.model is not None:

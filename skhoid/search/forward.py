@@ -36,6 +36,7 @@ from .signatures import traces_of
 
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
+RIVAL = 0.3  # of the evidence of the best first effect, at least, of another to begin with
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
@@ -69,6 +70,7 @@ class Search:
         self.n_jobs = n_jobs
         self._refits: dict[tuple, np.ndarray] = {}
         self._parts: dict[tuple, list[Model]] = {}
+        self._parents: dict[frozenset[str], Model] = {}
 
     def _each(self, function: Callable[..., Any], items: Sequence[Any], *args: Any) -> list[Any]:
         """``function(item, *args)`` of each item, in ``n_jobs`` processes."""
@@ -85,6 +87,7 @@ class Search:
 
     def step(self, parent: Model) -> SearchStep:
         """All candidates beside a parent that was fitted by output error."""
+        self._parents[frozenset(parent.effects.names)] = parent
         candidates = []
         taken = {effect.name for _, effect in parent.effects}
         for effect in self.effects:
@@ -105,7 +108,7 @@ class Search:
 
     def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
         effects, fit = found
-        return Model(Simulator(self.core, effects, self.record), fit, parent.other_core)
+        return Model(Simulator(self.core, effects, self.record), fit, parent.other_cores)
 
     def judged(
         self, parent: Model, candidates: list[Candidate], noise: RemnantModel | None = None
@@ -167,7 +170,11 @@ class Search:
         if key not in self._parts:
             models = [output_error_fit(model)]
             for name in reversed(model.effects.names[start:]):
-                models.append(without(models[-1], name, core))
+                fewer = without(models[-1], name, core)
+                known = self._parents.get(frozenset(fewer.effects.names))
+                if known is not None and known.sse < fewer.sse:
+                    fewer = in_order(known, fewer.effects.names)
+                models.append(fewer)
             self._parts[key] = models[::-1]
         return self._parts[key]
 
@@ -247,7 +254,8 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     if claim is not None and most:
         return beside_claim(search, first, claim, most)
     greedy = follow(search, first, first.best if most else None, most)
-    rivals = [c for c in first.candidates[1:3] if c.passes]
+    least = RIVAL * first.candidates[0].weight if first.candidates else 0.0
+    rivals = [c for c in first.candidates[1:3] if c.passes and c.weight > least]
     if len(greedy.steps) > 1 and len(greedy.ids) > 1:
         for rival in rivals:
             if rival.id in greedy.ids[:1] or not first.judge(rival):
@@ -257,9 +265,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
                 pair = path_of_length(greedy, 2)
                 if better(search, other.model, pair):
                     greedy = follow_from(search, other, most)
-    return in_gaining_order(
-        search, without_superfluous(search, fitted_again(search, greedy)), first
-    )
+    return in_gaining_order(search, trimmed(search, greedy, most), first)
 
 
 def beside_claim(search: Search, first: SearchStep, claim: Candidate, most: int) -> Path:
@@ -276,7 +282,20 @@ def beside_claim(search: Search, first: SearchStep, claim: Candidate, most: int)
         if refuted:
             return path
         return Path([first, freed], first.parent, first.vaf, first.prediction)
-    return in_gaining_order(search, without_superfluous(search, fitted_again(search, path)), freed)
+    return in_gaining_order(search, trimmed(search, path, most + 1), freed)
+
+
+def trimmed(search: Search, path: Path, most: int) -> Path:
+    """Without effects that no longer pay; and on from there, where some were taken out."""
+    seen: list[set[str]] = []
+    while True:
+        fewer = without_superfluous(search, fitted_again(search, path))
+        seen.append({*path.ids})
+        if len(fewer.ids) == len(path.ids):
+            return fewer
+        path = follow_from(search, fewer, most)
+        if {*path.ids} in seen:
+            return fewer
 
 
 def fitted_again(search: Search, path: Path) -> Path:
@@ -291,18 +310,23 @@ def fitted_again(search: Search, path: Path) -> Path:
 
 
 def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
-    """Effects by rank, or as they were added; without the one that loses, if one does either way.
+    """Effects by rank, as they were added, or the other way round; without a loser, if all lose.
 
     Each step must lower the error of held-out rows, refitted without them.
     """
     start = len(path.steps[0].parent.effects)
+    rank = {c.name: i for i, c in enumerate(first.candidates) if c.passes}
+    added = path.model.effects.names[start:]
+    by_rank = sorted(added, key=lambda name: rank.get(name, len(rank)))
     gains: dict[str, float] = {}
-    for model in (by_rank(path.model, first), path.model):
+    for order in (by_rank, added, added[::-1]):
+        model = ordered(path.model, [*path.model.effects.names[:start], *order])
         parts = search.partial_models(model, start, path.core)
         vafs = [search.refit(part) for part in parts]
         names = model.effects.names[start:]
-        gains = dict(zip(names, np.diff(vafs).tolist(), strict=True))
-        if all(gain > search.allowed_loss(model, name) for name, gain in gains.items()):
+        steps = np.diff(vafs).tolist()
+        gains = gains or dict(zip(names, steps, strict=True))
+        if all(gain > search.allowed_loss(model, n) for n, gain in zip(names, steps, strict=True)):
             return replace(path, model=model)
     name = min(gains, key=lambda one: gains[one])
     fewer = output_error_fit(without(path.model, name, path.core))
@@ -311,17 +335,13 @@ def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
     return in_gaining_order(search, path, first)
 
 
-def by_rank(model: Model, first: SearchStep) -> Model:
-    """The same model, its effects in the order in which they help the baseline alone.
-
-    Effects of one place keep their order, in which signals pass them.
-    """
-    rank = {c.name: i for i, c in enumerate(first.candidates) if c.passes}
-    steps = sorted(model.effects.steps, key=lambda step: rank.get(step[0], len(rank)))
+def ordered(model: Model, names: Sequence[str]) -> Model:
+    """The same model, its effects in an order; those of one place keep theirs, as signals pass."""
+    by_name = dict(model.effects.steps)
     of_place: dict[str, list[str]] = {}
     for name, effect in model.effects.steps:
         of_place.setdefault(effect.place, []).append(name)
-    return in_order(model, [of_place[effect.place].pop(0) for _, effect in steps])
+    return in_order(model, [of_place[by_name[name].place].pop(0) for name in names])
 
 
 def follow(search: Search, first: SearchStep, start: Candidate | None, most: int) -> Path:
@@ -404,17 +424,23 @@ def better(search: Search, one: Model, other: Model) -> bool:
 
 
 def without_superfluous(search: Search, path: Path) -> Path:
-    """Take out effects that no longer pay beside those added after them."""
-    names = path.model.effects.names
+    """Take out effects that no longer pay beside the others.
+
+    First what raises the error of held-out rows most, refitted without them.
+    """
+    model = path.model
+    names = model.effects.names
     if len(names) < 2:
         return path
-    for name in names[:-1]:
-        fewer = without(path.model, name, path.core)
-        one = Candidate(
-            name, dict(path.model.effects.steps)[name], model=output_error_fit(path.model)
-        )
-        step = search.judged(output_error_fit(fewer), [one])
-        if not one.pays:
+    fewer = {name: output_error_fit(without(model, name, path.core)) for name in names}
+    whole = search.refit(model)
+    gains = {name: whole - search.refit(one) for name, one in fewer.items()}
+    worst = min(names, key=lambda name: gains[name] - search.allowed_loss(model, name))
+    loses = gains[worst] <= search.allowed_loss(model, worst)
+    for name in [worst] if loses else names[:-1]:
+        one = Candidate(name, dict(model.effects.steps)[name], model=output_error_fit(model))
+        step = search.judged(fewer[name], [one])
+        if loses or not one.pays:
             path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
             return without_superfluous(search, path)
     return path

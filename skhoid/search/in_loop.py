@@ -21,6 +21,7 @@ from ..greybox.simulator import Simulator
 from .held_out import HeldOutRows, refitted_prediction
 
 LEAST_EVIDENCE = 20.0  # of an effect that counts
+RATES = (12.5, 6.25)  # Hz: faster, errors of sensors count more than what is left of the remnant
 LEAST_RATE = 45.0  # Hz, to which records are thinned
 ITERATIONS = 10
 TOLERANCE = 1e-4
@@ -124,19 +125,25 @@ class LoopParent:
         if not np.isfinite(fitted.output).all():
             return without
         self._start_from(fitted)
-        criterion = Criterion(self.judge.record)
-        best = min(self.fit, fitted, key=lambda m: m.sse)
-        criterion.set_noise(criterion.remnant_model(best.output))
-        (parent, before), (refined, after) = (
-            self._held_out(m, criterion) for m in (self.fit, fitted)
-        )
+        before, after = (self._held_out(m) for m in (self.fit, fitted))
         if not np.isfinite(before):
             return InLoop()
         if not np.isfinite(after):
             return without
+        evidence = min(self.evidence(fitted, rate) for rate in RATES)
+        return InLoop(after, evidence, after - before, bends)
+
+    def evidence(self, fitted: Model, rate: float) -> float:
+        """What a model has over the parent at a rate, under the noise model of the better one."""
+        criterion = Criterion(self.judge.record, rate=rate)
+        best = min(self.fit, fitted, key=lambda m: m.sse)
+        criterion.set_noise(criterion.remnant_model(best.output))
+        parent, refined = (
+            m.refined(criterion, max_iter=ITERATIONS, tol=TOLERANCE) for m in (self.fit, fitted)
+        )
         ratio = criterion.n * np.log(max(parent.sse, 1e-300) / max(refined.sse, 1e-300))
         more = refined.n_parameters - parent.n_parameters
-        return InLoop(after, ratio - more * np.log(criterion.n), after - before, bends)
+        return float(ratio - more * np.log(criterion.n))
 
     def _added(self, model: Model) -> list[Effect]:
         """Effects that a model has and the parent has not."""
@@ -156,15 +163,12 @@ class LoopParent:
         """Held-out VAF of the parent in the loop; NaN where the loop cannot be solved."""
         if not self.solved:
             return np.nan
-        criterion = Criterion(self.judge.record)
-        criterion.set_noise(criterion.remnant_model(self.fit.output))
-        return self._held_out(self.fit, criterion)[1]
+        return self._held_out(self.fit)
 
-    def _held_out(self, fitted: Model, criterion: Criterion) -> tuple[Model, float]:
-        """Refined under a noise model; VAF of held-out rows, each fold refitted without them."""
-        refined = fitted.refined(criterion, max_iter=ITERATIONS, tol=TOLERANCE)
+    def _held_out(self, fitted: Model) -> float:
+        """VAF of held-out rows, each fold refitted without them."""
         judge = self.judge
         predicted = refitted_prediction(fitted, judge.plain, judge.folds)
         if not np.isfinite(predicted[judge.record.known]).all():
-            return refined, np.nan
-        return refined, vaf_of_output(judge.record, predicted)
+            return np.nan
+        return vaf_of_output(judge.record, predicted)

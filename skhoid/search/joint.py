@@ -41,7 +41,7 @@ class JointParent:
     def _at_rate(self, model: Model, found: tuple[float, np.ndarray] | None, rate: float) -> float:
         simulator, parent = model.simulator, self.parent.simulator
         shared = [simulator.names.index(name) for name in parent.names]
-        starts = [model.theta, *usual_starts(simulator, model.theta)]
+        starts = [model.theta]
         if found is not None:
             beside = model.theta.copy()
             beside[shared] = found[1]

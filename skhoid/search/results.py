@@ -164,6 +164,8 @@ def short_of(candidate: Candidate) -> str:
 def refuted(candidate: Candidate) -> str:
     """Why a candidate that follows the measured error better is not taken."""
     found, judged = [], candidate.in_loop
+    if judged is not None and judged.evidence == -np.inf:
+        return "the closed loop does not settle with it"
     if candidate.joint <= LEAST_EVIDENCE:
         found.append(
             f"with a noise model that is estimated along its evidence is {candidate.joint:.0f}"

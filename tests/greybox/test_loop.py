@@ -284,13 +284,16 @@ def test_loop_of_an_output_with_gaps_is_unknown_but_not_of_short_runs():
     assert loop_of(without(record, y=y, known=known)) is None
 
 
+@pytest.mark.parametrize("step", [0.0, 1e-3])  # of a sensor, in standard deviations
 @pytest.mark.parametrize("kind", ["zoh", "foh", "direct"])
-def test_pulse_response_finds_what_the_output_does_between_samples(kind):
+def test_pulse_response_finds_what_the_output_does_between_samples(kind, step):
     world = World("1/(s(s+1))", runs=2)
     element, y = world.element, world.record.y
     held = replace(element, direct=True) if kind == "direct" else element
     b, a = held.discrete(DT, "foh") if kind == "foh" else held.discrete(DT)
     x = lfilter(b, a, y, axis=0) + lfilter(*element.discrete(DT, "foh"), world.disturbance, axis=0)
+    if step:
+        x = step * x.std() * np.round(x / (step * x.std()))
     channels = {**world.record.channels, "x": x}
     found = pulse_response(element, without(world.record, channels=channels), 150)
     np.testing.assert_array_equal(found[0], b)

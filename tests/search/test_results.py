@@ -47,6 +47,10 @@ def reason(winner="bias", taken_out=False, name="preview", **options):
             "with a noise model that is estimated along its evidence is -8: it may follow the "
             "remnant that comes back in the error",
         ),
+        (
+            {"joint": 90.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)},
+            "the closed loop does not settle with it",
+        ),
         ({}, "the free run is better with it too; bias was added"),
         ({"winner": ""}, "it pays; no more were to be added"),
         ({"taken_out": True}, "beside what was added later it no longer pays"),
