@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
+from ..diagnosis.leaks import SLOPE, LeakTest
 from ..effects.base import Effect
 from ..greybox.model import Model
 from .in_loop import InLoop, LoopParent
@@ -14,6 +16,8 @@ from .leak import leak_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
+MUCH, MUCH_EVIDENCE = 10.0, 100.0  # gain and evidence that count beside a loop that is blind
+BLIND = 0.1  # points of VAF that are no loss in the loop
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
 AS_GOOD = 0.05  # points
 AT_ZERO = 1e-9  # rounding of a bound
@@ -63,14 +67,19 @@ class Candidate:
         """Whether the unbiased likelihood and the closed loop, once asked, speak against it.
 
         What is linear the loop decides. A noise model that is estimated along decides where the
-        loop cannot be solved, and together with the loop of what is not linear.
+        loop cannot be solved; of what is not linear a loop that speaks against it counts as well.
+        To what only the remnant excites, as feedback that the target cannot tell from another gain,
+        the loop is blind: then much must be gained, and be likely.
         """
         judged = self.in_loop
         if judged is None:
             return False
-        if not np.isnan(judged.evidence) and (judged.refutes or not judged.bends):
-            return judged.refutes
-        return self.joint <= LEAST_EVIDENCE
+        if np.isnan(judged.evidence):
+            return self.joint <= LEAST_EVIDENCE
+        if np.isnan(self.joint) or not judged.bends:
+            much = self.gain >= MUCH and self.joint > MUCH_EVIDENCE and judged.gain > -BLIND
+            return judged.refutes and not much
+        return self.joint + min(judged.evidence, 0.0) <= LEAST_EVIDENCE
 
     @property
     def weight(self) -> float:
@@ -121,13 +130,24 @@ class SearchStep:
             candidate.in_loop = InLoop() if loop is None else loop.judged(candidate.model)
         solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
         if candidate.pays and candidate.model is not None and not solved:
-            leak = leak_of(candidate.model)
-            candidate.refused = leak.reason if leak is not None and leak.leaks else ""
+            candidate.refused = self._leak_beyond_parent(candidate.model)
         if candidate.passes and self.refit is not None and candidate.model is not None:
             gain = self.refit(candidate.model) - self.refit(self.parent)
             if gain <= (-candidate.least_gain if candidate.trace else 0.0):
                 candidate.refused = f"fitted without the rows, it loses {-gain:.2g} points there"
         return candidate.passes
+
+    def _leak_beyond_parent(self, model: Model) -> str:
+        """What the leak test says of a model, unless it says nearly the same of the parent."""
+        leak, of_parent = leak_of(model), self._parent_leak
+        if leak is None or not leak.leaks:
+            return ""
+        known = of_parent.slope if of_parent is not None and of_parent.leaks else -np.inf
+        return "" if leak.slope < known + SLOPE else leak.reason
+
+    @cached_property
+    def _parent_leak(self) -> LeakTest | None:
+        return leak_of(self.parent)
 
     @property
     def best(self) -> Candidate | None:

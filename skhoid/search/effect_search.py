@@ -47,14 +47,14 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
 
     Every effect of a catalogue is added to the model in turn, and all parameters refitted
     together in simulation. An effect counts when both criteria are met: by likelihood,
-    an evidence n log(SSE before / after) - k log n > 25 with one noise model for both, which for an
-    operator is estimated along with the effect, so that no remnant that comes back in the error
-    passes for an answer; by free run, a gain of at least 0.2 points of VAF (about the mean) on
-    held-out rows. Where the controlled element is known, the best must also lower the error of the
-    **closed loop**: a run of the loop in which target and disturbance go in, and the model's output
-    moves x and e. It must predict held-out rows better when refitted without them, its numbers must
-    not end at a bound, and it must not rebuild the output from x. Then it is added, and the search
-    goes on until none meets all; effects that no longer do beside later ones are taken out.
+    an evidence n log(SSE before / after) - k log n > 25; by free run, a gain of at least 0.2 points
+    of VAF (about the mean) on held-out rows. Where the controlled element is known, the best must
+    also have evidence in the **closed loop**, where target and disturbance go in, and the model's
+    output moves x and e: no remnant that comes back in the error passes for an answer there. Of
+    what is not linear, or where the loop cannot be solved, a noise model that is estimated along
+    decides. It must predict held-out rows better when refitted without them, its numbers must not
+    end at a bound, and it must not rebuild the output from x. Then it is added, and the search goes
+    on until none meets all; effects that no longer do beside later ones are taken out.
 
     Parameters
     ----------

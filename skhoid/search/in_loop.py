@@ -21,8 +21,10 @@ from ..greybox.simulator import Simulator
 from .held_out import HeldOutRows, refitted_prediction
 
 LEAST_EVIDENCE = 20.0  # of an effect that counts
+LEAST_IF_BETTER, MUCH_BETTER = 5.0, 0.4  # the same, of one that gains so many points of VAF there
 RATES = (12.5, 6.25)  # Hz: faster, errors of sensors count more than what is left of the remnant
 LEAST_RATE = 45.0  # Hz, to which records are thinned
+MOSTLY = 0.5  # of the power of a change of the output
 ITERATIONS = 10
 TOLERANCE = 1e-4
 
@@ -46,16 +48,21 @@ class InLoop:
         """Whether the loop is known, and the model no better than the parent there."""
         if self.bends:
             return self.evidence < -LEAST_EVIDENCE
-        return self.evidence <= LEAST_EVIDENCE or self.gain <= 0.0
+        least = LEAST_IF_BETTER if self.gain >= MUCH_BETTER else LEAST_EVIDENCE
+        return self.evidence <= least or self.gain <= 0.0
 
 
-def only_levels(added: Sequence[Effect]) -> bool:
-    """Whether effects are levels of the output alone.
+def only_levels(added: Sequence[Effect], parent: Model, model: Model) -> bool:
+    """Whether effects move the level of the output alone, or mostly.
 
     With an integrator in the element the level of u is that of the disturbance, whatever the
     person's own is, which shows in e.
     """
-    return all(e.place == "sum" and getattr(e, "channel", None) is None for e in added)
+    if all(e.place == "sum" and getattr(e, "channel", None) is None for e in added):
+        return True
+    change = np.where(parent.simulator.record.known, model.output - parent.output, 0.0)
+    levels = change.sum(axis=0) ** 2 / np.maximum(parent.simulator.record.known.sum(axis=0), 1)
+    return bool(levels.sum() > MOSTLY * (change**2).sum())
 
 
 class LoopJudge:
@@ -112,7 +119,9 @@ class LoopParent:
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
-        if not (model.simulator.smooth and self.solved) or only_levels(self._added(model)):
+        if not (model.simulator.smooth and self.solved) or only_levels(
+            self._added(model), self.parent, model
+        ):
             return InLoop()
         known = self.fit.values()
         names = model.simulator.names

@@ -9,11 +9,12 @@ from .search_numbers import SearchNumbers
 
 # Structure left counts as unknown if it exceeds so many points (about the mean) and the first share
 # of what could be explained. Above the second share the effects found do not name it: several
-# effects that leave something may together imitate what is missing. The third takes its place
-# where they gain much, which hardly anything else imitates. Of several the first may stay named.
+# effects that leave something may together imitate what is missing. That share grows with what
+# they gain, up to the third, since hardly anything else imitates much. The first of several may
+# stay named.
 BESIDE_ONE = (0.6, 0.1, 0.12, 0.5)
 BESIDE_SEVERAL = (0.4, 0.04, 0.04, 0.25)
-MUCH = 10.0  # points about the mean
+MUCH = 10.0  # points about the mean, for which the last share holds
 
 
 class Outcome(Enum):
@@ -68,4 +69,4 @@ def largest_left(
     limits: tuple[float, float, float, float], gained: float, found: SearchNumbers
 ) -> float:
     """Share of what could be explained that may be left beside a name that gains so much."""
-    return limits[3] if gained >= MUCH * found.share else limits[2]
+    return max(limits[2], limits[3] * min(gained / (MUCH * found.share), 1.0))

@@ -108,8 +108,13 @@ def passing(name="preview", **options):
         ({"joint": 50.0, "in_loop": InLoop(90.0, 50.0, -0.1)}, False),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 25.0, 0.2)}, True),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 15.0, 0.2)}, False),
+        ({"joint": 10.0, "in_loop": InLoop(90.0, 15.0, 0.5)}, True),
+        ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, True),  # blind
+        ({"joint": 450.0, "gain": 5.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, False),
+        ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, -0.5)}, False),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, -0.1, True)}, True),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -25.0, 1.0, True)}, False),
+        ({"joint": 400.0, "in_loop": InLoop(90.0, -70.0, -0.1, True)}, True),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 50.0, 1.0, True)}, False),
         ({"joint": 50.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
         ({"joint": 10.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),

@@ -8,6 +8,8 @@ import pytest
 from support.hidden_disturbance import tracked
 
 from skhoid.effects import Disturbance, Effects
+from skhoid.search.candidates import Candidate, SearchStep
+from skhoid.search.in_loop import InLoop
 from skhoid.search.leak import leak_of
 
 
@@ -64,3 +66,19 @@ def test_there_is_none_without_x_or_where_nobody_steers(record):
 def test_outputs_that_are_not_finite_raise_no_warning(record):
     found = leak_of(model_of(record, np.full_like(record.y, np.nan)))
     assert not found.leaks
+
+
+@pytest.mark.parametrize("of_parent", [0.0, 0.5])
+def test_a_candidate_is_refused_for_what_leaks_beside_its_parent(record, of_parent):
+    """An element that was estimated badly makes the parent leak as well."""
+    disturbance = record.channels["dist"]
+    hidden = without(record, "dist")
+    parent = model_of(hidden, 0.9 * record.y + of_parent * disturbance)
+    more = model_of(hidden, 0.95 * record.y + 0.6 * disturbance)
+    assert leak_of(more).leaks
+    assert bool(leak_of(parent).leaks) == (of_parent > 0)
+    candidate = Candidate("saturation", SimpleNamespace(name="saturation"), evidence=90.0, gain=2.0)
+    candidate.model, candidate.in_loop = more, InLoop()
+    step = SearchStep(parent, 80.0, record.y, [candidate])
+    assert step.judge(candidate) == (of_parent > 0)
+    assert ("unseen disturbance" in candidate.refused) == (of_parent == 0)

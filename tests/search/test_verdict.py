@@ -49,7 +49,9 @@ def test_effect_that_leaves_little_is_found():
     assert (found.outcome, found.best_effects) == (Outcome.FOUND, ["feedforward"])
 
 
-@pytest.mark.parametrize(("gained", "worst"), [(10.0, 4.0), (34.0, 10.8), (70.0, 50.0)])
+@pytest.mark.parametrize(
+    ("gained", "worst"), [(6.7, 1.2), (9.0, 3.0), (10.0, 4.0), (34.0, 10.8), (70.0, 50.0)]
+)
 def test_effect_that_explains_much_stays_named_beside_unknown(gained, worst):
     """However many runs say that something else repeats in them."""
     found = verdict(["feedforward"], gained, worst)
@@ -58,7 +60,7 @@ def test_effect_that_explains_much_stays_named_beside_unknown(gained, worst):
     assert found.stand_ins == []
 
 
-@pytest.mark.parametrize(("gained", "worst"), [(2.0, 8.0), (9.0, 3.0), (12.0, 14.0)])
+@pytest.mark.parametrize(("gained", "worst"), [(2.0, 8.0), (3.0, 1.0), (9.0, 8.0), (12.0, 14.0)])
 def test_effect_that_explains_little_stands_in(gained, worst):
     found = verdict(["feedforward"], gained, worst)
     assert found.best_effects == ["unknown"]
