@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..effects.core_kind import CoreKind
 from .fitting import AR_ORDER, Criterion, RemnantModel, minimise
+from .loop import LoopSimulator, loop_of
 from .model import Model
 from .prior import Prior
 from .simulator import Simulator
@@ -25,6 +27,7 @@ SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go 
 
 JOINT_RATE = 12.5  # Hz: faster, errors of the simulation count more than the remnant
 OTHER_RATES = (JOINT_RATE / 2, 2 * JOINT_RATE)  # at which a good estimate is about the same
+LOOP_RATE = 6.25  # Hz, at which errors of sensors do not count in the closed loop
 JOINT_FLOOR = 1e-5  # least share of the residual's variance that is white
 TOLERATED = 1.25  # times the squares of the simulation error, at most, of an unbiased estimate
 STEADY = 0.02  # of n log(SSE), by which a round must be better to go on
@@ -99,8 +102,8 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     decides where it hardly changes, as between a delay and the lag of a limb. A gain on the error
     rate that is not needed is left out.
 
-    With them comes the covariance that choices make: rows at half and at twice the rate, and the
-    gain that was left out, by its odds.
+    With them comes the covariance that choices make: rows at half and at twice the rate, the gain
+    that was left out, by its odds, and the closed loop, where it is known.
     """
     simulator = model.simulator
     core = simulator.core
@@ -129,7 +132,34 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
         other = likeliest(simulator, [theta], rate, held)
         if other is not None:
             beside += _outer(other[1] - theta) / len(OTHER_RATES)
+    in_loop = likeliest_in_loop(simulator, theta, held)
+    if in_loop is not None:
+        beside += _outer(in_loop - theta)
     return theta, beside
+
+
+def likeliest_in_loop(
+    simulator: Simulator, theta: np.ndarray, held: np.ndarray
+) -> np.ndarray | None:
+    """Parameters likeliest in the closed loop, of a linear model; None where it is not known.
+
+    They take nothing from the remnant in the error: another way to the same parameters.
+    """
+    loop = loop_of(simulator.record)
+    linear = all(effect.place in ("path", "sum") for _, effect in simulator.effects)
+    if loop is None or not linear:
+        return None
+    closed: Any = LoopSimulator(simulator.core, simulator.effects, simulator.record, loop)
+    found = minimise(closed, Criterion(simulator.record), theta, max_iter=10, fixed=held).theta
+    criterion = Criterion(simulator.record, rate=LOOP_RATE)
+    for _ in range(2):
+        output = closed.run(found)
+        if not np.isfinite(output).all():
+            return None
+        criterion.set_noise(criterion.remnant_model(output))
+        prior = prior_of(simulator).weighing(criterion.sse(output) / criterion.n)
+        found = minimise(closed, criterion, found, max_iter=10, fixed=held, prior=prior).theta
+    return found if np.isfinite(closed.run(found)).all() else None
 
 
 def _outer(change: np.ndarray) -> np.ndarray:
