@@ -146,7 +146,7 @@ def likeliest_in_loop(
     They take nothing from the remnant in the error: another way to the same parameters.
     """
     loop = loop_of(simulator.record)
-    linear = all(effect.place in ("path", "sum") for _, effect in simulator.effects)
+    linear = all(effect.place in ("path", "sum", "delay") for _, effect in simulator.effects)
     if loop is None or not linear:
         return None
     closed: Any = LoopSimulator(simulator.core, simulator.effects, simulator.record, loop)

@@ -160,10 +160,10 @@ def test_numpy_is_pandas(runs):
     X, y = runs
     one = select_runs(X, first=1)
     u = y.loc[one.index]
-    of_frame = OperatorRegressor(inputs=["e"]).fit(one, u)
+    of_frame = OperatorRegressor(inputs=["e"]).fit(one[["e"]], u)  # x tells of the closed loop
     of_array = OperatorRegressor(inputs=[0], dt=0.01).fit(one.to_numpy(), u.to_numpy())
     assert_same(of_frame, of_array, rtol=1e-12)
-    np.testing.assert_array_equal(of_frame.predict(one), of_array.predict(one.to_numpy()))
+    np.testing.assert_array_equal(of_frame.predict(one[["e"]]), of_array.predict(one.to_numpy()))
 
 
 def test_runs_in_another_order_give_the_same(runs, fitted):
