@@ -21,7 +21,7 @@ from ..greybox.simulator import Simulator
 from .held_out import HeldOutRows, refitted_prediction
 
 LEAST_EVIDENCE = 20.0  # of an effect that counts
-LEAST_IF_BETTER, MUCH_BETTER = 5.0, 0.4  # the same, of one that gains so many points of VAF there
+LEAST_IF_BETTER, MUCH_BETTER = 5.0, 0.3  # the same, of one that gains so many points of VAF there
 RATES = (12.5, 6.25)  # Hz: faster, errors of sensors count more than what is left of the remnant
 LEAST_RATE = 45.0  # Hz, to which records are thinned
 MOSTLY = 0.5  # of the power of a change of the output

@@ -171,7 +171,8 @@ def test_what_jumps_is_not_asked(parts):
     ("evidence", "gain", "refutes"),
     [
         (100.0, 1.0, False),
-        (LEAST_EVIDENCE, 1.0, True),
+        (LEAST_EVIDENCE, 0.1, True),
+        (LEAST_EVIDENCE, 1.0, False),
         (100.0, 0.0, True),
         (-5.0, -1.0, True),
         (np.nan, np.nan, False),
