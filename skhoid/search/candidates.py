@@ -16,7 +16,7 @@ from .leak import leak_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
-MUCH, MUCH_EVIDENCE = 10.0, 100.0  # gain and evidence that count beside a loop that is blind
+MUCH, MUCH_EVIDENCE = 5.0, 50.0  # gain and evidence that count beside a loop that is blind
 BLIND = 0.1  # points of VAF that are no loss in the loop
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
 AS_GOOD = 0.05  # points

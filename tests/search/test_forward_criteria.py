@@ -110,7 +110,7 @@ def passing(name="preview", **options):
         ({"joint": 10.0, "in_loop": InLoop(90.0, 15.0, 0.2)}, False),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 15.0, 0.5)}, True),
         ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, True),  # blind
-        ({"joint": 450.0, "gain": 5.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, False),
+        ({"joint": 450.0, "gain": 4.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, False),
         ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, -0.5)}, False),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, -0.1, True)}, True),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -25.0, 1.0, True)}, False),
