@@ -21,6 +21,7 @@ from ..greybox.simulator import Simulator
 from .held_out import HeldOutRows, refitted_prediction
 
 LEAST_EVIDENCE = 20.0  # of an effect that counts
+LEAST_GAIN = 0.1  # VAF points on held-out rows of an effect that counts
 LEAST_IF_BETTER, MUCH_BETTER = 5.0, 0.3  # the same, of one that gains so many points of VAF there
 RATES = (12.5, 6.25)  # Hz: faster, errors of sensors count more than what is left of the remnant
 LEAST_RATE = 45.0  # Hz, to which records are thinned
@@ -49,7 +50,7 @@ class InLoop:
         if self.bends:
             return self.evidence < -LEAST_EVIDENCE
         least = LEAST_IF_BETTER if self.gain >= MUCH_BETTER else LEAST_EVIDENCE
-        return self.evidence <= least or self.gain <= 0.0
+        return self.evidence <= least or self.gain < LEAST_GAIN
 
 
 def only_levels(added: Sequence[Effect], parent: Model, model: Model) -> bool:

@@ -174,6 +174,7 @@ def test_what_jumps_is_not_asked(parts):
         (LEAST_EVIDENCE, 0.1, True),
         (LEAST_EVIDENCE, 1.0, False),
         (100.0, 0.0, True),
+        (100.0, 0.05, True),
         (-5.0, -1.0, True),
         (np.nan, np.nan, False),
     ],
