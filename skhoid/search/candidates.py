@@ -79,7 +79,14 @@ class Candidate:
         if np.isnan(self.joint) or not judged.bends:
             much = self.gain >= MUCH and self.joint > MUCH_EVIDENCE and judged.gain > -BLIND
             return judged.refutes and not much
-        return self.joint + min(judged.evidence, 0.0) <= LEAST_EVIDENCE
+        return self.joint - self.against <= LEAST_EVIDENCE
+
+    @property
+    def against(self) -> float:
+        """Evidence that the loop, once asked, has against what is not linear."""
+        judged = self.in_loop
+        known = judged is not None and judged.bends and np.isfinite(judged.evidence)
+        return max(-judged.evidence, 0.0) if judged is not None and known else 0.0
 
     @property
     def weight(self) -> float:
@@ -88,7 +95,8 @@ class Candidate:
         The unbiased one, where it is known, beside that of the free run, which is less so but
         holds what a noise model estimated along would take for remnant.
         """
-        return self.evidence / 2 + (self.joint if np.isfinite(self.joint) else self.evidence / 2)
+        unbiased = self.joint if np.isfinite(self.joint) else self.evidence / 2
+        return self.evidence / 2 + unbiased - self.against
 
     @property
     def follows(self) -> bool:
@@ -114,12 +122,15 @@ class SearchStep:
 
     def rank(self) -> None:
         """Put the best first; it has passed in the closed loop too, where that is known."""
+        judged: list[Candidate] = []
         while True:
             self.candidates.sort(key=place_of)
             plainest_first(self.candidates)
             first = self.candidates[0] if self.candidates else None
-            if first is None or not first.passes or self.judge(first):
+            if first is None or not first.passes or any(first is one for one in judged):
                 break
+            self.judge(first)
+            judged.append(first)
         mark_confused(self.candidates)
 
     def judge(self, candidate: Candidate) -> bool:

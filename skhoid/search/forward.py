@@ -261,7 +261,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
             if rival.id in greedy.ids[:1] or not first.judge(rival):
                 continue
             other = follow(search, first, rival, 2)
-            if len(other.ids) > 1 and set(other.ids[:2]) != set(greedy.ids[:2]):
+            if len(other.ids) > 1:
                 pair = path_of_length(greedy, 2)
                 if better(search, other.model, pair):
                     greedy = follow_from(search, other, most)
