@@ -429,7 +429,7 @@ def without_superfluous(search: Search, path: Path) -> Path:
     First what raises the error of held-out rows most, refitted without them.
     """
     model = path.model
-    names = model.effects.names
+    names = model.effects.names[len(path.steps[0].parent.effects) :]  # others were given
     if len(names) < 2:
         return path
     fewer = {name: output_error_fit(without(model, name, path.core)) for name in names}

@@ -290,6 +290,13 @@ def test_effects_that_the_model_has_stay(hidden_data):
     assert "dead_zone__width" in search.baseline_.parameters_.index
 
 
+def test_an_effect_that_was_given_stays_beside_one_that_is_found(hidden_data):
+    X, y = hidden_data
+    search = EffectSearchCV(OperatorRegressor(effects=Bias()), effects=["dead_zone"]).fit(X, y)
+    assert search.best_effects_ == ["dead_zone"]
+    assert search.best_estimator_.effects_.names == ["bias", "dead_zone"]
+
+
 def pooled(predictions, column, known):
     measured = predictions["measured"].to_numpy()[known]
     error = measured - predictions[column].to_numpy()[known]
