@@ -100,7 +100,7 @@ def walked(search: Search, path: Path) -> list[SearchStep]:
     models = search.partial_models(path.model, len(path.steps[0].parent.effects), path.core)
     noise = search.criterion.remnant_model(path.model.output)
     steps = [search.judged(model, [], noise) for model in models]
-    predictions = [search.refitted(step.parent) for step in steps]
+    predictions = [search.refitted(model) for model in models]
     return [
         replace(step, vaf=vaf_of_output(search.record, prediction), prediction=prediction)
         for step, prediction in zip(steps, predictions, strict=True)
