@@ -355,6 +355,7 @@ def test_search_names_it(name, others):
     assert search.score(X, y) > 99.8 > search.baseline_.score(X, y)
 
 
+@pytest.mark.slow
 def test_search_finds_nothing_in_a_linear_system():
     X, y = runs(lambda r: linear(r["e"].to_numpy()), noise=0.3)
     search = EffectSearchCV(ARXRegressor(2, 2, NK)).fit(X, y)

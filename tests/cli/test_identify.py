@@ -161,6 +161,7 @@ def test_instruments_that_nobody_named(capsys, run_files):
     assert "--instruments" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_model_can_follow_changes(capsys, run_json):
     words = ["identify", "--na", "2", "--nk", "7", "--out", "out", "--tables", "tables"]
     assert main([*words, "--memory-time", "10"]) == 0

@@ -369,6 +369,7 @@ def test_a_controlled_element_is_used_as_given(runs):
     assert float(model.controlled_element_.K_c) == 3.0
 
 
+@pytest.mark.slow
 def test_an_element_is_the_same_however_it_is_given(runs):
     X, y = runs
     inverse = Feedforward(form="inverse")

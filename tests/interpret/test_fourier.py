@@ -357,6 +357,7 @@ def test_variance_from_neighbouring_bins_is_the_actual_one(ensemble):
     assert np.all((ratio > 0.75) & (ratio < 1.35)), ratio
 
 
+@pytest.mark.slow
 def test_coherence_of_a_run_is_that_of_the_ensemble(ensemble):
     single = np.median(ensemble.fourier.coherence, axis=0)
     np.testing.assert_allclose(single, ensemble.fourier.mean().coherence, atol=0.03)

@@ -52,6 +52,7 @@ def test_any_backend_gives_the_same_table(table, tmp_path, backend, keep):
         same(study().run(tmp_path if keep else None), table)
 
 
+@pytest.mark.slow
 def test_functions_of_all_kinds_reach_workers(table):
     functions = [lambda data: {"u": data.y.std(), "own": data.random_state}]
     functions += [partial(make_spread(1.0)), make_spread(1.0)]

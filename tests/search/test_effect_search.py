@@ -300,8 +300,7 @@ def test_an_effect_that_was_given_stays_beside_one_that_is_found(hidden_data):
 def pooled(predictions, column, known):
     measured = predictions["measured"].to_numpy()[known]
     error = measured - predictions[column].to_numpy()[known]
-    vaf = 100 * (1 - error @ error / (measured @ measured))
-    return vaf, np.sqrt(np.mean(error**2))
+    return 100 * (1 - error @ error / (measured @ measured)), np.sqrt(np.mean(error**2))
 
 
 @pytest.mark.parametrize("search", ["found", "two", "clean"])

@@ -178,6 +178,7 @@ def test_what_the_trial_hides_is_found_in_the_catalogue(trial, name):
         check(search, share, gap, right)
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_nothing_is_hidden():
     X, y, _ = simulate_runs(n_runs=3, intensity=0.15, duration=40.96, run_in=20.48, seed=SEED)
     search = EffectSearchCV(OperatorRegressor()).fit(X, y)

@@ -42,6 +42,7 @@ def test_nothing_is_named_of_a_person_who_answers_the_error():
     assert row["reason"].startswith("with a noise model that is estimated along its evidence is -")
 
 
+@pytest.mark.slow
 def test_feedforward_is_named_where_it_is():
     found = searched("1/s", 2, feedforward=0.6, early=-0.1, **SHORT)
     assert named(found) == ["feedforward"]
@@ -127,6 +128,7 @@ def test_true_effect_pays_in_the_loop(parts):
     assert 0 < judged.vaf < 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 4])
 def test_error_of_a_sensor_is_no_evidence(seed):
     """At the full rate it exceeds the remnant, and what lets less of it pass seems better."""

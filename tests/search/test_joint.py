@@ -19,6 +19,7 @@ def evidence(text, seed, **options):
     return candidate.evidence, JointParent(baseline).evidence(candidate.model)
 
 
+@pytest.mark.slow
 def test_remnant_that_comes_back_is_no_evidence():
     free, joint = evidence("1/s", 1)
     assert free > LEAST_EVIDENCE

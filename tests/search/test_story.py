@@ -46,6 +46,7 @@ def test_story_names_what_is_hidden_with_numbers_at_each_step(biased):
     assert json.loads(json.dumps(story.as_dict()["parameters"]))[-1]["parameter"] == "bias__level"
 
 
+@pytest.mark.slow
 def test_the_ceiling_is_told_as_the_lower_bound_that_it_is():
     runs = recorded(DeadZone(width=0.3), n_runs=3, remnant=0.4)
     story = Story(EffectSearchCV(OperatorRegressor(), effects=["dead_zone"]), *runs)
