@@ -30,7 +30,7 @@ pytest_collect_file = Sybil(
 
 
 SLOW_PAGES = {  # whose examples search, simulate or start processes for many seconds
-    # Whose examples search, simulate or start processes for many seconds
+    "document.py",
     "find-what-is-missing.md",
     "hidden-change.md",
     "monte-carlo.md",
