@@ -79,14 +79,7 @@ class Candidate:
         if np.isnan(self.joint) or not judged.bends:
             much = self.gain >= MUCH and self.joint > MUCH_EVIDENCE and judged.gain > -BLIND
             return judged.refutes and not much
-        return self.joint - self.against <= LEAST_EVIDENCE
-
-    @property
-    def against(self) -> float:
-        """Evidence that the loop, once asked, has against what is not linear."""
-        judged = self.in_loop
-        known = judged is not None and judged.bends and np.isfinite(judged.evidence)
-        return max(-judged.evidence, 0.0) if judged is not None and known else 0.0
+        return self.joint - judged.against <= LEAST_EVIDENCE
 
     @property
     def weight(self) -> float:
@@ -96,7 +89,8 @@ class Candidate:
         holds what a noise model estimated along would take for remnant.
         """
         unbiased = self.joint if np.isfinite(self.joint) else self.evidence / 2
-        return self.evidence / 2 + unbiased - self.against
+        against = 0.0 if self.in_loop is None else self.in_loop.against
+        return self.evidence / 2 + unbiased - against
 
     @property
     def follows(self) -> bool:

@@ -433,12 +433,12 @@ def without_superfluous(search: Search, path: Path) -> Path:
     if len(names) < 2:
         return path
     fewer = {name: output_error_fit(without(model, name, path.core)) for name in names}
-    whole = search.refit(model)
+    fitted, whole = output_error_fit(model), search.refit(model)
     gains = {name: whole - search.refit(one) for name, one in fewer.items()}
     worst = min(names, key=lambda name: gains[name] - search.allowed_loss(model, name))
     loses = gains[worst] <= search.allowed_loss(model, worst)
     for name in [worst] if loses else names[:-1]:
-        one = Candidate(name, dict(model.effects.steps)[name], model=output_error_fit(model))
+        one = Candidate(name, dict(model.effects.steps)[name], model=fitted)
         step = search.judged(fewer[name], [one])
         if loses or not one.pays:
             path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)

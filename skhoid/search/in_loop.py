@@ -19,11 +19,11 @@ from ..greybox.loop import Loop, LoopSimulator, drawn, loop_of
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
 from .held_out import HeldOutRows, refitted_prediction
+from .joint import RATES
 
 LEAST_EVIDENCE = 20.0  # of an effect that counts
 LEAST_GAIN = 0.1  # VAF points on held-out rows of an effect that counts
 LEAST_IF_BETTER, MUCH_BETTER = 5.0, 0.3  # the same, of one that gains so many points of VAF there
-RATES = (12.5, 6.25)  # Hz: faster, errors of sensors count more than what is left of the remnant
 LEAST_RATE = 45.0  # Hz, to which records are thinned
 MOSTLY = 0.5  # of the power of a change of the output
 ITERATIONS = 10
@@ -51,6 +51,11 @@ class InLoop:
             return self.evidence < -LEAST_EVIDENCE
         least = LEAST_IF_BETTER if self.gain >= MUCH_BETTER else LEAST_EVIDENCE
         return self.evidence <= least or self.gain < LEAST_GAIN
+
+    @property
+    def against(self) -> float:
+        """Evidence that the loop has against a model that is not linear."""
+        return max(-self.evidence, 0.0) if self.bends else 0.0
 
 
 def only_levels(added: Sequence[Effect], parent: Model, model: Model) -> bool:
