@@ -20,6 +20,7 @@ MUCH, MUCH_EVIDENCE = 5.0, 50.0  # gain and evidence that count beside a loop th
 BLIND = 0.1  # points of VAF that are no loss in the loop
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
 AS_GOOD = 0.05  # points
+SURE = 3.0  # standard errors, by which an effect's numbers are off those at which it does nothing
 AT_ZERO = 1e-9  # rounding of a bound
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
 
@@ -136,6 +137,8 @@ class SearchStep:
         solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
         if candidate.pays and candidate.model is not None and not solved:
             candidate.refused = self._leak_beyond_parent(candidate.model)
+        if candidate.passes and not candidate.trace:
+            candidate.refused = hardly_there(candidate)
         if candidate.passes and self.refit is not None and candidate.model is not None:
             gain = self.refit(candidate.model) - self.refit(self.parent)
             if gain <= (-candidate.least_gain if candidate.trace else 0.0):
@@ -185,6 +188,28 @@ def without_name(candidate: Candidate) -> str:
         if lost
         else f"{', '.join(at_end)} at the bound"
     )
+
+
+def hardly_there(candidate: Candidate) -> str:
+    """Why a fitted effect names nothing: its numbers may as well be those at which it does nothing.
+
+    Not asked of what jumps, nor where a standard error is not known.
+    """
+    model, neutral = candidate.model, candidate.effect.neutral
+    assert model is not None
+    if not neutral or not model.simulator.smooth:
+        return ""
+    free = {p.name for p in dict(model.effects.steps)[candidate.name].free}
+    sizes = [name for name in neutral if name in free]
+    values, names = model.values(), model.simulator.names
+    sd = dict(zip(names, np.sqrt(np.diag(model.covariance())), strict=True))
+    numbers = []
+    for name in sizes:
+        value, unsure = values[f"{candidate.name}__{name}"], sd[f"{candidate.name}__{name}"]
+        if not abs(value - neutral[name]) < SURE * unsure:
+            return ""
+        numbers.append(f"{name} = {value:.2g} ± {unsure:.1g}")
+    return f"by its standard errors it may be none: {', '.join(numbers)}" if numbers else ""
 
 
 def natural(value: float) -> bool:

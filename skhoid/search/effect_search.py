@@ -23,7 +23,7 @@ from ..greybox.likelihood import likelihood_fit
 from ..greybox.model import Model
 from ..greybox.operator_summary import delay_notes
 from ..greybox.prepared import Prepared
-from ..greybox.protocol import check_simulated_model
+from ..greybox.protocol import SimulatedModel, check_simulated_model
 from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of
@@ -32,7 +32,8 @@ from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
 from ..summaries import Summary, estimates_table
 from .explanations import VERDICTS, changes_sentences, experiments, in_loop_text, summary_of
-from .forward import Search, forward, output_error_fit
+from .forward import Path, Search, forward, output_error_fit
+from .given_delay import GivenDelay, with_given_delay
 from .held_out import HeldOutRows
 from .left_out import control_of, without_rows
 from .results import error_path, held_out_table, ranking_table, unexplained_table
@@ -231,20 +232,14 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             prepared = without_rows(prepared, lost, model.settling)
             folds = self._folds(X, y, prepared, groups)
             search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
-            path = forward(search, model.first_fit(prepared), int(self.max_effects))
-            baseline, best = (
-                model.with_fit(
-                    prepared, *likelihood_fit(_start_of(fitted), Criterion(prepared.record))
-                )
-                for fitted in (path.steps[0].parent, path.model)
-            )
-            if len(path.model.effects):  # choices made, numbers to be estimated
-                best.set_params(effects=path.model.effects)
             measured = np.asarray(y, dtype=float).ravel()
             kept = np.where(lost, np.nan, measured)
-            found = numbers_of(search, path, best, prepared, kept)
-            self.baseline_, self.best_estimator_ = baseline, best
-            self._conclude(decided(found, tries_all=self._tries_all()))
+            found, verdict, best = self._searched(search, model, prepared, kept)
+            if len(found.path.model.effects):  # choices made, numbers to be estimated
+                best.set_params(effects=found.path.model.effects)
+            self.best_estimator_ = best
+            self.baseline_ = _estimator(model, prepared, found.path.steps[0].parent)
+            self._conclude(verdict)
             self.left_out_ = control.table
             self._tabulate(found, prepared)
         index = X.index if isinstance(X, pd.DataFrame) else None
@@ -257,6 +252,32 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         if hasattr(model, "feature_names_in_"):
             self.feature_names_in_ = model.feature_names_in_
         return self
+
+    def _searched(
+        self, search: Search, model: SimulatedModel, prepared: Prepared, measured: np.ndarray
+    ) -> tuple[SearchNumbers, Verdict, Any]:
+        """What a search finds, the verdict, and the best model; ``measured`` is y.
+
+        With a delay that was given, names and what is left are those of a free one.
+        """
+
+        def numbers(search: Search, prepared: Prepared, path: Path) -> tuple[SearchNumbers, Any]:
+            best = _estimator(model, prepared, path.model)
+            return numbers_of(search, path, best, prepared, measured), best
+
+        fitted, most = model.first_fit(prepared), int(self.max_effects)
+        given = GivenDelay.of(search, fitted) if most else None
+        if given is None:
+            found, best = numbers(search, prepared, forward(search, fitted, most))
+            return found, decided(found, tries_all=self._tries_all()), best
+        freed, beside, baseline = given.freed(prepared, model)
+        most += len(baseline.effects) - len(fitted.effects)
+        free, _ = numbers(beside, freed, forward(beside, baseline, most))
+        path = given.tested(free.path)
+        found, best = numbers(search, prepared, path)
+        found = replace(found, left=free.left, noises=free.noises, changes=free.changes)
+        verdict = decided(free, tries_all=self._tries_all())
+        return found, with_given_delay(verdict, free.path, path), best
 
     def _conclude(self, verdict: Verdict) -> None:
         self.best_effects_ = verdict.best_effects
@@ -374,6 +395,12 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
+
+
+def _estimator(model: SimulatedModel, prepared: Prepared, fitted: Model) -> Any:
+    """The model as an estimator, at its largest likelihood."""
+    found = likelihood_fit(_start_of(fitted), Criterion(prepared.record))
+    return model.with_fit(prepared, *found)
 
 
 def _start_of(fitted: Model) -> Model:

@@ -250,9 +250,6 @@ class Path:
 def forward(search: Search, baseline: Model, most: int) -> Path:
     """Add the best effect as long as one pays; try the second best first effect too."""
     first = search.step(baseline)
-    claim = next((c for c in first.candidates if c.id == CLAIM and c.model is not None), None)
-    if claim is not None and most:
-        return beside_claim(search, first, claim, most)
     greedy = follow(search, first, first.best if most else None, most)
     least = RIVAL * first.candidates[0].weight if first.candidates else 0.0
     rivals = [c for c in first.candidates[1:3] if c.passes and c.weight > least]
@@ -266,23 +263,6 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
                 if better(search, other.model, pair):
                     greedy = follow_from(search, other, most)
     return in_gaining_order(search, trimmed(search, greedy, most), first)
-
-
-def beside_claim(search: Search, first: SearchStep, claim: Candidate, most: int) -> Path:
-    """A search whose model has a given delay, which is a claim: tested beside what is found.
-
-    All effects are tried with a free delay. In the end the given one is put back where it does.
-    """
-    assert claim.model is not None
-    refuted = first.judge(claim)
-    freed = search.step(output_error_fit(claim.model))
-    path = follow(search, freed, freed.best, most + 1)
-    path = replace(path, steps=[first, *path.steps])
-    if len(path.ids) == 1:
-        if refuted:
-            return path
-        return Path([first, freed], first.parent, first.vaf, first.prediction)
-    return in_gaining_order(search, trimmed(search, path, most + 1), freed)
 
 
 def trimmed(search: Search, path: Path, most: int) -> Path:
@@ -316,23 +296,35 @@ def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
     """
     start = len(path.steps[0].parent.effects)
     rank = {c.name: i for i, c in enumerate(first.candidates) if c.passes}
-    added = path.model.effects.names[start:]
+    given, added = path.model.effects.names[:start], path.model.effects.names[start:]
     by_rank = sorted(added, key=lambda name: rank.get(name, len(rank)))
-    gains: dict[str, float] = {}
-    for order in (by_rank, added, added[::-1]):
-        model = ordered(path.model, [*path.model.effects.names[:start], *order])
-        parts = search.partial_models(model, start, path.core)
-        vafs = [search.refit(part) for part in parts]
-        names = model.effects.names[start:]
-        steps = np.diff(vafs).tolist()
-        gains = gains or dict(zip(names, steps, strict=True))
-        if all(gain > search.allowed_loss(model, n) for n, gain in zip(names, steps, strict=True)):
-            return replace(path, model=model)
+    ways = [
+        replace(path, model=ordered(path.model, [*given, *order]))
+        for order in (by_rank, added, added[::-1])
+    ]
+    for way in ways:
+        if rises(search, way):
+            return way
+    gains = gains_of_steps(search, ways[0])
     name = min(gains, key=lambda one: gains[one])
     fewer = output_error_fit(without(path.model, name, path.core))
     step = search.judged(fewer, [])
     path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
     return in_gaining_order(search, path, first)
+
+
+def gains_of_steps(search: Search, path: Path) -> dict[str, float]:
+    """What each effect of a path adds to the VAF of held-out rows, refitted without them."""
+    start = len(path.steps[0].parent.effects)
+    parts = search.partial_models(path.model, start, path.core)
+    vafs = [search.refit(part) for part in parts]
+    return dict(zip(path.model.effects.names[start:], np.diff(vafs).tolist(), strict=True))
+
+
+def rises(search: Search, path: Path) -> bool:
+    """Whether no step of a path loses more than it may."""
+    gains = gains_of_steps(search, path)
+    return all(gain > search.allowed_loss(path.model, name) for name, gain in gains.items())
 
 
 def ordered(model: Model, names: Sequence[str]) -> Model:

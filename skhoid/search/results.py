@@ -74,7 +74,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
         after = path.steps[number].parent if number < len(path.steps) else path.model
         of_step = {*after.effects.names} - {*step.parent.effects.names}
         chosen = added & of_step
-        winner = next((c.id for c in step.candidates if c.name in chosen), "")
+        winner = next((c.id for c in step.candidates if c.name in of_step), "")
         for rank, c in enumerate(step.candidates, 1):
             status = "added" if c.name in chosen else "not better"
             if c.reason:

@@ -16,6 +16,7 @@ from skhoid.search.candidates import (
     LEAST_GAIN,
     Candidate,
     SearchStep,
+    hardly_there,
     mark_confused,
     plainest_first,
     without_name,
@@ -44,7 +45,7 @@ class Fitted:
 
 
 def candidate(name="preview", **options):
-    return Candidate(name, SimpleNamespace(name=name), **options)
+    return Candidate(name, SimpleNamespace(name=name, neutral={}), **options)
 
 
 VALUES = {"K_e": 1.0, "preview__gain": 0.4, "preview__time": 0.8, "preview-2__time": 1.5}
@@ -73,6 +74,29 @@ def test_a_name_where_only_others_end_there():
 def test_a_name_where_a_number_ends_that_is_no_size():
     model = Fitted(VALUES, at_bound=["preview__gain"])
     assert without_name(candidate(model=model)) == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "smooth", "reason"),
+    [
+        (0.8, 0.3, True, "by its standard errors it may be none: time = 0.8 ± 0.3"),
+        (0.8, 0.2, True, ""),
+        (-0.8, 0.3, True, "by its standard errors it may be none: time = -0.8 ± 0.3"),
+        (0.8, np.nan, True, ""),
+        (0.8, 0.3, False, ""),
+    ],
+)
+def test_no_name_whose_numbers_may_as_well_be_none(value, sd, smooth, reason):
+    model = Fitted({"K_e": 1.0, "preview__gain": 0.4, "preview__time": value})
+    model.simulator = SimpleNamespace(names=list(model.values()), smooth=smooth)
+    model.covariance = lambda: np.diag([0.1, 0.0, sd]) ** 2
+    tried = candidate(model=model)
+    tried.effect.neutral = {"time": 0.0}
+    assert hardly_there(tried) == reason
+
+
+def test_a_name_whose_numbers_are_nowhere_neutral():
+    assert hardly_there(candidate(model=Fitted(VALUES))) == ""
 
 
 def test_zero_is_a_bound_like_other_values():

@@ -1,10 +1,16 @@
 """A delay that the model was given is a claim, and tested."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from support.person_in_loop import answered, pursued
 
 from skhoid import EffectSearchCV, OperatorRegressor
-from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM
+from skhoid.effects import DeadZone, WrongDelay
+from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM, Search
+from skhoid.search.given_delay import GivenDelay, with_given_delay
+from skhoid.search.verdict import Outcome, Verdict
 
 RATE = 60
 SHORT = {"n_runs": 3, "duration": 30.0}
@@ -108,3 +114,57 @@ def test_right_delay_in_a_loop_is_not_refuted(seed, feedforward):
     assert CLAIM not in found.best_effects_
     assert named(found) == named(searched(X, y, None, LOOP, "1/s"))
     assert named(found) <= ({"feedforward"} if feedforward else set())
+
+
+def path_of(ids):
+    return SimpleNamespace(ids=ids)
+
+
+@pytest.mark.parametrize(
+    ("named", "free", "path", "best"),
+    [
+        (["dead_zone"], ["dead_zone"], [CLAIM, "dead_zone"], [CLAIM, "dead_zone"]),
+        (["dead_zone"], ["dead_zone"], ["dead_zone"], ["dead_zone"]),
+        (["dead_zone", "remnant"], ["dead_zone"], [CLAIM], [CLAIM, "remnant"]),
+        ([], [], [CLAIM], [CLAIM]),
+        ([], [], [], []),
+        (["dead_zone"], ["dead_zone"], [], []),
+    ],
+)
+def test_the_verdict_is_that_of_a_free_delay(named, free, path, best):
+    verdict = Verdict(Outcome.FOUND if named else Outcome.NOTHING, named, [])
+    found = with_given_delay(verdict, path_of(free), path_of(path))
+    assert found.best_effects == best
+    assert found.outcome == (Outcome.FOUND if best else Outcome.NOTHING)
+
+
+def test_what_is_unknown_with_a_free_delay_is_with_a_given_one():
+    verdict = Verdict(Outcome.NOT_IN_CATALOGUE, ["dead_zone"], ["bias"])
+    found = with_given_delay(verdict, path_of(["dead_zone", "bias"]), path_of([CLAIM, "dead_zone"]))
+    assert found.best_effects == [CLAIM, "dead_zone", "unknown"]
+    assert found.stand_ins == ["bias"]
+
+
+def test_a_free_model_told_with_a_given_delay_is_the_same_model():
+    X, y = answered(dead=0.5)
+    estimator = OperatorRegressor(delay=0.3)
+    prepared = estimator.prepare(X, y)
+    search = Search(prepared.core, prepared.record, [WrongDelay(), DeadZone()], [])
+    given = GivenDelay.of(search, estimator.first_fit(prepared))
+    _, beside, baseline = given.freed(prepared, estimator)
+    free = beside.step(baseline).candidates[0].model
+    told = given._told(free)
+    assert told.effects.names == [CLAIM, "dead_zone"]
+    np.testing.assert_allclose(told.output, free.output, atol=1e-12)
+    assert told.values()["wrong_delay__extra"] == pytest.approx(free.values()["tau_e"] - 0.3)
+    sd = np.sqrt(np.diag(told.covariance()))[told.simulator.names.index("wrong_delay__extra")]
+    assert sd == np.sqrt(np.diag(free.covariance()))[free.simulator.names.index("tau_e")]
+
+
+def test_no_claim_where_none_is_tested():
+    X, y = answered(dead=0.5)
+    for delay, effects in ((None, [WrongDelay()]), (0.3, [DeadZone()])):
+        estimator = OperatorRegressor(delay=delay)
+        prepared = estimator.prepare(X, y)
+        search = Search(prepared.core, prepared.record, effects, [])
+        assert GivenDelay.of(search, estimator.first_fit(prepared)) is None

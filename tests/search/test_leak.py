@@ -77,7 +77,8 @@ def test_a_candidate_is_refused_for_what_leaks_beside_its_parent(record, of_pare
     more = model_of(hidden, 0.95 * record.y + 0.6 * disturbance)
     assert leak_of(more).leaks
     assert bool(leak_of(parent).leaks) == (of_parent > 0)
-    candidate = Candidate("saturation", SimpleNamespace(name="saturation"), evidence=90.0, gain=2.0)
+    effect = SimpleNamespace(name="saturation", neutral={})
+    candidate = Candidate("saturation", effect, evidence=90.0, gain=2.0)
     candidate.model, candidate.in_loop = more, InLoop()
     step = SearchStep(parent, 80.0, record.y, [candidate])
     assert step.judge(candidate) == (of_parent > 0)

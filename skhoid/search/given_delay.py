@@ -1,0 +1,115 @@
+"""A delay that a model was given is a claim: tested beside what a search with a free one finds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..effects.composition import Effects
+from ..greybox.cores import OperatorCore
+from ..greybox.extend import extended
+from ..greybox.model import Model, without
+from ..greybox.prepared import Prepared
+from ..greybox.protocol import SimulatedModel
+from ..greybox.simulator import Simulator
+from .candidates import Candidate, SearchStep
+from .forward import CLAIM, Path, Search, in_gaining_order, ordered, output_error_fit, rises
+from .verdict import Outcome, Verdict
+
+
+@dataclass
+class GivenDelay:
+    """The first step of a search whose model has a given delay, and the effect that frees it."""
+
+    search: Search
+    first: SearchStep
+    claim: Candidate
+
+    @classmethod
+    def of(cls, search: Search, baseline: Model) -> GivenDelay | None:
+        """None where no delay was given, or it is not to be tested."""
+        claim = next((effect for effect in search.effects if effect.name == CLAIM), None)
+        known = {effect.name for _, effect in baseline.effects}
+        if claim is None or CLAIM in known or claim.refusal_in(search.record, search.core.kind):
+            return None
+        first = search.step(baseline)
+        return cls(search, first, next(c for c in first.candidates if c.id == CLAIM))
+
+    def freed(self, prepared: Prepared, model: SimulatedModel) -> tuple[Prepared, Search, Model]:
+        """Data, search and baseline of the same model whose delay is free.
+
+        An operator is one that was given no delay, so that the search is the same; other models
+        keep the effect that frees theirs.
+        """
+        core, search = self.search.core, self.search
+        if type(core) is not OperatorCore or not self.claim.effect.free:
+            assert self.claim.model is not None
+            return prepared, search, output_error_fit(self.claim.model)
+        free = OperatorCore(None, core.least)
+        record = free.on(replace(search.record, _derived={}))
+        spec = replace(prepared.spec, core=free, given={})
+        prepared = replace(prepared, spec=spec, record=record)
+        effects = [*search.effects, *search.noises]
+        search = Search(free, record, effects, search.folds, search.n_jobs)
+        return prepared, search, model.first_fit(prepared)
+
+    def tested(self, free: Path) -> Path:
+        """What a search with a free delay found, with the given one where the data let it stand."""
+        search, first, name = self.search, self.first, self.claim.name
+        steps = [first, *(replace(step, parent=self._told(step.parent)) for step in free.steps)]
+        model = output_error_fit(self._told(free.model))
+        before = first.parent.effects.names
+        added = [n for n in model.effects.names if n not in (name, *before)]
+        path = Path(steps, model, np.nan, np.empty(0))
+        fixed = self._with_given(model, added, path.core)
+        step = search.judged(fixed, [Candidate(name, self.claim.effect, model=model)])
+        ways = [(model, [name, *added]), (model, [*added, name])]
+        if not step.judge(step.candidates[0]):
+            ways.insert(0, (fixed, added))
+        for found, order in ways:
+            path = replace(path, model=ordered(found, [*before, *order]))
+            if rises(search, path):
+                return path
+        return in_gaining_order(search, path, first)
+
+    def _with_given(self, model: Model, added: list[str], core: dict[str, float]) -> Model:
+        """The model with the given delay: without what frees it, or built up anew, if better."""
+        search, effects = self.search, dict(model.effects.steps)
+        fewer = without(model, self.claim.name, core)
+        again = self.first.parent
+        for name in added:
+            again = extended(again, name, effects[name], search.criterion, search.coarse)
+        return min(fewer, output_error_fit(again), key=lambda one: one.sse)
+
+    def _told(self, model: Model) -> Model:
+        """A model with a free delay as one with a given delay and the effect that frees it."""
+        name, before = self.claim.name, self.first.parent.effects.names
+        if name in model.effects.names:
+            return model
+        core, steps = self.search.core, model.effects.steps
+        freeing = (name, self.claim.effect)
+        effects = Effects([*steps[: len(before)], freeing, *steps[len(before) :]])
+        simulator = Simulator(core, effects, self.search.record)
+        extra = f"{name}__{self.claim.effect.free[0].name}"
+        at = [model.simulator.names.index("tau_e" if n == extra else n) for n in simulator.names]
+        theta = model.theta[at]
+        theta[simulator.names.index(extra)] -= core.delay({})
+        fit = replace(
+            model.fit,
+            theta=np.clip(theta, simulator.low, simulator.high),
+            normal=model.fit.normal[np.ix_(at, at)],
+            gradient=model.fit.gradient[at],
+        )
+        return Model(simulator, fit)
+
+
+def with_given_delay(verdict: Verdict, free: Path, path: Path) -> Verdict:
+    """The verdict on a search with a free delay, for the model whose delay was given."""
+    lost = {*free.ids} - {*path.ids}
+    named = [CLAIM] if CLAIM in path.ids else []
+    named += [name for name in verdict.named if name not in lost]
+    outcome = verdict.outcome
+    if outcome in (Outcome.NOTHING, Outcome.FOUND):
+        outcome = Outcome.FOUND if named else Outcome.NOTHING
+    return Verdict(outcome, named, verdict.stand_ins)
