@@ -260,9 +260,9 @@ class Lapses(Effect):
         How much later the stretches are than ``intervals``, in seconds; None estimates it.
     intervals : list of (float, float) or None, default=None
         Beginnings and ends in seconds of time in the run; None finds them.
-    form : {"command", "gain"} or None, default=None
-        Whether the command rests, or the gains on error and error's derivative vanish (which kicks
-        at the ends, d/dt (K_edot e)); None tries both.
+    form : {"command", "gain", "hold"} or None, default=None
+        Whether the command rests, the gains on error and error's derivative vanish (which kicks
+        at the ends, d/dt (K_edot e)), or the command stays as it was; None tries all.
 
     References
     ----------
@@ -279,14 +279,14 @@ class Lapses(Effect):
     place = "command"
     physics = "The operator looks away, and does not answer for seconds."
     machine_physics = "The input is cut off in stretches of time."
-    formula = "command (1 - depth) within the intervals"
+    formula = "command (1 - depth) within the intervals, or + depth times the first command there"
     source = "Viterbi (1967)"
     parameters = (
         Parameter("depth", ONE, 0.0, 1.0, (0.95,), "share not answered"),
         Parameter("shift", S, -0.8, 0.4, (-0.15,), "of the intervals"),
     )
     neutral = {"depth": 0.0}
-    choices = {"form": ("command", "gain")}
+    choices = {"form": ("command", "gain", "hold")}
 
     def __init__(
         self,
@@ -328,16 +328,21 @@ class Lapses(Effect):
         return self.with_choices(intervals=[tuple(e) for e in edges.round(4).tolist()])
 
     def apply(self, signal: Any, record: Record, depth: float, shift: float) -> Any:
-        away = np.zeros_like(record.t)
+        whole = signal.position + differentiated(signal.rate, record.dt)
+        away, kept = np.zeros_like(record.t), np.zeros_like(whole)
         for begin, end in self.intervals:
             inside = (record.t - begin - shift) / record.dt + 0.5
             until = (end + shift - record.t) / record.dt + 0.5
-            away = np.maximum(away, np.clip(np.minimum(inside, until), 0.0, 1.0))
+            lapse = np.clip(np.minimum(inside, until), 0.0, 1.0)
+            if self.form == "hold":
+                first = np.broadcast_to((inside >= 0.5).argmax(axis=0), whole.shape[1:])
+                kept = np.where(lapse > away, np.take_along_axis(whole, first[None], 0), kept)
+            away = np.maximum(away, lapse)
         left = 1 - depth * away
         if self.form == "gain":
             return signal._replace(position=left * signal.position, rate=left * signal.rate)
-        whole = signal.position + differentiated(signal.rate, record.dt)
-        return signal._replace(position=left * whole, rate=np.zeros_like(signal.rate))
+        position = left * whole + (1 - left) * kept
+        return signal._replace(position=position, rate=np.zeros_like(signal.rate))
 
 
 def needs_channel(channel: str | None, record: Record, role: str, what: str) -> str | None:

@@ -134,6 +134,7 @@ class LoopParent:
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
         bends = LoopSimulator.is_curved(fitted.simulator, model.theta)  # type: ignore[arg-type]
+        bends |= any(effect.n_hidden > 0 for effect in dict(model.effects.steps).values())
         # A linear path without a solution is a loop that does not settle, or has no delay.
         paths = all(effect.place in ("path", "sum") for effect in self._added(model))
         without = InLoop(-np.inf, -np.inf, -np.inf) if paths and not bends else InLoop()

@@ -19,6 +19,7 @@ from ..greybox.simulator import Simulator
 from ..runs.roles import OTHER
 from .held_out import HeldOutRows
 from .in_loop import LoopJudge
+from .joint import RATES
 
 LAGS = 12  # of a channel
 LONGEST_LAG = 1.2  # s
@@ -65,26 +66,36 @@ def leftovers(
     offsets that vary in time, or the linear response to a channel. Its part of
     the residual, beyond what the model's own parameters could absorb, is estimated on training
     rows and counted on held-out rows. With a ``judge`` linear responses count for no more than they
-    explain in the closed loop, where they cannot follow the remnant.
+    explain in the closed loop, where they cannot follow the remnant, at full rate and at one at
+    which effects are judged there: at full rate they follow the sensor's error.
     """
     found = _found(model, folds)
     if judge is not None and any(item.where in IN_LOOP for item in found):
         inside = judge.around(model).fit
         if not np.isfinite(inside.output).all():
             return sorted(found, key=lambda item: -item.points)
-        points = {(i.where, i.at): i.points for i in _found(inside, judge.folds)}
-        found = [
-            replace(item, points=min(item.points, points.get((item.where, item.at), 0.0)))
-            if item.where in IN_LOOP
-            else item
-            for item in found
-        ]
+        for rate in (None, RATES[0]):
+            # Slower rows say how much is there, and are too few to say that it is significant.
+            least = LEAST_EVIDENCE if rate is None else -np.inf
+            of_rate = _found(inside, judge.folds, rate, least)
+            points = {(i.where, i.at): i.points for i in of_rate}
+            found = [
+                replace(item, points=min(item.points, points.get((item.where, item.at), 0.0)))
+                if item.where in IN_LOOP
+                else item
+                for item in found
+            ]
     return sorted((item for item in found if item.points > 0), key=lambda item: -item.points)
 
 
-def _found(model: Model, folds: Sequence[HeldOutRows]) -> list[Leftover]:
+def _found(
+    model: Model,
+    folds: Sequence[HeldOutRows],
+    rate: float | None = None,
+    least: float = LEAST_EVIDENCE,
+) -> list[Leftover]:
     record = model.simulator.record
-    criterion = Criterion(record)
+    criterion = Criterion(record) if rate is None else Criterion(record, rate=rate)
     criterion.set_noise(criterion.remnant_model(model.output))
     base = model.refined(criterion, max_iter=4)
     own = derivatives(base.simulator, criterion, base.theta, base.output)
@@ -94,7 +105,7 @@ def _found(model: Model, folds: Sequence[HeldOutRows]) -> list[Leftover]:
             continue
         thin = np.stack([c[:: criterion.thin] for c in columns]) * criterion.known
         result = _judged(own, thin, criterion, folds)
-        if result is not None:
+        if result is not None and result[1] >= least:
             found.append(Leftover(where, at, description, *result))
     return found
 
@@ -115,8 +126,6 @@ def _judged(
     before = gram[-1, -1] - _explained(gram[:n_own, :n_own], gram[:n_own, -1])
     after = gram[-1, -1] - _explained(gram[:-1, :-1], gram[:-1, -1])
     evidence = n * np.log(before / max(after, 1e-300)) - len(columns) * np.log(n)
-    if evidence < LEAST_EVIDENCE:
-        return None
     by_row = white.reshape(len(white), *residual.shape)
     gained = total = 0.0
     for fold in folds:

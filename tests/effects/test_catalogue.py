@@ -87,6 +87,7 @@ RECOVERED = [
     (GainDrift(), {"rate": 0.02}),
     (Lapses(intervals=[(6.0, 8.0), (14.0, 16.0)]), {"depth": 0.8, "shift": 0.1}),
     (Lapses(intervals=[(6.0, 8.0), (14.0, 16.0)], form="gain"), {"depth": 0.8, "shift": 0.1}),
+    (Lapses(intervals=[(6.0, 8.0), (14.0, 16.0)], form="hold"), {"depth": 0.8, "shift": 0.1}),
     (ScheduledGain(), {"slope": 0.3}),
     (DeadZone(form="gap"), {"width": 0.4}),
     (DeadZone(form="smooth"), {"width": 0.4}),
