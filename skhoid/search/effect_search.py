@@ -149,8 +149,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     Candidates are compared on held-out rows with parameters of their fold, one Gauss-Newton step
     from those of all rows; what is named is refitted for each fold. A ``delay`` that the estimator
     was given is a claim: names are those of a search with a free one, and ``wrong_delay`` says
-    whether the data refute it beside them. Since e = f_t - x, responses to f_t, x and e without delays are the same;
-    delays, and the controlled element's inverse in the feedforward path, tell them apart.
+    whether the data refute it beside them. Since e = f_t - x, responses to f_t, x and e without
+    delays are the same; delays, and the controlled element's inverse in the feedforward path, tell
+    them apart.
 
     Examples
     --------
