@@ -34,9 +34,10 @@ TOLERANCE = 1e-4
 class InLoop:
     """A model in the closed loop: its VAF on held-out rows, and what it has over a parent there.
 
-    NaN where the loop cannot be solved, as with what jumps or sticks. ``bends`` says that the model
-    is not linear: a remnant makes its mean answer in the loop nearly so, and what is no better
-    there may still be right.
+    NaN where the loop cannot be solved, as with what jumps or sticks. ``bends`` says that what the
+    model has more is not linear, or acts in stretches that were found in the data: a remnant makes
+    its mean answer in the loop nearly linear, or is held there, and what is no better in the loop
+    may still be right.
     """
 
     vaf: float = np.nan
@@ -126,17 +127,16 @@ class LoopParent:
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
         if not (model.simulator.smooth and self.solved) or only_levels(
-            self._added(model), self.parent, model
+            [effect for _, effect in self._added(model)], self.parent, model
         ):
             return InLoop()
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
-        bends = LoopSimulator.is_curved(fitted.simulator, model.theta)  # type: ignore[arg-type]
-        bends |= any(effect.n_hidden > 0 for effect in dict(model.effects.steps).values())
+        bends = self._bends(model)
         # A linear path without a solution is a loop that does not settle, or has no delay.
-        paths = all(effect.place in ("path", "sum") for effect in self._added(model))
+        paths = all(effect.place in ("path", "sum") for _, effect in self._added(model))
         without = InLoop(-np.inf, -np.inf, -np.inf) if paths and not bends else InLoop()
         if not np.isfinite(fitted.output).all():
             return without
@@ -161,10 +161,18 @@ class LoopParent:
         more = refined.n_parameters - parent.n_parameters
         return float(ratio - more * np.log(criterion.n))
 
-    def _added(self, model: Model) -> list[Effect]:
-        """Effects that a model has and the parent has not."""
+    def _bends(self, model: Model) -> bool:
+        """Whether what a model has and the parent has not is no linear answer, by itself."""
+        added = Effects(self._added(model))
+        alone = LoopSimulator(self.judge.core, added, self.judge.record, self.loop)
+        values = model.values()
+        theta = np.array([values[name] for name in alone.names])
+        return alone.is_curved(theta) or any(effect.n_hidden > 0 for _, effect in added)
+
+    def _added(self, model: Model) -> list[tuple[str, Effect]]:
+        """Effects that a model has and the parent has not, with their names."""
         known = self.parent.effects.names
-        return [effect for name, effect in model.effects if name not in known]
+        return [(name, effect) for name, effect in model.effects if name not in known]
 
     def _start_from(self, other: Model) -> None:
         """Fit the parent from where another model ended, which may be better."""

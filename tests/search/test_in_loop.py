@@ -1,12 +1,17 @@
 """Candidates judged in the closed loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.person_in_loop import pursued
 from support.searching import search_of
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare
+from skhoid.effects import DeadZone, Lapses
 from skhoid.greybox.extend import extended
+from skhoid.greybox.model import Model
+from skhoid.greybox.simulator import Simulator
 from skhoid.search.in_loop import LEAST_EVIDENCE, LEAST_RATE, InLoop, LoopJudge
 
 RIVALS = ["feedforward", "preview", "output_feedback"]
@@ -87,6 +92,16 @@ def test_a_preview_is_found_and_not_the_inverse_of_the_element(seed):
     assert np.isfinite(tau_e["sd"])  # not at its least
 
 
+def with_(search, parent, effect):
+    """A model with one more effect at its start."""
+    effects = parent.effects + effect
+    simulator = Simulator(search.core, effects, search.record)
+    own = {f"{effects.names[-1]}__{p.name}": p.starts[0] for p in effect.free}
+    values = parent.values() | own
+    fit = replace(parent.fit, theta=np.array([values[name] for name in simulator.names]))
+    return Model(simulator, fit)
+
+
 @pytest.fixture(scope="module")
 def parts():
     """Search, baseline, and the model with feedforward, of someone who has it."""
@@ -95,6 +110,26 @@ def parts():
     effect = search.effects[0]
     model = extended(baseline, "feedforward", effect, search.criterion, search.coarse)
     return search, baseline, model
+
+
+def test_what_is_linear_stays_so_beside_what_is_not(parts):
+    """The loop decides of a linear answer, whatever the model has besides."""
+    search, baseline, linear = parts
+    bent = with_(search, baseline, DeadZone(form="smooth", width=0.5))
+    both = with_(search, linear, DeadZone(form="smooth", width=0.5))
+    for parent, model, bends in (
+        (baseline, linear, False),
+        (baseline, bent, True),
+        (linear, both, True),
+        (bent, both, False),
+    ):
+        assert search.loop.around(parent)._bends(model) == bends
+
+
+def test_what_was_found_in_the_data_counts_as_bent(parts):
+    search, baseline, _ = parts
+    model = with_(search, baseline, Lapses(intervals=[(5.0, 8.0)], form="hold", shift=0.0))
+    assert search.loop.around(baseline)._bends(model)
 
 
 def test_records_are_thinned_to_what_is_fast_enough():
