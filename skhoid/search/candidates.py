@@ -10,7 +10,7 @@ import numpy as np
 
 from ..diagnosis.leaks import SLOPE, LeakTest
 from ..effects.base import Effect
-from ..greybox.model import Model
+from ..greybox.model import AT_BOUND, Model
 from .in_loop import InLoop, LoopParent
 from .leak import leak_of
 
@@ -214,7 +214,7 @@ def hardly_there(candidate: Candidate) -> str:
 
 def natural(value: float) -> bool:
     """Whether a bound is a value like others: no delay, no leak; a lapse that is complete."""
-    return min(abs(value), abs(value - 1.0)) < AT_ZERO
+    return abs(value) < AT_ZERO or abs(value - 1.0) < AT_BOUND
 
 
 def plainest_first(candidates: list[Candidate]) -> None:

@@ -134,10 +134,10 @@ class LoopParent:
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
-        bends = self._bends(model)
         # A linear path without a solution is a loop that does not settle, or has no delay.
         paths = all(effect.place in ("path", "sum") for _, effect in self._added(model))
-        without = InLoop(-np.inf, -np.inf, -np.inf) if paths and not bends else InLoop()
+        linear = not self._bends(model, model.effects.steps)
+        without = InLoop(-np.inf, -np.inf, -np.inf) if paths and linear else InLoop()
         if not np.isfinite(fitted.output).all():
             return without
         self._start_from(fitted)
@@ -147,7 +147,7 @@ class LoopParent:
         if not np.isfinite(after):
             return without
         evidence = min(self.evidence(fitted, rate) for rate in RATES)
-        return InLoop(after, evidence, after - before, bends)
+        return InLoop(after, evidence, after - before, self._bends(model, self._added(model)))
 
     def evidence(self, fitted: Model, rate: float) -> float:
         """What a model has over the parent at a rate, under the noise model of the better one."""
@@ -161,13 +161,13 @@ class LoopParent:
         more = refined.n_parameters - parent.n_parameters
         return float(ratio - more * np.log(criterion.n))
 
-    def _bends(self, model: Model) -> bool:
-        """Whether what a model has and the parent has not is no linear answer, by itself."""
-        added = Effects(self._added(model))
-        alone = LoopSimulator(self.judge.core, added, self.judge.record, self.loop)
+    def _bends(self, model: Model, steps: list[tuple[str, Effect]]) -> bool:
+        """Whether some of the effects of a model, without the others, make no linear answer."""
+        effects = Effects(steps)
+        alone = LoopSimulator(self.judge.core, effects, self.judge.record, self.loop)
         values = model.values()
         theta = np.array([values[name] for name in alone.names])
-        return alone.is_curved(theta) or any(effect.n_hidden > 0 for _, effect in added)
+        return alone.is_curved(theta) or any(effect.n_hidden > 0 for _, effect in effects)
 
     def _added(self, model: Model) -> list[tuple[str, Effect]]:
         """Effects that a model has and the parent has not, with their names."""

@@ -99,8 +99,9 @@ def test_a_name_whose_numbers_are_nowhere_neutral():
     assert hardly_there(candidate(model=Fitted(VALUES))) == ""
 
 
-def test_zero_is_a_bound_like_other_values():
-    model = Fitted({**VALUES, "preview__time": 0.0}, at_bound=["preview__time"])
+@pytest.mark.parametrize("value", [0.0, 1.0, 0.9995])
+def test_nothing_and_all_are_bounds_like_other_values(value):
+    model = Fitted({**VALUES, "preview__time": value}, at_bound=["preview__time"])
     assert without_name(candidate(model=model)) == ""
 
 

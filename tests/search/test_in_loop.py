@@ -123,13 +123,15 @@ def test_what_is_linear_stays_so_beside_what_is_not(parts):
         (linear, both, True),
         (bent, both, False),
     ):
-        assert search.loop.around(parent)._bends(model) == bends
+        loop = search.loop.around(parent)
+        assert loop._bends(model, loop._added(model)) == bends
 
 
 def test_what_was_found_in_the_data_counts_as_bent(parts):
     search, baseline, _ = parts
     model = with_(search, baseline, Lapses(intervals=[(5.0, 8.0)], form="hold", shift=0.0))
-    assert search.loop.around(baseline)._bends(model)
+    loop = search.loop.around(baseline)
+    assert loop._bends(model, loop._added(model))
 
 
 def test_records_are_thinned_to_what_is_fast_enough():
