@@ -95,7 +95,7 @@ def _found(
     least: float = LEAST_EVIDENCE,
 ) -> list[Leftover]:
     record = model.simulator.record
-    criterion = Criterion(record) if rate is None else Criterion(record, rate=rate)
+    criterion = Criterion(record, rate=rate)
     criterion.set_noise(criterion.remnant_model(model.output))
     base = model.refined(criterion, max_iter=4)
     own = derivatives(base.simulator, criterion, base.theta, base.output)

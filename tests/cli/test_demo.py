@@ -36,6 +36,7 @@ def test_the_seed_of_the_demo_has_a_default(run_json):
     assert demo(run_json, *words) == demo(run_json, *words)
 
 
+@pytest.mark.slow
 def test_demo_prints_the_story_and_the_truth_and_draws(capsys, tmp_path):
     save_figures({"drift.png": Figure(), "ranking-5.png": Figure()}, tmp_path, "demo")
     words = ["--runs", "2", "--effect", "bias", "--effects", "bias", "--out", str(tmp_path)]

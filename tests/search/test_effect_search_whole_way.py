@@ -52,8 +52,8 @@ OF_TRIAL_SLOW = {
     *("wrong_delay", "scheduled_gain", "rectified", "hardening_stiffness", "integral", "preview"),
     *("motion_feedback", "higher_order", "tremor", "quantised"),
 }
-# One that acts on the error, one on the output, one that the spectrum shows; all are `slow`.
-QUICK = {"dead_zone", "bias", "tremor"}
+# One that acts on the output, one that the spectrum shows; the others are `slow`.
+QUICK = {"bias", "tremor"}
 
 
 def closed_share(search, X, y, oracle):

@@ -90,6 +90,7 @@ def named(search):
     return {*search.best_effects_} - {"unknown", CLAIM}
 
 
+@pytest.mark.slow
 def test_free_delay_needs_no_claim(free):
     assert free.best_effects_ == ["feedforward"]
     claim = first_claim(free)

@@ -26,7 +26,7 @@ def test_remnant_that_comes_back_is_no_evidence():
     assert joint < LEAST_EVIDENCE
 
 
-@pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
+@pytest.mark.parametrize("text", ["1/s", pytest.param("1/(s(s+1))", marks=pytest.mark.slow)])
 def test_a_response_to_the_target_is(text):
     _, joint = evidence(text, 2, feedforward=0.5, early=-0.1, remnant=0.2)
     assert joint > LEAST_EVIDENCE

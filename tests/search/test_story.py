@@ -59,6 +59,7 @@ def test_the_ceiling_is_told_as_the_lower_bound_that_it_is():
     assert "points are left" not in told
 
 
+@pytest.mark.slow
 def test_one_effect_is_no_plural_and_what_was_not_tried_is_no_verdict(biased):
     search = EffectSearchCV(OperatorRegressor(), effects="dead_zone")
     told = "\n".join(Story(search, *biased).tell())
