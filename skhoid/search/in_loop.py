@@ -136,8 +136,8 @@ class LoopParent:
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
         # A linear path without a solution is a loop that does not settle, or has no delay.
         paths = all(effect.place in ("path", "sum") for _, effect in self._added(model))
-        linear = not self._bends(model, model.effects.steps)
-        without = InLoop(-np.inf, -np.inf, -np.inf) if paths and linear else InLoop()
+        bends = self._bends(model, model.effects.steps)
+        without = InLoop(-np.inf, -np.inf, -np.inf) if paths and not bends else InLoop()
         if not np.isfinite(fitted.output).all():
             return without
         self._start_from(fitted)
@@ -147,7 +147,8 @@ class LoopParent:
         if not np.isfinite(after):
             return without
         evidence = min(self.evidence(fitted, rate) for rate in RATES)
-        return InLoop(after, evidence, after - before, self._bends(model, self._added(model)))
+        bends = bends and self._bends(model, self._added(model))
+        return InLoop(after, evidence, after - before, bends)
 
     def evidence(self, fitted: Model, rate: float) -> float:
         """What a model has over the parent at a rate, under the noise model of the better one."""
