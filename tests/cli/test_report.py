@@ -43,6 +43,7 @@ def test_report_is_written_by_default_beside_the_story(capsys, biased_file, bias
     assert "skhoid report" in page  # how it was made
 
 
+@pytest.mark.slow
 def test_report_takes_the_fitted_search(run_json, calls, biased_file):
     found = run_json("report", *biased_file, *FEW, "--out", "new/monday.html")
     (made,) = calls

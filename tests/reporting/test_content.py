@@ -120,6 +120,7 @@ def test_why_there_is_no_ceiling(note: str) -> None:
     assert told["noise ceiling"] == ("not known", note or "of held-out rows")
 
 
+@pytest.mark.slow
 def test_labels_of_runs_are_no_mathematics() -> None:
     X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
     X.index = y.index = X.index.set_levels(["a$_$0", "a$x_1$b"], level="run")
@@ -150,6 +151,7 @@ def test_long_names_stand_above_their_panels() -> None:
         assert upright == []
 
 
+@pytest.mark.slow
 def test_templates_are_loaded_when_a_page_is_made() -> None:
     check = "import sys; from skhoid import report; sys.exit('jinja2' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", check], check=False, cwd="/").returncode == 0

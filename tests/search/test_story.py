@@ -69,6 +69,7 @@ def test_one_effect_is_no_plural_and_what_was_not_tried_is_no_verdict(biased):
     assert 'effects="all"' in told
 
 
+@pytest.mark.slow
 def test_held_out_rows_without_a_ceiling(biased):
     X, y = (part.loc[[0]] for part in biased)
     story = Story(EffectSearchCV(OperatorRegressor(), effects=["bias"]), X, y)
