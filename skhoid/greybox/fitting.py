@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -157,6 +157,11 @@ class Fit:
             inverse = scaled_inverse(self.normal[np.ix_(free, free)])
             covariance[np.ix_(free, free)] = sigma2 * inverse
         return covariance
+
+    def permuted(self, at: list[int]) -> Fit:
+        """The same fit of a model whose parameters are those ``at`` these positions, in order."""
+        normal = self.normal[np.ix_(at, at)]
+        return replace(self, theta=self.theta[at], normal=normal, gradient=self.gradient[at])
 
 
 def minimise(

@@ -208,10 +208,4 @@ def in_order(model: Model, names: Sequence[str]) -> Model:
         model.simulator.core, Effects([(n, by_name[n]) for n in names]), model.simulator.record
     )
     at = [model.simulator.names.index(n) for n in simulator.names]
-    fit = replace(
-        model.fit,
-        theta=model.theta[at],
-        normal=model.fit.normal[np.ix_(at, at)],
-        gradient=model.fit.gradient[at],
-    )
-    return Model(simulator, fit, model.other_cores)
+    return Model(simulator, model.fit.permuted(at), model.other_cores)

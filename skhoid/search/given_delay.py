@@ -93,15 +93,11 @@ class GivenDelay:
         simulator = Simulator(core, effects, self.search.record)
         extra = f"{name}__{self.claim.effect.free[0].name}"
         at = [model.simulator.names.index("tau_e" if n == extra else n) for n in simulator.names]
-        theta = model.theta[at]
+        fit = model.fit.permuted(at)
+        theta = fit.theta.copy()
         theta[simulator.names.index(extra)] -= core.delay({})
-        fit = replace(
-            model.fit,
-            theta=np.clip(theta, simulator.low, simulator.high),
-            normal=model.fit.normal[np.ix_(at, at)],
-            gradient=model.fit.gradient[at],
-        )
-        return Model(simulator, fit)
+        theta = np.clip(theta, simulator.low, simulator.high)
+        return Model(simulator, replace(fit, theta=theta))
 
 
 def with_given_delay(verdict: Verdict, free: Path, path: Path) -> Verdict:

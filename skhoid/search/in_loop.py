@@ -126,16 +126,16 @@ class LoopParent:
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
-        if not (model.simulator.smooth and self.solved) or only_levels(
-            [effect for _, effect in self._added(model)], self.parent, model
-        ):
+        added = self._added(model)
+        effects = [effect for _, effect in added]
+        if not (model.simulator.smooth and self.solved) or only_levels(effects, self.parent, model):
             return InLoop()
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
         # A linear path without a solution is a loop that does not settle, or has no delay.
-        paths = all(effect.place in ("path", "sum") for _, effect in self._added(model))
+        paths = all(effect.place in ("path", "sum") for effect in effects)
         bends = self._bends(model, model.effects.steps)
         without = InLoop(-np.inf, -np.inf, -np.inf) if paths and not bends else InLoop()
         if not np.isfinite(fitted.output).all():
@@ -147,7 +147,7 @@ class LoopParent:
         if not np.isfinite(after):
             return without
         evidence = min(self.evidence(fitted, rate) for rate in RATES)
-        bends = bends and self._bends(model, self._added(model))
+        bends = bends and self._bends(model, added)
         return InLoop(after, evidence, after - before, bends)
 
     def evidence(self, fitted: Model, rate: float) -> float:

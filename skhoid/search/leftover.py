@@ -104,18 +104,22 @@ def _found(
         if not len(columns):
             continue
         thin = np.stack([c[:: criterion.thin] for c in columns]) * criterion.known
-        result = _judged(own, thin, criterion, folds)
-        if result is not None and result[1] >= least:
+        result = _judged(own, thin, criterion, folds, least)
+        if result is not None:
             found.append(Leftover(where, at, description, *result))
     return found
 
 
 def _judged(
-    own: np.ndarray, columns: np.ndarray, criterion: Criterion, folds: Sequence[HeldOutRows]
+    own: np.ndarray,
+    columns: np.ndarray,
+    criterion: Criterion,
+    folds: Sequence[HeldOutRows],
+    least: float,
 ) -> tuple[float, float] | None:
     """Points that columns gain on held-out rows beside a model's derivatives, and their evidence.
 
-    The last of ``own`` is the residual.
+    The last of ``own`` is the residual. None without the ``least`` evidence, or any points.
     """
     n_own = len(own) - 1
     plain = np.concatenate([own[:-1], columns])
@@ -126,6 +130,8 @@ def _judged(
     before = gram[-1, -1] - _explained(gram[:n_own, :n_own], gram[:n_own, -1])
     after = gram[-1, -1] - _explained(gram[:-1, :-1], gram[:-1, -1])
     evidence = n * np.log(before / max(after, 1e-300)) - len(columns) * np.log(n)
+    if evidence < least:
+        return None
     by_row = white.reshape(len(white), *residual.shape)
     gained = total = 0.0
     for fold in folds:
