@@ -14,6 +14,7 @@ from .error_scan import ErrorScan
 from .operator_signals import Spring
 from .parameter import Parameter
 from .record import Record
+from .static_map import StaticMap, mean_within
 from .traces import stop_of
 
 SCANNED_STEPS = np.geomspace(0.25, 3.5, 45)  # in standard deviations of the output
@@ -23,8 +24,8 @@ SHARES, FINER_SHARES = np.linspace(0.0, 0.95, 20), np.linspace(-0.03, 0.03, 7)
 FACTORS, FINER_FACTORS = np.linspace(0.88, 1.12, 25), np.linspace(0.992, 1.008, 9)
 
 
-class Saturation(Effect):
-    """Stops: the output stays within limits.
+class Saturation(StaticMap):
+    """Stops: the output, the command or what is seen of the error stays within limits.
 
     ``"hard"``: min(max(u, -limit), limit); ``"unequal"``: from -limit (1 - skew) to limit (1 +
     skew); ``"soft"``: limit tanh(u / limit); ``"behind"``: the mean of the hard one over remnant
@@ -33,7 +34,7 @@ class Saturation(Effect):
     Parameters
     ----------
     limit : float or None, default=None
-        In units of the output; None estimates it.
+        In units of the output, or of the error; None estimates it.
     remnant : float or None, default=None
         Standard deviation of the remnant before the stop, in units of the output, of
         ``"behind"``; None estimates it.
@@ -41,6 +42,9 @@ class Saturation(Effect):
         Half the relative difference of the stops, of ``"unequal"``; None estimates it.
     form : {"hard", "soft", "unequal", "behind"} or None, default=None
         None tries the first three, and the last where samples pile up at a stop.
+    at : {"output", "command", "error"} or None, default=None
+        What is limited: the output, the command before the limb, or the error, as by the edge of a
+        screen; None is the output, and a search tries all, the others as ``"hard"``.
 
     References
     ----------
@@ -54,12 +58,19 @@ class Saturation(Effect):
     """
 
     name = "saturation"
-    place = "output"
     physics = "The stick reaches its stop, or the hand its greatest deflection."
+    physics_at = {
+        "command": "The command to the limb does not grow beyond a limit.",
+        "error": "Errors beyond a limit look alike, as at the edge of a display.",
+    }
     machine_physics = "The output reaches a stop, or the end of the sensor's range."
     formula = "u' = min(max(u, -limit), limit), or limit tanh(u / limit)"
     source = "Gelb and Vander Velde (1968)"
-    choices = {"form": ("hard", "soft", "unequal", "behind")}
+    choices = {
+        "at": ("output", "command", "error"),
+        "form": ("hard", "soft", "unequal", "behind"),
+    }
+    plain = ("hard",)
 
     def __init__(
         self,
@@ -68,21 +79,23 @@ class Saturation(Effect):
         remnant: float | None = None,
         skew: float | None = None,
         form: str | None = None,
+        at: str | None = None,
     ):
         self.limit = limit
         self.remnant = remnant
         self.skew = skew
         self.form = form
+        self.at = at
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        limit = Parameter("limit", U, 0.1, 4.0, (0.8, 1.6), "greatest deflection")
+        limit = Parameter("limit", self.unit, 0.1, 4.0, (0.8, 1.6), "greatest deflection")
         if self.form == "unequal":
             skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "of the stops")
             return (limit, skew)
         if self.form != "behind":
             return (limit,)
-        return (limit, Parameter("remnant", U, 0.01, 2.0, (0.3,), "before the stop"))
+        return (limit, Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "before the stop"))
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
@@ -90,7 +103,7 @@ class Saturation(Effect):
         possible = self.form == "behind" or stop_of(record) is not None
         return [v for v in made if v.form != "behind" or possible]
 
-    def apply(
+    def mapped(
         self,
         signal: np.ndarray,
         record: Record,
@@ -101,14 +114,8 @@ class Saturation(Effect):
         if self.form == "soft":
             return limit * np.tanh(signal / limit)
         if self.form == "behind":
-            above, below = (signal - limit) / remnant, (signal + limit) / remnant
-            return remnant * (_mean_above_zero(below) - _mean_above_zero(above)) - limit
+            return mean_within(signal, limit, remnant)
         return np.clip(signal, -limit * (1 - skew), limit * (1 + skew))
-
-
-def _mean_above_zero(x: np.ndarray) -> np.ndarray:
-    """Mean of max(x + z, 0) over standard normal z."""
-    return x * ndtr(x) + np.exp(-0.5 * x * x) / np.sqrt(2 * np.pi)
 
 
 class RateLimit(Effect):
@@ -259,17 +266,17 @@ class Stiction(Effect):
         return _kernels.greybox.stuck(_kernels.gate(signal), breakaway, kinetic * breakaway, slides)
 
 
-class Quantised(Effect):
-    """The output takes discrete levels: u' = step round(u / step - offset).
+class Quantised(StaticMap):
+    """The output, the command or what is seen takes discrete levels.
 
-    ``"sharp"`` is that; ``"behind"`` its mean over remnant that passes it too, with standard
-    deviation ``remnant``: u + steps that the remnant smooths; ``"uneven"`` has levels at step
-    n^(1 / power), n = 0, 1, 2 ... to either side.
+    ``"sharp"``: u' = step round(u / step - offset); ``"behind"``: its mean over remnant that passes
+    it too, with standard deviation ``remnant``, u + steps that the remnant smooths; ``"uneven"``
+    has levels at step n^(1 / power), n = 0, 1, 2 ... to either side.
 
     Parameters
     ----------
     step : float or None, default=None
-        Distance of levels in units of the output; None estimates it.
+        Distance of levels in units of the output, or of the error; None estimates it.
     offset : float or None, default=None
         Shift of the thresholds, in steps; 0.5 rounds down. None estimates it.
     remnant : float or None, default=None
@@ -278,7 +285,10 @@ class Quantised(Effect):
         How levels crowd away from zero (above one) or towards it, of ``"uneven"``; None estimates
         it.
     form : {"sharp", "behind", "uneven"} or None, default=None
-        None tries all.
+        None tries all, the last at the output only.
+    at : {"output", "command", "error"} or None, default=None
+        What has levels: the output, the command before the limb, or the error, as on a coarse
+        display; None is the output, and a search tries all.
 
     References
     ----------
@@ -292,14 +302,18 @@ class Quantised(Effect):
     """
 
     name = "quantised"
-    place = "output"
     physics = "The output moves in steps: keys, detents, or a coarse converter."
+    physics_at = {
+        "command": "The command to the limb is one of few.",
+        "error": "The error is seen in steps, as on a coarse display.",
+    }
     machine_physics = "The output moves in steps: detents, or a coarse converter."
     formula = "u' = step round(u / step - offset)"
     source = "Widrow and Kollar (2008)"
     shades = True
     # The smooth form comes first: the others start from what it finds as well.
-    choices = {"form": ("behind", "sharp", "uneven")}
+    choices = {"at": ("output", "command", "error"), "form": ("behind", "sharp", "uneven")}
+    plain = ("behind", "sharp")
 
     def __init__(
         self,
@@ -309,18 +323,20 @@ class Quantised(Effect):
         remnant: float | None = None,
         power: float | None = None,
         form: str | None = None,
+        at: str | None = None,
     ):
         self.step = step
         self.offset = offset
         self.remnant = remnant
         self.power = power
         self.form = form
+        self.at = at
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         steps = (0.5, 1.0, 2.0)
         offset = Parameter("offset", ONE, -0.5, 0.5, (0.0, 0.5), "of thresholds, in steps")
-        step = Parameter("step", U, 0.05, 6.0, steps, "of levels")
+        step = Parameter("step", self.unit, 0.05, 6.0, steps, "of levels")
         if self.form == "behind":
             remnant = Parameter("remnant", ONE, 0.15, 0.35, (0.2,), "before levels, in steps")
             return (step, offset, remnant)
@@ -345,15 +361,16 @@ class Quantised(Effect):
             return []
         offsets = OFFSETS if self.offset is None else (self.offset,)
         remnant = 0.2 if self.remnant is None else self.remnant
+        size = record.sd("e" if self.place == "input" else "u")
         tried = [
-            {"step": step * record.sd("u"), "offset": offset, "remnant": remnant}
+            {"step": step * size, "offset": offset, "remnant": remnant}
             for step in SCANNED_STEPS
             for offset in offsets
         ]
         errors = [error_of(values, record.duration) for values in tried]
         return [tried[i] for i in np.argsort(errors)[:KEPT_STEPS]]
 
-    def apply(
+    def mapped(
         self,
         signal: np.ndarray,
         record: Record,

@@ -138,6 +138,10 @@ class Effect(Composable, BaseEstimator):
             made = [variant for one in made for variant in one.one_of_each(argument, options)]
         return made
 
+    def alternatives(self, record: Record) -> list[Effect]:
+        """What a search tries apart, and takes the likeliest of: by default the effect alone."""
+        return [self]
+
     def starts(self, record: Record) -> list[dict[str, float]]:
         """Values of the parameters to start estimation from, in the units of the data."""
         found: list[dict[str, float]] = [{}]

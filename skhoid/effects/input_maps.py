@@ -10,20 +10,29 @@ from .base import Effect
 from .dimension import ONE, E, S, U
 from .parameter import Parameter
 from .record import Record
+from .static_map import StaticMap, mean_within
 
 
-class DeadZone(Effect):
-    """Indifference threshold: small errors are not answered.
+class DeadZone(StaticMap):
+    """Indifference threshold: small errors are not answered, or small commands not carried out.
 
     ``"gap"``: e' = sign(e) max(abs(e) - width, 0); ``"smooth"``: e' = e - width tanh(e / width);
-    ``"jump"``: e' = e where abs(e) > width, else 0.
+    ``"jump"``: e' = e where abs(e) > width, else 0; ``"behind"``: the mean of the gap over remnant
+    that passes it too, with standard deviation ``remnant``.
 
     Parameters
     ----------
     width : float or None, default=None
-        Half-width in units of the error; None estimates it.
-    form : {"gap", "smooth", "jump"} or None, default=None
-        Whether the answer starts from zero at the threshold or jumps; None tries all.
+        Half-width in units of the error, or of the output; None estimates it.
+    remnant : float or None, default=None
+        Standard deviation of the remnant before it, of ``"behind"``, in the same units; None
+        estimates it.
+    form : {"gap", "smooth", "jump", "behind"} or None, default=None
+        Whether the answer starts from zero at the threshold or jumps; None tries all, the last at
+        other places than the error.
+    at : {"error", "command", "output"} or None, default=None
+        What has the threshold: the error, the command before the limb, or the output behind it;
+        None is the error, and a search tries all.
 
     References
     ----------
@@ -38,20 +47,48 @@ class DeadZone(Effect):
     """
 
     name = "dead_zone"
-    place = "input"
     physics = "Errors below a threshold are not seen, or not answered."
+    physics_at = {
+        "command": "Small commands do not move the limb.",
+        "output": "Small movements of the hand do not move the stick.",
+    }
     machine_physics = "Inputs below a threshold have no effect: play, overlap, or friction at rest."
     formula = "e' = sign(e) max(|e| - width, 0), or e where |e| > width"
     source = "McRuer and Krendel (1974)"
-    parameters = (Parameter("width", E, 0.02, 3.0, (0.25, 0.7), "half-width of the threshold"),)
     shades = True
-    choices = {"form": ("gap", "smooth", "jump")}
+    choices = {"at": ("error", "command", "output"), "form": ("gap", "smooth", "jump", "behind")}
+    plain = ("gap", "behind")
 
-    def __init__(self, *, width: float | None = None, form: str | None = None):
+    def __init__(
+        self,
+        *,
+        width: float | None = None,
+        remnant: float | None = None,
+        form: str | None = None,
+        at: str | None = None,
+    ):
         self.width = width
+        self.remnant = remnant
         self.form = form
+        self.at = at
 
-    def apply(self, signal: np.ndarray, record: Record, width: float) -> np.ndarray:
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        width = Parameter("width", self.unit, 0.02, 3.0, (0.25, 0.7), "half-width of the threshold")
+        if self.form != "behind":
+            return (width,)
+        return (width, Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "before the threshold"))
+
+    def variants(self, record: Record) -> list[Effect]:
+        made: list[Any] = super().variants(record)
+        # The error is measured with its remnant.
+        return [v for v in made if v.form != "behind" or v.at != "error"] or made
+
+    def mapped(
+        self, signal: np.ndarray, record: Record, width: float, remnant: float = 0.0
+    ) -> np.ndarray:
+        if self.form == "behind":
+            return signal - mean_within(signal, width, remnant)
         if self.form == "jump":
             # A sample at the threshold counts as far as it is inside: smooth in width.
             edge = 0.05 * width
@@ -61,7 +98,7 @@ class DeadZone(Effect):
         return signal - np.clip(signal, -width, width)
 
 
-class AsymmetricGain(Effect):
+class AsymmetricGain(StaticMap):
     """Left and right are answered with different gains.
 
     ``"all"``: e' = e + asymmetry abs(e); ``"large"``: e' = e + asymmetry max(abs(e) - level, 0),
@@ -72,9 +109,13 @@ class AsymmetricGain(Effect):
     asymmetry : float or None, default=None
         Half the relative difference of the gains, without unit; None estimates it.
     level : float or None, default=None
-        Error above which the gains differ (``"large"``), in units of the error; None estimates it.
+        Error above which the gains differ (``"large"``), in units of the error, or of the output;
+        None estimates it.
     form : {"all", "large"} or None, default=None
         None tries both.
+    at : {"error", "command", "output"} or None, default=None
+        What is answered so: the error, the command before the limb, or the output behind it;
+        None is the error, and a search tries all, the others as ``"all"``.
 
     References
     ----------
@@ -88,14 +129,18 @@ class AsymmetricGain(Effect):
     """
 
     name = "asym_gain"
-    place = "input"
     physics = "Errors to one side are answered more strongly than to the other."
+    physics_at = {
+        "command": "Commands to one side are carried out more strongly than to the other.",
+        "output": "The stick moves more strongly to one side than to the other.",
+    }
     machine_physics = "Inputs to one side act more strongly than to the other."
     formula = "e' = e + asymmetry |e|, or e + asymmetry max(|e| - level, 0)"
     source = "McRuer and Krendel (1974)"
     shades = True
     neutral = {"asymmetry": 0.0}
-    choices = {"form": ("all", "large")}
+    choices = {"at": ("error", "command", "output"), "form": ("all", "large")}
+    plain = ("all",)
 
     def __init__(
         self,
@@ -103,10 +148,12 @@ class AsymmetricGain(Effect):
         asymmetry: float | None = None,
         level: float | None = None,
         form: str | None = None,
+        at: str | None = None,
     ):
         self.asymmetry = asymmetry
         self.level = level
         self.form = form
+        self.at = at
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
@@ -114,11 +161,11 @@ class AsymmetricGain(Effect):
         if self.form == "large":
             return (
                 Parameter("asymmetry", ONE, -0.95, 0.95, (-0.3, 0.3), meaning),
-                Parameter("level", E, 0.05, 2.0, (0.3, 0.8), "above which gains differ"),
+                Parameter("level", self.unit, 0.05, 2.0, (0.3, 0.8), "above which gains differ"),
             )
         return (Parameter("asymmetry", ONE, -0.7, 0.7, (-0.2, 0.2), meaning),)
 
-    def apply(
+    def mapped(
         self, signal: np.ndarray, record: Record, asymmetry: float, level: float = 0.0
     ) -> np.ndarray:
         return signal + asymmetry * np.maximum(np.abs(signal) - level, 0.0)
@@ -191,7 +238,7 @@ class Rectified(Effect):
         return np.where(answered, signal, leak * signal)
 
 
-class CubicGain(Effect):
+class CubicGain(StaticMap):
     """Gain that grows (hardening) or falls (softening) with amplitude.
 
     ``"cubic"``: e' = e + hardening e^3; ``"square"``: e' = e + hardening e abs(e); ``"power"``:
@@ -204,8 +251,12 @@ class CubicGain(Effect):
         In the unit of the error to the power -2, -1 and without unit; None estimates it.
     form : {"cubic", "square", "power"} or None, default=None
         None tries all.
+    at : {"error", "command"} or None, default=None
+        What is answered so: the error, or the command before the limb; None is the error, and a
+        search tries both, the command without ``"square"``.
     reference : float or None, default=None
-        Standard deviation of the error that ``"power"`` refers to; None takes it from the data.
+        Standard deviation of the error (or output) that ``"power"`` refers to; None takes it from
+        the data.
 
     References
     ----------
@@ -219,13 +270,14 @@ class CubicGain(Effect):
     """
 
     name = "cubic_gain"
-    place = "input"
     physics = "Large errors are answered more (or less) than in proportion."
+    physics_at = {"command": "Large commands are carried out more (or less) than in proportion."}
     machine_physics = "Large inputs act more (or less) than in proportion."
     formula = "e' = e + hardening e^3, e + hardening e |e|, or sign(e) |e|^(1 + hardening)"
     source = "Hammerstein models, Ljung (1999)"
     shades = True
-    choices = {"form": ("cubic", "square", "power")}
+    choices = {"at": ("error", "command"), "form": ("cubic", "square", "power")}
+    plain = ("cubic", "power")
     neutral = {"hardening": 0.0}
 
     def __init__(
@@ -233,10 +285,12 @@ class CubicGain(Effect):
         *,
         hardening: float | None = None,
         form: str | None = None,
+        at: str | None = None,
         reference: float | None = None,
     ):
         self.hardening = hardening
         self.form = form
+        self.at = at
         self.reference = reference
 
     @property
@@ -245,14 +299,15 @@ class CubicGain(Effect):
         if self.form == "power":
             return (Parameter("hardening", ONE, -0.7, 2.5, (-0.3, 0.3), meaning),)
         if self.form == "square":
-            return (Parameter("hardening", ONE / E, -0.25, 20.0, (-0.1, 0.3), meaning),)
-        return (Parameter("hardening", ONE / E**2, -0.08, 20.0, (-0.02, 0.1), meaning),)
+            return (Parameter("hardening", ONE / self.unit, -0.25, 20.0, (-0.1, 0.3), meaning),)
+        return (Parameter("hardening", ONE / self.unit**2, -0.08, 20.0, (-0.02, 0.1), meaning),)
 
     def variants(self, record: Record) -> list[Effect]:
-        reference = record.sd("e") if self.reference is None else self.reference
+        signal = "e" if self.place == "input" else "u"
+        reference = record.sd(signal) if self.reference is None else self.reference
         return [v.with_choices(reference=reference) for v in super().variants(record)]
 
-    def apply(self, signal: np.ndarray, record: Record, hardening: float) -> np.ndarray:
+    def mapped(self, signal: np.ndarray, record: Record, hardening: float) -> np.ndarray:
         size = np.abs(signal)
         if self.form == "power":
             relative = np.maximum(size / self.reference, 1e-6)

@@ -139,6 +139,9 @@ def beside_each_other(
     names = model.effects.names
     for name, effect in model.effects.steps[:-1]:
         if effect.name in templates:
-            again = extended(without(model, name), name, templates[effect.name], criterion, coarse)
+            template = templates[effect.name]
+            if "at" in effect.choices:  # the place was found by likelihood
+                template = template.with_choices(at=effect.get_params()["at"])
+            again = extended(without(model, name), name, template, criterion, coarse)
             model = again if again.sse < model.sse else model
     return in_order(model, names)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import norm, t
 
 from ..effects.core_kind import CoreKind
 from .fitting import AR_ORDER, Criterion, RemnantModel, minimise
@@ -102,8 +103,8 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     decides where it hardly changes, as between a delay and the lag of a limb. A gain on the error
     rate that is not needed is left out.
 
-    With them comes the covariance that choices make: rows at half and at twice the rate, the gain
-    that was left out, by its odds, and the closed loop, where it is known.
+    With them comes the covariance that choices make: rows at half and at twice the rate, and the
+    closed loop, where it is known, by how many they are; the gain that was left out, by its odds.
     """
     simulator = model.simulator
     core = simulator.core
@@ -128,14 +129,19 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     simulation = Criterion(simulator.record)
     if simulation.sse(simulator.run(theta)) > TOLERATED * simulation.sse(model.output):
         return None
-    for rate in OTHER_RATES:
-        other = likeliest(simulator, [theta], rate, held)
-        if other is not None:
-            beside += _outer(other[1] - theta) / len(OTHER_RATES)
+    others = [likeliest(simulator, [theta], rate, held) for rate in OTHER_RATES]
+    apart = [_outer(one[1] - theta) / len(OTHER_RATES) for one in others if one is not None]
     in_loop = likeliest_in_loop(simulator, theta, held)
     if in_loop is not None:
-        beside += _outer(in_loop - theta)
+        apart.append(_outer(in_loop - theta))
+    if apart:
+        beside += _of_few(len(apart)) * np.sum(apart, axis=0)
     return theta, beside
+
+
+def _of_few(n: int) -> float:
+    """By how much a variance known from n numbers is to be larger, for 95 % intervals to hold."""
+    return float((t.ppf(0.975, n) / norm.ppf(0.975)) ** 2)
 
 
 def likeliest_in_loop(

@@ -59,7 +59,7 @@ def simulated_summary(model: Any, simulation: Simulation) -> Summary:
         estimates_table(table),
         [
             *notes,
-            *(f"{name}: {effect.physics} {effect.formula}" for name, effect in model.effects_),
+            *(f"{n}: {e.physics_in('human')} {e.formula}" for n, e in model.effects_),
         ],
     )
 

@@ -147,7 +147,7 @@ class IdentifiedEffectDisplay(Display):
         return cls(
             name=name,
             curves=effect_curves(bench, n_draws, random_state),
-            physics=effects[name].physics,
+            physics=effects[name].physics_in(record.domain),
             parameters=parameter_text(model.parameters_, name),
         ).plot(ax)
 

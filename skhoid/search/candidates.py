@@ -22,6 +22,8 @@ LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a pla
 AS_GOOD = 0.05  # points
 SURE = 3.0  # standard errors, by which an effect's numbers are off those at which it does nothing
 AT_ZERO = 1e-9  # rounding of a bound
+RIVAL = 0.3  # of the weight of the best, at least, of another that may be it
+N_RIVALS = 3  # which the closed loop compares with the best
 CONFUSED = 12.0  # of evidence, within which two effects are not told apart
 
 
@@ -75,12 +77,22 @@ class Candidate:
         judged = self.in_loop
         if judged is None:
             return False
+        if np.isnan(judged.evidence) and judged.bends is False:
+            # Beside what jumps or sticks: its form is hardly exact, and a path takes up the rest.
+            unlikely = min(self.joint, self.weight) <= MUCH_EVIDENCE
+            return self.gain < MUCH if np.isnan(self.joint) else unlikely
         if np.isnan(judged.evidence):
-            return self.joint <= LEAST_EVIDENCE
+            return min(self.joint, self.weight) <= LEAST_EVIDENCE
         if np.isnan(self.joint) or not judged.bends:
             much = self.gain >= MUCH and self.joint > MUCH_EVIDENCE and judged.gain > -BLIND
             return judged.refutes and not much
         return self.joint - judged.against <= LEAST_EVIDENCE
+
+    @property
+    def linear_in_loop(self) -> bool:
+        """Whether the closed loop has judged it, as linear."""
+        judged = self.in_loop
+        return judged is not None and bool(np.isfinite(judged.evidence)) and not judged.bends
 
     @property
     def weight(self) -> float:
@@ -126,7 +138,23 @@ class SearchStep:
                 break
             self.judge(first)
             judged.append(first)
+        self._likeliest_in_loop()
         mark_confused(self.candidates)
+
+    def _likeliest_in_loop(self) -> None:
+        """Of linear effects that pass the one with most evidence in the closed loop.
+
+        Outside it the remnant decides as well which of them follows the error best.
+        """
+        first = self.best
+        if first is None or not first.linear_in_loop:
+            return
+        least = RIVAL * first.weight
+        rivals = [c for c in self.candidates[1:] if c.passes and not c.trace and c.weight > least]
+        near = [c for c in rivals[:N_RIVALS] if self.judge(c) and c.linear_in_loop]
+        best = max([first, *near], key=lambda c: c.in_loop.evidence if c.in_loop else -np.inf)
+        self.candidates.remove(best)
+        self.candidates.insert(0, best)
 
     def judge(self, candidate: Candidate) -> bool:
         """Whether a candidate passes in the closed loop too, and refitted without each fold."""
@@ -161,6 +189,20 @@ class SearchStep:
     def best(self) -> Candidate | None:
         first = self.candidates[0] if self.candidates else None
         return first if first is not None and first.passes else None
+
+
+def likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
+    """Of each effect the alternative that explains most, in the order of the effects."""
+
+    def worth(candidate: Candidate) -> tuple[bool, bool, float]:
+        gains = candidate.gain >= candidate.least_gain
+        return not candidate.refused, gains, candidate.weight
+
+    found: dict[str, Candidate] = {}
+    for one in candidates:
+        if one.name not in found or worth(one) > worth(found[one.name]):
+            found[one.name] = one
+    return list(found.values())
 
 
 def place_of(candidate: Candidate) -> tuple[bool, bool, float]:

@@ -94,7 +94,7 @@ def sentence_of(effect: Effect, display: str | None, domain: str = "human") -> s
                 "comes; a target that the operator can predict looks the same"
             )
         return EQUIVALENT.format(effect.name.replace("_", " "))
-    return effect.physics
+    return effect.physics_in(domain)
 
 
 def changes_sentences(changes: dict[str, tuple[float, float, float]]) -> list[str]:

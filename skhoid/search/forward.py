@@ -25,8 +25,10 @@ from .candidates import (
     LEAST_EVIDENCE,
     LEAST_GAIN,
     LITTLE_NOISE,
+    RIVAL,
     Candidate,
     SearchStep,
+    likeliest_alternatives,
     without_name,
 )
 from .held_out import HeldOutRows, held_out, refitted_prediction
@@ -36,7 +38,6 @@ from .signatures import traces_of
 
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
-RIVAL = 0.3  # of the evidence of the best first effect, at least, of another to begin with
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
@@ -93,9 +94,10 @@ class Search:
         for effect in self.effects:
             if effect.name in taken:
                 continue
-            candidate = Candidate(unique_name(effect, parent.effects), effect)
-            candidate.reason = effect.refusal_in(self.record, self.core.kind) or ""
-            candidates.append(candidate)
+            name = unique_name(effect, parent.effects)
+            reason = effect.refusal_in(self.record, self.core.kind) or ""
+            tried_apart = [effect] if reason else effect.alternatives(self.record)
+            candidates += [Candidate(name, one, reason=reason) for one in tried_apart]
         tried = [c for c in candidates if not c.reason]
         added = [(c.name, c.effect) for c in tried]
         for c, found in zip(tried, self._each(self._extended, added, parent), strict=True):
@@ -121,8 +123,10 @@ class Search:
         base = parent.refined(criterion)
         base_vaf, base_prediction = self._held_out(parent, base, criterion)
         n = criterion.n
-        models = [(c.model.effects, c.model.fit) for c in tried if c.model]
-        refined = self._each(self._refined, models, parent, criterion)
+        for c in tried:
+            c.trace = self.traces.get(c.id, "") if c.effect.place == "output" else ""
+        fitted = [(c.model.effects, c.model.fit, bool(c.trace)) for c in tried if c.model]
+        refined = self._each(self._refined, fitted, parent, criterion)
         for c, (fit, vaf, prediction) in zip(tried, refined, strict=True):
             assert c.model is not None
             before = c.model.sse
@@ -139,7 +143,6 @@ class Search:
                 c.gain = c.vaf - base_vaf
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
-            c.trace = self.traces.get(c.id, "")
             c.least_gain = self.share * (LEAST_GAIN_OF_CLAIM if c.id == CLAIM else LEAST_GAIN)
             c.refused = without_name(c)
         most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
@@ -151,6 +154,7 @@ class Search:
             beside = JointParent(base) if gaining else None
             for c, found in zip(gaining, self._each(self._joint, models, beside), strict=True):
                 c.joint = found
+        candidates = likeliest_alternatives(candidates)
         loop = None if self.loop is None else self.loop.around(base)
         step = SearchStep(base, base_vaf, base_prediction, candidates, loop, self.refit)
         step.rank()
@@ -170,13 +174,17 @@ class Search:
         if key not in self._parts:
             models = [output_error_fit(model)]
             for name in reversed(model.effects.names[start:]):
-                fewer = without(models[-1], name, core)
-                known = self._parents.get(frozenset(fewer.effects.names))
-                if known is not None and known.sse < fewer.sse:
-                    fewer = in_order(known, fewer.effects.names)
-                models.append(fewer)
+                models.append(self.fewer(models[-1], name, core))
             self._parts[key] = models[::-1]
         return self._parts[key]
+
+    def fewer(self, model: Model, name: str, core: dict[str, float]) -> Model:
+        """The model without an effect: fitted from where it is, or as the search had it."""
+        fewer = without(model, name, core)
+        known = self._parents.get(frozenset(fewer.effects.names))
+        if known is not None and known.sse < fewer.sse:
+            return in_order(known, fewer.effects.names)
+        return fewer
 
     def refit(self, model: Model) -> float:
         """Held-out VAF of a model that is fitted anew without each fold's rows."""
@@ -191,12 +199,13 @@ class Search:
         return self._refits[key]
 
     def _refined(
-        self, found: tuple[Effects, Fit], parent: Model, criterion: Criterion
+        self, found: tuple[Effects, Fit, bool], parent: Model, criterion: Criterion
     ) -> tuple[Fit, float, np.ndarray | None]:
         """A model at the minimum of a criterion, and what it predicts of held-out rows."""
-        fitted = self._model(found, parent)
+        effects, fit, shown = found
+        fitted = self._model((effects, fit), parent)
         # What gains too little in plain simulation error cannot gain enough held out.
-        if parent.sse - fitted.sse < HOPELESS * self.share * self.criterion.power:
+        if not shown and parent.sse - fitted.sse < HOPELESS * self.share * self.criterion.power:
             return fitted.refined(criterion, max_iter=1).fit, -np.inf, None
         model = fitted.refined(criterion)
         return model.fit, *self._held_out(fitted, model, criterion)
@@ -260,7 +269,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
             other = follow(search, first, rival, 2)
             if len(other.ids) > 1:
                 pair = path_of_length(greedy, 2)
-                if better(search, other.model, pair):
+                if better(search, first.parent, other.model, pair):
                     greedy = follow_from(search, other, most)
     return in_gaining_order(search, trimmed(search, greedy, most), first)
 
@@ -401,8 +410,12 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
     return found
 
 
-def better(search: Search, one: Model, other: Model) -> bool:
-    """Whether one model explains more than the other, under the noise model of the better one."""
+def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
+    """Whether one model explains more than the other: by what candidates are put in order by.
+
+    Under the noise model of the better one, and with noise models estimated along, beside what both
+    have in common.
+    """
     criterion = Criterion(search.record)
     both = [output_error_fit(m) for m in (one, other)]
     best = min(both, key=lambda m: m.sse)
@@ -412,7 +425,12 @@ def better(search: Search, one: Model, other: Model) -> bool:
     vafs = [vaf_of_output(search.record, m.output) for m in both]
     if min(vafs) > LITTLE_NOISE and vafs[0] < vafs[1] + AS_GOOD:
         return a.n_parameters < b.n_parameters
-    return n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n) > 0
+    evidence = n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n)
+    if search.core.kind.is_operator:
+        beside = JointParent(parent)
+        joint = beside.evidence(both[0]) - beside.evidence(both[1])
+        evidence = evidence / 2 + joint if np.isfinite(joint) else evidence
+    return bool(evidence > 0)
 
 
 def without_superfluous(search: Search, path: Path) -> Path:
@@ -424,7 +442,7 @@ def without_superfluous(search: Search, path: Path) -> Path:
     names = model.effects.names[len(path.steps[0].parent.effects) :]  # others were given
     if len(names) < 2:
         return path
-    fewer = {name: output_error_fit(without(model, name, path.core)) for name in names}
+    fewer = {name: output_error_fit(search.fewer(model, name, path.core)) for name in names}
     fitted, whole = output_error_fit(model), search.refit(model)
     gains = {name: whole - search.refit(one) for name, one in fewer.items()}
     worst = min(names, key=lambda name: gains[name] - search.allowed_loss(model, name))

@@ -37,13 +37,13 @@ class InLoop:
     NaN where the loop cannot be solved, as with what jumps or sticks. ``bends`` says that what the
     model has more is not linear, or acts in stretches that were found in the data: a remnant makes
     its mean answer in the loop nearly linear, or is held there, and what is no better in the loop
-    may still be right.
+    may still be right. None is not known, without a loop, or of levels.
     """
 
     vaf: float = np.nan
     evidence: float = np.nan
     gain: float = np.nan
-    bends: bool = False
+    bends: bool | None = None
 
     @property
     def refutes(self) -> bool:
@@ -128,27 +128,30 @@ class LoopParent:
         """A model with more effects, and the parent, under the noise model of the better one."""
         added = self._added(model)
         effects = [effect for _, effect in added]
-        if not (model.simulator.smooth and self.solved) or only_levels(effects, self.parent, model):
+        if only_levels(effects, self.parent, model):
             return InLoop()
+        bends = self._bends(model, added)
+        if not (model.simulator.smooth and self.solved):
+            return InLoop(bends=bends)
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
         # A linear path without a solution is a loop that does not settle, or has no delay.
         paths = all(effect.place in ("path", "sum") for effect in effects)
-        bends = self._bends(model, model.effects.steps)
-        without = InLoop(-np.inf, -np.inf, -np.inf) if paths and not bends else InLoop()
+        whole = self._bends(model, model.effects.steps)
+        lost = -np.inf if paths and not whole else np.nan
+        without = InLoop(lost, lost, lost, bends)
         if not np.isfinite(fitted.output).all():
             return without
         self._start_from(fitted)
         before, after = (self._held_out(m) for m in (self.fit, fitted))
         if not np.isfinite(before):
-            return InLoop()
+            return InLoop(bends=bends)
         if not np.isfinite(after):
             return without
         evidence = min(self.evidence(fitted, rate) for rate in RATES)
-        bends = bends and self._bends(model, added)
-        return InLoop(after, evidence, after - before, bends)
+        return InLoop(after, evidence, after - before, whole and bends)
 
     def evidence(self, fitted: Model, rate: float) -> float:
         """What a model has over the parent at a rate, under the noise model of the better one."""

@@ -184,6 +184,9 @@ def _form(candidate: Candidate) -> str:
         return ""
     chosen = dict(candidate.model.effects.steps)[candidate.name]
     parts = [getattr(chosen, key, None) for key in ("form", "side", "trigger", "channel")]
+    at = getattr(chosen, "at", None)
+    if at is not None and at != chosen.choices["at"][0]:
+        parts.append(f"at the {at}")
     return ", ".join(str(part) for part in parts if part)
 
 

@@ -17,6 +17,7 @@ from skhoid.search.candidates import (
     Candidate,
     SearchStep,
     hardly_there,
+    likeliest_alternatives,
     mark_confused,
     plainest_first,
     without_name,
@@ -141,6 +142,14 @@ def passing(name="preview", **options):
         ({"joint": 50.0, "in_loop": InLoop(90.0, -25.0, 1.0, True)}, False),
         ({"joint": 400.0, "in_loop": InLoop(90.0, -70.0, -0.1, True)}, True),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 50.0, 1.0, True)}, False),
+        ({"joint": 50.0, "in_loop": InLoop(bends=True)}, True),
+        ({"joint": 50.0, "in_loop": InLoop(bends=False)}, False),  # beside what jumps or sticks
+        ({"joint": 60.0, "evidence": 60.0, "in_loop": InLoop(bends=False)}, True),
+        ({"joint": 60.0, "evidence": -60.0, "in_loop": InLoop(bends=False)}, False),
+        ({"joint": 30.0, "evidence": -60.0, "in_loop": InLoop()}, False),
+        ({"joint": np.nan, "in_loop": InLoop(bends=True)}, True),
+        ({"joint": np.nan, "in_loop": InLoop(bends=False)}, False),
+        ({"joint": np.nan, "gain": 6.0, "in_loop": InLoop(bends=False)}, True),
         ({"joint": 50.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
         ({"joint": 10.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
         ({"trace": "levels", "evidence": -10.0, "gain": -0.1}, True),
@@ -175,13 +184,52 @@ def step_of(candidates, **options):
 def test_rank_asks_the_loop_until_one_passes(no_leaks):
     loop = Judge({"a", "b"})
     found = [passing(n, model=n, evidence=e) for n, e in zip("abcd", (90, 80, 70, 60), strict=True)]
+    found[3].evidence = 10.0  # far behind: not asked
     step = step_of(found[::-1], loop=loop)
     step.rank()
     assert loop.asked == ["a", "b", "c"]
     assert step.best.name == "c"
-    assert [c.name for c in step.candidates] == ["c", "d", "a", "b"]
+    assert [c.name for c in step.candidates] == ["c", "a", "b", "d"]
     step.rank()
     assert loop.asked == ["a", "b", "c"]  # once each
+
+
+def test_of_linear_effects_the_loop_says_which(no_leaks):
+    """Outside it the remnant decides as well which follows the error best."""
+
+    class Loop(Judge):
+        def judged(self, model):
+            return replace(super().judged(model), evidence={"a": 60.0, "b": 90.0, "c": 75.0}[model])
+
+    found = [passing(n, model=n, evidence=e) for n, e in zip("abc", (90, 80, 70), strict=True)]
+    step = step_of(found, loop=Loop({"c"}))
+    step.rank()
+    assert [c.name for c in step.candidates] == ["b", "a", "c"]
+
+
+def test_what_bends_is_not_put_in_order_by_the_loop(no_leaks):
+    class Bent(Judge):
+        def judged(self, model):
+            found = super().judged(model)
+            return replace(found, evidence={"a": 5.0, "b": 90.0}[model], bends=True)
+
+    found = [passing(n, model=n, evidence=e) for n, e in zip("ab", (90, 80), strict=True)]
+    for one in found:
+        one.joint = 60.0
+    step = step_of(found, loop=Bent(set()))
+    step.rank()
+    assert [c.name for c in step.candidates] == ["a", "b"]
+
+
+def test_of_the_alternatives_of_an_effect_the_likeliest_is_kept():
+    at_error = passing("dead_zone", evidence=300.0)
+    at_output = passing("dead_zone", evidence=280.0)
+    at_error.joint, at_output.joint = 40.0, 90.0
+    lost = passing("dead_zone", evidence=900.0, refused="width at the bound")
+    other = passing("bias", evidence=30.0)
+    assert likeliest_alternatives([lost, at_error, other, at_output]) == [at_output, other]
+    at_output.gain = 0.0
+    assert likeliest_alternatives([lost, at_error, at_output]) == [at_error]
 
 
 def test_rank_asks_no_loop_about_what_the_output_shows(no_leaks):
