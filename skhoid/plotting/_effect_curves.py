@@ -9,6 +9,7 @@ import numpy as np
 from ..effects.composition import Effects
 from ..effects.operator_signals import Command, Spring
 from ..effects.record import Record
+from ..effects.static_map import StaticMap
 from ..greybox.cores import neutral_gains
 from ..greybox.simulator import Simulator
 from ._axes import with_unit
@@ -78,6 +79,8 @@ def response_plot(bench: Bench) -> Response:
     if place in ("gain", "delay"):
         return parameter_path(bench)
     if place == "command":
+        if isinstance(bench.effect, StaticMap):
+            return signal_map(bench, "command")
         if share_of_command(bench, bench.values) is not None:
             return share(bench)
         return linear_gain(bench) if is_linear(bench) else held_command(bench)
@@ -99,15 +102,18 @@ def _adds_answer(bench: Bench) -> bool:
 
 def signal_map(bench: Bench, signal: str) -> Response:
     """What comes out for a slow wave: a line, or a loop where it depends on the past."""
-    size = bench.amplitude(signal)
+    size = bench.amplitude("e" if signal == "e" else "u")
     omega = SLOWEST
     x = -size * np.cos(2 * np.pi * (np.arange(2 * N_WAVE) + 0.5) / N_WAVE)
 
     def out(values: dict[str, float]) -> np.ndarray:
         t = np.arange(x.size) * 2 * np.pi / omega / N_WAVE
         given = {bench.error: x} if signal == "e" else {}
-        y = bench.effect.apply(x[:, None], bench.made_up(t, given), **values)
-        return np.asarray(y)[N_WAVE:, 0]
+        wave: Any = x[:, None]
+        if signal == "command":
+            wave = Command(wave, np.zeros_like(wave), wave, 0.0)
+        y = bench.effect.apply(wave, bench.made_up(t, given), **values)
+        return np.asarray(y.position if signal == "command" else y)[N_WAVE:, 0]
 
     late = x[N_WAVE:]
     while omega < FASTEST and np.abs(out(bench.values) - late).max() < SEEN * size:
@@ -120,15 +126,16 @@ def signal_map(bench: Bench, signal: str) -> Response:
     part = slice(None) if loop else slice(half)
     name = bench.error if signal == "e" else bench.model._output_name
     unit = bench.unit(name if signal == "e" else "u")
-    what = _answered(bench) if signal == "e" else "output"
+    what = {"e": _answered(bench), "u": "output"}.get(signal, "command")
+    met = {"e": bench.error, "u": "u"}.get(signal)  # the command is not measured
     return Response(
         "loop" if loop else "map",
         late[part],
         lambda values, theta: {"with the effect": out(values)[part]},
-        with_unit(f"{what} {name}", unit),
+        with_unit(what if met is None else f"{what} {name}", unit),
         with_unit(f"{what} behind the effect", unit),
         without=Curve(late[:half], late[:half]),
-        measured=bench.met(bench.error if signal == "e" else "u"),
+        measured=None if met is None else bench.met(met),
         note=f"response to a sine of {omega:g} rad/s" if loop else "",
     )
 

@@ -11,11 +11,13 @@ import numpy as np
 from ..diagnosis.leaks import SLOPE, LeakTest
 from ..effects.base import Effect
 from ..greybox.model import AT_BOUND, Model
-from .in_loop import InLoop, LoopParent
+from .in_loop import LEAST_IF_BETTER, InLoop, LoopParent
 from .leak import leak_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
+OF_TARGET = ("feedforward", "preview")  # what the remnant imitates most
+CLEAR = 0.5  # points in the loop, that it imitates hardly ever
 MUCH, MUCH_EVIDENCE = 5.0, 50.0  # gain and evidence that count beside a loop that is blind
 BLIND = 0.1  # points of VAF that are no loss in the loop
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
@@ -69,22 +71,28 @@ class Candidate:
     def refuted(self) -> bool:
         """Whether the unbiased likelihood and the closed loop, once asked, speak against it.
 
-        What is linear the loop decides. A noise model that is estimated along decides where the
-        loop cannot be solved; of what is not linear a loop that speaks against it counts as well.
-        To what only the remnant excites, as feedback that the target cannot tell from another gain,
-        the loop is blind: then much must be gained, and be likely.
+        What is linear the loop decides, and asks more of an answer to the target. A noise model
+        that is estimated along decides where the loop cannot be solved; of what is not linear a
+        loop that speaks against it counts as well. To what only the remnant excites, as feedback
+        that the target cannot tell from another gain, the loop is blind: then much must be gained,
+        and be likely.
         """
         judged = self.in_loop
         if judged is None:
             return False
-        if np.isnan(judged.evidence) and judged.bends is False:
-            # Beside what jumps or sticks: its form is hardly exact, and a path takes up the rest.
-            unlikely = min(self.joint, self.weight) <= MUCH_EVIDENCE
-            return self.gain < MUCH if np.isnan(self.joint) else unlikely
+        if np.isnan(judged.evidence) and np.isnan(self.joint):
+            # No likelihood has a maximum with it, and no loop: only much is more than chance.
+            return judged.bends is not None and self.gain < MUCH
+        likely = min(self.joint, self.weight)
         if np.isnan(judged.evidence):
-            return min(self.joint, self.weight) <= LEAST_EVIDENCE
+            # Beside what jumps or sticks a linear answer takes up what its form leaves.
+            return likely <= (MUCH_EVIDENCE if judged.bends is False else LEAST_EVIDENCE)
+        if self.effect.name in OF_TARGET and not judged.bends:
+            # The loop is not blind to it: of nothing, evidence to 80, but hardly any points.
+            least = LEAST_IF_BETTER if judged.gain >= CLEAR else MUCH_EVIDENCE
+            return judged.evidence <= least or judged.gain < self.least_gain
         if np.isnan(self.joint) or not judged.bends:
-            much = self.gain >= MUCH and self.joint > MUCH_EVIDENCE and judged.gain > -BLIND
+            much = self.gain >= MUCH and likely > MUCH_EVIDENCE and judged.gain > -BLIND
             return judged.refutes and not much
         return self.joint - judged.against <= LEAST_EVIDENCE
 

@@ -34,10 +34,10 @@ TOLERANCE = 1e-4
 class InLoop:
     """A model in the closed loop: its VAF on held-out rows, and what it has over a parent there.
 
-    NaN where the loop cannot be solved, as with what jumps or sticks. ``bends`` says that what the
-    model has more is not linear, or acts in stretches that were found in the data: a remnant makes
-    its mean answer in the loop nearly linear, or is held there, and what is no better in the loop
-    may still be right. None is not known, without a loop, or of levels.
+    NaN where the loop cannot be solved, as with what jumps or sticks, or is not asked. ``bends``
+    says that what the model has more is not linear, moves levels, or acts in stretches that were
+    found in the data: a remnant makes its mean answer in the loop nearly linear, or is held there,
+    and what is no better in the loop may still be right. None where no loop is known.
     """
 
     vaf: float = np.nan
@@ -105,7 +105,8 @@ class LoopJudge:
             minimise(simulator, self.plain, start, max_iter=ITERATIONS, tol=TOLERANCE)
             for start in starts
         ]
-        return Model(simulator, min(fits, key=lambda fit: fit.sse))
+        best = min(fits, key=lambda fit: fit.sse if np.isfinite(fit.sse) else np.inf)
+        return Model(simulator, best)
 
 
 class LoopParent:
@@ -129,7 +130,7 @@ class LoopParent:
         added = self._added(model)
         effects = [effect for _, effect in added]
         if only_levels(effects, self.parent, model):
-            return InLoop()
+            return InLoop(bends=True)
         bends = self._bends(model, added)
         if not (model.simulator.smooth and self.solved):
             return InLoop(bends=bends)

@@ -67,7 +67,8 @@ def leftovers(
     the residual, beyond what the model's own parameters could absorb, is estimated on training
     rows and counted on held-out rows. With a ``judge`` linear responses count for no more than they
     explain in the closed loop, where they cannot follow the remnant, at full rate and at one at
-    which effects are judged there: at full rate they follow the sensor's error.
+    which effects are judged there: at full rate they follow the sensor's error. They need evidence
+    at both.
     """
     found = _found(model, folds)
     if judge is not None and any(item.where in IN_LOOP for item in found):
@@ -75,9 +76,7 @@ def leftovers(
         if not np.isfinite(inside.output).all():
             return sorted(found, key=lambda item: -item.points)
         for rate in (None, RATES[0]):
-            # Slower rows say how much is there, and are too few to say that it is significant.
-            least = LEAST_EVIDENCE if rate is None else -np.inf
-            of_rate = _found(inside, judge.folds, rate, least)
+            of_rate = _found(inside, judge.folds, rate)
             points = {(i.where, i.at): i.points for i in of_rate}
             found = [
                 replace(item, points=min(item.points, points.get((item.where, item.at), 0.0)))
@@ -88,12 +87,7 @@ def leftovers(
     return sorted((item for item in found if item.points > 0), key=lambda item: -item.points)
 
 
-def _found(
-    model: Model,
-    folds: Sequence[HeldOutRows],
-    rate: float | None = None,
-    least: float = LEAST_EVIDENCE,
-) -> list[Leftover]:
+def _found(model: Model, folds: Sequence[HeldOutRows], rate: float | None = None) -> list[Leftover]:
     record = model.simulator.record
     criterion = Criterion(record, rate=rate)
     criterion.set_noise(criterion.remnant_model(model.output))
@@ -104,7 +98,7 @@ def _found(
         if not len(columns):
             continue
         thin = np.stack([c[:: criterion.thin] for c in columns]) * criterion.known
-        result = _judged(own, thin, criterion, folds, least)
+        result = _judged(own, thin, criterion, folds)
         if result is not None:
             found.append(Leftover(where, at, description, *result))
     return found
@@ -115,11 +109,10 @@ def _judged(
     columns: np.ndarray,
     criterion: Criterion,
     folds: Sequence[HeldOutRows],
-    least: float,
 ) -> tuple[float, float] | None:
     """Points that columns gain on held-out rows beside a model's derivatives, and their evidence.
 
-    The last of ``own`` is the residual. None without the ``least`` evidence, or any points.
+    The last of ``own`` is the residual. None without evidence or points.
     """
     n_own = len(own) - 1
     plain = np.concatenate([own[:-1], columns])
@@ -130,7 +123,7 @@ def _judged(
     before = gram[-1, -1] - _explained(gram[:n_own, :n_own], gram[:n_own, -1])
     after = gram[-1, -1] - _explained(gram[:-1, :-1], gram[:-1, -1])
     evidence = n * np.log(before / max(after, 1e-300)) - len(columns) * np.log(n)
-    if evidence < least:
+    if evidence < LEAST_EVIDENCE:
         return None
     by_row = white.reshape(len(white), *residual.shape)
     gained = total = 0.0

@@ -144,6 +144,9 @@ MAPS = {
     CubicGain(hardening=0.2, form="cubic"): lambda e: e + 0.2 * e**3,
     AbsoluteValue(gain=0.1): lambda e: 0.1 * np.abs(e),
     Saturation(limit=0.1, form="hard"): lambda u: np.clip(u, -0.1, 0.1),
+    Saturation(limit=0.1, form="hard", at="error"): lambda e: np.clip(e, -0.1, 0.1),
+    Saturation(limit=0.1, form="hard", at="command"): lambda c: np.clip(c, -0.1, 0.1),
+    DeadZone(width=0.1, form="gap", at="output"): lambda u: u - np.clip(u, -0.1, 0.1),
     HardeningStiffness(stiffness=3.0): lambda u: u + 3 * u**3,
     SquareRoot(knee=0.5): lambda e: np.sign(e) * np.sqrt(0.5 * np.abs(e)),
 }
@@ -198,7 +201,8 @@ def test_maps_are_what_apply_makes(effect, formula, with_runs, baseline, runs):
     assert np.all(low <= line.get_ydata() + 1e-12)
     assert np.all(line.get_ydata() <= high + 1e-12)
     assert list(display.bands_) == list(display.lines_)
-    assert (display.density_ is not None) == with_runs
+    measured = effect.place != "command"
+    assert (display.density_ is not None) == (with_runs and measured)
     assert effect.name in display.ax_.get_title()
 
 

@@ -106,7 +106,7 @@ def test_nothing_and_all_are_bounds_like_other_values(value):
     assert without_name(candidate(model=model)) == ""
 
 
-def passing(name="preview", **options):
+def passing(name="higher_order", **options):
     options = {"evidence": 100.0, "gain": 2.0, "vaf": 85.0, "n_parameters": 2, **options}
     return candidate(name, **options)
 
@@ -147,7 +147,13 @@ def passing(name="preview", **options):
         ({"joint": 60.0, "evidence": 60.0, "in_loop": InLoop(bends=False)}, True),
         ({"joint": 60.0, "evidence": -60.0, "in_loop": InLoop(bends=False)}, False),
         ({"joint": 30.0, "evidence": -60.0, "in_loop": InLoop()}, False),
-        ({"joint": np.nan, "in_loop": InLoop(bends=True)}, True),
+        ({"joint": np.nan, "in_loop": InLoop()}, True),
+        ({"joint": np.nan, "in_loop": InLoop(bends=True)}, False),
+        ({"joint": np.nan, "gain": 6.0, "in_loop": InLoop(bends=True)}, True),
+        (
+            {"joint": 450.0, "gain": 19.0, "evidence": -900.0, "in_loop": InLoop(90.0, 3.0, 0.0)},
+            False,
+        ),
         ({"joint": np.nan, "in_loop": InLoop(bends=False)}, False),
         ({"joint": np.nan, "gain": 6.0, "in_loop": InLoop(bends=False)}, True),
         ({"joint": 50.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
@@ -159,6 +165,22 @@ def passing(name="preview", **options):
 )
 def test_what_passes(changes, passes):
     assert passing(**changes).passes == passes
+
+
+@pytest.mark.parametrize(
+    ("changes", "passes"),
+    [
+        ({"in_loop": InLoop(90.0, 60.0, 0.3, False)}, True),
+        ({"in_loop": InLoop(90.0, 40.0, 0.3, False)}, False),
+        ({"in_loop": InLoop(90.0, 15.0, 1.5, False)}, True),
+        ({"in_loop": InLoop(90.0, 5.0, 1.5, False)}, False),
+        ({"in_loop": InLoop(90.0, 80.0, 0.1, False)}, False),
+        ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, 0.0, False)}, False),
+    ],
+)
+def test_an_answer_to_the_target_needs_more_in_the_loop(changes, passes):
+    """What the remnant imitates most; to such an answer the loop is not blind."""
+    assert passing("feedforward", **changes).passes == passes
 
 
 class Judge:
