@@ -40,6 +40,7 @@ PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
+ADDED = ("path", "sum")  # places where the order of effects changes nothing
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
 LEAST_GAIN_OF_CLAIM = 0.6  # VAF points: a little delay makes up for much that is not one
 
@@ -337,11 +338,13 @@ def rises(search: Search, path: Path) -> bool:
 
 
 def ordered(model: Model, names: Sequence[str]) -> Model:
-    """The same model, its effects in an order; those of one place keep theirs, as signals pass."""
+    """The same model, its effects in an order; maps of one place keep theirs, as signals pass."""
     by_name = dict(model.effects.steps)
     of_place: dict[str, list[str]] = {}
     for name, effect in model.effects.steps:
         of_place.setdefault(effect.place, []).append(name)
+    for place in ADDED:
+        of_place[place] = [name for name in names if by_name[name].place == place]
     return in_order(model, [of_place[by_name[name].place].pop(0) for name in names])
 
 

@@ -8,10 +8,11 @@ from support.person_in_loop import pursued
 from support.searching import search_of
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare
-from skhoid.effects import DeadZone, Lapses
+from skhoid.effects import CubicGain, DeadZone, Feedforward, Integral, Lapses
 from skhoid.greybox.extend import extended
 from skhoid.greybox.model import Model
 from skhoid.greybox.simulator import Simulator
+from skhoid.search.forward import ordered, output_error_fit
 from skhoid.search.in_loop import LEAST_EVIDENCE, LEAST_RATE, InLoop, LoopJudge
 
 RIVALS = ["feedforward", "preview", "output_feedback"]
@@ -125,6 +126,23 @@ def test_what_is_linear_stays_so_beside_what_is_not(parts):
     ):
         loop = search.loop.around(parent)
         assert loop._bends(model, loop._added(model)) == bends
+
+
+def test_paths_come_in_any_order_and_maps_of_one_place_in_theirs(parts):
+    search, baseline, _ = parts
+
+    def fitted(*effects):
+        model = baseline
+        for effect in effects:
+            model = output_error_fit(with_(search, model, effect))
+        return model
+
+    paths = fitted(Integral(form="pure"), Feedforward(form="rate"))
+    first = ordered(paths, ["feedforward", "integral"])
+    assert first.effects.names == ["feedforward", "integral"]
+    np.testing.assert_allclose(first.output, paths.output, atol=1e-9)
+    maps = fitted(DeadZone(form="smooth", width=0.1), CubicGain(form="cubic"))
+    assert ordered(maps, ["cubic_gain", "dead_zone"]).effects.names == ["dead_zone", "cubic_gain"]
 
 
 def test_what_was_found_in_the_data_counts_as_bent(parts):
