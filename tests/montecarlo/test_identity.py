@@ -86,7 +86,7 @@ def drawn(data, nk=29):
 
 
 def test_seeds_of_numbers_text_and_dataclasses():
-    """The numbers are those of commit 992cbae."""
+    """The numbers are those of commit 992cbae, but the last: dead zones have a place since."""
     cells = [
         {"condition": "C1"},
         {"condition": "C3", "remnant_order": "nm", "nk": 30},
@@ -98,7 +98,7 @@ def test_seeds_of_numbers_text_and_dataclasses():
         41098942111983134602174526262334881849,
         242756023573321374327621780797914664001,
         146458000074415356508861209006480239423,
-        166211993344484166884056694931615063073,
+        132474531439531972335643645993093662533,
     ]
     assert list(study.run()["value"]) == [
         3854802803, 792157817, 2384964344, 2460302152, 244030074, 3394935553, 2066246034,
