@@ -176,6 +176,11 @@ def refuted(candidate: Candidate) -> str:
             f"in the closed loop it is {verdict} ({judged.gain:+.2f} points, evidence "
             f"{judged.evidence:.0f})"
         )
+    if not found and np.isnan(candidate.joint):
+        found.append("neither a likelihood nor the closed loop confirms it")
+    elif not found:
+        likely = min(candidate.joint, candidate.weight)
+        found.append(f"the loop is not known with it, and its evidence is {likely:.0f}")
     return f"{'; '.join(found)}: it may follow the remnant that comes back in the error"
 
 

@@ -5,10 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from skhoid.effects import Feedforward
 from skhoid.search.candidates import Candidate
 from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM
 from skhoid.search.in_loop import InLoop
-from skhoid.search.results import reason_against
+from skhoid.search.results import reason_against, refuted
 
 GOOD = {"evidence": 100.0, "gain": 2.0, "prediction": np.zeros(1)}
 
@@ -64,3 +65,17 @@ def test_a_claim_that_gains_too_little_says_what_it_must_gain():
     """A given delay is not called wrong for less than 0.6 points."""
     said = reason(name=CLAIM, gain=0.4, least_gain=LEAST_GAIN_OF_CLAIM)
     assert said == "+0.4 points on held-out rows, asked: 0.6"
+
+
+@pytest.mark.parametrize(
+    ("joint", "said"),
+    [
+        (np.nan, "neither a likelihood nor the closed loop confirms it: it may follow"),
+        (30.0, "the loop is not known with it, and its evidence is 30: it may follow"),
+    ],
+)
+def test_what_the_loop_is_not_known_of_is_told(joint, said):
+    one = Candidate("feedforward", Feedforward(), evidence=100.0, gain=1.0, joint=joint)
+    one.in_loop = InLoop(bends=False)
+    assert one.refuted
+    assert refuted(one).startswith(said)
