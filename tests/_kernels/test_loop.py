@@ -40,6 +40,7 @@ from skhoid import (
 # The twin
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["C1", "C2", "C3", "C4", "C5", "C6"])
 def test_conditions_of_the_thesis(name):
     """Past the transition at 40.96 s, with the remnant gains of Table G.1."""
@@ -201,6 +202,7 @@ def tasks(draw):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(tasks(), st.integers(0, 2**31), st.booleans(), st.sampled_from([0, 1, 7]))
 def test_any_task(task, seed, open_loop, run):

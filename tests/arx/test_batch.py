@@ -96,6 +96,7 @@ def normalised_errors(kind, make, truth, n_samples=200, **params):
     return total / n_samples
 
 
+@pytest.mark.slow
 def test_ols_covariance_with_white_equation_error():
     """The mean of 200 chi-squared(4)/4 has a standard deviation of 0.05; 4 sigma."""
 

@@ -325,6 +325,7 @@ def test_forecasts_are_those_of_the_ar_model():
     assert far == pytest.approx(residual.std(), rel=0.02)
 
 
+@pytest.mark.slow
 def test_sklearn_tools():
     X, y = runs(SIMULATED["dead_zone"][0])
     model = ARXRegressor(2, 2, NK).with_effect(DeadZone(form="gap")).with_effect("bias")
@@ -338,6 +339,7 @@ def test_sklearn_tools():
     assert "Residual sd" in ARXRegressor(2, 2, NK).fit(X, y).summary()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "others"),
     [

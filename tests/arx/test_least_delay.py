@@ -29,6 +29,7 @@ def found(runs, inputs, **options):
     return identify(*runs, choice, criterion="vaf", longest_delay=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inputs", [["e", "x"], ["e", "f_t"]])
 def test_the_inverse_of_the_element_is_not_tried(runs, inputs):
     leaks = found(runs, inputs, least_delay=0.0)

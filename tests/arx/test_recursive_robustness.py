@@ -353,6 +353,7 @@ def test_odd_signals(kind, form):
             assert np.isfinite(values).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in ODD if kind != "matrix"])
 def test_smoothing_odd_signals(kind):
     """A mean of what was found, and no variance is negative."""

@@ -324,6 +324,7 @@ def test_forgetting_over_time_follows_the_time_of_the_run():
     assert_same_bits(bare, whole)
 
 
+@pytest.mark.slow
 def test_resets_follow_the_time_of_the_run():
     whole = recursive(forgetting=0.97, reset_times=[1.0, 2.0]).fit(X, Y)
     for cuts in ([70, 71, 200], [100, 101, 200], range(1, N)):

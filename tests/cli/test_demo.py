@@ -51,6 +51,7 @@ def test_demo_prints_the_story_and_the_truth_and_draws(capsys, tmp_path):
     assert not {"drift.png", "ranking-5.png"} & names  # of an earlier demo
 
 
+@pytest.mark.slow
 def test_demo_with_nothing_hidden_says_so(run_json):
     words = ["--runs", "2", "--effect", "none", "--effects", "bias", "saturation"]
     found = demo(run_json, *words)

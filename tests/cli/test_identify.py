@@ -104,6 +104,7 @@ def test_notes_are_shown_once_and_gaps_counted(capsys, run_files, tmp_path):
 # Given orders, instrumental variables, models that follow changes
 
 
+@pytest.mark.slow
 def test_given_orders_are_not_searched(capsys, run_json):
     found = identify(run_json, "--na", "1", "--nb", "3", "--nk", "7")
     assert found["delay"] == {}

@@ -50,6 +50,7 @@ def test_all(capsys, tmp_path):
     assert (tmp_path / "appK" / "claims.csv").exists()
 
 
+@pytest.mark.slow
 def test_recommend(capsys, tmp_path):
     words = ["study", "recommend", "--conditions", "C4", "--intensities", "0.1", "--rate", "50"]
     words += ["--replications", "4", "--validation", "3"]
@@ -70,6 +71,7 @@ def test_experiment(capsys, tmp_path):
     assert {"scores.csv", "verdicts.csv", "C4-lambda-arx.png", "C4-Lambda-operator.png"} <= made
 
 
+@pytest.mark.slow
 def test_experiment_of_ones_own_files(capsys, tmp_path):
     X, y = make_tracking_runs("C4", 3, remnant_intensity=0.1, random_state=0)
     write_runs(X.rename(columns={"e": "error"}), y.rename("stick"), tmp_path / "runs.csv")

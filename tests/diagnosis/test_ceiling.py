@@ -57,6 +57,7 @@ def test_runs_with_another_unrecorded_disturbance_are_no_repeats(element, seed):
     assert "no unrecorded disturbance" in alike.ceiling_note
 
 
+@pytest.mark.slow
 def test_runs_with_another_recorded_disturbance_are_no_repeats():
     loop = simulate("1/s", 3, shared_target=True, delay=(0.2, 0.2))
     found = of(loop, dist=loop.d)
@@ -90,6 +91,7 @@ def test_what_a_user_says_of_repeats_counts():
     assert "unrecorded" not in found.ceiling_note
 
 
+@pytest.mark.slow
 def test_a_few_repeats_among_many_runs_are_no_ceiling_of_all():
     loop = simulate("1/s", 5, disturbance=0.0)
     for signal in (loop.f, loop.u, loop.x, loop.e, loop.answer):

@@ -179,6 +179,7 @@ def test_ceiling_between_the_lines_against_a_naive_twin():
     assert_allclose(comparison.noise_ceiling, 100 * (1 - noise / np.sum(u**2)), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_ceiling_is_that_of_the_simulation():
     X, y, truth = runs(6)
     for model in (Oracle(truth.u_without_remnant), LinearTruth(truth.linear_response, 0.85)):

@@ -27,6 +27,7 @@ def test_unit_fault_of_the_bicycle_is_the_first_finding():
     assert "pi/180" in str(first)
 
 
+@pytest.mark.slow
 def test_delay_of_a_person_who_tracks_is_found():
     # SOURCE of the recording: 0.10 to 0.13 s at difficulty 80, which raises the VAF by 2 points.
     X, y = load_human_tracking(["difficulty 80"])
@@ -51,6 +52,7 @@ def test_repeats_of_a_recorded_target_give_a_ceiling():
     assert comparison.vaf < low < high < 100
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SILVERBOX.exists(), reason="needs ../shared/data, which is not bundled")
 def test_cubic_stiffness_of_the_silverbox_is_distortion_at_the_odd_lines():
     pytest.importorskip("pyarrow")

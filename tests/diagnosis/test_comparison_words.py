@@ -205,6 +205,7 @@ def test_a_signal_recorded_in_coarse_steps_is_at_no_level():
     assert "level" not in names(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("element", ["1/s", "1/(s(s+1))"])
 def test_compare_says_that_a_model_rebuilds_the_output(element):
     loop = simulate(element, 3, disturbance=1.0 if element == "1/s" else 2.5)

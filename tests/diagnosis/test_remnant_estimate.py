@@ -142,6 +142,7 @@ def test_neuromuscular_remnant_is_none_of_the_orders():
     assert remnant.intensity == pytest.approx(intensity_of(y, truth.remnant), rel=0.1)
 
 
+@pytest.mark.slow
 def test_spectrum_is_that_of_the_filter():
     X, y, truth = simulated("C1", 40)
     remnant = remnant_estimate(Oracle(truth.u_without_remnant), X, y)

@@ -205,6 +205,7 @@ def test_values_are_recovered(one, values):
     check_effect(one, recovers=values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("one", "values"), first_of_each_class(RECOVERED_INSIDE), ids=str)
 def test_values_in_an_arx_model_are_recovered(one, values):
     check_effect(one, core="arx", recovers=values)

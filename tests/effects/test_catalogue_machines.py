@@ -165,6 +165,7 @@ def test_words_of_machines_name_no_person():
             assert not any(person in words.replace("sticks", "") for person in persons), words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "roles", "domain"),
     [
@@ -204,6 +205,7 @@ def tank(seed, *, first, top=2.0, noise=0.01):
     return inflow[:, None], level + noise * rng.standard_normal(level.size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [0.0, 1.0])
 def test_a_tank_with_a_root_outflow_that_runs_over(first):
     X, y = tank(0, first=first)

@@ -111,6 +111,7 @@ def humming():
     return X, pd.Series(y + hum, name="u")
 
 
+@pytest.mark.slow
 def test_noise_of_a_user_is_found_by_a_search(humming):
     check_effect(Hum())
     search = EffectSearchCV(OperatorRegressor(), effects=["bias", Hum()]).fit(*humming)

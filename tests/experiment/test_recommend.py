@@ -39,6 +39,7 @@ def test_nothing_changes():
     assert str(advice).startswith("Do not forget")
 
 
+@pytest.mark.slow
 def test_more_remnant_needs_a_longer_memory():
     found = [
         recommend_forgetting("C3", P_n, **FEW, memory_horizons=[16, 64, 256, 1024])
@@ -47,6 +48,7 @@ def test_more_remnant_needs_a_longer_memory():
     assert found[0].memory_horizon < found[1].memory_horizon
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [50.0, 200.0])
 def test_memory_in_seconds_does_not_depend_on_the_rate(rate):
     """Horizons are octaves apart: the same within one."""
@@ -101,6 +103,7 @@ def test_a_task_of_ones_own():
     assert len(display.figure_.axes) == 2
 
 
+@pytest.mark.slow
 def test_several_intensities_and_a_folder(tmp_path):
     options = {**FEW, "memory_horizons": [64, 256], "window": (35.0, 60.0), "init_window": 20.0}
     first = recommend_forgetting("C5", [0.1, 0.2], **options, out=tmp_path)

@@ -114,6 +114,7 @@ def offset():
     return X + np.array([20.0, 100.0]), y
 
 
+@pytest.mark.slow
 def test_channel_with_a_mean_does_not_begin_with_a_jump(offset):
     X, y = offset
     model = OperatorRegressor(effects="output_feedback")
@@ -164,6 +165,7 @@ def test_start_pays_by_error_and_by_power():
     assert not pays(0.5, 0.0, y)  # less than a hundredth of the power
 
 
+@pytest.mark.slow
 def test_state_behind_a_sensor_of_magnitude():
     rng = np.random.default_rng(3)
     u = rng.standard_normal((300, 1))

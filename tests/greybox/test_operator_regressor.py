@@ -252,6 +252,7 @@ def test_a_channel_that_is_not_used_may_be_missing(runs, fitted):
     assert_same(model, fitted)
 
 
+@pytest.mark.slow
 def test_a_run_in_is_simulated_and_not_fitted():
     X, y = make_tracking_runs(
         n_runs=2, duration=30.0, keep_run_in=10.0, remnant_intensity=0.1, random_state=1
@@ -331,6 +332,7 @@ def test_effects_of_the_model_act_in_predict(runs):
     np.testing.assert_allclose(biased.predict(X), plain.predict(X) + 1.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_roles_are_names_or_given(runs):
     X, y = runs
     named = OperatorRegressor(effects=OutputFeedback()).fit(X, y)

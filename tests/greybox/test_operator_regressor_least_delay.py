@@ -26,6 +26,7 @@ def test_delay_is_at_least_that_of_a_person(quick):
     assert "tau_e is at its least, 0.10 s" in " ".join(found.summary().split())
 
 
+@pytest.mark.slow
 def test_a_search_says_that_the_delay_is_at_its_least(quick):
     search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(*quick)
     (note,) = [note for note in search.notes_ if "at its least" in note]

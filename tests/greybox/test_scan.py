@@ -57,6 +57,7 @@ def test_a_scan_is_what_the_protocol_says():
             assert hasattr(scan, name)
 
 
+@pytest.mark.slow
 def test_effects_ask_nothing_else():
     """Each effect of the catalogue scans beside a model of which it sees the protocol alone."""
 

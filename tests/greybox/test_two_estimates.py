@@ -72,6 +72,7 @@ def test_the_least_error_is_less(person):
     assert criterion.sse(first.simulator.run(found)) == pytest.approx(first.sse, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_search_notes_both(person):
     X, y, _, _ = person
     search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(X, y)

@@ -194,6 +194,7 @@ def test_fit_of_an_exact_operator_is_exact(state, pade_order):
     assert n_failed == 0
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(delay=st.floats(0.1, 0.4), **(OPERATOR_FLOATS | {"zeta_nm": st.floats(0.1, 1.5)}))
 def test_fit_round_trip(delay, K_e, T_L, omega_nm, zeta_nm):
@@ -217,6 +218,7 @@ def test_fit_has_the_deviations_of_the_poles():
     assert deviations["tau_e"] < 1e-9
 
 
+@pytest.mark.slow
 def test_fit_deviations_of_a_larger_model_agree_with_monte_carlo():
     """200 draws: the standard deviation has a sigma of 5 %, held to 4 sigma."""
     X, y = recording("C1", remnant_gain=0.0035, rng=0)

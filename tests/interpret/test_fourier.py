@@ -363,6 +363,7 @@ def test_coherence_of_a_run_is_that_of_the_ensemble(ensemble):
     np.testing.assert_allclose(single, ensemble.fourier.mean().coherence, atol=0.03)
 
 
+@pytest.mark.slow
 def test_phases_of_a_noisy_ensemble_unwrap(ensemble):
     assert np.all(np.abs(ensemble.fourier.phase - ensemble.truth.phase) < 120)
 

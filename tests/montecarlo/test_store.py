@@ -93,6 +93,7 @@ def test_damaged_blocks_are_computed_again(finished, folder, computed, damage):
     assert study().run(folder).equals(table)
 
 
+@pytest.mark.slow
 def test_every_byte_of_a_block_counts(finished, folder):
     """A flipped bit is found, or is where it changes nothing."""
     whole = block(folder, 1).read_bytes()

@@ -70,6 +70,7 @@ def test_threads_for_batched_functions(table):
     np.testing.assert_array_equal(found["u"], table["u"])
 
 
+@pytest.mark.slow
 @threadpool_limits.wrap(limits=2)  # conftest.py has set one
 def test_linear_algebra_does_not_share_out_the_machine_twice():
     def threads(data):

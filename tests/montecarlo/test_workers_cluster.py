@@ -83,6 +83,7 @@ def test_a_cluster_gives_the_same_table(cluster, table, tmp_path):
         same(study().run(tmp_path / "whole"), table)
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers(table, tmp_path, monkeypatch):
     """It would wait for ever."""
     monkeypatch.setattr(engine, "PATIENCE", 0.0)

@@ -71,6 +71,7 @@ def test_lines_are_those_of_the_tables(result, form, parameters):
     covers_nothing(display)
 
 
+@pytest.mark.slow
 def test_batch_models_and_the_change(result):
     display = result.plot()
     batch = result.batch[(result.batch["run"] == "mean") & (result.batch["subject"] == "S2")]

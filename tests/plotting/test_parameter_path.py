@@ -265,6 +265,7 @@ def test_stretches_without_estimates():
     display.figure_.canvas.draw()
 
 
+@pytest.mark.slow
 def test_one_instant():
     display = ParameterPathDisplay(frames={"estimate": path(1, a1=0.0)}).plot()
     display.figure_.canvas.draw()

@@ -64,6 +64,7 @@ def test_lines_are_the_means_of_the_replications(kind):
     assert (display.means["n"] == N).all()
 
 
+@pytest.mark.slow
 def test_six_conditions_in_the_order_of_the_thesis():
     display = StudyTradeOffDisplay.from_table(forgetting())
     assert display.axes_.shape == (3, 4)
@@ -93,6 +94,7 @@ def test_best_of_all_cells_is_a_vertical_line():
     assert labels[-1] == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["gain", "overfit_difference"])
 def test_collapse_does_not_squeeze_the_rest(kind):
     display = StudyTradeOffDisplay.from_table(forgetting(("C1", "C4")), kind=kind)
@@ -128,6 +130,7 @@ def test_one_condition_one_form_and_own_words():
     covers_nothing(display)
 
 
+@pytest.mark.slow
 def test_five_conditions_leave_no_empty_panel():
     display = StudyTradeOffDisplay.from_table(forgetting(CONDITIONS[:5], [64, 256, INF]))
     assert len(display.figure_.axes) == 10

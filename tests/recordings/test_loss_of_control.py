@@ -171,6 +171,7 @@ def test_arrays_gaps_and_missing_errors_are_read():
     pd.testing.assert_frame_equal(lost_control(without), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not PURSUIT.exists(), reason="needs the recordings beside the checkout")
 def test_few_trials_of_real_people_are_struck():
     """Of 210 trials of four people, those whose error runs away stand apart from all others."""

@@ -140,6 +140,7 @@ def test_text_of_a_picture_is_not_taken_for_ids() -> None:
     assert '<g id="p1-figure_1"' in svg
 
 
+@pytest.mark.slow
 def test_long_names_stand_above_their_panels() -> None:
     X, y = make_tracking_runs(n_runs=1, remnant_intensity=0.1, sampling_rate=50, random_state=0)
     name = "error_of_the_roll_angle_seen_by_the_rider_in_degrees"

@@ -287,6 +287,7 @@ def test_select_runs_reads_the_run_level_wherever_it_stands():
 # Time
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1, 2, 3, 8])
 @settings(max_examples=8, deadline=None)
 @given(blocks=st.integers(-50, 10**6))

@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter, lsim
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
-from sklearn.model_selection import KFold, LeaveOneGroupOut
+from support.open_loop import RIVALS, TAU, dead, recorded, searched
 from support.own_effect import Compressed
 
 from skhoid import (
     EffectSearchCV,
     OperatorRegressor,
-    RunCutWarning,
     regression,
     run_labels,
     vaf_score,
@@ -27,65 +25,6 @@ from skhoid.greybox.model import Model, without
 from skhoid.search import effect_search
 from skhoid.search.search_numbers import gap_of
 from skhoid.search.story import Story
-
-RATE = 50.0
-K_E, K_EDOT, OMEGA, ZETA, TAU = 0.5, 0.25, 10.0, 0.35, 0.24  # TAU in whole samples
-REMNANT = 0.1  # of the output's power
-RIVALS = ["dead_zone", "asym_gain", "saturation", "bias", "gain_drift", "extra_lag", "lapses"]
-
-
-def recorded(
-    n_runs=3, duration=40.0, *, seed=0, inner=None, gain=None, outer=None, remnant=REMNANT
-):
-    """Runs of an operator that answers given errors, in open loop, by SciPy's simulation.
-
-    ``inner`` maps e, ``gain`` is a factor over time, ``outer`` maps what the operator and its
-    remnant do.
-    """
-    rng = np.random.default_rng(seed)
-    t = np.arange(round(duration * RATE)) / RATE
-    warm = np.arange(-10, 0, 1 / RATE)  # before the recording
-    whole = np.concatenate([warm, t])
-    omega = 2 * np.pi * np.array([0.05, 0.11, 0.19, 0.31, 0.47, 0.71, 1.03, 1.51, 2.2])
-    tables = []
-    for run in range(n_runs):
-        phase = rng.uniform(0, 2 * np.pi, omega.size)
-        e = np.sin(np.multiply.outer(whole, omega) + phase) @ (1 / (1 + omega / 3))
-        answered = e if inner is None else inner(e)
-        answered = answered * (1.0 if gain is None else gain(whole))
-        late = np.concatenate([np.zeros(round(TAU * RATE)), answered])[: whole.size]
-        numerator = OMEGA**2 * np.array([K_EDOT, K_E])
-        u = lsim((numerator, [1, 2 * ZETA * OMEGA, OMEGA**2]), late, whole - whole[0])[1]
-        n = lfilter([1.0], [1.0, -0.75], rng.standard_normal(whole.size))
-        u = u + np.sqrt(remnant) * np.std(u) * n / np.std(n)
-        u = u if outer is None else outer(u)
-        index = pd.MultiIndex.from_arrays(
-            [np.full(t.size, run + 1), np.round(t, 9)], names=["run", "time"]
-        )
-        tables.append(pd.DataFrame({"e": e[-t.size :], "u": u[-t.size :]}, index=index))
-    table = pd.concat(tables)
-    X, y = table[["e"]].copy(), table["u"].copy()
-    X.attrs["units"], y.attrs["units"] = {"e": "deg"}, {"u": "deg"}
-    return X, y
-
-
-def dead(e):
-    return e - np.clip(e, -0.3, 0.3)
-
-
-def searched(data, effects=None, **options):
-    options = {"effects": RIVALS if effects is None else effects, **options}
-    return EffectSearchCV(OperatorRegressor(), **options).fit(*data)
-
-
-@pytest.fixture(scope="module")
-def hidden_data():
-    return recorded(inner=dead)
-
-
-@pytest.fixture(scope="module")
-def found(hidden_data):
-    return searched(hidden_data)
 
 
 @pytest.fixture(scope="module")
@@ -156,6 +95,7 @@ def test_the_summary_says_what_the_last_step_would_gain():
     assert "The best of 1 effect tried" in given.summary()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "where", "least"),
     [
@@ -176,6 +116,7 @@ def test_what_no_effect_tried_explains_is_unknown(hidden, where, least):
     assert list(search.error_path_["effect"]) == ["baseline"]
 
 
+@pytest.mark.slow
 def test_only_where_all_was_tried_the_catalogue_lacks_it(monkeypatch, hidden_data):
     few = [c for c in effect_search.CLASSES if c.name in ("bias", "drift")]
     monkeypatch.setattr(effect_search, "CLASSES", few)
@@ -237,6 +178,7 @@ def test_what_runs_away_without_an_effect_starts_from_the_core():
     assert fewer.sse == pytest.approx(without(model, "bias").sse, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_max_effects(two):
     X, y = recorded(inner=dead, outer=lambda u: u + 0.25)
     one = searched((X, y), max_effects=1)
@@ -251,6 +193,7 @@ def test_no_effect_is_added_when_none_may_be(hidden_data):
     assert set(none.best_effects_) <= {"unknown"}
 
 
+@pytest.mark.slow
 def test_an_own_effect_is_named(hidden_data):
     X, y = recorded(inner=lambda e: 0.3 * np.arcsinh(e / 0.3))
     search = searched((X, y), [*RIVALS[:4], Compressed()])
@@ -282,6 +225,7 @@ def test_the_whole_catalogue_is_tried(hidden_data):
     assert "target" in first.loc["feedforward", "reason"]
 
 
+@pytest.mark.slow
 def test_effects_that_the_model_has_stay(hidden_data):
     X, y = hidden_data
     search = EffectSearchCV(OperatorRegressor(effects=DeadZone()), effects=RIVALS).fit(X, y)
@@ -290,6 +234,7 @@ def test_effects_that_the_model_has_stay(hidden_data):
     assert "dead_zone__width" in search.baseline_.parameters_.index
 
 
+@pytest.mark.slow
 def test_an_effect_that_was_given_stays_beside_one_that_is_found(hidden_data):
     X, y = hidden_data
     search = EffectSearchCV(OperatorRegressor(effects=Bias()), effects=["dead_zone"]).fit(X, y)
@@ -368,77 +313,6 @@ def test_held_out_predictions_come_from_parameters_of_the_other_runs(hidden_data
     assert got == pytest.approx(expected, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    "cv",
-    [
-        3,
-        LeaveOneGroupOut(),
-        "splits",
-    ],
-    ids=["3", "groups", "splits"],
-)
-def test_cross_validation_of_any_kind(hidden_data, cv):
-    X, y = hidden_data
-    if cv == "splits":
-        rows = np.arange(len(X))
-        cv = [(rows[rows >= 2000], rows[rows < 2000]), (rows[rows < 4000], rows[rows >= 4000])]
-    search = searched((X, y), ["dead_zone", "bias"], cv=cv)
-    assert search.best_effects_ == ["dead_zone"]
-    assert search.predictions_.notna().all().all()
-
-
-def test_splits_that_cut_runs_are_told(hidden_data):
-    with pytest.warns(RunCutWarning, match="cut run 1"):
-        search = searched(hidden_data, ["dead_zone", "bias"], cv=KFold(4))
-    assert search.best_effects_ == ["dead_zone"]
-
-
-def test_leaving_out_groups_is_the_default_of_several_runs(hidden_data):
-    default = searched(hidden_data, ["dead_zone"])
-    explicit = searched(hidden_data, ["dead_zone"], cv=LeaveOneGroupOut())
-    pd.testing.assert_frame_equal(default.predictions_, explicit.predictions_)
-
-
-def test_a_single_run_is_cut_into_blocks():
-    X, y = recorded(1, 90.0, inner=dead)
-    search = searched((X, y), ["dead_zone", "bias", "saturation"])
-    assert search.best_effects_ == ["dead_zone"]
-    assert search.predictions_.notna().all().all()
-    of_array = EffectSearchCV(
-        OperatorRegressor(dt=1 / RATE), effects=["dead_zone", "bias", "saturation"]
-    ).fit(X.to_numpy(), y.to_numpy())
-    assert of_array.best_effects_ == ["dead_zone"]
-    assert of_array.error_path_["vaf"].iloc[-1] == pytest.approx(
-        search.error_path_["vaf"].iloc[-1], abs=1e-6
-    )
-
-
-def test_runs_in_another_order_give_the_same(hidden_data, found):
-    X, y = hidden_data
-    order = pd.concat([X.loc[[run]] for run in (3, 1, 2)])
-    other = searched((order, y.loc[order.index]))
-    assert other.best_effects_ == found.best_effects_
-    np.testing.assert_allclose(
-        other.error_path_[["vaf", "rmse"]], found.error_path_[["vaf", "rmse"]], rtol=1e-3
-    )
-
-
-def test_the_scale_of_the_signals_does_not_matter(hidden_data, found):
-    X, y = hidden_data
-    scaled = searched((20 * X, y / 50))
-    assert scaled.best_effects_ == found.best_effects_
-    np.testing.assert_allclose(scaled.error_path_["vaf"], found.error_path_["vaf"], atol=0.02)
-    width = scaled.best_estimator_.parameters_.loc["dead_zone__width", "value"]
-    expected = 20 * found.best_estimator_.parameters_.loc["dead_zone__width", "value"]
-    assert width == pytest.approx(expected, rel=1e-3)
-
-
-def test_two_searches_are_the_same(hidden_data, found):
-    again = searched(hidden_data)
-    pd.testing.assert_frame_equal(again.ranking_, found.ranking_)
-    pd.testing.assert_frame_equal(again.predictions_, found.predictions_)
-
-
 def test_X_is_read_once(hidden_data, monkeypatch):
     read = []
     for module, name in [(regression, "read_table"), (run_signals, "raw_layout")]:
@@ -474,17 +348,6 @@ def test_fit_changes_nothing_that_it_is_given(hidden_data):
     assert search.estimator is estimator
     assert search.effects is effects
     assert effects[0].width is None
-
-
-def test_missing_values_of_y(hidden_data, found):
-    X, y = hidden_data
-    y = y.copy()
-    y.iloc[700:750] = np.nan
-    search = searched((X, y))
-    assert search.best_effects_ == found.best_effects_
-    assert search.error_path_["vaf"].iloc[-1] == pytest.approx(
-        found.error_path_["vaf"].iloc[-1], abs=0.5
-    )
 
 
 def test_predict_and_score_are_those_of_the_best_model(found, hidden_data):

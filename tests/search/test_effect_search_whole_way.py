@@ -129,6 +129,7 @@ def check(search, share, gap, right):
     assert search.best_effects_[0] in search.summary()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", names(n for n in OF_LOOP if n != "tv_gain, step"))
 def test_what_the_thesiss_loop_hides_is_found_among_rivals(name):
     check(*search_loop(name, sorted({*RIVALS, name.split(",")[0]})))

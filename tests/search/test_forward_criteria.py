@@ -331,6 +331,7 @@ def test_share_about_the_mean():
     assert search.share == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_an_effect_behind_a_large_mean_is_found():
     """With a mean of ten, a dead zone explains hundredths of a point of the whole power."""
     X, y = answered(dead=0.5, mean=10.0)
@@ -341,6 +342,7 @@ def test_an_effect_behind_a_large_mean_is_found():
     assert 0 < gain.item() < LEAST_GAIN
 
 
+@pytest.mark.slow
 def test_nothing_is_found_behind_a_large_mean():
     X, y = answered(mean=10.0, seed=3)
     found = EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone", "asym_gain"])

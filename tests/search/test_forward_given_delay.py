@@ -61,6 +61,7 @@ def test_wrong_delay_that_costs_little_is_not_named(samples):
     assert 0 < claim["vaf_gain"] < LEAST_GAIN_OF_CLAIM
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dead", [0.0, 0.5])
 def test_right_delay_adds_nothing(dead):
     X, y = answered(dead=dead)
@@ -146,6 +147,7 @@ def test_what_is_unknown_with_a_free_delay_is_with_a_given_one():
     assert found.stand_ins == ["bias"]
 
 
+@pytest.mark.slow
 def test_a_free_model_told_with_a_given_delay_is_the_same_model():
     X, y = answered(dead=0.5)
     estimator = OperatorRegressor(delay=0.3)

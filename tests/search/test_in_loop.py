@@ -207,6 +207,7 @@ def test_judgement_repeats(parts):
     assert first == second
 
 
+@pytest.mark.slow
 def test_effect_that_adds_nothing_has_no_evidence(parts):
     search, _, model = parts
     more = extended(model, "dead_zone", search.effects[1], search.criterion, search.coarse)

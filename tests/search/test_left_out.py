@@ -90,6 +90,7 @@ def test_held_out_figures_leave_the_rows_out(lost, found):
     assert_allclose(found.error_path_["rmse"][0], np.sqrt(np.mean(error**2)), rtol=0.1)
 
 
+@pytest.mark.slow
 def test_rows_may_be_kept(lost):
     X, y, _ = lost
     kept = search(effects="bias", lost_control="keep").fit(X, y)
@@ -140,6 +141,7 @@ def test_too_little_that_is_left_is_refused(honest):
         EffectSearchCV(OperatorRegressor(0.28), effects="bias").fit(X, y)
 
 
+@pytest.mark.slow
 def test_the_story_fits_without_the_rows_and_says_so(lost, found):
     X, y, _ = lost
     story = Story(search(effects="bias"), X, y)

@@ -368,6 +368,7 @@ def test_truth_of_a_model_in_the_loop():
 # The design's example
 
 
+@pytest.mark.slow
 def test_grid_search_of_the_design():
     X, y = make_tracking_runs(
         condition="C4",
@@ -383,6 +384,7 @@ def test_grid_search_of_the_design():
     assert 60 < search.best_score_ < 97  # at most 100 (1 - P_n) if e were free of remnant
 
 
+@pytest.mark.slow
 def test_grid_search_finds_the_delay():
     """Without remnant, and scored after the start of the free run has died out."""
     X, y = make_tracking_runs(
@@ -415,6 +417,7 @@ def test_a_loop_so_unstable_that_it_overflows():
         make_tracking_runs("C1", operator=HumanOperator(K_e=30.0), duration=0.6, run_in=0.0)
 
 
+@pytest.mark.slow
 def test_open_loop_has_the_intensity_wanted():
     """200 runs: the mean of P_n has a standard deviation of about 0.0015."""
     _, y, truth = make_tracking_runs(

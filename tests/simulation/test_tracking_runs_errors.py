@@ -101,6 +101,7 @@ def test_constant_loops_that_are_unstable(condition, operator, duration):
         make(condition, operator=operator, duration=duration)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("transport", ["held", "interpolated"])
 def test_the_limit_of_stability(transport):
     """Gain and phase at the crossing of -180 degrees: stable 2 % below, unstable 2 % above."""

@@ -45,6 +45,7 @@ def test_runs_with_effects_do_not_depend_on_their_number():
     np.testing.assert_allclose(y_more.loc[[0]], y, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_own_effects_and_those_that_look_ahead_are_simulated():
     class Half(Effect):
         name = "half"

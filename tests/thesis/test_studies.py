@@ -60,6 +60,7 @@ def test_filters_share_their_noise():
     assert bias.corr().iloc[0, 1] > 0.8
 
 
+@pytest.mark.slow
 def test_tuned_gains_are_near_those_of_the_table():
     found = {
         gains: forgetting_study(
@@ -71,6 +72,7 @@ def test_tuned_gains_are_near_those_of_the_table():
     assert found["table"] != found["tuned"]
 
 
+@pytest.mark.slow
 def test_an_intensity_out_of_reach_is_a_failure_not_the_end():
     with pytest.warns(StudyWarning, match="4 of 8 data sets failed.*RemnantIntensityError"):
         found = delay_study(
@@ -161,6 +163,7 @@ def test_claims_about_all_cells_are_not_judged_on_some():
     assert str(Claim("Fig. 1", "a", "b", None)) == "[not judged] Fig. 1: a. Found: b."
 
 
+@pytest.mark.slow
 def test_a_study_in_a_folder_goes_on(tmp_path):
     options = {"conditions": ["C4"], "intensities": [0.1], "n_validation": 1, "out": tmp_path}
     options["memory_horizons"] = [256, np.inf]

@@ -341,6 +341,7 @@ def test_best_estimator_is_refitted_on_everything(data):
     assert search.score(X, y) == alone.score(X, y)
 
 
+@pytest.mark.slow
 def test_bic_finds_the_true_order():
     """ARX(2, 2, 3): BIC is consistent, and misses with probability of about log(n)/n per lag."""
     right = 0
@@ -476,6 +477,7 @@ def test_progress_bars(data, search, capsys):
 # As in DESIGN.md, section 1
 
 
+@pytest.mark.slow
 def test_stock_grid_search_over_decimation_delay_and_orders():
     X, y = loop_runs(3, remnant_gain=0.0109)
     pipe = make_pipeline(Decimator(factor=2), DelayShift(delay=0.29), ARXRegressor(na=2, nb=2))
