@@ -30,6 +30,7 @@ def relative_errors(state, seeds, **options):
     return np.array(errors), np.array(stated)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", ["C1", "C2"])
 def test_bias_of_fig_10_falls(state):
     seeds = range(200, 204)

@@ -253,6 +253,7 @@ def test_scales_of_channels(scales, other, form):
     assert scaled.n_held_ == one.n_held_ == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-12, 1e12])
 @pytest.mark.parametrize("p0", [1.0, 1e-6, 1e9])
 def test_scales_with_a_fixed_start(scale, p0):

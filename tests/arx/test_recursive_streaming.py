@@ -69,6 +69,7 @@ def test_any_cut_of_tables(params, cuts):
     assert_same_bits(stream(recursive(**params, dt=DT), X, Y, cuts), whole)
 
 
+@pytest.mark.slow
 @each_forgetting
 def test_one_row_at_a_time(params):
     whole = recursive(**params, dt=DT).fit(X, Y)
@@ -244,6 +245,7 @@ def test_run_column():
         assert_same_bits(model, by_index)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hole", [(100, 101), (100, 160)])
 @settings(max_examples=8, deadline=None)
 @given(cuts=st.lists(st.integers(1, 230), unique=True, max_size=6).map(sorted))

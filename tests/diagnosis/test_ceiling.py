@@ -124,6 +124,7 @@ def test_a_window_shorter_than_a_period_has_no_ceiling():
     assert "not periodic" in found.ceiling_note
 
 
+@pytest.mark.slow
 def test_targets_of_no_period_are_found_to_have_none():
     assert of(simulate("1/s", 1, disturbance=0.0)).ceiling_route == "none"
 

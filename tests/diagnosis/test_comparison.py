@@ -116,6 +116,7 @@ def test_a_window_is_scored_by_its_own_rows(of_arx, simulated):
     assert_allclose(row["vaf"], vaf(y[own], of_arx.traces["predicted"][own]), rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channels", [["e", "x", "f_t"], ["e", "x"], ["e"], []])
 def test_shares_of_the_frequencies_add_up_to_the_power_but_for_the_mean(arx, simulated, channels):
     X, y, _ = simulated

@@ -74,6 +74,7 @@ def test_words_of_a_machine_are_of_no_person():
     assert OF_PEOPLE.search(" ".join(vars(WORDS["human"]).values()))
 
 
+@pytest.mark.slow
 def test_domain_follows_the_model_and_the_channels(machine):
     X, y, truth = runs(2)
     assert compare(Oracle(truth.u_without_remnant), X, y).domain == "human"
@@ -111,6 +112,7 @@ def test_without_a_dominant_mean_there_is_one_vaf():
     assert "VAF is about zero and not clipped unless it says otherwise." in text
 
 
+@pytest.mark.slow
 def test_a_delay_that_wins_nothing_is_no_finding():
     """The structure of the search fits worse than the model, whatever the delay."""
     X, y, truth = runs(4)

@@ -38,6 +38,7 @@ def loop():
 # Leaks
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nk", [6, 7])
 @pytest.mark.parametrize("channels", [("e", "x"), ("e", "f_t"), ("x", "f_t")])
 def test_near_a_second_difference_is_refused(channels, nk):

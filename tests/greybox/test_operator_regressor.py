@@ -412,6 +412,7 @@ def test_units_that_are_not_known_are_names(runs):
     assert model.parameters_.loc["dead_zone__width", "unit"] == "[e]"
 
 
+@pytest.mark.slow
 def test_bic_prefers_what_is_true(runs, fitted):
     X, y = runs
     assert OperatorRegressor(effects="drift").fit(X, y).bic_ > fitted.bic_

@@ -257,6 +257,7 @@ def test_steps_have_the_vaf_of_all_held_out_runs():
     assert labels == ["measured", "+ hardening_stiffness, VAF 75.0 %", "+ dead_zone-2, VAF 87.0 %"]
 
 
+@pytest.mark.slow
 def test_steps_of_a_run_and_a_window():
     search = SEARCHES["one"]
     display = EffectStepsDisplay.from_estimator(search, run=1, window=(10, 12))

@@ -97,6 +97,7 @@ def test_batch_models_and_the_change(result):
     ]
 
 
+@pytest.mark.slow
 def test_subjects_of_ones_choice(result):
     assert result.plot(subjects=["S3", "S1"]).subjects_ == ["S3", "S1"]
     assert result.plot(subjects="S2").ax_.shape == (4, 1)

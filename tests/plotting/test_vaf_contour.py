@@ -170,6 +170,7 @@ def test_orders_and_delays_per_input(data):
     assert display.vaf[1, 0, 1] == score(search, na=2, nb=(1, 1), nk=(3, 1), factor=1)
 
 
+@pytest.mark.slow
 def test_many_delays_show_the_best_and_say_so():
     vaf = np.linspace(10, 90, 15)[:, None, None] + np.zeros((15, 2, 2))
     search = OrderSearchCV()

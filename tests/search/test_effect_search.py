@@ -87,6 +87,7 @@ def test_nothing_is_missing(clean):
     assert "nothing is missing" in clean.summary()
 
 
+@pytest.mark.slow
 def test_the_summary_says_what_the_last_step_would_gain():
     given = EffectSearchCV(OperatorRegressor(delay=TAU), ["wrong_delay", "bias"])
     ranking = given.fit(*recorded()).ranking_  # the second step has a free delay
@@ -131,6 +132,7 @@ def test_only_where_all_was_tried_the_catalogue_lacks_it(monkeypatch, hidden_dat
     assert "What the only effect tried does not explain" in search.summary()
 
 
+@pytest.mark.slow
 def test_a_search_that_stops_at_max_effects_says_so(hidden_data):
     search = searched(hidden_data, ["dead_zone"], max_effects=0)
     assert search.best_effects_ == ["unknown"]
@@ -216,6 +218,7 @@ def test_effects_are_given_in_any_form(hidden_data):
     assert tried(DeadZone(form="gap")) == {"dead_zone"}
 
 
+@pytest.mark.slow
 def test_the_whole_catalogue_is_tried(hidden_data):
     search = searched(hidden_data, "all", max_effects=1)
     assert search.best_effects_[:1] == ["dead_zone"]

@@ -59,6 +59,7 @@ def found(lost):
     return search().fit(X, y)
 
 
+@pytest.mark.slow
 def test_nothing_is_named_for_a_run_in_which_control_was_lost(honest, lost, found):
     X, y, _ = lost
     assert search(lost_control="keep").fit(X, y).best_effects_ != []
@@ -107,6 +108,7 @@ def test_honest_runs_lose_nothing(honest):
     assert plain.left_out_.columns.tolist() == ["run", "from", "to", "times", "reason"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [OperatorRegressor(0.28), ARXRegressor(nk=11)])
 def test_a_run_that_was_never_under_control_is_no_fold(honest, model):
     X, y, _ = losing(honest, begin=-4.0, end=99.0)

@@ -38,6 +38,7 @@ def test_an_offset_is_integrated_away():
     assert (X_b["e"] - X["e"]).mean() == pytest.approx(-0.1 / 0.09, rel=0.02)
 
 
+@pytest.mark.slow
 def test_runs_with_effects_do_not_depend_on_their_number():
     options = {"remnant_intensity": 0.1, "random_state": 3, "effects": DeadZone(width=0.3)}
     _, y = make_tracking_runs("C1", **{**SHORT, "n_runs": 1}, **options)
