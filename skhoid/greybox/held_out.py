@@ -11,7 +11,6 @@ from .fitting import Criterion, minimise
 from .initial import ESTIMATE
 from .jumps import searched
 from .model import Model
-from .simulator import Simulator
 
 SIZES = (0.04, 0.013)  # steps of a pattern search, relative
 MOST_ITERATIONS = 40
@@ -51,7 +50,7 @@ def refitted(
     whole = simulator
     if whole.record.initial == ESTIMATE:  # by the rows that are fitted alone
         seen = replace(whole.record, known=whole.record.known & train)
-        simulator = Simulator(whole.core, whole.effects, seen)
+        simulator = whole.on(seen)
     known = model.values()
     points = [model.theta]
     points += [np.array([{**known, **start}[n] for n in simulator.names]) for start in starts]

@@ -86,6 +86,10 @@ class LoopSimulator:
         self._follow = record.once("follow", lambda: followers(record))
         self._set_draws(None)
 
+    def on(self, record: Record) -> LoopSimulator:
+        """The same loop on another record, or anew on this one, from the measured error."""
+        return LoopSimulator(self.core, self.effects, record, self.loop)
+
     def _set_draws(self, remnant: np.ndarray | None) -> None:
         """Columns of all runs, once or for each draw of the remnant."""
         record = self.record

@@ -88,6 +88,10 @@ class Simulator:
     def __reduce__(self) -> tuple:
         return Simulator, (self.core, self.effects, self.record)
 
+    def on(self, record: Record) -> Simulator:
+        """The same core and effects on another record, or anew on this one."""
+        return Simulator(self.core, self.effects, record)
+
     def _build(self) -> list[Stage]:
         core, record = self.core, self.record
         core_names = [p.name for p in core.parameters]

@@ -11,6 +11,8 @@ from ..greybox.fitting import Criterion, whitened_derivatives
 from ..greybox.held_out import refitted
 from ..greybox.model import Model
 
+TAKEN_BACK = (0.9, 0.8, 0.5)  # shares of the way
+
 
 @dataclass
 class HeldOutRows:
@@ -60,9 +62,16 @@ def refitted_prediction(
 ) -> np.ndarray:
     """Free runs of each fold's rows with parameters fitted anew without them, to the end.
 
-    NaN where a model in its loop has no solution.
+    A fit in a loop may end at the brink of what settles, where the loop is not solved again: it is
+    taken back towards where it began. NaN where that has no solution either.
     """
     prediction = model.output.copy()
     for fold in folds:
-        prediction[fold.test] = refitted(model, criterion, fold.train).output[fold.test]
+        fitted = refitted(model, criterion, fold.train)
+        output = fitted.output
+        for share in TAKEN_BACK:
+            if np.isfinite(output).all():
+                break
+            output = fitted.simulator.run(model.theta + share * (fitted.theta - model.theta))
+        prediction[fold.test] = output[fold.test]
     return prediction
