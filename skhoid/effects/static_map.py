@@ -29,8 +29,13 @@ class StaticMap(Effect):
     form: str | None
 
     @property
+    def usual_at(self) -> str:
+        """Where it acts unless another place is given."""
+        return self.choices["at"][0]
+
+    @property
     def place(self) -> str:  # type: ignore[override]
-        return PLACE_OF[self.at or self.choices["at"][0]]
+        return PLACE_OF[self.at or self.usual_at]
 
     @property
     def unit(self) -> Dimension:
@@ -45,10 +50,9 @@ class StaticMap(Effect):
 
         At others the plain forms only, where none is given.
         """
-        usual = self.choices["at"][0]
-        placed = self.with_choices(at=self.at or usual)
+        placed = self.with_choices(at=self.at or self.usual_at)
         made: list[Any] = super(StaticMap, placed).variants(record)
-        return [v for v in made if v.at == usual or v.form in self.plain] or made
+        return [v for v in made if v.at == self.usual_at or v.form in self.plain] or made
 
     def alternatives(self, record: Record) -> list[Effect]:
         """One for each place; an ARX model has the usual one only."""

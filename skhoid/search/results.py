@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from ..effects.static_map import StaticMap
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
@@ -189,9 +190,8 @@ def _form(candidate: Candidate) -> str:
         return ""
     chosen = dict(candidate.model.effects.steps)[candidate.name]
     parts = [getattr(chosen, key, None) for key in ("form", "side", "trigger", "channel")]
-    at = getattr(chosen, "at", None)
-    if at is not None and at != chosen.choices["at"][0]:
-        parts.append(f"at the {at}")
+    if isinstance(chosen, StaticMap) and chosen.at not in (None, chosen.usual_at):
+        parts.append(f"at the {chosen.at}")
     return ", ".join(str(part) for part in parts if part)
 
 
