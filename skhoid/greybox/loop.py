@@ -86,7 +86,7 @@ class LoopSimulator:
         self._follow = record.once("follow", lambda: followers(record))
         self._set_draws(None)
 
-    def on(self, record: Record) -> LoopSimulator:
+    def on(self, record: Record) -> Any:
         """The same loop on another record, or anew on this one, from the measured error."""
         return LoopSimulator(self.core, self.effects, record, self.loop)
 

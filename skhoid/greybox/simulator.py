@@ -88,7 +88,7 @@ class Simulator:
     def __reduce__(self) -> tuple:
         return Simulator, (self.core, self.effects, self.record)
 
-    def on(self, record: Record) -> Simulator:
+    def on(self, record: Record) -> Any:
         """The same core and effects on another record, or anew on this one."""
         return Simulator(self.core, self.effects, record)
 
