@@ -152,6 +152,7 @@ def test_a_horizon_longer_than_the_run_is_the_free_run(problem):
     np.testing.assert_array_equal(ahead[inside], free[inside])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theta", [(-3.0, 2.0, 1.0), (1e30, -1e60, 1e90), (-1e200, 1e200, 1e200)])
 def test_unstable_models_stay_within_the_bound(theta):
     X = np.random.default_rng(0).standard_normal((3000, 1))

@@ -11,6 +11,7 @@ from skhoid import make_tracking_runs, read_runs
 from skhoid.cli import main
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", ["csv", "tsv", "parquet", "mat"])
 def test_simulated_runs_can_be_identified(capsys, tmp_path, extension):
     path = str(tmp_path / f"some runs.{extension}")

@@ -32,6 +32,7 @@ def test_options_for_arguments(words, text, said):
     assert found == (text if said is None else f"{text}{end} On the command line: {said}")
 
 
+@pytest.mark.slow
 def test_what_helps_in_python_alone_is_left_out(capsys, monkeypatch, biased_file):
     words = ["diagnose", biased_file[0], "--input", "error", "--output", "stick", "--run", "run"]
     words += ["--time", "time", "--effects", "bias", "--no-pictures"]

@@ -56,6 +56,7 @@ def test_effects_do_not_depend_on_names_of_columns(records, name):
         assert found[2] == pytest.approx(expected[2], rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["feedforward", "preview", "output_feedback"])
 def test_a_model_of_columns_with_roles(name):
     X, y = make_tracking_runs(

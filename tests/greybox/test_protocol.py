@@ -145,6 +145,7 @@ def bare(*lacking):
     return type("Own", (), members | kept)()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [LagRegressor(dt=DT), Wrapped()], ids=["subclass", "own class"])
 def test_a_model_of_ones_own_is_searched(biased, model):
     search = EffectSearchCV(model, effects=["saturation", "bias"]).fit(*biased)

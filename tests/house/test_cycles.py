@@ -8,6 +8,7 @@ import re
 import tomllib
 from functools import cache
 
+import pytest
 from support.places import ROOT
 
 PACKAGE = ROOT / "skhoid"
@@ -124,6 +125,7 @@ def test_imports_of_a_small_package_are_found(tmp_path, monkeypatch):
     assert list(imported_by("skhoid.two", False)) == ["skhoid.one"]
 
 
+@pytest.mark.slow
 def test_no_two_files_import_each_other():
     imports = graph(in_functions=True)
     pairs = [
@@ -135,6 +137,7 @@ def test_no_two_files_import_each_other():
     assert not pairs, "\n".join(["these import each other; move what both need down:", *pairs])
 
 
+@pytest.mark.slow
 def test_no_ring_of_imports_at_the_top_of_files():
     found = [" -> ".join(ring) for ring in rings(graph(in_functions=False))]
     assert not found, "\n".join(["rings of imports:", *found])

@@ -27,6 +27,7 @@ def test_the_root_loads_nothing():
     assert not found & HEAVY
 
 
+@pytest.mark.slow
 def test_all_names_load_nothing_that_can_wait():
     found = loaded("from skhoid import *")
     assert "skhoid.reporting" in found

@@ -57,6 +57,7 @@ def test_run_column(tmp_path, write, kind):
 finite = st.floats(allow_infinity=False, allow_nan=True, width=64)
 
 
+@pytest.mark.slow
 @given(data=arrays(np.float64, st.tuples(st.integers(2, 12), st.just(2)), elements=finite))
 @settings(deadline=None, max_examples=40)
 def test_formats_agree(write, data):

@@ -46,6 +46,7 @@ def iqr(x):
     return np.quantile(x, 0.75) - np.quantile(x, 0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("statistic", "name"), [("median", "median"), ("std", "std"), (iqr, "iqr")]
 )

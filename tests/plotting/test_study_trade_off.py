@@ -39,6 +39,7 @@ def mean_of(table, condition, form, P_n, column):
     return rows.groupby("memory_horizon")[column].mean().to_numpy()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", LABELS)
 def test_lines_are_the_means_of_the_replications(kind):
     table = forgetting(("C1", "C4"))

@@ -116,6 +116,7 @@ def with_step(run):
     return run[0] + step, run[1] + step * np.exp(-np.maximum(T - 22.4, 0) / 0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [True, False])
 @pytest.mark.parametrize("n_runs", [1, 2, 4])
 @pytest.mark.parametrize(

@@ -47,6 +47,7 @@ def test_linear_responses_count_for_what_they_explain_at_both_rates(monkeypatch,
     assert {one.where: one.points for one in unsolved}["channel"] == 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("feedforward", "answers"), [(0.5, True), (0.0, False)])
 def test_an_answer_to_the_target_is_left_only_where_there_is_one(feedforward, answers):
     X, y, _ = pursued("1/(s(s+1))", 3, feedforward=feedforward, early=0.2)

@@ -117,6 +117,7 @@ def test_default_candidates(data):
     assert DelaySearchCV().fit(X, y).cv_results_["nk"] == list(range(1, 51))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "wrap",
     [
