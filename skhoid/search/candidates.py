@@ -11,13 +11,14 @@ import numpy as np
 from ..diagnosis.leaks import SLOPE, LeakTest
 from ..effects.base import Effect
 from ..greybox.model import AT_BOUND, Model
+from .in_loop import LEAST_GAIN as LEAST_IN_LOOP
 from .in_loop import LEAST_IF_BETTER, InLoop, LoopParent
 from .leak import leak_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 OF_TARGET = ("feedforward", "preview")  # what the remnant imitates most
-CLEAR = 0.5  # points in the loop, that it imitates hardly ever
+CLEAR, CERTAIN = 0.5, 100.0  # points and evidence in the loop, that it imitates hardly ever
 MUCH, MUCH_EVIDENCE = 5.0, 50.0  # gain and evidence that count beside a loop that is blind
 BLIND = 0.1  # points of VAF that are no loss in the loop
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
@@ -85,12 +86,13 @@ class Candidate:
             return judged.bends is not None and self.gain < MUCH
         likely = min(self.joint, self.weight)
         if np.isnan(judged.evidence):
-            # Beside what jumps or sticks a linear answer takes up what its form leaves.
-            return likely <= (MUCH_EVIDENCE if judged.bends is False else LEAST_EVIDENCE)
+            # Beside what bends, jumps or sticks another effect takes up what its form leaves.
+            beside = judged.beside or judged.bends is False
+            return likely <= (MUCH_EVIDENCE if beside else LEAST_EVIDENCE)
         if self.effect.name in OF_TARGET and not judged.bends:
             # The loop is not blind to it: of nothing, evidence to 80, but hardly any points.
-            least = LEAST_IF_BETTER if judged.gain >= CLEAR else MUCH_EVIDENCE
-            return judged.evidence <= least or judged.gain < self.least_gain
+            least = LEAST_IF_BETTER if judged.gain >= CLEAR else CERTAIN
+            return judged.evidence <= least or judged.gain < LEAST_IN_LOOP
         if np.isnan(self.joint) or not judged.bends:
             much = self.gain >= MUCH and likely > MUCH_EVIDENCE and judged.gain > -BLIND
             return judged.refutes and not much

@@ -37,13 +37,15 @@ class InLoop:
     NaN where the loop cannot be solved, as with what jumps or sticks, or is not asked. ``bends``
     says that what the model has more is not linear, moves levels, or acts in stretches that were
     found in the data: a remnant makes its mean answer in the loop nearly linear, or is held there,
-    and what is no better in the loop may still be right. None where no loop is known.
+    and what is no better in the loop may still be right. None where no loop is known. ``beside``
+    says that the loop is not asked, and the parent bends already.
     """
 
     vaf: float = np.nan
     evidence: float = np.nan
     gain: float = np.nan
     bends: bool | None = None
+    beside: bool = False
 
     @property
     def refutes(self) -> bool:
@@ -130,10 +132,10 @@ class LoopParent:
         added = self._added(model)
         effects = [effect for _, effect in added]
         if only_levels(effects, self.parent, model):
-            return InLoop(bends=True)
+            return self._not_asked(True)
         bends = self._bends(model, added)
         if not (model.simulator.smooth and self.solved):
-            return InLoop(bends=bends)
+            return self._not_asked(bends)
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
@@ -148,7 +150,7 @@ class LoopParent:
         self._start_from(fitted)
         before, after = (self._held_out(m) for m in (self.fit, fitted))
         if not np.isfinite(before):
-            return InLoop(bends=bends)
+            return self._not_asked(bends)
         if not np.isfinite(after):
             return without
         evidence = min(self.evidence(fitted, rate) for rate in RATES)
@@ -165,6 +167,10 @@ class LoopParent:
         ratio = criterion.n * np.log(max(parent.sse, 1e-300) / max(refined.sse, 1e-300))
         more = refined.n_parameters - parent.n_parameters
         return float(ratio - more * np.log(criterion.n))
+
+    def _not_asked(self, bends: bool) -> InLoop:
+        """What is left to other criteria."""
+        return InLoop(bends=bends, beside=self._bends(self.parent, self.parent.effects.steps))
 
     def _bends(self, model: Model, steps: list[tuple[str, Effect]]) -> bool:
         """Whether some of the effects of a model, without the others, make no linear answer."""

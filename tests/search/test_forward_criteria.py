@@ -145,6 +145,8 @@ def passing(name="higher_order", **options):
         ({"joint": 50.0, "in_loop": InLoop(bends=True)}, True),
         ({"joint": 50.0, "in_loop": InLoop(bends=False)}, False),  # beside what jumps or sticks
         ({"joint": 60.0, "evidence": 60.0, "in_loop": InLoop(bends=False)}, True),
+        ({"joint": 45.0, "in_loop": InLoop(bends=True, beside=True)}, False),
+        ({"joint": 60.0, "in_loop": InLoop(bends=True, beside=True)}, True),
         ({"joint": 60.0, "evidence": -60.0, "in_loop": InLoop(bends=False)}, False),
         ({"joint": 30.0, "evidence": -60.0, "in_loop": InLoop()}, False),
         ({"joint": np.nan, "in_loop": InLoop()}, True),
@@ -170,11 +172,11 @@ def test_what_passes(changes, passes):
 @pytest.mark.parametrize(
     ("changes", "passes"),
     [
-        ({"in_loop": InLoop(90.0, 60.0, 0.3, False)}, True),
-        ({"in_loop": InLoop(90.0, 40.0, 0.3, False)}, False),
+        ({"in_loop": InLoop(90.0, 110.0, 0.15, False)}, True),
+        ({"in_loop": InLoop(90.0, 90.0, 0.3, False)}, False),
         ({"in_loop": InLoop(90.0, 15.0, 1.5, False)}, True),
         ({"in_loop": InLoop(90.0, 5.0, 1.5, False)}, False),
-        ({"in_loop": InLoop(90.0, 80.0, 0.1, False)}, False),
+        ({"in_loop": InLoop(90.0, 200.0, 0.05, False)}, False),
         ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, 0.0, False)}, False),
     ],
 )
