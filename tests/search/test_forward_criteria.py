@@ -129,7 +129,8 @@ def passing(name="higher_order", **options):
         ({"joint": 50.0, "evidence": 0.0}, True),
         ({"joint": 50.0, "evidence": 0.0, "gain": 0.1}, False),
         ({"joint": 10.0, "in_loop": InLoop()}, False),
-        ({"joint": 50.0, "in_loop": InLoop()}, True),
+        ({"joint": 15.0, "in_loop": InLoop()}, False),  # linear or not
+        ({"joint": 15.0, "in_loop": InLoop(bends=True)}, True),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, 0.01)}, False),  # linear: the loop decides
         ({"joint": 50.0, "in_loop": InLoop(90.0, 50.0, -0.1)}, False),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 25.0, 0.2)}, True),
@@ -139,7 +140,8 @@ def passing(name="higher_order", **options):
         ({"joint": 450.0, "gain": 4.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, False),
         ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, -0.5)}, False),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, -0.1, True)}, True),
-        ({"joint": 50.0, "in_loop": InLoop(90.0, -25.0, 1.0, True)}, False),
+        ({"joint": 50.0, "in_loop": InLoop(90.0, -40.0, 1.0, True)}, False),
+        ({"joint": 15.0, "in_loop": InLoop(90.0, 0.0, 1.0, True)}, True),
         ({"joint": 400.0, "in_loop": InLoop(90.0, -70.0, -0.1, True)}, True),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 50.0, 1.0, True)}, False),
         ({"joint": 50.0, "in_loop": InLoop(bends=True)}, True),
