@@ -16,7 +16,6 @@ from .in_loop import LEAST_IF_BETTER, InLoop, LoopParent
 from .leak import leak_of
 
 LEAST_EVIDENCE = 25.0  # of an effect that counts
-LIKELY = 12.0  # evidence, with noise models estimated along, of one that is not linear
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 OF_TARGET = ("feedforward", "preview")  # what the remnant imitates most
 CLEAR, CERTAIN = 0.5, 100.0  # points and evidence in the loop, that it imitates hardly ever
@@ -87,10 +86,7 @@ class Candidate:
             return judged.bends is not None and self.gain < MUCH
         likely = min(self.joint, self.weight)
         if np.isnan(judged.evidence):
-            # Beside what bends, jumps or sticks another effect takes up what its form leaves.
-            beside = judged.beside or judged.bends is False
-            alone = LIKELY if judged.bends else LEAST_EVIDENCE
-            return likely <= (MUCH_EVIDENCE if beside else alone)
+            return likely <= judged.asked
         if self.effect.name in OF_TARGET and not judged.bends:
             # The loop is not blind to it: of nothing, evidence to 80, but hardly any points.
             least = LEAST_IF_BETTER if judged.gain >= CLEAR else CERTAIN
@@ -98,7 +94,7 @@ class Candidate:
         if np.isnan(self.joint) or not judged.bends:
             much = self.gain >= MUCH and likely > MUCH_EVIDENCE and judged.gain > -BLIND
             return judged.refutes and not much
-        return self.joint - judged.against <= LIKELY
+        return self.joint - judged.against <= judged.asked
 
     @property
     def linear_in_loop(self) -> bool:

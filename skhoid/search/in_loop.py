@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,6 +25,7 @@ LEAST_EVIDENCE = 20.0  # of an effect that counts
 LEAST_GAIN = 0.1  # VAF points on held-out rows of an effect that counts
 LEAST_IF_BETTER, MUCH_BETTER = 5.0, 0.3  # the same, of one that gains so many points of VAF there
 LEAST_RATE = 45.0  # Hz, to which records are thinned
+LIKELY, LIKELY_IF_FIRST, LIKELY_BESIDE_BENT = 25.0, 12.0, 50.0  # with a noise model of its own
 MOSTLY = 0.5  # of the power of a change of the output
 ITERATIONS = 10
 TOLERANCE = 1e-4
@@ -38,14 +39,14 @@ class InLoop:
     says that what the model has more is not linear, moves levels, or acts in stretches that were
     found in the data: a remnant makes its mean answer in the loop nearly linear, or is held there,
     and what is no better in the loop may still be right. None where no loop is known. ``beside``
-    says that the loop is not asked, and the parent bends already.
+    says what the parent has: nothing yet, other effects, or among them some that bend.
     """
 
     vaf: float = np.nan
     evidence: float = np.nan
     gain: float = np.nan
     bends: bool | None = None
-    beside: bool = False
+    beside: Literal["nothing", "others", "bent"] = "others"
 
     @property
     def refutes(self) -> bool:
@@ -54,6 +55,20 @@ class InLoop:
             return self.evidence < -LEAST_EVIDENCE
         least = LEAST_IF_BETTER if self.gain >= MUCH_BETTER else LEAST_EVIDENCE
         return self.evidence <= least or self.gain < LEAST_GAIN
+
+    @property
+    def asked(self) -> float:
+        """Evidence asked of it by a noise model that is estimated along.
+
+        Less where it is the first, and not linear: of nothing, such effects have hardly any. Where
+        the loop is not asked, what stands beside one that bends takes up what its form leaves.
+        """
+        if self.beside == "nothing" and self.bends:
+            return LIKELY_IF_FIRST
+        unsolved = bool(np.isnan(self.evidence))
+        if unsolved and (self.beside == "bent" or self.bends is False):
+            return LIKELY_BESIDE_BENT
+        return LIKELY
 
     @property
     def against(self) -> float:
@@ -154,7 +169,7 @@ class LoopParent:
         if not np.isfinite(after):
             return without
         evidence = min(self.evidence(fitted, rate) for rate in RATES)
-        return InLoop(after, evidence, after - before, whole and bends)
+        return InLoop(after, evidence, after - before, whole and bends, self._beside)
 
     def evidence(self, fitted: Model, rate: float) -> float:
         """What a model has over the parent at a rate, under the noise model of the better one."""
@@ -170,7 +185,14 @@ class LoopParent:
 
     def _not_asked(self, bends: bool) -> InLoop:
         """What is left to other criteria."""
-        return InLoop(bends=bends, beside=self._bends(self.parent, self.parent.effects.steps))
+        return InLoop(bends=bends, beside=self._beside)
+
+    @cached_property
+    def _beside(self) -> Literal["nothing", "others", "bent"]:
+        steps = self.parent.effects.steps
+        if not steps:
+            return "nothing"
+        return "bent" if self._bends(self.parent, steps) else "others"
 
     def _bends(self, model: Model, steps: list[tuple[str, Effect]]) -> bool:
         """Whether some of the effects of a model, without the others, make no linear answer."""

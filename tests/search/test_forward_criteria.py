@@ -130,7 +130,9 @@ def passing(name="higher_order", **options):
         ({"joint": 50.0, "evidence": 0.0, "gain": 0.1}, False),
         ({"joint": 10.0, "in_loop": InLoop()}, False),
         ({"joint": 15.0, "in_loop": InLoop()}, False),  # linear or not
-        ({"joint": 15.0, "in_loop": InLoop(bends=True)}, True),
+        ({"joint": 15.0, "in_loop": InLoop(bends=True, beside="nothing")}, True),
+        ({"joint": 15.0, "in_loop": InLoop(bends=True)}, False),  # beside others
+        ({"joint": 15.0, "in_loop": InLoop(bends=False, beside="nothing")}, False),  # linear
         ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, 0.01)}, False),  # linear: the loop decides
         ({"joint": 50.0, "in_loop": InLoop(90.0, 50.0, -0.1)}, False),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 25.0, 0.2)}, True),
@@ -140,15 +142,16 @@ def passing(name="higher_order", **options):
         ({"joint": 450.0, "gain": 4.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, False),
         ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, -0.5)}, False),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, -0.1, True)}, True),
-        ({"joint": 50.0, "in_loop": InLoop(90.0, -40.0, 1.0, True)}, False),
-        ({"joint": 15.0, "in_loop": InLoop(90.0, 0.0, 1.0, True)}, True),
+        ({"joint": 50.0, "in_loop": InLoop(90.0, -25.0, 1.0, True)}, False),
+        ({"joint": 15.0, "in_loop": InLoop(90.0, 0.0, 1.0, True, "nothing")}, True),
+        ({"joint": 15.0, "in_loop": InLoop(90.0, 0.0, 1.0, True)}, False),
         ({"joint": 400.0, "in_loop": InLoop(90.0, -70.0, -0.1, True)}, True),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 50.0, 1.0, True)}, False),
         ({"joint": 50.0, "in_loop": InLoop(bends=True)}, True),
         ({"joint": 50.0, "in_loop": InLoop(bends=False)}, False),  # beside what jumps or sticks
         ({"joint": 60.0, "evidence": 60.0, "in_loop": InLoop(bends=False)}, True),
-        ({"joint": 45.0, "in_loop": InLoop(bends=True, beside=True)}, False),
-        ({"joint": 60.0, "in_loop": InLoop(bends=True, beside=True)}, True),
+        ({"joint": 45.0, "in_loop": InLoop(bends=True, beside="bent")}, False),
+        ({"joint": 60.0, "in_loop": InLoop(bends=True, beside="bent")}, True),
         ({"joint": 60.0, "evidence": -60.0, "in_loop": InLoop(bends=False)}, False),
         ({"joint": 30.0, "evidence": -60.0, "in_loop": InLoop()}, False),
         ({"joint": np.nan, "in_loop": InLoop()}, True),
