@@ -87,7 +87,7 @@ class LoopSimulator:
         self._set_draws(None)
 
     def on(self, record: Record) -> Any:
-        """The same loop on another record, or anew on this one, from the measured error."""
+        """The same loop on another record."""
         return LoopSimulator(self.core, self.effects, record, self.loop)
 
     def _set_draws(self, remnant: np.ndarray | None) -> None:

@@ -89,7 +89,7 @@ class Simulator:
         return Simulator, (self.core, self.effects, self.record)
 
     def on(self, record: Record) -> Any:
-        """The same core and effects on another record, or anew on this one."""
+        """The same core and effects on another record."""
         return Simulator(self.core, self.effects, record)
 
     def _build(self) -> list[Stage]:

@@ -22,7 +22,6 @@ from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
 from .candidates import (
     AS_GOOD,
-    LEAST_EVIDENCE,
     LEAST_GAIN,
     LITTLE_NOISE,
     RIVAL,
@@ -32,7 +31,7 @@ from .candidates import (
     without_name,
 )
 from .held_out import HeldOutRows, held_out, refitted_prediction
-from .in_loop import LoopJudge
+from .in_loop import LIKELY_IF_FIRST, LoopJudge
 from .joint import JointParent
 from .signatures import traces_of
 
@@ -162,7 +161,7 @@ class Search:
         return step
 
     def _joint(self, found: tuple[Effects, Fit], beside: JointParent) -> float:
-        return beside.evidence(self._model(found, beside.parent), LEAST_EVIDENCE)
+        return beside.evidence(self._model(found, beside.parent), LIKELY_IF_FIRST)
 
     def allowed_loss(self, model: Model, name: str) -> float:
         """Points of VAF that an effect may lose: some, where the output itself shows it."""
