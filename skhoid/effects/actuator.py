@@ -143,6 +143,7 @@ class RateLimit(Effect):
     machine_physics = "The actuator cannot move faster."
     formula = "|du'/dt| <= limit"
     source = "Duda (1997)"
+    kinks = True
     parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "greatest rate"),)
 
     def __init__(self, *, limit: float | None = None):

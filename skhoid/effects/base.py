@@ -44,6 +44,9 @@ class Effect(Composable, BaseEstimator):
     smooth : bool
         Whether the response changes smoothly with the parameters; they are searched on a
         grid of their starts otherwise.
+    kinks : bool
+        Whether the response has kinks that move with the parameters, so that a fit may end in any
+        of several minima side by side: those nearby are looked at, and widen standard errors.
     shades : bool
         Whether the choices of ``form`` are shades of the first: a search tries the others only
         where that explains something.
@@ -104,6 +107,7 @@ class Effect(Composable, BaseEstimator):
     machine_physics: ClassVar[str] = ""
     parameters: tuple[Parameter, ...] = ()
     smooth: bool = True
+    kinks: ClassVar[bool] = False
     shades: ClassVar[bool] = False
     n_hidden: int = 0
     noise: ClassVar[str] = ""

@@ -33,6 +33,9 @@ JOINT_FLOOR = 1e-5  # least share of the residual's variance that is white
 TOLERATED = 1.25  # times the squares of the simulation error, at most, of an unbiased estimate
 STEADY = 0.02  # of n log(SSE), by which a round must be better to go on
 DELAYS = (0.15, 0.25, 0.35)  # s, to start from
+NEAR_BY = (0.7, 0.85, 1.2, 1.4)  # times the numbers of an effect with kinks
+ROUNDS_AMONG_KINKS = 4
+ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
 NEEDED = 8.0  # of n log(SSE), that a gain on the error rate must save
 
 
@@ -125,6 +128,8 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
             best = without
         else:
             held[:] = False
+    best, apart_minima = among_kinks(simulator, best, held)
+    beside += apart_minima
     theta = best[1]
     simulation = Criterion(simulator.record)
     if simulation.sse(simulator.run(theta)) > TOLERATED * simulation.sse(model.output):
@@ -137,6 +142,36 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     if apart:
         beside += _of_few(len(apart)) * np.sum(apart, axis=0)
     return theta, beside
+
+
+def among_kinks(
+    simulator: Simulator, best: tuple[float, np.ndarray], held: np.ndarray
+) -> tuple[tuple[float, np.ndarray], np.ndarray]:
+    """The likeliest minimum near one that was found, and the covariance of those about as likely.
+
+    Asked of effects with kinks alone, whose likelihood has many minima side by side: in which of
+    them a fit ends may depend on the rounding of the data.
+    """
+    own = [
+        i
+        for i, full in enumerate(simulator.names)
+        for name, effect in simulator.effects
+        if effect.kinks and full.startswith(f"{name}__")
+    ]
+    found = [best]
+    for _ in range(ROUNDS_AMONG_KINKS if own else 0):
+        last = best
+        for factor in NEAR_BY:
+            start = last[1].copy()
+            start[own] *= factor
+            end = likeliest(simulator, [start], held=held)
+            found += [] if end is None else [end]
+        best = min(found, key=lambda one: one[0])
+        if last[0] - best[0] < ALIKE:
+            break
+    odds = np.exp([(best[0] - loss) / 2 for loss, _ in found])
+    apart = [share * _outer(theta - best[1]) for share, (_, theta) in zip(odds, found, strict=True)]
+    return best, np.sum(apart, axis=0) / odds.sum()
 
 
 def _of_few(n: int) -> float:

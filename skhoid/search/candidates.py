@@ -126,14 +126,24 @@ class Candidate:
 
 @dataclass
 class SearchStep:
-    """A parent, and all candidates beside it, best first."""
+    """A parent, and all candidates beside it, best first.
+
+    ``parent`` is at the largest likelihood under the noise model of the step, ``plain`` at the
+    least error of the simulation; ``refit`` is the held-out VAF of a model refitted for each fold.
+    """
 
     parent: Model
+    plain: Model
     vaf: float
     prediction: np.ndarray
     candidates: list[Candidate]
-    loop: LoopParent | None = None
-    refit: Callable[[Model], float] | None = None
+    loop: LoopParent | None
+    refit: Callable[[Model], float]
+
+    @property
+    def refitted_vaf(self) -> float:
+        """Held-out VAF of the parent, refitted for each fold."""
+        return self.refit(self.plain)
 
     def rank(self) -> None:
         """Put the best first; it has passed in the closed loop too, where that is known."""
@@ -175,8 +185,8 @@ class SearchStep:
             candidate.refused = self._leak_beyond_parent(candidate.model)
         if candidate.passes and not candidate.trace:
             candidate.refused = hardly_there(candidate)
-        if candidate.passes and self.refit is not None and candidate.model is not None:
-            gain = self.refit(candidate.model) - self.refit(self.parent)
+        if candidate.passes and candidate.model is not None:
+            gain = self.refit(candidate.model) - self.refitted_vaf
             if gain <= (-candidate.least_gain if candidate.trace else 0.0):
                 candidate.refused = f"fitted without the rows, it loses {-gain:.2g} points there"
         return candidate.passes

@@ -91,7 +91,8 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     ranking_ : DataFrame
         One row per step and effect, best first: step, rank, effect, form, parameters (with
         standard errors and units), n_parameters, delta_loglik, delta_bic (positive is
-        better; one noise model for all candidates), vaf_before, vaf_after, vaf_gain (held out),
+        better; one noise model for all candidates), vaf_before (held out, refitted for each fold,
+        of the first step as in ``error_path_``), vaf_gain (held out), vaf_after (their sum),
         evidence_joint (as delta_bic, with a noise model that is estimated along; NaN of an ARX
         model, and of effects without a gain), evidence_loop and gain_loop (the same in the closed
         loop; NaN where it was not asked), p_value (of the likelihood ratio, times
@@ -239,7 +240,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
-            self.baseline_ = _estimator(model, prepared, found.path.steps[0].parent)
+            self.baseline_ = _estimator(model, prepared, found.steps[0].parent)
             self._conclude(verdict)
             self.left_out_ = control.table
             self._tabulate(found, prepared)

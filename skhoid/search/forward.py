@@ -17,7 +17,7 @@ from ..effects.record import Record
 from ..greybox.base import vaf_of_output
 from ..greybox.cores import Core
 from ..greybox.extend import beside_each_other, extended
-from ..greybox.fitting import Criterion, Fit, RemnantModel, minimise
+from ..greybox.fitting import Criterion, Fit, minimise
 from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
 from .candidates import (
@@ -112,16 +112,14 @@ class Search:
         effects, fit = found
         return Model(Simulator(self.core, effects, self.record), fit, parent.other_cores)
 
-    def judged(
-        self, parent: Model, candidates: list[Candidate], noise: RemnantModel | None = None
-    ) -> SearchStep:
-        """Refine all under one noise model, by default that of the best, and rank."""
+    def judged(self, parent: Model, candidates: list[Candidate]) -> SearchStep:
+        """Refine all under one noise model, that of the best, and rank."""
         plain, criterion = self.criterion, Criterion(self.record)
         tried = [c for c in candidates if c.model is not None]
         best = min([parent, *(c.model for c in tried if c.model)], key=lambda m: m.sse)
-        criterion.set_noise(noise or criterion.remnant_model(best.output))
+        criterion.set_noise(criterion.remnant_model(best.output))
         base = parent.refined(criterion)
-        base_vaf, base_prediction = self._held_out(parent, base, criterion)
+        base_vaf, base_prediction = self._held_out(parent)
         n = criterion.n
         for c in tried:
             c.trace = self.traces.get(c.id, "") if c.effect.place == "output" else ""
@@ -156,7 +154,7 @@ class Search:
                 c.joint = found
         candidates = likeliest_alternatives(candidates)
         loop = None if self.loop is None else self.loop.around(base)
-        step = SearchStep(base, base_vaf, base_prediction, candidates, loop, self.refit)
+        step = SearchStep(base, parent, base_vaf, base_prediction, candidates, loop, self.refit)
         step.rank()
         return step
 
@@ -172,9 +170,11 @@ class Search:
         """Models with the first ``start`` effects, with one more, and so on."""
         key = (tuple(model.simulator.names), model.theta.tobytes(), start)
         if key not in self._parts:
-            models = [output_error_fit(model)]
-            for name in reversed(model.effects.names[start:]):
+            names = model.effects.names
+            models = [output_error_fit(model)] if len(names) > start else []
+            for name in reversed(names[start + 1 :]):
                 models.append(self.fewer(models[-1], name, core))
+            models.append(self._parents[frozenset(names[:start])])  # whatever was tried
             self._parts[key] = models[::-1]
         return self._parts[key]
 
@@ -208,22 +208,15 @@ class Search:
         if not shown and parent.sse - fitted.sse < HOPELESS * self.share * self.criterion.power:
             return fitted.refined(criterion, max_iter=1).fit, -np.inf, None
         model = fitted.refined(criterion)
-        return model.fit, *self._held_out(fitted, model, criterion)
+        return model.fit, *self._held_out(fitted)
 
-    def _held_out(
-        self, fitted: Model, refined: Model, criterion: Criterion
-    ) -> tuple[float, np.ndarray]:
-        """Held-out VAF and predictions, by simulation error or likelihood, which is better.
+    def _held_out(self, fitted: Model) -> tuple[float, np.ndarray]:
+        """Held-out VAF and predictions, by simulation error.
 
-        The likelihood weighs the errors of a wrong model by the noise, not by their size.
+        By likelihood they would depend on the noise model, and so on what else is tried.
         """
-        both = [
-            held_out(fitted, self.criterion, self.folds),
-            held_out(refined, criterion, self.folds),
-        ]
-        vafs = [vaf_of_output(self.record, prediction) for prediction in both]
-        best = int(np.argmax(vafs))
-        return vafs[best], both[best]
+        prediction = held_out(fitted, self.criterion, self.folds)
+        return vaf_of_output(self.record, prediction), prediction
 
 
 def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> list[Any]:
@@ -243,8 +236,6 @@ class Path:
 
     steps: list[SearchStep]
     model: Model
-    vaf: float
-    prediction: np.ndarray
 
     @property
     def ids(self) -> list[str]:
@@ -253,7 +244,7 @@ class Path:
     @property
     def core(self) -> dict[str, float]:
         """Parameters of the core before any effect was added."""
-        return {n: v for n, v in self.steps[0].parent.values().items() if "__" not in n}
+        return {n: v for n, v in self.steps[0].plain.values().items() if "__" not in n}
 
 
 def forward(search: Search, baseline: Model, most: int) -> Path:
@@ -295,7 +286,7 @@ def fitted_again(search: Search, path: Path) -> Path:
     if not model.sse < BETTER_AGAIN * plain.sse:
         return path
     step = search.judged(model, [])
-    return replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
+    return replace(path, model=step.parent)
 
 
 def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
@@ -318,7 +309,7 @@ def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
     name = min(gains, key=lambda one: gains[one])
     fewer = output_error_fit(without(path.model, name, path.core))
     step = search.judged(fewer, [])
-    path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
+    path = replace(path, model=step.parent)
     return in_gaining_order(search, path, first)
 
 
@@ -349,22 +340,21 @@ def ordered(model: Model, names: Sequence[str]) -> Model:
 
 def follow(search: Search, first: SearchStep, start: Candidate | None, most: int) -> Path:
     """Add ``start`` and then the best of each step."""
-    if start is None or start.model is None or start.prediction is None:
-        return Path([first], first.parent, first.vaf, first.prediction)
-    return follow_from(search, Path([first], start.model, start.vaf, start.prediction), most)
+    if start is None or start.model is None:
+        return Path([first], search.judged(first.plain, []).parent)  # whatever was tried
+    return follow_from(search, Path([first], start.model), most)
 
 
 def follow_from(search: Search, path: Path, most: int) -> Path:
-    steps = list(path.steps)
-    model, vaf, prediction = path.model, path.vaf, path.prediction
+    steps, model = list(path.steps), path.model
     while len(model.effects) < most:
         step = search.step(output_error_fit(model))
         steps.append(step)
         best = step.best
-        if best is None or best.model is None or best.prediction is None:
+        if best is None or best.model is None:
             break
-        model, vaf, prediction = best.model, best.vaf, best.prediction
-    return Path(steps, model, vaf, prediction)
+        model = best.model
+    return Path(steps, model)
 
 
 def output_error_fit(model: Model) -> Model:
@@ -453,6 +443,6 @@ def without_superfluous(search: Search, path: Path) -> Path:
         one = Candidate(name, dict(model.effects.steps)[name], model=fitted)
         step = search.judged(fewer[name], [one])
         if loses or not one.pays:
-            path = replace(path, model=step.parent, vaf=step.vaf, prediction=step.prediction)
+            path = replace(path, model=step.parent)
             return without_superfluous(search, path)
     return path

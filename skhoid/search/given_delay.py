@@ -61,7 +61,7 @@ class GivenDelay:
         model = output_error_fit(self._told(free.model))
         before = first.parent.effects.names
         added = [n for n in model.effects.names if n not in (name, *before)]
-        path = Path(steps, model, np.nan, np.empty(0))
+        path = Path(steps, model)
         fixed = self._with_given(model, added, path.core)
         step = search.judged(fixed, [Candidate(name, self.claim.effect, model=model)])
         ways = [(model, [name, *added]), (model, [*added, name])]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, fields
+
 import numpy as np
 import pandas as pd
 
@@ -66,9 +68,34 @@ def held_out_table(
     return pd.DataFrame(columns, index=index)
 
 
+@dataclass
+class Ranked:
+    """A row of the ranking; what an effect does not have is not known."""
+
+    step: int
+    rank: int
+    effect: str
+    form: str
+    parameters: str
+    n_parameters: int
+    delta_loglik: float = np.nan
+    delta_bic: float = np.nan
+    vaf_before: float = np.nan
+    vaf_after: float = np.nan
+    vaf_gain: float = np.nan
+    evidence_joint: float = np.nan
+    evidence_loop: float = np.nan
+    gain_loop: float = np.nan
+    p_value: float = 0.0
+    confused_with: list[str] = field(default_factory=list)
+    words: str = ""
+    status: str = "added"
+    reason: str = ""
+
+
 def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None) -> pd.DataFrame:
     """One row per step and effect, best first."""
-    rows = []
+    rows: list[Ranked] = []
     path, domain = found.path, prepared.record.domain
     added = set(path.model.effects.names)
     for number, step in enumerate(path.steps, 1):
@@ -76,62 +103,50 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
         of_step = {*after.effects.names} - {*step.parent.effects.names}
         chosen = added & of_step
         winner = next((c.id for c in step.candidates if c.name in of_step), "")
+        before = step.refitted_vaf
         for rank, c in enumerate(step.candidates, 1):
-            status = "added" if c.name in chosen else "not better"
-            if c.reason:
-                status = "does not apply"
             described = c.model is not None and (rank <= DESCRIBED or c.passes)
-            rows.append(
-                {
-                    "step": number,
-                    "rank": rank,
-                    "effect": c.id,
-                    "form": _form(c),
-                    "parameters": _parameters(c, prepared) if described else "",
-                    "n_parameters": c.n_parameters,
-                    "delta_loglik": np.nan if c.reason else c.loglik,
-                    "delta_bic": np.nan if c.reason else c.evidence,
-                    "vaf_before": step.vaf,
-                    "vaf_after": np.nan if c.reason else c.vaf,
-                    "vaf_gain": np.nan if c.reason else c.gain,
-                    "evidence_joint": c.joint,
-                    "evidence_loop": np.nan if c.in_loop is None else c.in_loop.evidence,
-                    "gain_loop": np.nan if c.in_loop is None else c.in_loop.gain,
-                    "p_value": c.p_value,
-                    "confused_with": c.confused_with,
-                    "words": sentence_of(c.effect, display, domain)
-                    + (f" {c.trace}." if c.trace else ""),
-                    "status": status,
-                    "reason": ""
-                    if c.name in chosen
-                    else reason_against(c, winner, taken_out=c.name in of_step),
-                }
+            row = Ranked(
+                step=number,
+                rank=rank,
+                effect=c.id,
+                form=_form(c),
+                parameters=_parameters(c, prepared) if described else "",
+                n_parameters=c.n_parameters,
+                vaf_before=before,
+                evidence_joint=c.joint,
+                p_value=c.p_value,
+                confused_with=c.confused_with,
+                words=sentence_of(c.effect, display, domain) + (f" {c.trace}." if c.trace else ""),
             )
-    for rank, (effect, shown) in enumerate(found.noises, len(path.steps[0].candidates) + 1):
+            if c.reason:
+                row.status = "does not apply"
+            else:
+                row.delta_loglik, row.delta_bic = c.loglik, c.evidence
+                row.vaf_after, row.vaf_gain = before + c.gain, c.gain
+            if c.in_loop is not None:
+                row.evidence_loop, row.gain_loop = c.in_loop.evidence, c.in_loop.gain
+            if c.name not in chosen:
+                row.status = row.status if c.reason else "not better"
+                row.reason = reason_against(c, winner, taken_out=c.name in of_step)
+            rows.append(row)
+    first = path.steps[0]
+    for rank, (effect, shown) in enumerate(found.noises, len(first.candidates) + 1):
         rows.append(
-            {
-                "step": 1,
-                "rank": rank,
-                "effect": effect.name,
-                "form": "",
-                "parameters": shown.parameters,
-                "n_parameters": len(effect.parameters),
-                "delta_loglik": np.nan,
-                "delta_bic": np.nan,
-                "vaf_before": path.steps[0].vaf,
-                "vaf_after": path.steps[0].vaf,
-                "vaf_gain": 0.0,
-                "evidence_joint": np.nan,
-                "evidence_loop": np.nan,
-                "gain_loop": np.nan,
-                "p_value": 0.0,
-                "confused_with": [],
-                "words": f"{effect.physics} It is noise to the free run: {shown.words}.",
-                "status": "added",
-                "reason": "",
-            }
+            Ranked(
+                step=1,
+                rank=rank,
+                effect=effect.name,
+                form="",
+                parameters=shown.parameters,
+                n_parameters=len(effect.parameters),
+                vaf_before=first.refitted_vaf,
+                vaf_after=first.refitted_vaf,
+                vaf_gain=0.0,
+                words=f"{effect.physics} It is noise to the free run: {shown.words}.",
+            )
         )
-    return pd.DataFrame(rows)
+    return pd.DataFrame([vars(row) for row in rows], columns=[one.name for one in fields(Ranked)])
 
 
 def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str:

@@ -98,8 +98,7 @@ def numbers_of(
 def walked(search: Search, path: Path) -> list[SearchStep]:
     """Models with the first, the first two ... of the effects, each fitted anew for every fold."""
     models = search.partial_models(path.model, len(path.steps[0].parent.effects), path.core)
-    noise = search.criterion.remnant_model(path.model.output)
-    steps = [search.judged(model, [], noise) for model in models]
+    steps = [search.judged(model, []) for model in models]
     predictions = [search.refitted(model) for model in models]
     return [
         replace(step, vaf=vaf_of_output(search.record, prediction), prediction=prediction)

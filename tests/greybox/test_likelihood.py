@@ -5,7 +5,8 @@ import pytest
 from scipy.signal import lfilter
 from support.person_in_loop import Person, pursued
 
-from skhoid import OperatorRegressor
+from skhoid import OperatorRegressor, make_tracking_runs
+from skhoid.effects import Feedforward
 from skhoid.greybox.fitting import AR_ORDER, Criterion, normal_equations
 from skhoid.greybox.likelihood import (
     TOLERATED,
@@ -140,3 +141,22 @@ def test_delay_in_a_loop_is_found_where_the_simulation_error_is_off(text):
     print(text, np.round(errors, 3), np.round(plain, 3))
     assert np.median(np.abs(errors)) < 0.03
     assert np.median(np.abs(plain)) > np.median(np.abs(errors))
+
+
+@pytest.mark.slow
+def test_in_which_of_many_minima_a_fit_ends_is_less_than_its_standard_errors():
+    """The last digit of the data decided, for a rate limit beside a response of another kind."""
+    X, y = make_tracking_runs(
+        "C1",
+        n_runs=1,
+        remnant_intensity=0.3,
+        sampling_rate=60,
+        duration=40.96,
+        effects=[Feedforward(gain=0.5, delay=0.2)],
+        random_state=35,
+    )
+    model = OperatorRegressor().with_effect("rate_limit")
+    scales = ((1, 1), (1 + 1e-12, 1), (1 - 1e-12, 1), (1, 1 + 1e-12))
+    tables = [model.fit(X * a, y * b).parameters_ for a, b in scales]
+    values, errors = (np.array([one[name] for one in tables], float) for name in ("value", "sd"))
+    assert np.nanmax(np.ptp(values, axis=0) / errors.min(axis=0)) < 0.5

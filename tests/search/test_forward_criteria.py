@@ -206,8 +206,11 @@ def no_leaks(monkeypatch):
     monkeypatch.setattr(candidates, "leak_of", lambda model: None)
 
 
-def step_of(candidates, **options):
-    return SearchStep("parent", 80.0, np.zeros(0), candidates, **options)
+def step_of(candidates, loop=None, refit=None):
+    def gaining(model):
+        return 80.0 if model == "parent" else 81.0
+
+    return SearchStep("parent", "parent", 80.0, np.zeros(0), candidates, loop, refit or gaining)
 
 
 def test_rank_asks_the_loop_until_one_passes(no_leaks):
@@ -309,7 +312,7 @@ def test_a_step_refits_without_each_fold(opened):
     search, step = opened
     best = step.best
     assert best.name == "dead_zone"
-    gain = search.refit(best.model) - search.refit(step.parent)
+    gain = search.refit(best.model) - step.refitted_vaf
     assert gain > LEAST_GAIN
     assert search.refit(best.model) == pytest.approx(best.vaf, abs=0.5)
 

@@ -80,6 +80,9 @@ def test_a_candidate_is_refused_for_what_leaks_beside_its_parent(record, of_pare
     effect = SimpleNamespace(name="saturation", neutral={})
     candidate = Candidate("saturation", effect, evidence=90.0, gain=2.0)
     candidate.model, candidate.in_loop = more, InLoop()
-    step = SearchStep(parent, 80.0, record.y, [candidate])
+    vafs = {id(parent): 80.0, id(more): 81.0}
+    step = SearchStep(
+        parent, parent, 80.0, record.y, [candidate], None, lambda model: vafs[id(model)]
+    )
     assert step.judge(candidate) == (of_parent > 0)
     assert ("unseen disturbance" in candidate.refused) == (of_parent == 0)
