@@ -20,7 +20,7 @@ def one_step(data: Data) -> Any:
 def vaf(data: Data) -> Any:
     from skhoid import DelaySearchCV
 
-    return DelaySearchCV(nk=range(20, 40), criterion="vaf").fit(*data)
+    return DelaySearchCV(criterion="vaf").fit(*data)
 
 
 def orders(data: Data) -> Any:
