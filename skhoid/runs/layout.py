@@ -9,7 +9,7 @@ levels such as ``subject`` and ``condition``) or, for arrays and plain frames, i
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -69,6 +69,20 @@ class RunLayout:
     def run_of(self, rows: np.ndarray) -> np.ndarray:
         """Run number, counted from 0, of each row position."""
         return np.searchsorted(self.run_starts, rows, side="right") - 1
+
+    def of_run(self, run: int) -> RunLayout:
+        """Layout of the rows of one run."""
+        a, b = self.run_starts[run : run + 2].tolist()
+        low, high = np.searchsorted(self.starts, (a, b))
+        return replace(
+            self,
+            labels=self.labels[run : run + 1],
+            run_starts=np.array([0, b - a]),
+            starts=self.starts[low : high + 1] - a,
+            time=self.time[a:b],
+            trimmed=None if self.trimmed is None else self.trimmed[a:b],
+            kept=None if self.kept is None else self.kept[a:b],
+        )
 
     def where(self, row: int) -> str:
         """Name a row in an error message: its run, its time and its position."""
