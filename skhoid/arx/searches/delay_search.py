@@ -193,6 +193,7 @@ class DelaySearchCV(BestModel):
         self.cv_results_ = results | {"loss": self.loss_}
         if self.criterion == "vaf":
             self.best_score_ = 100.0 - float(self.loss_[self.best_index_])
+        del table  # which holds what the refit reads again
         refit = context.subcontext(task_name="refit")
         refit.call_on_fit_task_begin(estimator=self, X=X, y=y)
         self.best_estimator_ = with_orders(estimator, nk=self.best_nk_).fit(X, y)
