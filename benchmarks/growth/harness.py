@@ -65,7 +65,7 @@ def make_data(
         part = slice(first * run_rows, min((first + 20) * run_rows, rows))
         shape = (min(20, n_runs - first), run_rows)
         f_t = lfilter([0.01], [1.0, -1.98, 0.9801], rng.standard_normal(shape))
-        noise = 1e-3 * rng.standard_normal(shape)
+        noise = 0.03 * rng.standard_normal(shape)
         u = lfilter(to_output, loop, f_t) + lfilter(D, loop, noise)
         x = lfilter(N, D, u)
         for into, signal in zip((*values, output), (f_t - x, x, f_t, u), strict=True):

@@ -38,7 +38,7 @@ class Beginning:
     ) -> Beginning:
         """From the rows that were fitted, and what the user asked for; sets ``initial_``."""
         known = ~np.isnan(output)
-        measured = output[measured_rows(grid) & known]
+        measured = output[measured_rows(grid) & known].astype(np.float64, copy=False)
         levels = float(measured.min()), float(measured.max())
         held = model.initial == ESTIMATE
         if model.initial is None:

@@ -316,8 +316,8 @@ def _check_rank(
             null_space,
             model.parameter_names_,
             model.inputs_,
-            inputs[finite],
-            output[finite],
+            inputs[finite].astype(np.float64),
+            output[finite].astype(np.float64),
             model._output_name,
             model.orders_,
         )

@@ -13,7 +13,7 @@ from sklearn.pipeline import Pipeline
 
 from ...exceptions import ShortRunError
 from ...pipelines import final_step
-from ...preprocessing.base import RowPreservingTransformer
+from ...preprocessing.base import AS_GIVEN, RowPreservingTransformer
 from ...preprocessing.grid import ModelGrid
 from ..base import BaseARX, check_lengths, check_row_count, longest_stretches
 from ..batch import ARXRegressor
@@ -69,7 +69,7 @@ class CandidateTable:
                 "The search needs an ARX model, or a pipeline that ends in one; got "
                 f"{type(self._model).__name__}."
             )
-        self.grid, self._raw_inputs, self.output, *_ = self._model._read_data(X, y)
+        self.grid, self._raw_inputs, self.output, *_ = self._model._read_data(X, y, AS_GIVEN)
         self.dt = self.grid.dt
         self.n_runs = len(self.grid.layout.labels)
 

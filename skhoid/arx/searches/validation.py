@@ -12,6 +12,7 @@ from ..._sklearn import safe_indexing
 from ...exceptions import RankDeficiencyError
 from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
 from ...pipelines import raw_layout, trimmed_rows
+from ...preprocessing.base import AS_GIVEN
 from .candidates import CandidateTable
 from .fitted_candidates import FittedCandidates
 from .folds import Fold
@@ -31,7 +32,9 @@ class Validation:
                 "choose between models."
             )
         self.layout = raw_layout(estimator, X, dt=scorer.dt, run=scorer.run)
-        self.y = column_or_1d(np.asarray(y, dtype=float), warn=False)
+        self.y = column_or_1d(np.asarray(y), warn=False)
+        if self.y.dtype not in AS_GIVEN:
+            self.y = self.y.astype(np.float64)
         self.folds = folds
         self.scorer = scorer
         self.keep = scored_rows(self.layout, scorer.run_in, scorer.window)
@@ -61,13 +64,12 @@ class Validation:
         lost = np.zeros((len(runs), n_blocks, models.n_candidates))
         for i, (run, some) in enumerate(zip(runs, rows, strict=True)):
             cuts = np.clip(edges - (ends[i] - some.size), 0, some.size)
-            signal = self._levelled(self.y[self.layout.run_starts[run] + some])
+            measured = self.y[self.layout.run_starts[run] + some].astype(np.float64)
+            signal = self._levelled(measured)
             power[i] = [np.sum(block**2) for block in np.split(signal, cuts)]
             at = 0
             for free in table.simulate(models, number, run):
-                error = self._levelled(
-                    self.y[self.layout.run_starts[run] + some, None] - free[some]
-                )
+                error = self._levelled(measured[:, None] - free[some])
                 columns = slice(at, at + free.shape[1])
                 for block, part in enumerate(np.split(error, cuts)):
                     lost[i, block, columns] = np.einsum("tm,tm->m", part, part)
@@ -103,8 +105,9 @@ class Validation:
         prediction = np.zeros(layout.n_rows)
         prediction[simulated] = model.predict(safe_indexing(X, simulated))
         keep, scorer = self.keep & test.mask(), self.scorer
-        vaf = vaf_of_rows(self.y, prediction, keep, layout, scorer.average, scorer.centered)
-        signal, error, _ = scored_signals(self.y, prediction, keep, layout, scorer.centered)
+        measured = self.y.astype(np.float64, copy=False)
+        vaf = vaf_of_rows(measured, prediction, keep, layout, scorer.average, scorer.centered)
+        signal, error, _ = scored_signals(measured, prediction, keep, layout, scorer.centered)
         lost, power = (
             np.array([np.sum(block**2) for block in np.array_split(values, self._n_blocks)])
             for values in (error, signal)
