@@ -60,7 +60,7 @@ def raw_layout(estimator: Any, X: Any, *, dt: float | None = None, run: Any = No
 
 def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
     """Rows that a RunInTrimmer inside ``estimator`` leaves out."""
-    trimmed = np.zeros(len(np.asarray(X)), dtype=bool)
+    trimmed = np.zeros(len(X), dtype=bool)
     for _, step in getattr(unwrapped(estimator), "steps", []):
         if isinstance(step, RunInTrimmer):
             trimmed |= run_in_rows(

@@ -16,7 +16,7 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted, c
 from ._sklearn import FittedDisplay
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows
-from .preprocessing.base import check_numbers, read_table
+from .preprocessing.base import DOUBLE, check_numbers, read_table
 from .preprocessing.grid import ModelGrid
 from .runs import DecimationMark, check_alignment, input_columns, output_name
 from .runs.selection import warn_of_pooled
@@ -52,9 +52,11 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         """The same, from initial states that fit an output on the grid."""
         return self._free_run(grid, values)
 
-    def _read_X(self, X: Any, *, reset: bool) -> tuple[ModelGrid, np.ndarray]:
+    def _read_X(
+        self, X: Any, *, reset: bool, dtypes: tuple[type, ...] = DOUBLE
+    ) -> tuple[ModelGrid, np.ndarray]:
         """Read the layout and all columns of X, checked."""
-        layout, values = read_table(self, X, reset=reset)
+        layout, values = read_table(self, X, reset=reset, dtypes=dtypes)
         if reset:
             self._mark = layout.mark
         elif layout.mark != self._mark:
@@ -65,7 +67,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             )
         return ModelGrid.of(layout), values
 
-    def _read_y(self, X: Any, y: Any) -> np.ndarray:
+    def _read_y(self, X: Any, y: Any, dtypes: tuple[type, ...] = DOUBLE) -> np.ndarray:
         """Read y, in which NaN means no measurement."""
         if y is None:
             raise ValueError(
@@ -75,7 +77,8 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         output = column_or_1d(y, warn=True)
         if output.dtype.kind not in "iufb":
             check_numbers(pd.DataFrame({output_name(y): output}), "y")
-        output = np.asarray(output, dtype=np.float64)
+        if output.dtype not in dtypes:
+            output = output.astype(np.float64)
         check_consistent_length(X, output)
         if np.isinf(output).any():
             row = int(np.flatnonzero(np.isinf(output))[0])
@@ -88,11 +91,11 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
     def _channel_names(self, positions: list[int]) -> list[str]:
         return [f"x{p}" if self._names is None else str(self._names[p]) for p in positions]
 
-    def _read_data(self, X: Any, y: Any) -> DataToFit:
+    def _read_data(self, X: Any, y: Any, dtypes: tuple[type, ...] = DOUBLE) -> DataToFit:
         """Read data to fit."""
-        grid, values = self._read_X(X, reset=True)
+        grid, values = self._read_X(X, reset=True, dtypes=dtypes)
         warn_of_pooled(X)
-        output = self._read_y(X, y)
+        output = self._read_y(X, y, dtypes)
         self._output_name = output_name(y)
         self._columns = input_columns(
             self._names, values.shape[1], self.inputs, self._run, self.roles

@@ -306,7 +306,9 @@ def test_order_search_marks_the_chosen(runs, criterion):
     check_lines(text)
     chosen = next(line for line in text.splitlines() if line.endswith("chosen"))
     assert [int(x) for x in chosen.split()[:4]] == list(search.best_params_.values())
-    assert f"{search.best_score_:.1f} %" in " ".join(text.split())
+    by_vaf = f"{search.best_score_:.1f} %" if criterion == "vaf" else "by the lowest BIC."
+    assert by_vaf in " ".join(text.split())
+    assert ("VAF" in text.split("ARXRegressor")[0]) == (criterion == "vaf")
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,31 @@ def free_run(X, begin, end, past, theta, at, na, nb, nk, y0, bound, held):
 
 
 @njit(cache=True, nogil=True)
+def free_runs(X, first, a, b, lags, constant, bound, out):
+    """Simulate one stretch from rest by many models side by side, as ``free_run`` does.
+
+    Row t of ``out``, with a model in each column, follows from ``X[j, first + t - lag]``: the
+    inputs in rows, behind as many zeros as the models look back. Coefficients are ``a[i, model]``
+    and ``b[j, k, model]``, zero where a model has fewer than others.
+    """
+    n_models = out.shape[1]
+    for t in range(out.shape[0]):
+        row = out[t]
+        row[:] = constant
+        for j in range(b.shape[0]):
+            for k in range(b.shape[1]):
+                at = first + t - k
+                for m in range(n_models):
+                    row[m] += b[j, k, m] * X[j, at - lags[j, m]]
+        for i in range(min(a.shape[0], t)):
+            before = out[t - 1 - i]
+            for m in range(n_models):
+                row[m] -= a[i, m] * before[m]
+        for m in range(n_models):
+            row[m] = min(max(row[m], -bound), bound)
+
+
+@njit(cache=True, nogil=True)
 def predict_ahead(y, X, begin, end, theta, at, na, nb, nk, horizon, bound):
     """Predict each row from outputs measured ``horizon`` samples before it, and from all inputs.
 

@@ -17,6 +17,7 @@ from ..greybox.fitting import RemnantModel
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared, SimulatedCore
 from ..human import ELEMENT
+from ..preprocessing.base import AS_GIVEN, DOUBLE
 from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
 from .base import BaseARX
@@ -271,7 +272,10 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         if with_effects and self.method == "iv":
             raise ValueError(NO_EFFECTS_BY_INSTRUMENTS)
         estimated = SimulationError.estimated if with_effects else EQUATION_ERROR[self.method]
-        self._strategy: Strategy = estimated(self, self._read_data(X, y))
+        # Least squares reads rows in parts; all else takes whole columns of 64 bits.
+        in_parts = self.method == "ols" and not with_effects
+        data = self._read_data(X, y, AS_GIVEN if in_parts else DOUBLE)
+        self._strategy: Strategy = estimated(self, data)
         return self
 
     def _simulated_core(self) -> SimulatedCore:

@@ -37,18 +37,19 @@ class Beginning:
         cls, model: ARXRegressor, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray
     ) -> Beginning:
         """From the rows that were fitted, and what the user asked for; sets ``initial_``."""
-        measured = output[measured_rows(grid) & ~np.isnan(output)]
+        known = ~np.isnan(output)
+        measured = output[measured_rows(grid) & known].astype(np.float64, copy=False)
         levels = float(measured.min()), float(measured.max())
         held = model.initial == ESTIMATE
         if model.initial is None:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", MissingDataWarning)  # the fit has said so
                 inputs = model._hold(grid, inputs)
-            first = measured_rows(grid, FIRST) & ~np.isnan(output)
-            ways = [
-                cls(None, way, levels)._free(model, grid, inputs, FIRST) for way in (False, True)
+            first = measured_rows(grid, FIRST) & known
+            left = [
+                float(((output[first] - way._free(model, grid, inputs, FIRST)[first]) ** 2).sum())
+                for way in (cls(None, held, levels) for held in (False, True))
             ]
-            left = [float(((output - way)[first] ** 2).sum()) for way in ways]
             held = pays(left[0], left[1], measured)
         model.initial_ = ESTIMATE if held else REST
         return cls(ESTIMATE if held else model.initial, held, levels)

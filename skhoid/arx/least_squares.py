@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork
+from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork, dtpqrt
+
+PANEL = 8  # columns that dtpqrt reduces at a time; the fastest of 4 to 32
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,22 @@ class Triangle:
         factored, _, _, _ = dgeqrf(table, lwork=lwork, overwrite_a=True)
         n = table.shape[1]
         return cls(np.triu(factored[:n]), table.shape[0])
+
+    @classmethod
+    def of_blocks(cls, blocks: Iterable[np.ndarray], n_columns: int) -> Triangle:
+        """Factorise a table that comes in blocks of rows, which are overwritten."""
+        R, n_rows = np.zeros((n_columns, n_columns), order="F"), 0
+        for block in blocks:
+            if len(block):
+                R = _absorbed(R, block, 0)
+                n_rows += len(block)
+        return cls(R, n_rows)
+
+    def merged(self, other: Triangle) -> Triangle:
+        """The triangle of the rows of both."""
+        R = np.array(self.R, order="F")
+        below = np.array(other.R, order="F")
+        return Triangle(_absorbed(R, below, len(below)), self.n_rows + other.n_rows)
 
     def subset(self, columns: list[int]) -> Triangle:
         """Factorise some of the regressors, and the output, from R alone."""
@@ -61,6 +80,26 @@ class Triangle:
         p = self.R.shape[1] - 1
         inverse = solve_triangular(self.R[:p, :p], np.eye(p), check_finite=False)
         return inverse @ inverse.T
+
+
+def _absorbed(R: np.ndarray, below: np.ndarray, triangular: int) -> np.ndarray:
+    """R of the rows of R and those below it, of which the last ``triangular`` are a triangle."""
+    return dtpqrt(triangular, min(PANEL, len(R)), R, below, overwrite_a=True, overwrite_b=True)[0]
+
+
+def solutions(triangles: list[Triangle], columns: list[int]) -> np.ndarray:
+    """Least squares of some of the regressors in each triangle; NaN where they are dependent."""
+    p = len(columns)
+    chosen = np.stack([triangle.R[:, [*columns, -1]] for triangle in triangles])
+    R = np.linalg.qr(chosen, mode="r")
+    scale = np.sqrt(np.sum(R[:, :p, :p] ** 2, axis=1, keepdims=True))
+    sizes = np.linalg.svd(R[:, :p, :p] / np.where(scale > 0, scale, 1.0), compute_uv=False)
+    n_rows = np.array([triangle.n_rows for triangle in triangles])
+    tolerance = sizes[:, 0] * np.maximum(n_rows, p) * np.finfo(float).eps
+    known = sizes[:, -1] > tolerance
+    found = np.full((len(triangles), p), np.nan)
+    found[known] = np.linalg.solve(R[known, :p, :p], R[known, :p, p:])[..., 0]
+    return found
 
 
 def newey_west(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+BLOCK = 4096  # rows of regressors at a time: with 50 lags they stay in cache
 
 
 @dataclass(frozen=True)
@@ -129,3 +132,14 @@ def regressors(
         missing = int(total - complete.sum())
         return np.asfortranarray(table[complete]), rows[complete], missing
     return table, rows, 0
+
+
+def regressor_blocks(
+    y: np.ndarray, X: np.ndarray, begin: np.ndarray, end: np.ndarray, orders: Orders
+) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
+    """Yield :func:`regressors` in blocks of rows, which take hardly any memory together."""
+    first = orders.first_row
+    for start, stop in zip(begin.tolist(), end.tolist(), strict=True):
+        for a in range(start, stop - first, BLOCK):
+            b = min(a + first + BLOCK, stop)
+            yield regressors(y, X, np.array([a]), np.array([b]), orders)

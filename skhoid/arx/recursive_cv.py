@@ -248,25 +248,18 @@ class RecursiveARXCV(RecursiveARX):
         if self.cv is None and groups is None:
             every = np.arange(len(layout.labels))
             return [(np.delete(every, run), every[[run]]) for run in every]
-        run = layout.run_of(np.arange(layout.n_rows))
         with warnings.catch_warnings():
             warnings.simplefilter("error", RunCutWarning)
             try:
                 folds = folds_of(X, y, layout, self.cv, groups)
             except RunCutWarning as cut:
                 raise ValueError(f"{cut} A path in time cannot be scored within a run.") from None
-        length = np.diff(layout.run_starts)
-        pairs = []
-        for fold in folds:
-            masks = (fold.train, fold.test)
-            counts = [np.bincount(run[mask], minlength=length.size) for mask in masks]
-            if any(((count > 0) & (count < length)).any() for count in counts):
-                raise ValueError(
-                    f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs "
-                    "whole ones, as LeaveOneGroupOut and GroupKFold give."
-                )
-            pairs.append((np.flatnonzero(counts[0]), np.flatnonzero(counts[1])))
-        return pairs
+        if any(rows.cut for fold in folds for rows in fold):
+            raise ValueError(
+                f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs "
+                "whole ones, as LeaveOneGroupOut and GroupKFold give."
+            )
+        return [(np.flatnonzero(f.train.whole), np.flatnonzero(f.test.whole)) for f in folds]
 
     def _set_results(self, settings: list[Forgetting], scores: np.ndarray) -> None:
         """Make the table, from scores of shape (n_folds, 2, n_settings): test and train."""

@@ -34,7 +34,7 @@ from .excitation import rank_error
 from .instruments import estimate
 from .least_squares import Triangle, newey_west
 from .model_summary import batch_summary
-from .orders import Orders, regressors
+from .orders import Orders, regressor_blocks, regressors
 
 if TYPE_CHECKING:
     from .batch import ARXRegressor
@@ -124,23 +124,26 @@ class EquationError(AnswersByEquation):
         grid, inputs, output = data.grid, data.inputs, data.output
         begin, end = _begun(model, grid)
         hac, orders = model.covariance == "hac", model.orders_
-        table, rows, model.n_rows_missing_ = regressors(output, inputs, begin, end, orders)
-        check_row_count(rows.size, orders.n_params, output, grid)
-        model._report_missing(grid, inputs, output, rows.size, model.inputs_)
-        keep = np.array(table, order="F") if hac else None
-        triangle = Triangle.of(table)
+        blocks = regressor_blocks(output, inputs, begin, end, orders)
+        triangle = Triangle.of_blocks((table for table, *_ in blocks), orders.n_params + 1)
+        n_rows = triangle.n_rows
+        possible = int(np.maximum(end - begin - orders.first_row, 0).sum())
+        model.n_rows_missing_ = possible - n_rows
+        check_row_count(n_rows, orders.n_params, output, grid)
+        model._report_missing(grid, inputs, output, n_rows, model.inputs_)
         _check_rank(model, triangle, inputs, output)
         coef = triangle.solve()
-        variance = triangle.rss / max(rows.size - orders.n_params, 1)
+        variance = triangle.rss / max(n_rows - orders.n_params, 1)
         bread = triangle.inverse_information()
-        if keep is None:
-            covariance = variance * bread
-        else:
-            errors = keep[:, -1] - keep[:, :-1] @ coef
+        if hac:
+            table, rows, _ = regressors(output, inputs, begin, end, orders)
+            errors = table[:, -1] - table[:, :-1] @ coef
             # The sum over influences, not of scores, keeps variances positive near collinearity.
-            influence = (keep[:, :-1] * errors[:, None]) @ bread
+            influence = (table[:, :-1] * errors[:, None]) @ bread
             covariance = newey_west(influence, rows, grid.begin)
-        _show(model, coef, covariance, variance, rows.size)
+        else:
+            covariance = variance * bread
+        _show(model, coef, covariance, variance, n_rows)
         return cls(hac, Beginning.seen(model, grid, inputs, output))
 
     @classmethod
@@ -313,8 +316,8 @@ def _check_rank(
             null_space,
             model.parameter_names_,
             model.inputs_,
-            inputs[finite],
-            output[finite],
+            inputs[finite].astype(np.float64),
+            output[finite].astype(np.float64),
             model._output_name,
             model.orders_,
         )

@@ -37,7 +37,8 @@ def pays(rest: float, other: float, y: np.ndarray) -> bool:
     """
     if not y.size:
         return False
-    power = float(((y - y.mean()) ** 2).sum())
+    moves = y - y.mean()
+    power = float(np.square(moves, out=moves).sum())
     return bool(rest - other > max(SHARE_OF_ERROR * rest, SHARE_OF_POWER * power))
 
 

@@ -139,6 +139,11 @@ class VAFContourDisplay(Display):
         """
         check_search(search, OrderSearchCV, cls.__name__)
         results = search.cv_results_
+        if "mean_test_score" not in results:
+            raise ValueError(
+                "The search went by an information criterion and simulated nothing, so there is "
+                "no VAF to draw: fit one with criterion='vaf'."
+            )
         factors = sorted(set(results["param_factor"]))
         wanted = search.best_factor_ if factor is None else factor
         if wanted not in factors:

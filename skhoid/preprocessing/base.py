@@ -21,8 +21,13 @@ from ..runs import (
     run_time_index,
 )
 
+DOUBLE = (np.float64,)
+AS_GIVEN = (np.float64, np.float32)  # what is read in parts, and need not be copied as a whole
 
-def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.ndarray]:
+
+def read_table(
+    estimator: Any, X: Any, *, reset: bool, dtypes: tuple[type, ...] = DOUBLE
+) -> tuple[RunLayout, np.ndarray]:
     """Read the layout and the checked values of X, with the ``dt`` and ``run`` of an estimator.
 
     Labels in a run column that are not numbers count up from 0 in the values.
@@ -44,9 +49,7 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
                 X = X.copy(deep=False)
                 X.isetitem(position, layout.run_of(np.arange(len(X))))
         check_numbers(X, "X")
-    values = validate_data(
-        estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
-    )
+    values = validate_data(estimator, X, reset=reset, dtype=dtypes, ensure_all_finite="allow-nan")
     if layout is None:
         names = list(X.columns) if hasattr(X, "columns") else None
         columns = names or list(range(values.shape[1]))

@@ -9,7 +9,7 @@ levels such as ``subject`` and ``condition``) or, for arrays and plain frames, i
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -69,6 +69,20 @@ class RunLayout:
     def run_of(self, rows: np.ndarray) -> np.ndarray:
         """Run number, counted from 0, of each row position."""
         return np.searchsorted(self.run_starts, rows, side="right") - 1
+
+    def of_run(self, run: int) -> RunLayout:
+        """Layout of the rows of one run."""
+        a, b = self.run_starts[run : run + 2].tolist()
+        low, high = np.searchsorted(self.starts, (a, b))
+        return replace(
+            self,
+            labels=self.labels[run : run + 1],
+            run_starts=np.array([0, b - a]),
+            starts=self.starts[low : high + 1] - a,
+            time=self.time[a:b],
+            trimmed=None if self.trimmed is None else self.trimmed[a:b],
+            kept=None if self.kept is None else self.kept[a:b],
+        )
 
     def where(self, row: int) -> str:
         """Name a row in an error message: its run, its time and its position."""
@@ -212,7 +226,7 @@ def _layout_from_multiindex(
         )
     marks = read_marks(index)
     keys = [i for i, name in enumerate(names) if name != TIME and not is_mark(str(name))]
-    codes = np.zeros(len(index), dtype=np.int64)
+    codes: Any = 0
     for position in keys:
         level_codes = np.asarray(index.codes[position])
         if level_codes.size and level_codes.min() < 0:
@@ -220,6 +234,8 @@ def _layout_from_multiindex(
             raise RunIndexError(
                 f"Row {row} has no label in the index level {names[position]!r} (NaN)."
             )
+        if len(keys) > 1:
+            level_codes = level_codes.astype(np.int64)
         codes = codes * max(len(index.levels[position]), 1) + level_codes
     changes = np.flatnonzero(codes[1:] != codes[:-1]) + 1
     firsts = np.concatenate(([0], changes)) if codes.size else np.array([], dtype=np.int64)
@@ -276,7 +292,9 @@ def _layout_from_time(
     typical = typical_step(step, run_starts, labels)
     known = dt or fallback_dt
     few = within.sum() < 3
-    if known is not None and (few or (np.abs(step[within] - known) <= 0.01 * known).any()):
+    if known is not None and (
+        few or (within & (step >= 0.99 * known) & (step <= 1.01 * known)).any()
+    ):
         typical = known  # of few rows around a gap the median says nothing
     if typical is None:
         typical = dt or fallback_dt
@@ -285,7 +303,9 @@ def _layout_from_time(
                 "The sampling time cannot be read from the index: every run has one row. Give it "
                 "as dt= (in seconds)."
             )
+    starts = _cut(run_starts, within & (step > GAP * typical))
     regular = step[within & (step <= GAP * typical)]
+    del step  # as long as the data, like what follows
     found = snap(float(regular.mean()) if regular.size else typical)
     for given, whose in ((dt, "and dt="), (fallback_dt, "and the model was fitted at ")):
         if given is not None and abs(found - given) > 0.01 * given:
@@ -294,28 +314,27 @@ def _layout_from_time(
                 f"one sampling time: skhoid.resample_runs(X, dt={given:g}) makes that grid."
             )
     found = dt or fallback_dt or found
-    deviation = np.abs(regular - found) / found
-    jitter = float(deviation.max()) if deviation.size else 0.0
-    layout = RunLayout(
-        labels,
-        run_starts,
-        _cut(run_starts, within & (step > GAP * typical)),
-        time,
-        found,
-        jitter,
-        **marks,
-    )
+    jitter = 0.0
+    if regular.size:
+        jitter = float(max(regular.max() - found, found - regular.min()) / found)
+    layout = RunLayout(labels, run_starts, starts, time, found, jitter, **marks)
     if jitter > JITTER_TOLERANCE:
-        gapless = within & (step <= GAP * typical)
-        row = int(np.argmax(np.where(gapless, np.abs(step - found), -1.0))) + 1
-        raise IrregularSamplingError(
-            f"Irregular sampling: {layout.where(row)} comes {step[row - 1]:.6g} s after the row "
-            f"before it, and the sampling time is {snap(typical):.6g} s (largest deviation "
-            f"{100 * jitter:.1f} %, rms {100 * np.sqrt(np.mean(deviation**2)):.2f} %; "
-            f"{100 * JITTER_TOLERANCE:.0f} % is tolerated). Bring the runs onto a regular grid "
-            f"with X, y = skhoid.resample_runs(X, y, dt={snap(typical):.6g})."
-        )
+        raise _irregular(layout, typical)
     return layout
+
+
+def _irregular(layout: RunLayout, typical: float) -> IrregularSamplingError:
+    """Say where the step is that deviates most from the sampling time."""
+    step, dt = np.diff(layout.time), layout.dt
+    deviation = np.where(within_runs(layout.starts), np.abs(step - dt) / dt, np.nan)
+    row = int(np.nanargmax(deviation)) + 1
+    return IrregularSamplingError(
+        f"Irregular sampling: {layout.where(row)} comes {step[row - 1]:.6g} s after the row "
+        f"before it, and the sampling time is {snap(typical):.6g} s (largest deviation "
+        f"{100 * layout.jitter:.1f} %, rms {100 * np.sqrt(np.nanmean(deviation**2)):.2f} %; "
+        f"{100 * JITTER_TOLERANCE:.0f} % is tolerated). Bring the runs onto a regular grid "
+        f"with X, y = skhoid.resample_runs(X, y, dt={snap(typical):.6g})."
+    )
 
 
 def _cut(run_starts: np.ndarray, is_cut: np.ndarray) -> np.ndarray:

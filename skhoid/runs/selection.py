@@ -93,8 +93,10 @@ def warn_of_pooled(X: Any, stacklevel: int = 4) -> None:
     if not isinstance(index, pd.MultiIndex):
         return
     for name in index.names:
+        if name in (RUN, TIME) or is_mark(str(name)):
+            continue
         values = index.get_level_values(name).unique()
-        if name in (RUN, TIME) or is_mark(str(name)) or len(values) < 2:
+        if len(values) < 2:
             continue
         warnings.warn(
             f"Runs of {len(values)} {name}s are fitted as those of one: "

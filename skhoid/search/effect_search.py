@@ -320,7 +320,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             return _blocks(known, round(GUARD / record.dt))
         folds = []
         for fold in folds_of(X, y, prepared.grid.layout, self.cv, groups):
-            rows = fold.test if prepared.grid.rows is None else fold.test[prepared.grid.rows]
+            rows = prepared.grid.thin_inputs(fold.test.mask())
             test = columns.beside(rows, fill=False) & known
             if test.any():
                 folds.append(HeldOutRows(test, known & ~test))

@@ -3,6 +3,9 @@
 import os
 import subprocess
 import sys
+from fractions import Fraction
+from functools import reduce
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +14,9 @@ from hypothesis import strategies as st
 from support import naive
 
 from skhoid import _kernels
-from skhoid.arx.least_squares import Triangle, newey_west
-from skhoid.arx.orders import Orders, regressors
+from skhoid.arx.least_squares import Triangle, newey_west, solutions
+from skhoid.arx.orders import BLOCK, Orders, regressor_blocks, regressors
+from skhoid.arx.searches.fitted_candidates import FittedCandidates
 
 BOUND = 1e100
 
@@ -243,3 +247,96 @@ def test_loops_compiled_in_different_processes_are_not_confused(tmp_path):
             [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd="/"
         )
         assert done.stdout.strip() == str([(n, 100) for n in runs]), done.stderr
+
+
+@settings(max_examples=60, deadline=None)
+@given(problems(missing=False), st.integers(1, 4))
+def test_free_runs_side_by_side_are_those_of_each_model(problem, n_models):
+    X, _, stretches, orders, theta = problem
+    rng = np.random.default_rng(n_models)
+    n_inputs = X.shape[1]
+    models = [
+        Orders(
+            int(rng.integers(0, 4)),
+            tuple(rng.integers(1, 4, n_inputs).tolist()),
+            tuple(rng.integers(0, 5, n_inputs).tolist()),
+            bool(rng.integers(2)),
+        )
+        for _ in range(n_models - 1)
+    ]
+    models.append(orders)
+    thetas = [rng.standard_normal(model.n_params) for model in models[:-1]] + [theta]
+    fitted = FittedCandidates.of(models, [each[None] for each in thetas])
+    begin, end = edges(stretches)
+    grid = SimpleNamespace(begin=begin, end=end, past=begin, n_rows=len(X))
+    found = fitted.simulate(0, slice(None), grid, X)
+    for column, model, each in zip(found.T, models, thetas, strict=True):
+        alone, _ = run_free(X, stretches, model, each)
+        for a, b in stretches:
+            np.testing.assert_array_equal(column[a:b], alone[a:b])
+
+
+@pytest.mark.parametrize("n_rows", [3, 4096, 9000])
+def test_regressors_in_blocks(n_rows):
+    rng = np.random.default_rng(n_rows)
+    X, y = rng.standard_normal((n_rows + 20, 2)), rng.standard_normal(n_rows + 20)
+    y[rng.random(y.size) < 0.01] = np.nan
+    begin, end = np.array([0, 8]), np.array([8, n_rows + 20])
+    orders = Orders(2, (2, 1), (1, 4), True)
+    table, rows, missing = regressors(y, X, begin, end, orders)
+    blocks = list(regressor_blocks(y, X, begin, end, orders))
+    np.testing.assert_array_equal(np.concatenate([block[0] for block in blocks]), table)
+    np.testing.assert_array_equal(np.concatenate([block[1] for block in blocks]), rows)
+    assert sum(block[2] for block in blocks) == missing
+    assert max(len(block[0]) for block in blocks) <= BLOCK
+
+
+def ill_conditioned(n_rows, p):
+    """Lags of a slow signal and an output, in multiples of 2^-30, with exact least squares."""
+    rng = np.random.default_rng(0)
+    slow = np.cumsum(np.cumsum(rng.standard_normal(n_rows + p))) / 1e3
+    table = np.column_stack([slow[lag : lag + n_rows] for lag in range(p)])
+    table = np.column_stack([table, table @ rng.standard_normal(p) + rng.standard_normal(n_rows)])
+    whole_numbers = np.rint(table * 2.0**30).astype(np.int64)
+    exact = whole_numbers.astype(object)
+    system = [[Fraction(int(v)) for v in row] for row in exact[:, :-1].T @ exact]
+    for k in range(p):  # Gauss-Jordan
+        system[k] = [v / system[k][k] for v in system[k]]
+        for i in set(range(p)) - {k}:
+            system[i] = [a - system[i][k] * b for a, b in zip(system[i], system[k], strict=True)]
+    return whole_numbers / 2.0**30, np.array([float(row[-1]) for row in system])
+
+
+@pytest.mark.parametrize("parts", [1, 2, 7, 40])
+def test_merged_triangles_are_as_accurate_as_that_of_all_rows(parts):
+    table, theta = ill_conditioned(5000, 5)
+    size = np.linalg.norm(theta)
+    normal = np.linalg.solve(*np.split(table[:, :-1].T @ table, [5], axis=1))[:, 0]
+    assert np.linalg.norm(normal - theta) > 1e-8 * size  # which QR alone keeps right
+    whole = Triangle.of(np.array(table, order="F"))
+    n_columns = table.shape[1]
+    pieces = [
+        Triangle.of_blocks([np.array(b, order="F") for b in np.array_split(piece, 3)], n_columns)
+        for piece in np.array_split(table, parts)
+    ]
+    merged = reduce(Triangle.merged, pieces)
+    assert merged.n_rows == whole.n_rows == len(table)
+    for triangle in (merged, whole):
+        assert np.linalg.norm(triangle.solve() - theta) < 1e-9 * size
+    np.testing.assert_allclose(merged.rss, whole.rss, rtol=1e-12)
+    first = [0, 2, 3]
+    found = solutions([merged, pieces[0], whole], first)
+    for row, triangle in zip(found, [merged, pieces[0], whole], strict=True):
+        np.testing.assert_allclose(row, triangle.subset(first).solve(), rtol=1e-10)
+
+
+def test_solutions_of_dependent_regressors_are_nan():
+    rng = np.random.default_rng(0)
+    table = rng.standard_normal((50, 4))
+    dependent = table.copy()
+    dependent[:, 1] = -2 * dependent[:, 0]
+    few = table.copy()[:2]
+    triangles = [Triangle.of_blocks([np.asfortranarray(t)], 4) for t in (table, dependent, few)]
+    found = solutions(triangles, [0, 1, 2])
+    assert np.isnan(found).all(axis=1).tolist() == [False, True, True]
+    assert not np.isnan(solutions(triangles[:2], [0, 2])).any()

@@ -1,26 +1,28 @@
-"""Many ARX candidates on the same rows: one factorisation, then a small problem each."""
+"""Many ARX candidates on the same rows: one triangle for each run, then a small problem each."""
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Iterable, Iterator
+from functools import cached_property, reduce
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
-from sklearn.utils.validation import column_or_1d
 
-from ... import _kernels
-from ..._sklearn import safe_indexing
-from ...exceptions import RankDeficiencyError, ShortRunError
-from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, vaf_of_rows
-from ...pipelines import final_step, raw_layout, trimmed_rows
-from ...preprocessing.base import RowPreservingTransformer
-from ..base import BaseARX, check_lengths, check_row_count, free_run_output, longest_stretches
+from ...exceptions import ShortRunError
+from ...pipelines import final_step
+from ...preprocessing.base import AS_GIVEN, RowPreservingTransformer
+from ...preprocessing.grid import ModelGrid
+from ..base import BaseARX, check_lengths, check_row_count, longest_stretches
 from ..batch import ARXRegressor
-from ..least_squares import Triangle
-from ..orders import Orders, regressors, whole_number
-from .folds import Fold
+from ..least_squares import Triangle, solutions
+from ..orders import Orders, regressor_blocks, whole_number
+from .fitted_candidates import FittedCandidates
+from .folds import RunRows
+
+SAMPLES = 1 << 20  # simulated at a time
 
 
 def has_fast_path(estimator: Any) -> bool:
@@ -54,7 +56,8 @@ def as_candidate(name: str, value: Any) -> Any:
 class CandidateTable:
     """Regressors of the largest candidate, of which every other one takes some columns.
 
-    All candidates are compared on the same rows: those on which the largest lags are known.
+    All candidates are compared on the same rows: those on which the largest lags are known. The
+    rows are read run by run, and only triangles are kept of them.
     """
 
     def __init__(self, estimator: Any, X: Any, y: Any) -> None:
@@ -66,13 +69,14 @@ class CandidateTable:
                 "The search needs an ARX model, or a pipeline that ends in one; got "
                 f"{type(self._model).__name__}."
             )
-        self.grid, self._raw_inputs, self.output, *_ = self._model._read_data(X, y)
+        self.grid, self._raw_inputs, self.output, *_ = self._model._read_data(X, y, AS_GIVEN)
         self.dt = self.grid.dt
+        self.n_runs = len(self.grid.layout.labels)
 
     @cached_property
     def inputs(self) -> np.ndarray:
         """Inputs to simulate from."""
-        return _kernels.gate(self._model._hold(self.grid, self._raw_inputs))
+        return self._model._hold(self.grid, self._raw_inputs)
 
     @property
     def shortest_run(self) -> int:
@@ -80,9 +84,8 @@ class CandidateTable:
         return int(longest_stretches(self.grid).min())
 
     def set_candidates(self, candidates: list[dict[str, Any]]) -> None:
-        """Stack the regressors of candidates ``{"na": ..., "nb": ..., "nk": ...}``."""
-        model, inputs = self._model, self._raw_inputs
-        n_inputs = inputs.shape[1]
+        """Take candidates ``{"na": ..., "nb": ..., "nk": ...}``."""
+        model, n_inputs = self._model, self._raw_inputs.shape[1]
         self.orders = [
             Orders.of(
                 c.get("na", model.na), c.get("nb", model.nb), c["nk"], n_inputs, model.fit_intercept
@@ -96,12 +99,6 @@ class CandidateTable:
             max(o.na for o in self.orders), lengths, low, n_inputs, model.fit_intercept
         )
         check_lengths(self.grid, self.largest)
-        begin, end = self.grid.begin[self.grid.measured], self.grid.end[self.grid.measured]
-        self.table, self.rows, self.n_missing = regressors(
-            self.output, inputs, begin, end, self.largest
-        )
-        most = max(o.n_params for o in self.orders)
-        check_row_count(self.rows.size, most + 1, self.output, self.grid)  # a loss needs one more
 
     def columns(self, orders: Orders) -> list[int]:
         """Columns of the table that are the regressors of ``orders``."""
@@ -115,103 +112,127 @@ class CandidateTable:
         return chosen + ([at] if orders.intercept else [])
 
     def whole(self) -> Triangle:
-        """Factorise all rows; the table is overwritten, so this comes last."""
-        return Triangle.of(self.table)
+        """Factorise all rows."""
+        return self._checked(self._factorised(range(self.n_runs)))
 
-    def triangle(self, train: np.ndarray) -> Triangle:
-        """Factorise the rows whose lags all lie in ``train`` (a mask of full-rate rows)."""
-        on_grid = train if self.grid.rows is None else train[self.grid.rows]
-        outside = np.concatenate(([0], np.cumsum(~on_grid)))
-        inside = outside[self.rows + 1] == outside[self.rows - self.largest.first_row]
-        if inside.sum() < self.table.shape[1]:
-            raise ShortRunError(
-                f"A fold leaves {int(inside.sum())} rows to fit up to {self.table.shape[1] - 1} "
-                "lags on. Use fewer folds, or smaller na, nb and nk."
-            )
-        return Triangle.of(np.asfortranarray(self.table[inside]))
+    def between(self, start: float, stop: float) -> Triangle:
+        """Factorise the rows of all runs with ``start <= time < stop``."""
+        return self._of_tables(
+            table
+            for run in range(self.n_runs)
+            for table, _ in self._blocks(run, *np.searchsorted(self._times(run), (start, stop)))
+        )
+
+    def time_span(self) -> tuple[float, float]:
+        """First and last time of the rows."""
+        known = [
+            self._times(run)[rows[[0, -1]]]
+            for run in range(self.n_runs)
+            for _, rows in self._blocks(run)
+            if rows.size
+        ]
+        return float(np.min(known)), float(np.max(known))
+
+    def triangles(self, training: list[RunRows]) -> tuple[list[Triangle], Triangle]:
+        """Factorise the rows whose lags all lie in each of several parts of the data, and all.
+
+        Each row is factorised once, together with the runs that are in the same parts; the
+        triangle of a part is merged of these. Only runs that a part cuts are read again.
+        """
+        belongs = np.array([rows.whole for rows in training])
+        _, unit_of = np.unique(belongs, axis=1, return_inverse=True)
+        members = [np.flatnonzero(unit_of == unit) for unit in dict.fromkeys(unit_of.tolist())]
+        units = [self._factorised(runs) for runs in members]
+        # Merged up to each unit, and from it on, so that to leave one out takes one merge more.
+        upto = list(accumulate(units, Triangle.merged))
+        since = list(accumulate(reversed(units), Triangle.merged))[::-1]
+        parts = []
+        for rows in training:
+            chosen = rows.whole[[runs[0] for runs in members]]
+            out = np.flatnonzero(~chosen)
+            head, tail = (out[0], out[-1] + 1) if out.size else (len(units), len(units))
+            pieces = [
+                *upto[max(head - 1, 0) : head],
+                *(units[i] for i in range(head, tail) if chosen[i]),
+                *since[tail : tail + 1],
+                *(self._of_cut_run(run, mask) for run, mask in rows.cut.items()),
+            ]
+            parts.append(self._enough(pieces))
+        return parts, self._checked(upto[-1])
 
     def one_step_loss(self, triangle: Triangle, orders: Orders) -> float:
         """Mean squared one-step error (Eq. 24); NaN where regressors are linearly dependent."""
         small = triangle.subset(self.columns(orders))
         return np.nan if len(small.null_space()) else small.rss / triangle.n_rows
 
-    def simulate(self, orders: Orders, theta: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Free run at full rate, of the stretches with any of ``rows`` (a mask)."""
-        grid = self.grid
-        touched = rows if grid.rows is None else rows[grid.rows]
-        some = np.add.reduceat(touched, grid.begin) > 0
-        stretches = (grid.begin[some], grid.end[some], grid.past[some])
-        constant = np.zeros(len(self.inputs), dtype=np.int64)
-        free = free_run_output(self.inputs, stretches, orders, theta[None], constant)
-        return grid.to_full_rate(free, rows)
+    def fitted(self, triangles: list[Triangle]) -> FittedCandidates:
+        """All candidates, fitted on the rows of each triangle."""
+        found = [solutions(triangles, self.columns(orders)) for orders in self.orders]
+        return FittedCandidates.of(self.orders, found)
 
+    def simulate(self, models: FittedCandidates, part: int, run: int) -> Iterator[np.ndarray]:
+        """Free runs of a run at full rate: some candidates at a time, one in each column."""
+        grid, at = self._of_run[run]
+        some = max(1, SAMPLES // grid.layout.n_rows)
+        for first in range(0, models.n_candidates, some):
+            free = models.simulate(part, slice(first, first + some), grid, self.inputs[at])
+            if grid.rows is not None:
+                free = np.column_stack([grid.to_full_rate(column) for column in free.T])
+            yield free
 
-class Validation:
-    """Scores candidates on the folds, in the rows that the scorer and the run-in leave."""
+    @cached_property
+    def _of_run(self) -> list[tuple[ModelGrid, slice]]:
+        """The grid of each run, and where its rows are in that of all."""
+        layout, rows = self.grid.layout, self.grid.rows
+        starts = layout.run_starts if rows is None else np.searchsorted(rows, layout.run_starts)
+        return [
+            (ModelGrid.of(layout.of_run(run)), slice(a, b))
+            for run, (a, b) in enumerate(pairwise(starts.tolist()))
+        ]
 
-    def __init__(
-        self, estimator: Any, X: Any, y: Any, folds: list[Fold], scorer: VAFScorer
-    ) -> None:
-        if scorer.rate == "model":
-            raise ValueError(
-                "A search scores at the full rate; figures of VAFScorer(rate='model') cannot "
-                "choose between models."
+    def _times(self, run: int) -> np.ndarray:
+        grid, _ = self._of_run[run]
+        return grid.thin_inputs(grid.layout.time)
+
+    def _blocks(
+        self, run: int, low: int = 0, high: int | None = None
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Regressors with output of a run, or of its rows from ``low`` to ``high``, and rows."""
+        grid, at = self._of_run[run]
+        begin, end = grid.begin[grid.measured], grid.end[grid.measured]
+        begin = np.maximum(begin, low - self.largest.first_row)
+        end = end if high is None else np.minimum(end, high)
+        for table, rows, _ in regressor_blocks(
+            self.output[at], self._raw_inputs[at], begin, end, self.largest
+        ):
+            yield table, rows
+
+    def _factorised(self, runs: Iterable[int]) -> Triangle:
+        return self._of_tables(table for run in runs for table, _ in self._blocks(run))
+
+    def _of_cut_run(self, run: int, mask: np.ndarray) -> Triangle:
+        """Factorise the rows of a run whose lags all lie in a mask of its rows."""
+        grid, _ = self._of_run[run]
+        outside = np.concatenate(([0], np.cumsum(~grid.thin_inputs(mask))))
+        first = self.largest.first_row
+        return self._of_tables(
+            np.asfortranarray(table[outside[rows + 1] == outside[rows - first]])
+            for table, rows in self._blocks(run)
+        )
+
+    def _of_tables(self, tables: Iterable[np.ndarray]) -> Triangle:
+        return Triangle.of_blocks(tables, self.largest.n_params + 1)
+
+    def _checked(self, whole: Triangle) -> Triangle:
+        most = max(o.n_params for o in self.orders)
+        check_row_count(whole.n_rows, most + 1, self.output, self.grid)  # a loss needs one more
+        return whole
+
+    def _enough(self, pieces: list[Triangle]) -> Triangle:
+        n_rows, n_params = sum(piece.n_rows for piece in pieces), self.largest.n_params
+        if n_rows <= n_params:
+            raise ShortRunError(
+                f"A fold leaves {n_rows} rows to fit up to {n_params} "
+                "lags on. Use fewer folds, or smaller na, nb and nk."
             )
-        self.layout = raw_layout(estimator, X, dt=scorer.dt, run=scorer.run)
-        self.y = column_or_1d(np.asarray(y, dtype=float), warn=False)
-        self.folds = folds
-        self.scorer = scorer
-        self.keep = scored_rows(self.layout, scorer.run_in, scorer.window)
-        self.keep &= ~trimmed_rows(estimator, X)
-
-    def vaf(self, prediction: np.ndarray, fold: Fold) -> float:
-        return vaf_of_rows(
-            self.y,
-            prediction,
-            self.keep & fold.test,
-            self.layout,
-            self.scorer.average,
-            self.scorer.centered,
-        )
-
-    def score_candidate(
-        self, table: CandidateTable, triangle: Triangle, index: int, fold: Fold
-    ) -> tuple[float, np.ndarray]:
-        """VAF and free run of a candidate fitted on a fold; NaN if it cannot be fitted."""
-        orders = table.orders[index]
-        small = triangle.subset(table.columns(orders))
-        if len(small.null_space()):
-            return np.nan, np.empty(0)
-        prediction = table.simulate(orders, small.solve(), fold.test)
-        return self.vaf(prediction, fold), prediction
-
-    def error_of_single_fold(self, scored: list[tuple[float, np.ndarray]]) -> float:
-        """Standard error of the VAF of a single fold, from the spread over blocks of its rows.
-
-        A ratio estimator; NaN for bad models, and with several folds, whose own spread is used.
-        """
-        if len(scored) > 1 or scored[0][1].size == 0:
-            return np.nan
-        fold, prediction, n_blocks = self.folds[0], scored[0][1], 8
-        signal, error, _ = scored_signals(
-            self.y, prediction, self.keep & fold.test, self.layout, self.scorer.centered
-        )
-        power = [np.sum(block**2) for block in np.array_split(signal, n_blocks)]
-        lost = [np.sum(block**2) for block in np.array_split(error, n_blocks)]
-        if sum(lost) > -VAF_FLOOR * sum(power):
-            return np.nan
-        deviation = np.asarray(lost) - sum(lost) / sum(power) * np.asarray(power)
-        return float(100 * np.sqrt(np.sum(deviation**2) * n_blocks / (n_blocks - 1)) / sum(power))
-
-    def score_refitted(
-        self, estimator: Any, X: Any, y: Any, fold: Fold
-    ) -> tuple[float, np.ndarray]:
-        """VAF and free run of a clone fitted on a fold; NaN if it cannot be fitted."""
-        train, simulated = np.flatnonzero(fold.train), np.flatnonzero(fold.simulated)
-        try:
-            model = clone(estimator).fit(safe_indexing(X, train), safe_indexing(y, train))
-        except RankDeficiencyError:
-            return np.nan, np.empty(0)
-        prediction = np.zeros(self.layout.n_rows)
-        prediction[simulated] = model.predict(safe_indexing(X, simulated))
-        return self.vaf(prediction, fold), prediction
+        return reduce(Triangle.merged, pieces)

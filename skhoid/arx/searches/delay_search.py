@@ -16,9 +16,10 @@ from ...summaries import TextTable, number
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from .best_model import BestModel
-from .candidates import CandidateTable, Validation, as_candidate, has_fast_path, with_orders
+from .candidates import CandidateTable, as_candidate, has_fast_path, with_orders
 from .folds import folds_of
 from .text import highest, lowest, standard_error_over_folds
+from .validation import Validation
 
 N_CANDIDATES = 50
 
@@ -156,8 +157,12 @@ class DelaySearchCV(BestModel):
         fast = has_fast_path(estimator)
         if fast:
             table.set_candidates([{"nk": nk} for nk in candidates])
-        at_once = fast and self.criterion == "one_step"
-        context = self._init_callback_context(max_subtasks=1 + (not at_once) * len(candidates))
+        together = fast
+        if self.criterion == "vaf":
+            folds = folds_of(X, y, raw_layout(estimator, X), self.cv, groups)
+            validation = Validation(estimator, X, y, folds, self.scoring or VAFScorer())
+            together = fast and validation.goes_by_runs_of(table)
+        context = self._init_callback_context(max_subtasks=1 if together else 1 + len(candidates))
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         if self.window is not None:
             if not fast:
@@ -170,9 +175,10 @@ class DelaySearchCV(BestModel):
             else:
                 self.loss_ = self._generic_one_step(estimator, X, y, candidates, context)
         else:
-            scores = self._cross_validate(
-                estimator, X, y, candidates, table if fast else None, context, groups
-            )
+            if together:
+                scores = _score_together(table, validation)
+            else:
+                scores = self._score_refitted(estimator, X, y, candidates, validation, context)
             for i, column in enumerate(scores.T):
                 results[f"split{i}_test_score"] = column
             results["mean_test_score"] = scores.mean(axis=1)
@@ -187,6 +193,7 @@ class DelaySearchCV(BestModel):
         self.cv_results_ = results | {"loss": self.loss_}
         if self.criterion == "vaf":
             self.best_score_ = 100.0 - float(self.loss_[self.best_index_])
+        del table  # which holds what the refit reads again
         refit = context.subcontext(task_name="refit")
         refit.call_on_fit_task_begin(estimator=self, X=X, y=y)
         self.best_estimator_ = with_orders(estimator, nk=self.best_nk_).fit(X, y)
@@ -247,38 +254,29 @@ class DelaySearchCV(BestModel):
         known = np.logical_and.reduce([~np.isnan(e) for e in errors if e is not None])
         return np.array([np.nan if e is None else np.mean(e[known] ** 2) for e in errors])
 
-    def _cross_validate(
+    def _score_refitted(
         self,
         estimator: Any,
         X: Any,
         y: Any,
         candidates: list[Any],
-        table: CandidateTable | None,
+        validation: Validation,
         context: Any,
-        groups: Any,
     ) -> np.ndarray:
-        folds = folds_of(X, y, raw_layout(estimator, X), self.cv, groups)
-        validation = Validation(estimator, X, y, folds, self.scoring or VAFScorer())
-        triangles = [table.triangle(fold.train) for fold in folds] if table is not None else []
-        scores = np.full((len(candidates), len(folds)), np.nan)
+        scores = np.empty((len(candidates), len(validation.folds)))
         for i, nk in enumerate(candidates):
             task = context.subcontext(task_name="candidate").call_on_fit_task_begin(estimator=self)
-            for j, fold in enumerate(folds):
-                if table is not None:
-                    scored = validation.score_candidate(table, triangles[j], i, fold)
-                else:
-                    model = with_orders(estimator, nk=nk)
-                    scored = validation.score_refitted(model, X, y, fold)
-                scores[i, j] = scored[0]
+            model = with_orders(estimator, nk=nk)
+            for j, fold in enumerate(validation.folds):
+                scores[i, j], _ = validation.score_refitted(model, X, y, fold)
             task.call_on_fit_task_end(estimator=self)
         return scores
 
     def _slide(self, table: CandidateTable, candidates: list[Any]) -> None:
         assert self.window is not None
         step = self.step if self.step is not None else self.window / 4
-        rows = table.rows if table.grid.rows is None else table.grid.rows[table.rows]
-        time = table.grid.layout.time[rows]
-        first, last = float(time.min()), float(time.max()) + self.dt_
+        first, last = table.time_span()
+        last += self.dt_
         n_windows = int(np.floor((last - first - self.window) / step + 1e-6)) + 1
         if n_windows < 1:
             raise ValueError(
@@ -289,13 +287,9 @@ class DelaySearchCV(BestModel):
         self.window_time_ = begin + self.window / 2
         losses = np.full((n_windows, len(candidates)), np.nan)
         slack = 1e-6 * self.dt_
-        order = np.argsort(time, kind="stable")
-        starts = np.searchsorted(time[order], begin - slack)
-        stops = np.searchsorted(time[order], begin + self.window - slack)
-        for i, (start, stop) in enumerate(zip(starts, stops, strict=True)):
-            inside = order[start:stop]
-            if inside.size > table.table.shape[1]:
-                part = Triangle.of(np.asfortranarray(table.table[inside]))
+        for i, start in enumerate((begin - slack).tolist()):
+            part = table.between(start, start + self.window)
+            if part.n_rows > len(part.R):
                 losses[i] = _one_step_losses(table, part)
         self.loss_path_ = losses
         some = ~np.isnan(losses).all(axis=1)
@@ -320,3 +314,11 @@ def _as_candidates(nk: Any) -> list[Any]:
 def _one_step_losses(table: CandidateTable, triangle: Triangle) -> np.ndarray:
     """Mean squared one-step errors of all candidates on the same rows (Eq. 24)."""
     return np.array([table.one_step_loss(triangle, orders) for orders in table.orders])
+
+
+def _score_together(table: CandidateTable, validation: Validation) -> np.ndarray:
+    """VAF of candidates (rows) on folds."""
+    parts, _ = table.triangles([fold.train for fold in validation.folds])
+    models = table.fitted(parts)
+    scores = [validation.score_together(table, models, part)[0] for part in range(len(parts))]
+    return np.array(scores).T

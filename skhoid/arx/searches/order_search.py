@@ -24,9 +24,10 @@ from ..batch import ARXRegressor
 from ..model_summary import one_or_all
 from ..orders import whole_number
 from .best_model import BestModel
-from .candidates import CandidateTable, Validation, as_candidate, has_fast_path, with_orders
+from .candidates import CandidateTable, as_candidate, has_fast_path, with_orders
 from .folds import Fold, folds_of
 from .text import highest, lowest
+from .validation import Validation
 
 DEFAULT_ORDERS = (1, 2, 3, 4)
 
@@ -53,7 +54,7 @@ class OrderSearchCV(BestModel):
     criterion : {"vaf", "bic", "mbic"}, default="vaf"
         Cross-validated VAF of the free run at full rate; the Bayesian information criterion
         ln V + p ln(N) / N of the one-step errors; or the same with ``penalty`` times the second
-        term. The last two compare models of one decimation factor only.
+        term. The last two compare models of one decimation factor only, and simulate none.
     rule : {"one_standard_error", "best"}, default="one_standard_error"
         With ``"vaf"``, take the model with the fewest parameters (then the highest VAF) among
         those within one standard error of the best, or the best itself.
@@ -65,7 +66,7 @@ class OrderSearchCV(BestModel):
     scoring : VAFScorer or None, default=None
         How to take the VAF: run-in, window, centring, average.
     n_jobs : int or None, default=None
-        Threads over candidates.
+        Threads over folds; over candidates that do not share a factorisation.
 
     Attributes
     ----------
@@ -76,17 +77,17 @@ class OrderSearchCV(BestModel):
     best_delay_ : float
         ``best_nk_`` in seconds.
     best_score_ : float
-        Mean cross-validated VAF of the chosen model in percent.
+        Mean cross-validated VAF of the chosen model in percent; with ``criterion="vaf"`` only.
     best_index_ : int
         Its position in ``cv_results_``.
     cv_results_ : dict
         One entry per candidate: ``params``, ``param_na``, ``param_nb``, ``param_nk``,
-        ``param_factor``, ``n_params``, ``delay`` (s), ``split<i>_test_score``, ``mean_test_score``,
-        ``std_test_score``, ``rank_test_score``, ``bic``, ``mbic``. Candidates whose regressors are
-        linearly dependent hold NaN.
+        ``param_factor``, ``n_params``, ``delay`` (s), ``bic``, ``mbic``, and for ``"vaf"``
+        ``split<i>_test_score``, ``mean_test_score``, ``std_test_score``, ``rank_test_score``.
+        Candidates whose regressors are linearly dependent hold NaN.
     standard_error_ : float
-        Standard error of the best VAF: over folds, or, with a single fold, over eight blocks of
-        its rows.
+        For ``"vaf"``: standard error of the best VAF, over folds, or, with a single fold, over
+        eight blocks of its rows.
     best_estimator_ : estimator
         The chosen model refitted on all data.
     n_features_in_ : int
@@ -97,7 +98,8 @@ class OrderSearchCV(BestModel):
     Notes
     -----
     Candidates of one decimation factor are compared on the same rows. For :class:`ARXRegressor`
-    with ``method="ols"`` one QR factorisation per fold serves all of them.
+    with ``method="ols"`` all come from one QR factorisation of each run: time grows with the rows,
+    however many runs and folds there are.
 
     References
     ----------
@@ -186,26 +188,30 @@ class OrderSearchCV(BestModel):
         folds: list[Fold] | None = None
         columns: dict[str, list[Any]] = {}
         scores: list[np.ndarray] = []
-        within: list[float] = []
+        within: list[np.ndarray] = []
         for factor, variant in variants:
             task = context.subcontext(task_name=f"factor {factor}", max_subtasks=1)
             task.call_on_fit_task_begin(estimator=self, X=X, y=y)
             table = CandidateTable(variant, X, y)
             candidates = self._candidates(variant, factor)
-            if folds is None:
-                folds = folds_of(X, y, raw_layout(variant, X), self.cv, groups)
-            validation = Validation(variant, X, y, folds, self.scoring or VAFScorer())
-            if has_fast_path(variant):
+            validation = None
+            if self.criterion == "vaf":
+                if folds is None:
+                    folds = folds_of(X, y, raw_layout(variant, X), self.cv, groups)
+                validation = Validation(variant, X, y, folds, self.scoring or VAFScorer())
+            if has_fast_path(variant) and (validation is None or validation.goes_by_runs_of(table)):
                 part = self._evaluate_together(table, candidates, validation, columns)
             else:
                 part = self._evaluate_one_by_one(variant, X, y, candidates, validation, columns)
             scores.append(part[0])
-            within += part[1]
+            within.append(part[1])
             columns.setdefault("params", []).extend({**c, "factor": factor} for c in candidates)
             columns.setdefault("delay", []).extend(np.max(c["nk"]) * table.dt for c in candidates)
             task.call_on_fit_task_end(estimator=self, X=X, y=y)
-        self.cv_results_ = _tabulate(columns, np.vstack(scores))
-        self._choose(np.array(within))
+        self.cv_results_ = _tabulate(columns)
+        if self.criterion == "vaf":
+            self.cv_results_ |= _scored(np.vstack(scores))
+        self._choose(np.concatenate(within))
         chosen = dict(self.best_params_)
         variant = dict(variants)[chosen.pop("factor")]
         self.best_estimator_ = with_orders(variant, **chosen).fit(X, y)
@@ -214,36 +220,35 @@ class OrderSearchCV(BestModel):
         return self
 
     def _found(self) -> tuple[str, TextTable]:
-        results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
+        results = self.cv_results_
         chosen = ", ".join(f"{name} = {value}" for name, value in self.best_params_.items())
-        shown, caption = highest(vaf, self.standard_error_)
         criterion, rule = self._chosen_by
-        if criterion != "vaf":
-            by = f"by the lowest {criterion.upper()}"
-            shown = lowest(results[criterion])
-            caption = f"Lowest {criterion.upper()}"
-        elif rule == "best":
+        if criterion == "vaf":
+            vaf = results["mean_test_score"]
+            shown, caption = highest(vaf, self.standard_error_)
             by = "by the highest VAF"
+            if rule == "one_standard_error":
+                by = "as the smallest within one standard error of the highest VAF"
+            by += f". Its cross-validated VAF is {self.best_score_:.1f} %"
         else:
-            by = "as the smallest within one standard error of the highest VAF"
+            shown, caption = lowest(results[criterion]), f"Lowest {criterion.upper()}"
+            by = f"by the lowest {criterion.upper()}"
         if self.best_index_ not in shown:
             shown = np.append(shown, self.best_index_)
-        found = (
-            f"OrderSearchCV: {chosen}, chosen from {vaf.size} candidates {by}. Its "
-            f"cross-validated VAF is {self.best_score_:.1f} %."
-        )
+        found = f"OrderSearchCV: {chosen}, chosen from {len(results['params'])} candidates {by}."
         rows = [
             [
                 *(one_or_all(np.atleast_1d(v)) for v in results["params"][i].values()),
                 f"{results['n_params'][i]:.0f}",
                 f"{results['delay'][i]:.4g}",
-                f"{vaf[i]:.2f}",
+                *([f"{vaf[i]:.2f}"] if criterion == "vaf" else []),
                 f"{results['bic'][i]:.4f}",
                 "chosen" if i == self.best_index_ else "",
             ]
             for i in shown
         ]
-        header = [*self.best_params_, "parameters", "delay (s)", "VAF (%)", "BIC / n", ""]
+        scores = ["VAF (%)"] if criterion == "vaf" else []
+        header = [*self.best_params_, "parameters", "delay (s)", *scores, "BIC / n", ""]
         return found, TextTable(caption, header, rows)
 
     def _variants(self, estimator: Any) -> list[tuple[int, Any]]:
@@ -305,26 +310,28 @@ class OrderSearchCV(BestModel):
         self,
         table: CandidateTable,
         candidates: list[dict[str, Any]],
-        validation: Validation,
+        validation: Validation | None,
         columns: dict[str, list[Any]],
-    ) -> tuple[np.ndarray, list[float]]:
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Scores of candidates (rows) on folds, and standard errors of those on a single fold."""
         table.set_candidates(candidates)
-        parts = [table.triangle(fold.train) for fold in validation.folds]
-        whole = table.whole()
-
-        def evaluate(index: int) -> tuple[list[float], float, float]:
-            scored = [
-                validation.score_candidate(table, triangle, index, fold)
-                for triangle, fold in zip(parts, validation.folds, strict=True)
-            ]
-            loss = table.one_step_loss(whole, table.orders[index])
-            return [value for value, _ in scored], validation.error_of_single_fold(scored), loss
-
-        found = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(evaluate)(index) for index in range(len(candidates))
-        )
-        self._describe(table.orders, [f[2] for f in found], whole.n_rows, columns)
-        return np.array([f[0] for f in found]), [f[1] for f in found]
+        scores = np.empty((2, 0, len(candidates)))
+        if validation is None:
+            whole = table.whole()
+        else:
+            parts, whole = table.triangles([fold.train for fold in validation.folds])
+            models = table.fitted(parts)
+            scores = np.swapaxes(
+                Parallel(n_jobs=self.n_jobs, prefer="threads")(
+                    delayed(validation.score_together)(table, models, number)
+                    for number in range(len(parts))
+                ),
+                0,
+                1,
+            )
+        losses = [table.one_step_loss(whole, orders) for orders in table.orders]
+        self._describe(table.orders, losses, whole.n_rows, columns)
+        return scores[0].T, scores[1].T
 
     def _evaluate_one_by_one(
         self,
@@ -332,27 +339,30 @@ class OrderSearchCV(BestModel):
         X: Any,
         y: Any,
         candidates: list[dict[str, Any]],
-        validation: Validation,
+        validation: Validation | None,
         columns: dict[str, list[Any]],
-    ) -> tuple[np.ndarray, list[float]]:
-        def evaluate(candidate: dict[str, Any]) -> tuple[list[float], float, Any, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray]:
+        folds = [] if validation is None else validation.folds
+
+        def evaluate(candidate: dict[str, Any]) -> tuple[np.ndarray, Any, np.ndarray]:
             model = with_orders(variant, **candidate)
-            scored = [validation.score_refitted(model, X, y, fold) for fold in validation.folds]
-            values = [value for value, _ in scored]
-            error = validation.error_of_single_fold(scored)
+            scored = np.empty((len(folds), 2))
+            for number, fold in enumerate(folds):
+                scored[number] = validation.score_refitted(model, X, y, fold)
             try:
                 last, passed_on = reach_model(model.fit(X, y), X)
             except RankDeficiencyError:
-                return values, np.nan, None, np.empty(0)
-            return values, error, last.orders_, last._one_step_errors(passed_on, y)
+                return scored, None, np.empty(0)
+            return scored, last.orders_, last._one_step_errors(passed_on, y)
 
         found = Parallel(n_jobs=self.n_jobs, prefer="threads")(
             delayed(evaluate)(c) for c in candidates
         )
-        known = np.logical_and.reduce([~np.isnan(f[3]) for f in found if f[3].size])
-        losses = [np.mean(f[3][known] ** 2) if f[3].size else np.nan for f in found]
-        self._describe([f[2] for f in found], losses, int(np.sum(known)), columns)
-        return np.array([f[0] for f in found]), [f[1] for f in found]
+        known = np.logical_and.reduce([~np.isnan(f[2]) for f in found if f[2].size])
+        losses = [np.mean(f[2][known] ** 2) if f[2].size else np.nan for f in found]
+        self._describe([f[1] for f in found], losses, int(np.sum(known)), columns)
+        scores = np.array([f[0] for f in found])
+        return scores[..., 0], scores[..., 1]
 
     def _describe(
         self, orders: list[Any], losses: list[float], n_rows: int, columns: dict[str, list[Any]]
@@ -366,35 +376,37 @@ class OrderSearchCV(BestModel):
         columns.setdefault("mbic", []).extend(fit + self.penalty * complexity)
 
     def _choose(self, within: np.ndarray) -> None:
-        results = self.cv_results_
-        vaf = results["mean_test_score"]
-        if np.all(np.isnan(vaf)):
+        """Choose a candidate; ``within`` are standard errors on each fold."""
+        results, by_vaf = self.cv_results_, self.criterion == "vaf"
+        values = results["mean_test_score"] if by_vaf else -results[self.criterion]
+        if np.all(np.isnan(values)):
             raise ValueError(
                 "No candidate could be fitted: the regressors of each are linearly dependent. "
                 "Fit one with ARXRegressor to see the cause."
             )
         self._chosen_by = self.criterion, self.rule
-        best = int(np.nanargmax(vaf))
-        splits = [v[best] for k, v in results.items() if k.startswith("split")]
-        self.standard_error_ = float(sem(splits)) if len(splits) > 1 else float(within[best])
-        if self.criterion != "vaf":
-            values = np.where(np.isnan(vaf), np.inf, results[self.criterion])
-            self.best_index_ = int(np.argmin(values))
-        elif self.rule == "best":
-            self.best_index_ = best
-        else:
-            good = np.flatnonzero(vaf >= vaf[best] - self.standard_error_)
-            self.best_index_ = int(min(good, key=lambda i: (results["n_params"][i], -vaf[i])))
+        for name in ("standard_error_", "best_score_"):  # from an earlier fit by VAF
+            if hasattr(self, name):
+                delattr(self, name)
+        self.best_index_ = best = int(np.nanargmax(values))
+        if by_vaf:
+            splits = [v[best] for k, v in results.items() if k.startswith("split")]
+            self.standard_error_ = float(sem(splits) if len(splits) > 1 else within[best, 0])
+            if self.rule == "one_standard_error":
+                good = np.flatnonzero(values >= values[best] - np.nan_to_num(self.standard_error_))
+                self.best_index_ = int(
+                    min(good, key=lambda i: (results["n_params"][i], -values[i]))
+                )
+            self.best_score_ = float(values[self.best_index_])
         self.best_params_ = results["params"][self.best_index_]
         self.best_na_ = self.best_params_["na"]
         self.best_nb_ = self.best_params_["nb"]
         self.best_nk_ = self.best_params_["nk"]
         self.best_factor_ = self.best_params_["factor"]
         self.best_delay_ = float(results["delay"][self.best_index_])
-        self.best_score_ = float(vaf[self.best_index_])
 
 
-def _tabulate(columns: dict[str, list[Any]], scores: np.ndarray) -> dict[str, Any]:
+def _tabulate(columns: dict[str, list[Any]]) -> dict[str, Any]:
     params = columns["params"]
     table: dict[str, Any] = {"params": params}
     for name in ("na", "nb", "nk", "factor"):
@@ -403,6 +415,12 @@ def _tabulate(columns: dict[str, list[Any]], scores: np.ndarray) -> dict[str, An
         table[f"param_{name}"] = entries
     for name in ("n_params", "delay", "bic", "mbic"):
         table[name] = np.array(columns[name])
+    return table
+
+
+def _scored(scores: np.ndarray) -> dict[str, Any]:
+    """Columns of the scores of candidates (rows) on folds."""
+    table: dict[str, Any] = {}
     for i, column in enumerate(scores.T):
         table[f"split{i}_test_score"] = column
     mean = scores.mean(axis=1)

@@ -1,0 +1,1 @@
+"""How time and memory of each kind of work grow with the rows: a part per file."""

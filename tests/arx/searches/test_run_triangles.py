@@ -1,0 +1,268 @@
+"""Triangles of runs, merged by folds: exact against refits of each fold, and linear in rows."""
+
+import tracemalloc
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.model_selection import GroupKFold, KFold, LeaveOneGroupOut, ShuffleSplit
+from sklearn.pipeline import make_pipeline
+from support import naive
+from support.synthetic import arx_runs, stretches_of
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelaySearchCV,
+    DelayShift,
+    OrderSearchCV,
+    RunInTrimmer,
+    VAFScorer,
+    run_labels,
+)
+from skhoid.arx import least_squares
+from skhoid.arx.searches.fitted_candidates import FittedCandidates
+from skhoid.arx.searches.folds import folds_of
+from skhoid.plotting import VAFContourDisplay
+from skhoid.runs import read_layout
+
+quiet = pytest.mark.filterwarnings(
+    "ignore::skhoid.RunCutWarning", "ignore::skhoid.MissingDataWarning"
+)
+
+FIRST, LAST = 1, 7  # lags of the input that the candidates reach together
+CANDIDATES = [1, 3, 6]
+INPUTS = {1: ["e"], 2: ["e", "x"]}
+
+
+class SlowARX(ARXRegressor):
+    """The same model, which the searches do not know to be one: they refit every candidate."""
+
+
+def refitted(X, y, inputs, nk, train, test, intercept):
+    """VAF of a candidate by least squares on the rows whose lags are all known and in ``train``."""
+    n, n_inputs, stretches = len(X), len(inputs), stretches_of(X)
+    values, output = X[inputs].to_numpy(), y.to_numpy()
+    *_, rows, _ = naive.regressor_rows(
+        output, values, stretches, 2, [LAST - FIRST + 1] * n_inputs, [FIRST] * n_inputs
+    )
+    rows = [t for t in rows if train[t - LAST : t + 1].all()]
+    phi, measured, own, _ = naive.regressor_rows(
+        output, values, stretches, 2, [2] * n_inputs, [nk] * n_inputs, intercept
+    )
+    use = np.isin(own, rows)
+    theta = np.linalg.lstsq(phi[use], measured[use], rcond=None)[0]
+    held = pd.DataFrame(values).groupby(run_labels(X)).ffill().fillna(0.0).to_numpy()
+    free = naive.free_run(
+        held, stretches, theta[:2], np.split(theta[2 : 2 + 2 * n_inputs], n_inputs),
+        [nk] * n_inputs, theta[-1] if intercept else 0.0,
+    )  # fmt: skip
+    known = test & ~np.isnan(output)
+    assert known.sum() < n
+    return naive.vaf(output[known], free[known])
+
+
+@pytest.fixture(scope="module")
+def holed():
+    X, y = arx_runs(lengths=[90, 140, 60, 120, 75], noise=0.4, seed=5)
+    X.iloc[[100, 250], 0] = np.nan
+    y.iloc[[30, 31, 300]] = np.nan
+    return X, y
+
+
+SPLITS = {
+    "runs": None,
+    "two groups": 2,
+    "given runs": [(np.arange(230), np.arange(230, 485)), (np.arange(290, 485), np.arange(90))],
+    "cut": KFold(4),
+    "cut beside whole": [(np.r_[0:150, 200:400], np.r_[150:200, 420:485])],
+    "rows": ShuffleSplit(2, test_size=0.01, random_state=0),
+}
+
+
+@quiet
+@pytest.mark.parametrize("cv", SPLITS.values(), ids=SPLITS)
+@pytest.mark.parametrize(("n_inputs", "intercept"), [(1, False), (2, True)])
+def test_folds_equal_refits(holed, cv, n_inputs, intercept):
+    X, y = holed
+    inputs = INPUTS[n_inputs]
+    model = ARXRegressor(inputs=inputs, fit_intercept=intercept)
+    results = DelaySearchCV(model, nk=CANDIDATES, criterion="vaf", cv=cv).fit(X, y).cv_results_
+    folds = folds_of(X, y, read_layout(X), cv)
+    for number, fold in enumerate(folds):
+        train, test = fold.train.mask(), fold.test.mask()
+        twins = [refitted(X, y, inputs, nk, train, test, intercept) for nk in CANDIDATES]
+        found = results[f"split{number}_test_score"]
+        np.testing.assert_allclose(100 - found, 100 - np.array(twins), rtol=1e-9)
+
+
+@quiet
+@pytest.mark.parametrize(
+    "wrap",
+    [
+        pytest.param(lambda model: make_pipeline(Decimator(2), model), id="decimated"),
+        pytest.param(lambda model: make_pipeline(RunInTrimmer(0.2), model), id="trimmed"),
+        pytest.param(lambda model: make_pipeline(DelayShift(0.01), model), id="shifted"),
+    ],
+)
+@pytest.mark.parametrize(
+    "scoring", [VAFScorer(centered=True, average="mean"), VAFScorer(run_in=0.1)]
+)
+def test_marks_and_scorers_as_on_the_path_that_refits(wrap, scoring):
+    """With na = 6 every candidate is fitted on the same rows on both paths."""
+    X, y = arx_runs(lengths=[150, 200, 120, 160], noise=0.4)
+    keep = np.ones(len(X), dtype=bool)
+    keep[210:230] = False  # a gap
+    X, y = X[keep], y[keep]
+    fast, slow = (
+        OrderSearchCV(wrap(model()), na=[6], nb=[1, 2], nk=[1, 2], scoring=scoring, cv=2).fit(X, y)
+        for model in (ARXRegressor, SlowARX)
+    )
+    for key in ("split0_test_score", "split1_test_score", "bic"):
+        np.testing.assert_allclose(fast.cv_results_[key], slow.cv_results_[key], rtol=1e-8)
+
+
+def test_single_folds_have_the_standard_error_of_the_path_that_refits():
+    X, y = arx_runs(3, 150, noise=0.4)
+    cv = [(np.arange(200), np.arange(200, 450))]
+    with pytest.warns(match="cut run 2"):
+        fast, slow = (
+            OrderSearchCV(model(), na=[6], nb=[2], nk=[3], cv=cv).fit(X, y)
+            for model in (ARXRegressor, SlowARX)
+        )
+    assert fast.standard_error_ == pytest.approx(slow.standard_error_, rel=1e-9)
+
+
+def test_a_scorer_with_runs_of_its_own():
+    """The model takes all rows for one run, the scorer for three."""
+    X, y = arx_runs(3, 150, noise=0.4)
+    values = np.column_stack([X.to_numpy(), run_labels(X)])
+    scoring = VAFScorer(run=2, average="mean", run_in=30)
+    fast, slow = (
+        DelaySearchCV(model(6, inputs=[0]), nk=[2, 3], criterion="vaf", scoring=scoring).fit(
+            values, y.to_numpy()
+        )
+        for model in (ARXRegressor, SlowARX)
+    )
+    np.testing.assert_allclose(fast.loss_, slow.loss_, rtol=1e-9)
+
+
+# Work
+
+
+@pytest.fixture
+def work(monkeypatch):
+    """Rows that were factorised, triangles merged, and samples simulated."""
+    done = {"rows": 0, "merges": 0, "samples": 0}
+    absorbed, simulate = least_squares._absorbed, FittedCandidates.simulate
+
+    def counted(R, below, triangular):
+        done["merges" if triangular else "rows"] += 1 if triangular else len(below)
+        return absorbed(R, below, triangular)
+
+    def simulated(self, part, some, grid, inputs):
+        free = simulate(self, part, some, grid, inputs)
+        done["samples"] += free.size
+        return free
+
+    monkeypatch.setattr(least_squares, "_absorbed", counted)
+    monkeypatch.setattr(FittedCandidates, "simulate", simulated)
+    return done
+
+
+@pytest.mark.parametrize("n_runs", [4, 16])
+@pytest.mark.parametrize("cv", [None, LeaveOneGroupOut(), GroupKFold(4)])
+def test_each_row_is_factorised_and_simulated_once(work, n_runs, cv):
+    X, y = arx_runs(n_runs, 60)
+    used = n_runs * (60 - 5)
+    DelaySearchCV(nk=[2, 3, 4], criterion="vaf", cv=cv).fit(X, y)
+    assert work["rows"] == used + n_runs * (60 - 4)  # and those of the refit
+    assert work["merges"] <= 3 * n_runs
+    assert work["samples"] == 3 * len(X)
+
+
+def test_only_runs_that_a_fold_cuts_are_factorised_again(work):
+    X, y = arx_runs(8, 60)
+    cv = [(np.arange(100), np.arange(300, 480))]  # the second run is cut
+    OrderSearchCV(na=[1, 2], nb=[2], nk=[3], cv=cv).fit(X, y)
+    assert work["rows"] == 8 * (60 - 4) + (40 - 4) + 8 * (60 - 4)
+    assert work["samples"] == 2 * 180
+
+
+def test_an_information_criterion_simulates_nothing(work):
+    X, y = arx_runs(8, 60)
+    by_vaf = OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[3]).fit(X, y)
+    work.update(rows=0, samples=0)
+    search = OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[3], criterion="bic").fit(X, y)
+    assert work["samples"] == 0
+    np.testing.assert_allclose(search.cv_results_["bic"], by_vaf.cv_results_["bic"], rtol=1e-12)
+    assert search.best_index_ == np.argmin(by_vaf.cv_results_["bic"])
+    assert not any("score" in name for name in search.cv_results_)
+    assert not hasattr(by_vaf.set_params(criterion="bic").fit(X, y), "best_score_")
+    with pytest.raises(ValueError, match="criterion='vaf'"):
+        VAFContourDisplay.from_estimator(search)
+
+
+# Folds
+
+
+@pytest.mark.parametrize("outer", [False, True], ids=["runs", "groups"])
+def test_leaving_groups_out_equals_the_split_of_rows(outer):
+    X, y = arx_runs(lengths=[7, 3, 9, 4, 5])
+    groups = np.repeat([2, 0, 2, 1, 0], [7, 3, 9, 4, 5]) if outer else None
+    given = run_labels(X) if groups is None else groups
+    found = folds_of(X, y, read_layout(X), None, groups)
+    twin = list(LeaveOneGroupOut().split(X, groups=given))
+    assert len(found) == len(twin)
+    for fold, rows in zip(found, twin, strict=True):
+        for part, wanted in zip(fold, rows, strict=True):
+            np.testing.assert_array_equal(np.flatnonzero(part.mask()), wanted)
+            assert not part.cut
+
+
+@quiet
+def test_groups_that_cut_runs_are_split_by_rows():
+    X, y = arx_runs(3, 10)
+    groups = np.arange(30) // 6
+    for fold, (train, test) in zip(
+        folds_of(X, y, read_layout(X), None, groups),
+        LeaveOneGroupOut().split(X, groups=groups),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(np.flatnonzero(fold.train.mask()), train)
+        np.testing.assert_array_equal(np.flatnonzero(fold.test.mask()), test)
+        assert fold.train.cut
+        for run, of_run in enumerate(np.split(fold.test.mask(), 3)):
+            np.testing.assert_array_equal(fold.test.of_run(run), of_run)
+            assert fold.test.runs[run] == of_run.any()
+
+
+# Data that should not be copied
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_mapped_file_is_not_copied(tmp_path, dtype):
+    X, y = arx_runs(1, 20_000)
+    wide = np.memmap(tmp_path / "x", dtype, "w+", shape=(len(X), 60))
+    wide[:, 7] = X["e"]
+    search = DelaySearchCV(ARXRegressor(inputs=[7]), nk=[2, 3])
+    search.fit(wide[:200], y[:200].to_numpy())
+    tracemalloc.start()
+    search.fit(wide, y.to_numpy())
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 0.5 * wide.nbytes
+    exact = DelaySearchCV(nk=[2, 3]).fit(wide[:, [7]].astype(float), y.to_numpy())
+    np.testing.assert_array_equal(search.loss_, exact.loss_)
+
+
+@quiet
+def test_single_precision_is_computed_in_double(holed):
+    X, y = (part.astype(np.float32) for part in holed)
+    for options in ({}, {"criterion": "vaf"}):
+        one, two = (
+            DelaySearchCV(nk=[2, 3], **options).fit(*data)
+            for data in ((X, y), (X.astype(float), y.astype(float)))
+        )
+        np.testing.assert_allclose(one.loss_, two.loss_, rtol=1e-12)
+        np.testing.assert_array_equal(one.best_estimator_.coef_, two.best_estimator_.coef_)
