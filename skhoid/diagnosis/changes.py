@@ -64,7 +64,7 @@ class BlockSums:
                 gains += _gain_sums(signals, ceiling, group, response, edges)
                 whole = signals.predicted[group.rows]
                 placing += _gain_sums(signals, ceiling, group, whole, edges)
-        p = float(of_several(np.full(n_rows, 2 * norm.sf(largest[0])))[0])
+        p = float(of_several(2 * norm.sf(largest[0]), n_rows))
         outlier = Test(
             "outlier",
             of_run,

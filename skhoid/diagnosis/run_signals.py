@@ -60,7 +60,7 @@ class Signals:
     decided: str = ""
     judged: np.ndarray | None = None
 
-    @property
+    @cached_property
     def residual(self) -> np.ndarray:
         return self.y - self.predicted
 
