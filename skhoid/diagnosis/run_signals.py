@@ -210,7 +210,7 @@ def sorted_signals(
     judged, scored = used, used & ~missing
     if missing[used].mean() <= MOST_MASKED:
         # A few missing values do not cut a run: there is no residual in them.
-        measured = np.where(missing, predicted, measured)
+        measured = np.where(missing, predicted, measured) if missing.any() else measured
     else:
         used = scored
     if run_in is None and settling is not None:
@@ -344,7 +344,7 @@ def _channels(
     found: dict[str, np.ndarray] = {}
     for role, position in columns_by_role(names, roles).items():
         name = names[position]
-        column = pd.DataFrame({name: columns[name]})
+        column = pd.DataFrame({name: columns[name]}, copy=False)
         check_numbers(column, "X")
         values = column[name].to_numpy(dtype=float)
         if np.isinf(values).any():
