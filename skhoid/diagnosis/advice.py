@@ -372,7 +372,7 @@ def _overfit(c: Comparison, signals: Signals, then: NextSteps) -> tuple[bool, st
         return True, either
     p = then.n_parameters
     seconds = float(c.by_run.loc[c.by_run["data"] == "estimation", "duration"].sum())
-    outputs = [signals.y[rows] for group in signals.groups for rows in group.rows]
+    outputs = [signals.y[rows[0] : rows[-1] + 1] for g in signals.groups for rows in g.rows]
     n = 2 * band_edge(outputs, c.dt, 0.9) * seconds
     learnt = 2 * p / (n - p) if n > p else np.inf
     if learnt > (c.overfit_ratio - 1) / 2:

@@ -11,6 +11,7 @@ from scipy.signal import resample
 from scipy.stats import norm
 
 from ..exceptions import python_only
+from .coherent import coherent_part, lagged, on_lines, response_to_target, tap_spacing
 from .noise_density import NoiseDensity, noise_density
 from .repeats import Group
 from .run_signals import Signals
@@ -129,7 +130,8 @@ def noise_ceiling(signals: Signals) -> Ceiling:
             r, spread = _without_linear_misfit(signals, group, noise)
         residuals.append(r)
         variance += spread
-    noise, parts = _noise(signals, routes, best, residuals)
+    if best != "none":
+        noise, parts = _noise(signals, routes, best, residuals)
     covered = np.zeros(signals.layout.n_rows, dtype=bool)
     for group, route, remnant in zip(signals.groups, routes, parts, strict=True):
         if route != best or best == "none":
@@ -186,9 +188,9 @@ def _noise(
         if route == "repeats":
             part = (r - r.mean(axis=0)) * np.sqrt(group.n_runs / (group.n_runs - 1))
         elif route == "lines":
-            part = r - _on_lines(r, group)
+            part = r - on_lines(r, group)
         elif "f_t" in signals.channels:
-            part = r - response_to_target(signals, group, r)
+            part = r - response_to_target(signals, group, "residual")
         parts.append(part)
         if route == best:
             records += list(part)
@@ -262,11 +264,11 @@ def _answered(
     shapes = legvander(time, order)[:, min(order, 1) :].T
     n = taps.size * len(shapes)
     g, V, A = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
-    lagged = [_varying(_lagged(signal, taps), shapes) for signal in e]
+    delayed = [_varying(lagged(signal, taps), shapes) for signal in e]
     for k in range(group.n_runs):
-        Z = _varying(_lagged(instrument[k], taps), shapes)
+        Z = _varying(lagged(instrument[k], taps), shapes)
         g += Z.T @ r[k]
-        A += Z.T @ lagged[k]
+        A += Z.T @ delayed[k]
         V += noise.covariance(Z, signals.layout.time[group.rows[k]])
     U, s, Wt = np.linalg.svd(A)
     kept = s > STRONG * s[0]
@@ -275,14 +277,14 @@ def _answered(
     found = float(z @ np.linalg.pinv(U.T @ V @ U, hermitian=True) @ z)
     shrunk = max(0.0, 1.0 - max(s.size - 2, 0) / found) if found > 0 else 0.0
     inverse = shrunk * (Wt.T / s) @ U.T
-    response = np.array([L @ (inverse @ g) for L in lagged])
+    response = np.array([L @ (inverse @ g) for L in delayed])
     part = _part_by_way_of_error(r, response, group, noise)
     inverse, rest = part * inverse, r - part * response
-    scattered = rest - rest.mean(axis=0) if group.n_runs > 1 else rest - _on_lines(rest, group)
-    slope = 2 * sum((L.T @ x for L, x in zip(lagged, scattered, strict=True)), np.zeros(n))
+    scattered = rest - rest.mean(axis=0) if group.n_runs > 1 else rest - on_lines(rest, group)
+    slope = 2 * sum((L.T @ x for L, x in zip(delayed, scattered, strict=True)), np.zeros(n))
     slope *= group.n_runs / max(group.n_runs - 1, 1)
     of_taps = inverse @ V @ inverse.T
-    curved = of_taps @ sum((L.T @ L for L in lagged), np.zeros((n, n)))
+    curved = of_taps @ sum((L.T @ L for L in delayed), np.zeros((n, n)))
     return rest, float(slope @ of_taps @ slope) + 2 * float(np.sum(curved * curved.T))
 
 
@@ -331,61 +333,8 @@ def _innovation_power(records: np.ndarray) -> float:
 def _instrument(signals: Signals, group: Group, e: np.ndarray) -> np.ndarray | None:
     """Part of e that the target explains, else that which other runs share."""
     if group.lines is not None:
-        return np.broadcast_to(_on_lines(e.mean(axis=0)[None], group), e.shape)
-    return coherent_part(signals, group, e)
-
-
-def _on_lines(values: np.ndarray, group: Group) -> np.ndarray:
-    """Part of signals at the excited lines."""
-    spectrum = fft.rfft(values, axis=-1)
-    kept = np.zeros_like(spectrum)
-    kept[..., group.lines] = spectrum[..., group.lines]
-    return fft.irfft(kept, group.n_samples, axis=-1)
-
-
-def coherent_part(signals: Signals, group: Group, values: np.ndarray) -> np.ndarray | None:
-    """Part of a signal, run by run (rows of ``values``), that is caused from outside the loop.
-
-    With repeats the mean of the other runs; with a periodic target and one run the excited lines;
-    otherwise the response to the target by a finite impulse response. None where there is no way:
-    what remains would be correlated with the noise of its own run.
-    """
-    if group.n_runs > 1:
-        return (values.sum(axis=0) - values) / (group.n_runs - 1)
-    if group.lines is not None:
-        return _on_lines(values, group)
-    if "f_t" not in signals.channels:
-        return None
-    return response_to_target(signals, group, values)
-
-
-def response_to_target(signals: Signals, group: Group, values: np.ndarray) -> np.ndarray:
-    """Response of the signal of one run to the target, by a finite impulse response."""
-    target = signals.channels["f_t"][group.rows[0]]
-    target = target - target.mean()
-    step = tap_spacing(target[None], signals.dt)
-    taps = step * np.arange(min(4 * N_TAPS, group.n_samples // (8 * step)))
-    lagged = np.column_stack([_lagged(target, taps), np.ones(target.size)])
-    return (lagged @ np.linalg.lstsq(lagged, values[0], rcond=1e-8)[0])[None]
-
-
-def _lagged(signal: np.ndarray, taps: np.ndarray) -> np.ndarray:
-    out = np.zeros((signal.size, taps.size))
-    for column, lag in enumerate(taps):
-        out[lag:, column] = signal[: signal.size - lag]
-    return out
-
-
-def bandwidth(signal: np.ndarray, dt: float, share_of_power: float = 0.99) -> float:
-    """Frequency (rad/s) below which signals (rows) have most of their power."""
-    power = (np.abs(fft.rfft(signal - signal.mean(axis=1, keepdims=True))) ** 2).sum(axis=0)
-    share = np.cumsum(power) / power.sum() if power.any() else np.ones(power.size)
-    return 2 * np.pi * max(int(np.searchsorted(share, share_of_power)), 1) / (signal.shape[1] * dt)
-
-
-def tap_spacing(signal: np.ndarray, dt: float) -> int:
-    """Samples between taps that resolve a signal within its bandwidth."""
-    return max(int(0.7 / (bandwidth(signal, dt) * dt)), 1)
+        return np.broadcast_to(on_lines(e.mean(axis=0)[None], group), e.shape)
+    return coherent_part(signals, group, "e")
 
 
 def _note(signals: Signals, route: str) -> str:

@@ -9,7 +9,8 @@ import pandas as pd
 from scipy.stats import kstwobign, norm
 
 from .breaks import Break, largest_break
-from .ceiling import Ceiling, coherent_part
+from .ceiling import Ceiling
+from .coherent import coherent_part
 from .repeats import Group
 from .run_signals import Signals
 from .tests_table import Test, of_several
@@ -59,12 +60,12 @@ class BlockSums:
                 if score.size and score.max() > largest[0]:
                     largest = float(score.max()), float(time[values[:, 1] == 1.0][score.argmax()])
                     of_run = signals.run_label(int(group.runs[k]))
-            response = coherent_part(signals, group, signals.predicted[group.rows])
+            response = coherent_part(signals, group, "predicted")
             if response is not None:
                 gains += _gain_sums(signals, ceiling, group, response, edges)
                 whole = signals.predicted[group.rows]
                 placing += _gain_sums(signals, ceiling, group, whole, edges)
-        p = float(of_several(np.full(n_rows, 2 * norm.sf(largest[0])))[0])
+        p = float(of_several(2 * norm.sf(largest[0]), n_rows))
         outlier = Test(
             "outlier",
             of_run,
@@ -147,7 +148,7 @@ def gain_over_time(signals: Signals, ceiling: Ceiling, edges: np.ndarray) -> pd.
     """Gain of the measured response relative to the predicted one, in windows."""
     sums: list[Sums] = []
     for group in signals.groups:
-        response = coherent_part(signals, group, signals.predicted[group.rows])
+        response = coherent_part(signals, group, "predicted")
         if response is not None:
             sums += _gain_sums(signals, ceiling, group, response, edges)
     if not sums:

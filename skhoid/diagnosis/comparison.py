@@ -311,9 +311,10 @@ def compare(
             )
         fitted = read_signals(model, *estimation, repeats=False, **options)
     vaf = _pooled(signals, signals.predicted)  # which refuses an output of zeros
-    ceiling = noise_ceiling(signals)
+    of_channels = check_channels(X, y, dt=dt, run=run)
     domain = domain or _domain(signals)
     leak = _leak(signals, domain)
+    ceiling = noise_ceiling(signals)
     found = Comparison(
         model_name=_name_of(model),
         output=signals.output,
@@ -329,7 +330,7 @@ def compare(
         findings=[],
         notes=signals.notes,
     )
-    return replace(found, findings=advise(found, signals, check_channels(X, y, dt=dt, run=run)))
+    return replace(found, findings=advise(found, signals, of_channels))
 
 
 def _figures(signals: Signals, vaf: float) -> dict[str, Any]:

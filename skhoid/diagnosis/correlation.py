@@ -15,7 +15,8 @@ from scipy.linalg import toeplitz
 
 from ..runs.roles import EXACT, is_external
 from .breaks import tail_probability
-from .ceiling import Ceiling, tap_spacing
+from .ceiling import Ceiling
+from .coherent import tap_spacing
 from .run_signals import Signals
 from .tests_table import Test
 

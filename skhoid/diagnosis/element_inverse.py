@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -70,33 +70,54 @@ def estimated_inverse(
             "the controlled element is not given, and without a target its estimate from u and x "
             "is biased by the loop"
         )
-    rates, instruments = [], []
-    for piece in low:
-        x = piece["x"]
-        rate = np.gradient(x, dt)
-        beside = [piece["disturbance"]] if "disturbance" in piece else []
-        rates.append(np.column_stack([np.gradient(rate, dt), rate, x, np.ones_like(x), *beside]))
-        lags = np.arange(-2, N_INSTRUMENTS - 2) * taps
-        outside = [lagged(piece[name], lags) for name in EXTERNAL if name in piece]
-        instruments.append(np.column_stack([*outside, np.ones_like(x), *beside]))
-    kept = [np.isfinite(Z).all(axis=1) for Z in instruments]
-    D, Z = (
-        np.concatenate([part[rows] for part, rows in zip(parts, kept, strict=True)])
-        for parts in (rates, instruments)
-    )
-    if len(Z) <= 2 * Z.shape[1]:
+    rows, n = triangle(_instruments_rates_output(piece, dt, taps) for piece in low)
+    n_rates = 4 + ("disturbance" in low[0])
+    Z, D, u = rows[:, : -n_rates - 1], rows[:, -n_rates - 1 : -1], rows[:, -1]
+    if n <= 2 * Z.shape[1]:
         return "the runs are too short to estimate the controlled element"
-    u = np.concatenate([piece["u"][rows] for piece, rows in zip(low, kept, strict=True)])
     caused = Z @ np.linalg.lstsq(Z, D, rcond=1e-9)[0]
-    if not np.var(caused[:, 1]) > LEAST_INSTRUMENT * np.var(D[:, 1]):
+    ones = D[:, 3]
+    caused_rate, rate = (each[:, 1] - ones * (ones @ each[:, 1]) / n for each in (caused, D))
+    if not caused_rate @ caused_rate > LEAST_INSTRUMENT * (rate @ rate):
         return (
             "the controlled element is not given, and its response to the target is too weak to "
             "estimate it from"
         )
-    scale = np.sqrt(np.mean(caused**2, axis=0))
+    scale = np.sqrt(np.sum(caused**2, axis=0) / n)
     scale[scale == 0] = 1.0
     c = np.linalg.lstsq(caused / scale, u, rcond=1e-6)[0] / scale
-    return [rate[:, :4] @ c[:4] for rate in rates]
+    return [_rates(piece["x"], dt) @ c[:4] for piece in low]
+
+
+def _instruments_rates_output(piece: Mapping[str, np.ndarray], dt: float, taps: int) -> np.ndarray:
+    """What the element answers, what it does, and the output, in rows where all are known."""
+    lags = np.arange(-2, N_INSTRUMENTS - 2) * taps
+    beside = [piece["disturbance"]] if "disturbance" in piece else []
+    outside = [lagged(piece[name], lags) for name in EXTERNAL if name in piece]
+    table = np.column_stack(
+        [*outside, np.ones_like(piece["x"]), *beside, _rates(piece["x"], dt), *beside, piece["u"]]
+    )
+    return table[np.isfinite(table[:, : len(lags) * len(outside)]).all(axis=1)]
+
+
+def _rates(x: np.ndarray, dt: float) -> np.ndarray:
+    """Derivatives of the element's output, itself, and ones."""
+    rate = np.gradient(x, dt)
+    return np.column_stack([np.gradient(rate, dt), rate, x, np.ones_like(x)])
+
+
+def triangle(tables: Iterable[np.ndarray]) -> tuple[np.ndarray, int]:
+    """A table of few rows with the sums of products of all tables, one below the other.
+
+    That is R of their QR factorisation; least squares with it are those with the whole. Also the
+    number of rows of the whole.
+    """
+    R, n = None, 0
+    for table in tables:
+        n += len(table)
+        R = np.linalg.qr(table if R is None else np.concatenate([R, table]), mode="r")
+    assert R is not None
+    return R, n
 
 
 def lagged(signal: np.ndarray, lags: Any) -> np.ndarray:

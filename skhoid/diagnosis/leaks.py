@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..runs.roles import with_target
-from .element_inverse import band_edge, estimated_inverse, lagged, low_passed
+from .element_inverse import band_edge, estimated_inverse, lagged, low_passed, triangle
 from .repeats import with_target_and_x
 
 LEAST_DELAY = 0.1  # s; no person answers sooner
@@ -170,28 +170,31 @@ def leak_test(
     else:
         low = [{k: v for k, v in p.items() if k != "disturbance"} for p in low]
     trim = max(round(0.5 / (edge * dt)), 1)
-    inner = [slice(trim, v.size - trim) for v in inverse]
-
-    def joined(values: list[np.ndarray]) -> np.ndarray:
-        parts = [part[rows] for part, rows in zip(values, inner, strict=True)]
-        return np.concatenate([part - part.mean() for part in parts])
-
-    output, prediction = joined([p["u"] for p in low]), joined([p["u_hat"] for p in low])
-    d, v = joined(unseen), joined(inverse)
-    size = float(np.std(d) / np.std(output))
+    products = sum(
+        _products([p["u"], p["u_hat"], p["u"] - p["u_hat"], v, d], trim)
+        for p, v, d in zip(low, inverse, unseen, strict=True)
+    )
+    of_output, of_prediction, of_residual, of_inverse, of_unseen = range(5)
+    size = float(np.sqrt(products[of_unseen, of_unseen] / products[of_output, of_output]))
     if size < LEAST_DISTURBANCE:
         return _unknown(
             f"the unseen disturbance is {100 * size:.0f} % of the output (rms), too little to tell "
             "the output from what the element received"
         )
-    if element is None and _changes(low_all, dt, taps, joined, size):
+    if element is None and _changes(low_all, dt, taps, trim) < LEFT_BY_CHANGE * size:
         return _unknown(
             "what looks like an unseen disturbance is an element that changes in time, or is not "
             "linear; say which element it is"
         )
     slope, sd = _immediate(low, unseen, dt, taps, trim, least_delay)
-    with_inverse, reference = _correlation(prediction, v), _correlation(output, v)
-    with_disturbance = _correlation(output - prediction, d)
+    with_inverse, reference, with_disturbance = (
+        _correlation(products, *pair)
+        for pair in (
+            (of_prediction, of_inverse),
+            (of_output, of_inverse),
+            (of_residual, of_unseen),
+        )
+    )
     if not np.isfinite(slope):
         return _unknown("the unseen disturbance follows the output and the target everywhere")
     leaks = _exceeds(slope, sd, SLOPE)
@@ -259,10 +262,11 @@ def _exceeds(slope: float, sd: float, most: float) -> bool:
     return bool(slope > most and slope - SIGMAS * sd > most / 2)
 
 
-def _changes(
-    low: list[dict[str, np.ndarray]], dt: float, taps: int, joined: Any, size: float
-) -> bool:
-    """Whether an element of its own in each window leaves hardly any disturbance."""
+def _changes(low: list[dict[str, np.ndarray]], dt: float, taps: int, trim: int) -> float:
+    """Unseen disturbance, over the output (rms), that an element of its own in each window leaves.
+
+    Infinite where one cannot be estimated.
+    """
     found: list[list[np.ndarray]] = [[] for _ in low]
     for window in range(WINDOWS):
         parts = []
@@ -272,12 +276,21 @@ def _changes(
             parts.append({name: values[rows] for name, values in piece.items()})
         received = estimated_inverse(parts, dt, taps)
         if isinstance(received, str):
-            return False
+            return np.inf
         for of_piece, v, part in zip(found, received, parts, strict=True):
             of_piece.append(v - part["u"])
-    d = joined([np.concatenate(of_piece) for of_piece in found])
-    output = joined([piece["u"] for piece in low])
-    return float(np.std(d) / np.std(output)) < LEFT_BY_CHANGE * size
+    products = sum(
+        _products([np.concatenate(of_piece), piece["u"]], trim)
+        for of_piece, piece in zip(found, low, strict=True)
+    )
+    return float(np.sqrt(products[0, 0] / products[1, 1]))
+
+
+def _products(signals: list[np.ndarray], trim: int) -> np.ndarray:
+    """Sums of products of signals about their means, without the ends of the run."""
+    inner = np.array([signal[trim : signal.size - trim] for signal in signals])
+    inner -= inner.mean(axis=1, keepdims=True)
+    return inner @ inner.T
 
 
 def _reason(
@@ -366,14 +379,14 @@ def _without_recorded(
 ) -> list[np.ndarray]:
     """What is left of the disturbance when all that follows the recorded one is taken out."""
     lags = np.arange(-1, BEHIND) * taps
-    tables = [
-        np.column_stack(
-            [np.nan_to_num(lagged(p["disturbance"], lags)), np.ones(p["disturbance"].size)]
-        )
-        for p in low
-    ]
-    c = np.linalg.lstsq(np.concatenate(tables), np.concatenate(disturbance), rcond=1e-9)[0]
-    return [d - table @ c for d, table in zip(disturbance, tables, strict=True)]
+
+    def past(piece: dict[str, np.ndarray]) -> np.ndarray:
+        known = np.nan_to_num(lagged(piece["disturbance"], lags))
+        return np.column_stack([known, np.ones(len(known))])
+
+    rows, _ = triangle(np.column_stack([past(p), d]) for p, d in zip(low, disturbance, strict=True))
+    c = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=1e-9)[0]
+    return [d - past(p) @ c for d, p in zip(disturbance, low, strict=True)]
 
 
 def _immediate(
@@ -390,8 +403,10 @@ def _immediate(
     """
     earliest, latest = -int(EARLY / dt + 1e-9), int(np.ceil(least_delay / dt - 1e-9))
     lags = range(earliest, max(latest, 1), max(round(STEP / dt), 1))
-    tables, blocks, count = [], [], 0
-    for piece, d in zip(low, unseen, strict=True):
+    n_free = 1 + len(lags)
+
+    def table_of(piece: dict[str, np.ndarray], d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Prediction, disturbance and what is held fixed where all are known; and the rows."""
         columns = [piece["u_hat"][:, None], lagged(d, lags)]
         columns.append(lagged(piece["u"], [taps * k for k in OF_OUTPUT]))
         if "target" in piece:
@@ -399,33 +414,39 @@ def _immediate(
         if "disturbance" in piece:
             columns.append(lagged(piece["disturbance"], taps * np.arange(-1, BEHIND)))
         table = np.column_stack([*columns, np.ones(d.size)])
-        block = count + np.arange(d.size) // max(4 * taps, 1)
-        count = int(block[-1]) + 1
         keep = np.isfinite(table).all(axis=1)
         keep[:trim] = keep[-trim:] = False
-        tables.append(table[keep])
-        blocks.append(block[keep])
-    table, block = np.concatenate(tables), np.concatenate(blocks)
-    n_lags = len(lags)
-    held = table[:, 1 + n_lags :]
-    scale = np.sqrt(np.mean(held**2, axis=0))
-    held = held[:, scale > 0] / scale[scale > 0]
-    if len(table) <= 2 * held.shape[1] + n_lags:
+        return table[keep], np.flatnonzero(keep)
+
+    rows, n = triangle(table_of(*each)[0] for each in zip(low, unseen, strict=True))
+    free, held = rows[:, :n_free], rows[:, n_free:]
+    scale = np.sqrt(np.sum(held**2, axis=0) / max(n, 1))
+    moves = scale > 0
+    if n <= 2 * moves.sum() + len(lags):
         return np.nan, np.nan
-    U, s, _ = np.linalg.svd(held, full_matrices=False)
-    U = U[:, s > 1e-6 * s[0]]
-    free = table[:, : 1 + n_lags] - U @ (U.T @ table[:, : 1 + n_lags])
+    U, s, Wt = np.linalg.svd(held[:, moves] / scale[moves], full_matrices=False)
+    kept = s > 1e-6 * s[0]
+    U, s, Wt = U[:, kept], s[kept], Wt[kept]
+    explained = np.zeros((held.shape[1], n_free))
+    explained[moves] = (Wt.T / s) @ (U.T @ free) / scale[moves, None]
+    all_power = np.sum(free[:, 1:] ** 2, axis=0)
+    free = free - U @ (U.T @ free)
     prediction, probes = free[:, 0], free[:, 1:]
     power = np.sum(probes**2, axis=0)
-    if np.any(power <= 1e-6 * np.sum(table[:, 1 : 1 + n_lags] ** 2, axis=0)):
+    if np.any(power <= 1e-6 * all_power):
         return np.nan, np.nan
     slopes = probes.T @ prediction / power
     best = int(np.argmax(slopes))
-    left = prediction - slopes[best] * probes[:, best]
-    sums = np.bincount(block, left * probes[:, best])
-    return float(slopes[best]), float(np.sqrt(np.sum(sums**2)) / power[best])
+    spread = 0.0
+    for piece, d in zip(low, unseen, strict=True):
+        table, at = table_of(piece, d)
+        left = table[:, :n_free] - table[:, n_free:] @ explained
+        probe = left[:, 1 + best]
+        sums = np.bincount(at // max(4 * taps, 1), (left[:, 0] - slopes[best] * probe) * probe)
+        spread += float(np.sum(sums**2))
+    return float(slopes[best]), float(np.sqrt(spread) / power[best])
 
 
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    scale = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
-    return float(a @ b) / scale if scale > 0 else 0.0
+def _correlation(products: np.ndarray, a: int, b: int) -> float:
+    scale = float(np.sqrt(products[a, a] * products[b, b]))
+    return float(products[a, b]) / scale if scale > 0 else 0.0

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import t as t_distribution
 
-from .ceiling import Ceiling, coherent_part
+from .ceiling import Ceiling
+from .coherent import coherent_part
 from .repeats import Group
 from .run_signals import Signals
 from .tests_table import Test
@@ -63,7 +64,7 @@ def _responses(signals: Signals) -> list[tuple[Group, np.ndarray]]:
     """The part of the prediction that is caused from outside the loop, without its mean."""
     found = []
     for group in signals.groups:
-        response = coherent_part(signals, group, signals.predicted[group.rows])
+        response = coherent_part(signals, group, "predicted")
         if response is not None:
             response = response - response.mean(axis=1, keepdims=True)
             if response.any():

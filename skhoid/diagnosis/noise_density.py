@@ -60,9 +60,10 @@ class NoiseDensity:
 
     def covariance(self, Z: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Covariance of Z' n under noise alone."""
-        Fz = fft.rfft(Z * self.scale(time)[:, None], axis=0, norm="ortho")
-        S = self._density_of_bins(len(Z))
-        return np.real((Fz * S[:, None]).conj().T @ Fz)
+        # Real and imaginary parts beside each other: products of both are those of real numbers.
+        Fz = fft.rfft(Z.T * self.scale(time), axis=1, norm="ortho")
+        parts = (Fz * np.sqrt(self._density_of_bins(len(Z)))).view(float)
+        return parts @ parts.T
 
     def _density_of_bins(self, n: int) -> np.ndarray:
         """Density of the bins of n samples, twice that of bins that stand for two."""

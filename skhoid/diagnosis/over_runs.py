@@ -75,12 +75,7 @@ def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, lis
         # The logarithm of a mean square with f degrees of freedom scatters by about sqrt(2 / f).
         log = np.log(power)
         scatter = np.sqrt(2 / free)
-        each = np.empty(used.size)
-        for k in range(used.size):
-            others = np.arange(used.size) != k
-            rest = np.median(log[others]) if used.size > 4 else np.mean(log[others])
-            spread = np.sqrt(scatter[k] ** 2 + _spread_of_centre(scatter[others]))
-            each[k] = (log[k] - rest) / spread
+        each = (log - _centre_of_others(log)) / np.sqrt(scatter**2 + _spread_of_centre(scatter))
         alone = of_several(2 * norm.sf(np.abs(each)))
         p[used] = alone
         worst = int(np.argmax(np.abs(each)))
@@ -112,10 +107,24 @@ def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, lis
     return p, tests
 
 
-def _spread_of_centre(scatter: np.ndarray) -> float:
-    """Variance of a median (many values) or mean (few) of independent values."""
-    factor = np.pi / 2 if scatter.size > 3 else 1.0
-    return float(factor * np.mean(scatter**2) / scatter.size)
+def _centre_of_others(values: np.ndarray) -> np.ndarray:
+    """Median (of many values) or mean (of few) of all values but each."""
+    n = values.size - 1
+    if n < 4:
+        return (values.sum() - values) / n
+    order = np.argsort(values, kind="stable")
+    place = np.empty(n + 1, dtype=int)
+    place[order] = np.arange(n + 1)
+    # Without one value, those that were beyond it move down by a place.
+    middle = [values[order[at + (place <= at)]] for at in ((n - 1) // 2, n // 2)]
+    return (middle[0] + middle[1]) / 2
+
+
+def _spread_of_centre(scatter: np.ndarray) -> np.ndarray:
+    """Variance of that centre, of independent values with these standard deviations."""
+    n = scatter.size - 1
+    factor = np.pi / 2 if n >= 4 else 1.0
+    return factor * (np.sum(scatter**2) - scatter**2) / n**2
 
 
 def _lost_control(signals: Signals) -> list[Test]:

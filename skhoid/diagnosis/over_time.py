@@ -26,69 +26,85 @@ def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFr
 
     ``exceeds`` says that a window has more, or less, than chance.
     """
-    rows = np.flatnonzero(signals.scored)
-    time, run = signals.layout.time[rows], signals.layout.run_of(rows)
-    edges = _edges(time, signals.dt)
-    window = np.searchsorted(edges, time + signals.dt / 4, side="right") - 1
-    n = edges.size - 1
-    parts = [("all", np.ones(rows.size, dtype=bool))]
-    numbers = np.unique(run)
-    if numbers.size >= 1:
-        parts += [(signals.run_label(k), run == k) for k in numbers]
-    y, r = signals.y[rows], signals.residual[rows]
-    # A window of T seconds holds that many independent values of the noise's square.
-    per_second = 1 / ceiling.noise.correlation_time
-    tables = []
-    for label, own in parts:
-        at = window[own]
-        count = np.bincount(at, minlength=n)
-        power, lost = np.bincount(at, y[own] ** 2, n), np.bincount(at, r[own] ** 2, n)
-        used = np.flatnonzero(count)
-        count, power, lost = count[used], power[used], lost[used]
-        rest = count.sum() - count
-        # Runs of more power count for more: there are fewer values than of runs all alike.
-        of_runs = np.bincount(run[own], r[own] ** 2, len(signals.layout.labels))
-        shares = of_runs[of_runs > 0] / max(of_runs.sum(), 1e-300)
-        alike = 1 / (shares.size * np.sum(shares**2)) if shares.size else 1.0
-        free = np.maximum(alike * per_second * signals.dt * count, 1.0)
-        free_rest = np.maximum(alike * per_second * signals.dt * rest, 1.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            F = (lost / count) / ((lost.sum() - lost) / rest)
-            tail = np.minimum(
-                f_distribution.sf(F, free, free_rest), f_distribution.cdf(F, free, free_rest)
-            )
-            vaf = 100 * (1 - lost / power)
-        p = of_several(2 * np.where(np.isfinite(F), tail, 0.5))
-        views = 1 if label == "all" else numbers.size
-        each = of_one(false_alarm / views, used.size) / 2
-        limits = np.array(
-            [f_distribution.ppf(each, free, free_rest), f_distribution.isf(each, free, free_rest)]
-        )
-        part = count / count.sum()
-        limits = limits / (part * limits + 1 - part)
-        tables.append(
-            pd.DataFrame(
-                {
-                    "run": label,
-                    "start": edges[used],
-                    "stop": edges[used + 1],
-                    "rmse": np.sqrt(lost / count),
-                    "vaf": vaf,
-                    "share": 100 * lost / power.sum() if power.sum() else np.nan,
-                    "ratio": lost / count / (lost.sum() / count.sum()) if lost.any() else 1.0,
-                    "chance_low": limits[0],
-                    "chance_high": limits[1],
-                    "p": np.minimum(p * views, 1.0),
-                }
-            )
-        )
-    tables[0] = tables[0].assign(**_repeating(signals, ceiling, edges, tables[0]))
+    edges = _edges(signals)
+    names, sums = ["all"], [np.zeros((3, edges.size - 1))]
+    for k, (start, stop) in enumerate(pairwise(signals.layout.run_starts)):
+        rows = start + np.flatnonzero(signals.scored[start:stop])
+        if not rows.size:
+            continue
+        window = _windows(edges, signals.layout.time[rows], signals.dt)
+        weights = None, signals.y[rows] ** 2, signals.residual[rows] ** 2
+        names.append(signals.run_label(k))
+        sums.append(np.array([np.bincount(window, w, edges.size - 1) for w in weights]))
+        sums[0] += sums[-1]
+    table = _table_of_windows(edges, names, np.array(sums), signals.dt, ceiling, false_alarm)
+    together = table[: np.count_nonzero(sums[0][0])]
+    more = pd.DataFrame(_repeating(signals, ceiling, edges, together), index=together.index)
     gain = gain_over_time(signals, ceiling, edges)
-    if gain is not None and len(tables[0]) == len(gain):
-        tables[0] = tables[0].join(gain)
-    table = pd.concat(tables, ignore_index=True)
+    if gain is not None and len(together) == len(gain):
+        more = more.join(gain)
+    table = table.join(more)
     table["exceeds"] = table["p"] < false_alarm
     return table
+
+
+def _table_of_windows(
+    edges: np.ndarray,
+    names: list[str],
+    sums: np.ndarray,
+    dt: float,
+    ceiling: Ceiling,
+    false_alarm: float,
+) -> pd.DataFrame:
+    """Rows for the windows of all runs, which are first, and of each, that hold samples.
+
+    ``sums`` are those of samples, of squared output and of squared residual, by run and window.
+    """
+    count, power, lost = sums.transpose(1, 0, 2)
+    totals = sums.sum(axis=2)
+    run, window = np.nonzero(count)
+    n_windows = np.count_nonzero(count, axis=1)[run]
+    n_samples, all_power, all_lost = totals[run].T
+    count, power, lost = (values[run, window] for values in (count, power, lost))
+    rest = n_samples - count
+    # Runs of more power count for more: there are fewer values than of runs all alike.
+    of_runs = totals[1:, 2]
+    shares = of_runs[of_runs > 0] / max(of_runs.sum(), 1e-300)
+    alike = np.ones(len(names))
+    alike[0] = 1 / (shares.size * np.sum(shares**2)) if shares.size else 1.0
+    # A window of T seconds holds that many independent values of the noise's square.
+    per_sample = alike[run] * dt / ceiling.noise.correlation_time
+    free, free_rest = np.maximum(per_sample * count, 1.0), np.maximum(per_sample * rest, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        F = (lost / count) / ((all_lost - lost) / rest)
+        tail = np.minimum(
+            f_distribution.sf(F, free, free_rest), f_distribution.cdf(F, free, free_rest)
+        )
+        vaf = 100 * (1 - lost / power)
+        share = np.where(all_power > 0, 100 * lost / all_power, np.nan)
+        ratio = np.where(all_lost > 0, lost / count / (all_lost / n_samples), 1.0)
+    p = of_several(2 * np.where(np.isfinite(F), tail, 0.5), n_windows)
+    views = np.where(run == 0, 1, len(names) - 1)
+    each = of_one(false_alarm / views, n_windows) / 2
+    limits = np.array(
+        [f_distribution.ppf(each, free, free_rest), f_distribution.isf(each, free, free_rest)]
+    )
+    part = count / n_samples
+    limits = limits / (part * limits + 1 - part)
+    return pd.DataFrame(
+        {
+            "run": np.array(names, dtype=object)[run],
+            "start": edges[window],
+            "stop": edges[window + 1],
+            "rmse": np.sqrt(lost / count),
+            "vaf": vaf,
+            "share": share,
+            "ratio": ratio,
+            "chance_low": limits[0],
+            "chance_high": limits[1],
+            "p": np.minimum(p * views, 1.0),
+        }
+    )
 
 
 def _repeating(
@@ -104,7 +120,7 @@ def _repeating(
         r = signals.residual[group.rows]
         mean = r.mean(axis=0)
         time = signals.layout.time[group.rows[0]]
-        at = np.clip(np.searchsorted(edges, time + signals.dt / 4, side="right") - 1, 0, n - 1)
+        at = _windows(edges, time, signals.dt)
         repeated += np.bincount(at, group.n_runs * mean**2, n)
         noise += np.bincount(at, np.sum((r - mean) ** 2, axis=0) / (group.n_runs - 1), n)
         count = np.bincount(at, minlength=n) * signals.dt / ceiling.noise.correlation_time
@@ -122,10 +138,16 @@ def _repeating(
     }
 
 
-def _edges(time: np.ndarray, dt: float) -> np.ndarray:
-    start, stop = float(time.min()), float(time.max()) + dt
+def _edges(signals: Signals) -> np.ndarray:
+    time = signals.layout.time[signals.scored]
+    start, stop = float(time.min()), float(time.max()) + signals.dt
     n = int(np.clip((stop - start) / SHORTEST, 1, N_WINDOWS))
     return np.linspace(start, stop, n + 1)
+
+
+def _windows(edges: np.ndarray, time: np.ndarray, dt: float) -> np.ndarray:
+    """Number of the window that each instant is in."""
+    return np.clip(np.searchsorted(edges, time + dt / 4, side="right") - 1, 0, edges.size - 2)
 
 
 def time_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFrame:

@@ -13,12 +13,11 @@ from ..runs import RunLayout
 from ..runs.roles import is_external
 from ..summaries import counted
 from .element_inverse import band_edge, estimated_inverse, low_passed
+from .same_target import runs_in_common
 
-SAME_TARGET = 0.05  # rms difference of targets of repeats, as a fraction of their rms
 LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest
 BESIDE = 0.05  # of the lines, at most, are neighbours
 BETWEEN = 1e-3  # of the power of a periodic target, at most, is off its lines
-OVERLAP = 0.8  # of the longer run, at least, that repeats have in common
 PERIODIC = 1e-3  # power of f(t + P) - f(t), as a fraction of twice that of f
 MOVED = 0.3  # the same at least once before a period can end: near 0 shifts everything is alike
 SEEN = 0.25  # of a period, at least, that is there a second time
@@ -76,31 +75,8 @@ def grouped(
     ``stretches`` are first and last row + 1 of runs by number; ``measured`` is the output.
     """
     labels = repeat_labels(layout, repeats)
-    number = layout.sample_numbers()
     outside = {name: values for name, values in channels.items() if is_external(name)}
-    members: list[tuple[list[int], np.ndarray]] = []
-    apart: set[str] = set()
-    for run, (start, stop) in stretches.items():
-        own = number[start:stop]
-        for position, (runs, common) in enumerate(members):
-            if labels is not None and labels[runs[0]] != labels[run]:
-                continue
-            shared = np.intersect1d(common, own, assume_unique=True)
-            if shared.size < OVERLAP * max(common.size, own.size):
-                continue
-            first = stretches[runs[0]][0]
-            if labels is None:
-                differ = _different(
-                    outside, first + shared - number[first], start + shared - own[0]
-                )
-                if differ:
-                    if "f_t" not in differ:
-                        apart.update(differ)
-                    continue
-            members[position] = ([*runs, run], shared)
-            break
-        else:
-            members.append(([run], own))
+    members, apart = runs_in_common(layout, stretches, outside, labels)
     groups, notes = [], []
     decided = ""
     if labels is not None:
@@ -108,8 +84,7 @@ def grouped(
     elif apart:
         names = ", ".join(sorted(apart))
         decided = f"runs that share the target differ in the recorded disturbance {names}"
-    for runs, common in members:
-        rows = np.array([stretches[r][0] + common - number[stretches[r][0]] for r in runs])
+    for runs, rows in members:
         split = [np.arange(len(runs))]
         if labels is None and len(runs) > 1:
             split, how = _by_disturbance(measured, channels, rows, layout)
@@ -147,19 +122,6 @@ def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
             "False (none are)."
         )
     return labels
-
-
-def _different(outside: Mapping[str, np.ndarray], a: np.ndarray, b: np.ndarray) -> list[str]:
-    """Signals from outside the loop in which two runs differ; the target where it is unknown."""
-    target = outside.get("f_t")
-    if target is None or not np.any(target[a]):
-        return ["f_t"]
-    found = []
-    for name, values in outside.items():
-        power = max(float(np.mean(values[a] ** 2)), float(np.mean(values[b] ** 2)))
-        if np.mean((values[a] - values[b]) ** 2) > SAME_TARGET**2 * power:
-            found.append(name)
-    return found
 
 
 def _by_disturbance(

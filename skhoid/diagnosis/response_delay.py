@@ -7,7 +7,8 @@ from scipy import fft
 from scipy.signal.windows import hann
 from scipy.stats import f as f_distribution
 
-from .ceiling import Ceiling, bandwidth, coherent_part
+from .ceiling import Ceiling
+from .coherent import bandwidth, coherent_part
 from .repeats import Group
 from .run_signals import Signals
 from .tests_table import Test
@@ -70,11 +71,10 @@ def _spectra(signals: Signals, ceiling: Ceiling) -> tuple[tuple[np.ndarray, ...]
     """Frequencies, and driving signal, output, prediction and noise there; power of the output."""
     if signals.driving is None:
         return None
-    driving = signals.channels[signals.driving]
     parts = []
     power = 0.0
     for group in signals.groups:
-        found = _of_group(signals, ceiling, group, driving)
+        found = _of_group(signals, ceiling, group, signals.driving)
         if found is not None:
             parts.append(found)
             power += float(np.sum(signals.y[group.rows] ** 2))
@@ -84,16 +84,17 @@ def _spectra(signals: Signals, ceiling: Ceiling) -> tuple[tuple[np.ndarray, ...]
 
 
 def _of_group(
-    signals: Signals, ceiling: Ceiling, group: Group, driving: np.ndarray
+    signals: Signals, ceiling: Ceiling, group: Group, driving: str
 ) -> tuple[np.ndarray, ...] | None:
     means = []
-    for values in (driving, signals.y, signals.predicted):
-        of_runs = values[group.rows]
-        if group.n_runs == 1 and group.lines is None and signals.driving != "f_t":
-            coherent = coherent_part(signals, group, of_runs)
+    for name in (driving, "y", "predicted"):
+        if group.n_runs == 1 and group.lines is None and driving != "f_t":
+            coherent = coherent_part(signals, group, name)
             if coherent is None:
                 return None
             of_runs = coherent
+        else:
+            of_runs = signals.named(name)[group.rows]
         # The mean over runs adds no remnant of its own but what is over their number.
         means.append(of_runs.mean(axis=0))
     omega = group.omega(signals.dt)

@@ -24,6 +24,7 @@ from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_target
 from ..summaries import counted
+from .coherent import TargetResponse
 from .repeats import Group, grouped
 
 SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
@@ -31,6 +32,7 @@ LONGEST_SETTLING = 10.0  # s
 MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole periods with them
 RAMPS = 0.04  # of a run, both ends together
 LEAST_ROWS = 64  # of a run, for spectra and tests
+OUTPUTS = ("y", "predicted", "residual")
 KEEP_SETTLING = python_only(" (run_in=0 keeps them)")
 
 
@@ -60,7 +62,7 @@ class Signals:
     decided: str = ""
     judged: np.ndarray | None = None
 
-    @property
+    @cached_property
     def residual(self) -> np.ndarray:
         return self.y - self.predicted
 
@@ -94,6 +96,24 @@ class Signals:
     def driving(self) -> str | None:
         """The signal that the operator answers: the error, or the target where there is none."""
         return next((name for name in ("e", "f_t") if name in self.channels), None)
+
+    def named(self, name: str) -> np.ndarray:
+        """Output ``y``, ``predicted`` or ``residual``, or the channel of a role."""
+        return getattr(self, name) if name in OUTPUTS else self.channels[name]
+
+    @cached_property
+    def target_responses(self) -> dict[int, TargetResponse]:
+        """Responses to the target of runs that repeat no other, by number."""
+        names = [*OUTPUTS, *(["e"] if self.driving == "e" else [])]
+        return {
+            int(group.runs[0]): TargetResponse.of(
+                self.channels["f_t"][group.rows[0]],
+                {name: self.named(name)[group.rows[0]] for name in names},
+                self.dt,
+            )
+            for group in self.groups
+            if group.n_runs == 1 and group.lines is None
+        }
 
     def run_label(self, number: int) -> str:
         return run_name(self.layout.labels[number])
@@ -190,7 +210,7 @@ def sorted_signals(
     judged, scored = used, used & ~missing
     if missing[used].mean() <= MOST_MASKED:
         # A few missing values do not cut a run: there is no residual in them.
-        measured = np.where(missing, predicted, measured)
+        measured = np.where(missing, predicted, measured) if missing.any() else measured
     else:
         used = scored
     if run_in is None and settling is not None:
@@ -324,7 +344,7 @@ def _channels(
     found: dict[str, np.ndarray] = {}
     for role, position in columns_by_role(names, roles).items():
         name = names[position]
-        column = pd.DataFrame({name: columns[name]})
+        column = pd.DataFrame({name: columns[name]}, copy=False)
         check_numbers(column, "X")
         values = column[name].to_numpy(dtype=float)
         if np.isinf(values).any():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, asdict, dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -54,13 +55,16 @@ def tests_table(tests: list[Test], false_alarm: float) -> pd.DataFrame:
     return frame[list(COLUMNS)]
 
 
-def of_several(p: np.ndarray) -> np.ndarray:
-    """P-values of several independent tests, each corrected for being one of them (Sidak)."""
+def of_several(p: np.ndarray, n: Any = None) -> np.ndarray:
+    """P-values of several independent tests, each corrected for being one of them (Sidak).
+
+    ``n`` is how many, by default all that are finite.
+    """
     p = np.asarray(p, dtype=float)
-    n = int(np.sum(np.isfinite(p)))
+    n = np.sum(np.isfinite(p)) if n is None else n
     return -np.expm1(n * np.log1p(-np.minimum(p, 1 - 1e-16)))
 
 
-def of_one(false_alarm: float, n: int) -> float:
+def of_one(false_alarm: Any, n: Any) -> Any:
     """Rate of each of n independent tests that together have the stated false-alarm rate."""
-    return float(-np.expm1(np.log1p(-false_alarm) / n))
+    return -np.expm1(np.log1p(-false_alarm) / n)

@@ -35,6 +35,7 @@ COARSEST = 25  # samples between values of a channel that was recorded more slow
 REGULAR = 0.95  # share of the steps that follow the pattern of a slower clock
 FILLED = 0.4  # share of the slower clock's steps in which the channel changes
 LEAST_STEPS = 20
+BLOCK = 50_000  # rows that are taken at a time
 
 
 def check_channels(
@@ -153,11 +154,8 @@ def _copies(recording: RawRecording) -> Iterator[Finding]:
     ]
     if len(names) < 2:
         return
-    centred = np.stack([recording.values[n] - np.nanmean(recording.values[n]) for n in names])
-    centred = np.nan_to_num(centred / np.nanstd(centred, axis=1, keepdims=True))
-    n_rows, found = centred.shape[1], set()
-    for shift in range(min(LONGEST_SHIFT, n_rows - 2) + 1):
-        correlation = centred[:, : n_rows - shift] @ centred[:, shift:].T / n_rows
+    found = set()
+    for shift, correlation in enumerate(_shifted_correlations(recording, names)):
         for i, j in np.argwhere(np.abs(correlation) > 0.9):
             if i == j or (shift == 0 and i > j) or frozenset((i, j)) in found:
                 continue
@@ -165,6 +163,22 @@ def _copies(recording: RawRecording) -> Iterator[Finding]:
             if gain is not None:
                 found.add(frozenset((i, j)))
                 yield _copy(recording, names[i], names[j], shift, gain)
+
+
+def _shifted_correlations(recording: RawRecording, names: list[Any]) -> np.ndarray:
+    """Correlations of channels (second axis) with channels some samples later, by shift."""
+    channels = [recording.values[name] for name in names]
+    mean, sd = (np.array([[f(v)] for v in channels]) for f in (np.nanmean, np.nanstd))
+    n_rows = channels[0].size
+    longest = min(LONGEST_SHIFT, n_rows - 2)
+    products = np.zeros((longest + 1, len(names), len(names)))
+    for start in range(0, n_rows, BLOCK):
+        part = np.stack([values[start : start + BLOCK + longest] for values in channels])
+        part = np.nan_to_num((part - mean) / sd)
+        for shift in range(longest + 1):
+            later = part[:, shift : shift + BLOCK]
+            products[shift] += part[:, : later.shape[1]] @ later.T
+    return products / n_rows
 
 
 def _copy_gain(recording: RawRecording, source: Any, copy: Any, shift: int) -> float | None:

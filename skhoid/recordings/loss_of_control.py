@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -204,8 +205,7 @@ def control_check(
     runs = [of_run for of_run in runs if of_run.level.size and of_run.largest > 0]
     stretches: list[LostControl] = []
     worst = ControlCheck()
-    for of_run in runs:
-        usual = of_run.usual([other for other in runs if other is not of_run])
+    for of_run, usual in zip(runs, _usual_levels(runs), strict=True):
         if not usual > 0:
             continue
         times = of_run.largest / usual
@@ -242,7 +242,7 @@ class _RunLevels:
         begin, end = layout.run_starts[number : number + 2]
         size = max(round(BLOCK / layout.dt), 1)
         width = max(round(WINDOW / (size * layout.dt)), 1)
-        edges = layout.starts[(layout.starts >= begin) & (layout.starts <= end)]
+        edges = layout.starts[slice(*np.searchsorted(layout.starts, [begin, end + 1]))]
         first: list[int] = []
         last: list[int] = []
         rms: list[float] = []
@@ -287,30 +287,13 @@ class _RunLevels:
         """Rms of the target about its mean; NaN where it is not known, or does not move."""
         return self.forcing.get("f_t", 0.0) or np.nan
 
-    @property
+    @cached_property
     def largest(self) -> float:
         return float(self.level.max()) if self.level.size else np.nan
 
     @property
     def calm(self) -> float:
         return float(np.quantile(self.level, CALM))
-
-    def usual(self, others: Sequence[_RunLevels]) -> float:
-        """The level that the error of this run may usually reach."""
-        own = OF_CALM * np.fmin(self.calm, self.target)
-        if not others:
-            return max(ALONE * self.calm, self.span / LOST)
-        reached = [other.largest * self._harder(other) for other in others]
-        return float(max(np.exp(np.median(np.log(reached))), own))
-
-    def _harder(self, other: _RunLevels) -> float:
-        """By how much more this run is driven than another one, 1 at least."""
-        ratios = [
-            size / other.forcing[role]
-            for role, size in self.forcing.items()
-            if other.forcing.get(role, 0.0) > 0
-        ]
-        return max([1.0, *ratios])
 
     def lost(self, usual: float, layout: RunLayout) -> list[LostControl]:
         """Stretches in which control was lost."""
@@ -347,6 +330,26 @@ class _RunLevels:
             end=float(layout.time[end - 1]),
             times=float(times),
         )
+
+
+def _usual_levels(runs: Sequence[_RunLevels]) -> list[float]:
+    """The level that the error of each run may usually reach."""
+    if len(runs) == 1:
+        return [max(ALONE * runs[0].calm, runs[0].span / LOST)]
+    roles = {role for of_run in runs for role in of_run.forcing}
+    driven = np.array([[of_run.forcing.get(role, 0.0) for of_run in runs] for role in roles])
+    largest = np.array([of_run.largest for of_run in runs])
+    found = []
+    for number, of_run in enumerate(runs):
+        # By how much more this run is driven than each other one, 1 at least.
+        harder = np.ones(len(runs))
+        for size, of_role in zip(driven[:, number], driven, strict=True):
+            ratio = np.divide(size, of_role, out=np.ones(len(runs)), where=of_role > 0)
+            harder = np.maximum(harder, ratio)
+        reached = np.log(np.delete(largest * harder, number))
+        own = OF_CALM * np.fmin(of_run.calm, of_run.target)
+        found.append(float(max(np.exp(np.median(reached)), own)))
+    return found
 
 
 def _around(core: np.ndarray, large: np.ndarray) -> tuple[int, int]:

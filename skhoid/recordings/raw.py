@@ -68,7 +68,9 @@ def read_recording(X: Any, y: Any, dt: float | None, run: Any) -> RawRecording:
     except IrregularSamplingError:
         labels, starts, time = _raw_clock(X, run)
     signals = NamedSignals(X, y, run=run_column)
-    numbers = np.where(np.isfinite(signals.numbers), signals.numbers, np.nan)
+    numbers = signals.numbers
+    if not np.isfinite(numbers).all():
+        numbers = np.where(np.isfinite(numbers), numbers, np.nan)
     values = {name: numbers[:, i] for i, name in enumerate(signals.channels)}
     output = None
     if signals.output is not None:

@@ -13,7 +13,7 @@ from skhoid import (
     vaf_score,
 )
 from skhoid.diagnosis.breaks import N_DRAWS, largest_break, tail_probability
-from skhoid.diagnosis.ceiling import coherent_part
+from skhoid.diagnosis.coherent import coherent_part
 from skhoid.diagnosis.levels import held_levels
 from skhoid.diagnosis.noise_density import noise_density
 from skhoid.diagnosis.repeats import excited_lines
@@ -307,7 +307,7 @@ def test_coherent_part_is_that_of_the_other_runs(simulated):
     signals = read_signals(Oracle(truth.u_without_remnant), X, y)
     (group,) = signals.groups
     e = X["e"].to_numpy().reshape(3, -1)
-    assert_allclose(coherent_part(signals, group, e)[1], (e[0] + e[2]) / 2)
+    assert_allclose(coherent_part(signals, group, "e")[1], (e[0] + e[2]) / 2)
 
 
 def test_coherent_part_of_one_run_is_at_the_lines(simulated):
@@ -316,12 +316,12 @@ def test_coherent_part_of_one_run_is_at_the_lines(simulated):
     signals = read_signals(Oracle(truth.u_without_remnant), X, y)
     (group,) = signals.groups
     e = X[["e"]].to_numpy().T
-    spectrum = np.fft.fft(coherent_part(signals, group, e)[0])
+    spectrum = np.fft.fft(coherent_part(signals, group, "e")[0])
     kept = np.union1d(group.lines, y.size - group.lines)
     assert_allclose(spectrum[kept], np.fft.fft(e[0])[kept])
     assert np.abs(np.delete(spectrum, kept)).max() < 1e-9
     without = read_signals(Oracle(truth.u_without_remnant), X[["e"]], y)
-    assert coherent_part(without, without.groups[0], e) is None
+    assert coherent_part(without, without.groups[0], "e") is None
 
 
 def test_whitened_noise_is_white():
