@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from sklearn.pipeline import Pipeline
 
+from .preprocessing.base import as_fitted
 from .preprocessing.run_in import RunInTrimmer, run_in_rows
 from .runs import RunLayout, read_layout
 
@@ -51,10 +52,11 @@ def raw_layout(estimator: Any, X: Any, *, dt: float | None = None, run: Any = No
     first = unwrapped(estimator)
     while isinstance(first, Pipeline):
         first = unwrapped(first.steps[0][1])
+    told = as_fitted(first)
     return read_layout(
         X,
-        dt=getattr(first, "dt", None) if dt is None else dt,
-        run=getattr(first, "run", None) if run is None else run,
+        dt=getattr(told, "dt", None) if dt is None else dt,
+        run=getattr(told, "run", None) if run is None else run,
     )
 
 
@@ -63,10 +65,11 @@ def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
     trimmed = np.zeros(len(X), dtype=bool)
     for _, step in getattr(unwrapped(estimator), "steps", []):
         if isinstance(step, RunInTrimmer):
+            told = as_fitted(step)
             trimmed |= run_in_rows(
-                read_layout(X, dt=step.dt, run=step.run),
-                run_in=step.run_in,
-                measurement_time=step.measurement_time,
+                read_layout(X, dt=told.dt, run=told.run),
+                run_in=told.run_in,
+                measurement_time=told.measurement_time,
             )
     return trimmed
 

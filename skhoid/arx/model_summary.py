@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..preprocessing.base import as_fitted
 from ..summaries import (
     Summary,
     TextTable,
@@ -82,7 +83,7 @@ def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> 
 def recursive_summary(model: RecursiveARX) -> Summary:
     """Summary of a recursive model: its last parameters, and their path."""
     has_path = "coef_path_" in vars(model)
-    smoothed = has_path and model._smoothed
+    smoothed = has_path and getattr(as_fitted(model), "smooth", False)
     facts = {"Model": orders_text(model.orders_), **signal_facts(model)}
     facts["Method"] = "recursive least squares" + (", path smoothed" if smoothed else "")
     facts["Memory"] = _memory(model)

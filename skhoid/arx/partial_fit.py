@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy, deepcopy
 from dataclasses import replace
+from operator import attrgetter, is_
 from typing import Any, Self
 
 import numpy as np
@@ -28,6 +29,17 @@ OF_RUNS = (  # attributes that describe recorded runs
     "log_likelihood_",
     "n_rows_missing_",
     "run_labels_",
+)
+READ_ANEW = attrgetter(  # parameters that partial_fit looks at in each call
+    "na",
+    "nb",
+    "nk",
+    "fit_intercept",
+    "forgetting",
+    "memory_horizon",
+    "memory_time",
+    "forgetting_form",
+    "reset_times",
 )
 
 
@@ -55,6 +67,10 @@ class PartialFit(BaseARX):
         ``p0`` to have one from the first row with known lags. After ``fit`` the stream goes on
         from its end.
 
+        Parameters that were set since the last call count as in scikit-learn: another forgetting,
+        or other reset times, from this call on; other orders are refused; all others when another
+        stream begins.
+
         A new run, or a gap, clears the lags; θ and P stay. Runs are taken one after the other, so
         that several of them give something else than ``fit``, which aligns them. No path is kept:
         ``coef_`` and what derives from it are current, and predictions use it.
@@ -77,8 +93,9 @@ class PartialFit(BaseARX):
         Raises
         ------
         ValueError
-            If X is decimated, or the options need whole runs: ``combine="average_estimates"``,
-            an array over time, and before ``fit`` also ``smooth`` and ``forgetting="auto"``.
+            If X is decimated, if orders were changed, or the options need whole runs:
+            ``combine="average_estimates"``, an array over time, ``forgetting="auto"`` that was set
+            since, and before ``fit`` also ``smooth`` and ``forgetting="auto"``.
         RunIndexError
             If time goes backwards within a run.
         """
@@ -86,6 +103,7 @@ class PartialFit(BaseARX):
         if not (
             stream is not None
             and stream.plain
+            and all(map(is_, stream.asked, READ_ANEW(self)))
             and self._run is None
             and not self._indexed
             and self._names is None
@@ -137,6 +155,10 @@ class PartialFit(BaseARX):
                 return self
         else:
             stream = deepcopy(stream)
+            before, stream.asked = stream.asked, READ_ANEW(self)
+            if not all(map(np.array_equal, before, stream.asked)):
+                stream.go_on_with(self._stream_forgetting(), self._reset_times())
+                stream.state.set_factor(stream.forgetting)
         for piece in pieces:
             stream.feed(piece, self._indexed)
         self._stream, self._clock = stream, clock
@@ -148,7 +170,7 @@ class PartialFit(BaseARX):
         orders = Orders.of(self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept))
         if begun and orders != self.orders_:
             raise ValueError(
-                f"The stream began with {self.orders_} and now has {orders}. Parameters are read "
+                f"The stream began with {self.orders_} and now has {orders}. Orders are read "
                 "when a stream begins: call fit, or begin another with sklearn.base.clone."
             )
         self.orders_ = orders
@@ -176,7 +198,7 @@ class PartialFit(BaseARX):
         super()._check_fitted()
 
     def _check_streaming(self, fitted: bool) -> None:
-        if self.combine == "average_estimates":
+        if self.combine == "average_estimates" or "coef_paths_" in vars(self):
             raise ValueError(
                 "partial_fit cannot go on with combine='average_estimates', one recursion a run."
             )
@@ -198,7 +220,7 @@ class PartialFit(BaseARX):
             if table is None:
                 return None
         theta0, P0 = self._start_from(table, sum(piece.y.size for piece in pieces))
-        forgetting = self._read_forgetting(np.zeros(1))
+        forgetting = self._stream_forgetting()
         state = RecursionState(theta0, P0)
         state.set_factor(forgetting)
         self.initial_coef_, self.initial_covariance_ = theta0, P0
@@ -218,10 +240,20 @@ class PartialFit(BaseARX):
             )
         return start_of(self.init, self.p0, self.parameter_names_, table)
 
+    def _stream_forgetting(self) -> Forgetting:
+        forgetting = self._read_forgetting(np.zeros(1))
+        if forgetting.automatic:
+            raise ValueError(
+                "forgetting='auto' needs whole runs, and partial_fit has none: give the forgetting "
+                "factor, or call fit."
+            )
+        return forgetting
+
     def _new_stream(self, state: RecursionState, forgetting: Forgetting, P0: np.ndarray) -> Stream:
-        return Stream(
-            state, self.orders_, self._columns, forgetting, P0, self._reset_times(), self.dt_
-        )
+        stream = Stream(state, self.orders_, self._columns, P0, self.dt_)
+        stream.asked = READ_ANEW(self)
+        stream.go_on_with(forgetting, self._reset_times())
+        return stream
 
     def _refresh(self, stream: Stream) -> None:
         """Set the fitted attributes from the stream."""

@@ -13,6 +13,7 @@ from .. import _kernels
 from .._sklearn import Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning
 from ..greybox.estimates import arx_parameter_table
+from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
 from .base import check_row_count
@@ -406,7 +407,6 @@ class RecursiveARX(PartialFit):
 
     def _set_paths(self, data: RecursionData, recursions: list[Recursion], each: bool) -> None:
         self._last_share = np.ones(1)
-        self._smoothed = self.smooth
         self.coef_path_ = recursions[0].theta
         if self.store_covariance:
             self.covariance_path_ = recursions[0].covariance
@@ -474,7 +474,7 @@ class RecursiveARX(PartialFit):
         return recursive_summary(self)
 
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
-        if self.parameters == "last" or "coef_path_" not in vars(self):
+        if not self._follows_path:
             return super()._parameters(grid)
         numbers = grid_numbers(grid)
         self._check_times(grid, numbers)
@@ -482,7 +482,7 @@ class RecursiveARX(PartialFit):
         return self.coef_path_, np.maximum(at, 0)
 
     def _parameters_before(self, grid: ModelGrid, horizon: int) -> tuple[np.ndarray, np.ndarray]:
-        if self.parameters == "last" or "coef_path_" not in vars(self):
+        if not self._follows_path:
             return super()._parameters_before(grid, horizon)
         numbers = grid_numbers(grid)
         self._check_times(grid, numbers)
@@ -504,9 +504,13 @@ class RecursiveARX(PartialFit):
                 stacklevel=5,
             )
 
+    @property
+    def _follows_path(self) -> bool:
+        return as_fitted(self).parameters == "path" and "coef_path_" in vars(self)
+
     def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
         """Output that the regressors give with the parameters of the instant before."""
-        if self.parameters == "last" or "coef_path_" not in vars(self):
+        if not self._follows_path:
             return regressors @ self.coef_
         path, at = self._parameters_before(grid, 1)
         return np.einsum("tp,tp->t", regressors, path[at[rows]])

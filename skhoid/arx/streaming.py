@@ -75,13 +75,10 @@ class Stream:
         state: RecursionState,
         orders: Orders,
         columns: list[int],
-        forgetting: Forgetting,
         P0: np.ndarray,
-        reset_times: np.ndarray,
         dt: float,
     ) -> None:
-        self.state, self.forgetting = state, forgetting
-        self.P0, self.reset_times, self.dt = P0, reset_times, dt
+        self.state, self.P0, self.dt = state, P0, dt
         self.depth = orders.first_row
         rows = self.depth + _kernels.rls.CHUNK
         self._signals = np.full((1 + len(columns) + orders.intercept, rows, 1, 1), np.nan)
@@ -92,6 +89,12 @@ class Stream:
         self._regressors = kernel_regressors(orders)
         self.since = np.zeros(1, dtype=np.int64)  # rows without a break
         self.last_time = -np.inf
+
+    asked: tuple[Any, ...]  # parameters of the model when it was last called
+
+    def go_on_with(self, forgetting: Forgetting, reset_times: np.ndarray) -> None:
+        """Forget and reset in this way from the next row on."""
+        self.forgetting, self.reset_times = forgetting, reset_times
         self._arrays = forgetting.arrays()
         self.plain = not forgetting.over_time and reset_times.size == 0
 

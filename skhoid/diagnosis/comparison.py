@@ -13,6 +13,7 @@ from scipy.stats import norm
 
 from ..metrics import vaf_of_rows
 from ..pipelines import taken_apart
+from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
 from ..recordings.findings import Finding
 from .advice import advise
@@ -493,7 +494,10 @@ def _leak_row(signals: Signals, leak: LeakTest | None) -> list[Test]:
 
 def _name_of(model: Any) -> str:
     steps, last = taken_apart(model)
-    names = [" ".join(repr(step).split()) for step in [*steps, last]]
+    # As they were fitted: parameters may have been set since.
+    told = [(step, as_fitted(step)) for step in [*steps, last]]
+    shown = [step if was is step else type(step)(**vars(was)) for step, was in told]
+    names = [" ".join(repr(step).split()) for step in shown]
     return re.sub(r" at 0x[0-9a-f]+", "", " → ".join(names))
 
 

@@ -11,6 +11,7 @@ from ..greybox.operator_regressor import OperatorRegressor
 from ..interpret.channel import is_arx
 from ..pipelines import taken_apart
 from ..preprocessing import DelayShift
+from ..preprocessing.base import as_fitted
 from ..runs.roles import is_external, role_of
 from ..summaries import counted
 
@@ -27,9 +28,9 @@ class NextSteps:
         self._before, self._model = taken_apart(model)
         self._operator = isinstance(self._model, OperatorRegressor)
         self._arx = is_arx(self._model)
-        self._effects = {
-            effect.name for _, effect in Effects.of(getattr(self._model, "effects", None))
-        }
+        self._told = as_fitted(self._model)
+        effects = getattr(self._model, "effects_", getattr(self._told, "effects", None))
+        self._effects = {effect.name for _, effect in Effects.of(effects)}
 
     @property
     def n_parameters(self) -> int | None:
@@ -46,7 +47,7 @@ class NextSteps:
     def from_outside(self) -> bool:
         """Whether the model has inputs from outside the loop alone: it cannot know x."""
         inputs = getattr(self._model, "inputs_", [])
-        roles = getattr(self._model, "roles", None)
+        roles = getattr(self._told, "roles", None)
         plain = (self._arx or self._operator) and not self._effects and len(inputs) > 0
         return plain and all(is_external(role_of(name, roles)) for name in inputs)
 
@@ -75,7 +76,7 @@ class NextSteps:
             return f"Delay the inputs of the model {abs(seconds):.2g} s {more}."
         if seconds > 0:
             return "Search the delay again, DelaySearchCV, or shift by as much with DelayShift."
-        if any(isinstance(step, DelayShift) and step.delay for step in self._before):
+        if any(isinstance(step, DelayShift) and step.delay_ for step in self._before):
             return "Shift by as much less with DelayShift, or search the delay with DelaySearchCV."
         samples = round(-seconds / self._model.dt_)
         if 0 < samples <= min(self._model.orders_.nk):
@@ -83,8 +84,8 @@ class NextSteps:
         return "Search the delay again with DelaySearchCV."
 
     def _delay_of_operator(self) -> str:
-        delay, effects = self._model.delay, Effects.of(self._model.effects)
-        if delay is not None and all(effect.name != "wrong_delay" for _, effect in effects):
+        delay = self._told.delay
+        if delay is not None and "wrong_delay" not in self._effects:
             return (
                 f"Free the delay, which is given as {delay:g} s: delay=None, or "
                 '.with_effect("wrong_delay").'
@@ -115,7 +116,7 @@ class NextSteps:
     def bias(self) -> str:
         if name := self._has("bias"):
             return self._refit(name)
-        if getattr(self._model, "fit_intercept", False):
+        if getattr(self._told, "fit_intercept", False):
             return (
                 "The model has an intercept already: fit it on runs of the same condition, or "
                 "subtract the mean of each run from X and y."
@@ -183,7 +184,7 @@ class NextSteps:
         return "On a pursuit display add the target as an input, inputs=['e', 'f_t']; else a lead."
 
     def _inputs(self) -> list[Any]:
-        inputs = getattr(self._model, "inputs", None)
+        inputs = getattr(self._told, "inputs", None)
         return [inputs] if isinstance(inputs, str) else list(inputs or [])
 
     def overfit(self, could: bool = True) -> str:

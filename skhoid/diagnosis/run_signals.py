@@ -18,7 +18,7 @@ from .._sklearn import safe_indexing
 from ..exceptions import MissingDataWarning, ShortRunError, python_only
 from ..metrics import scored_rows, scored_signals
 from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
-from ..preprocessing.base import check_numbers
+from ..preprocessing.base import as_fitted, check_numbers
 from ..recordings.loss_of_control import ControlCheck, control_check
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
@@ -165,7 +165,7 @@ def read_signals(
         )
     trimmed = trimmed_rows(model, X)
     if roles is None:
-        roles = getattr(reach_model(model, X)[0], "roles", None)
+        roles = getattr(as_fitted(reach_model(model, X)[0]), "roles", None)
     read = RunsRead(
         model=model,
         layout=layout,

@@ -22,6 +22,7 @@ from ..effects.core_kind import CoreKind
 from ..effects.record import Record
 from ..exceptions import did_you_mean
 from ..human import ELEMENT, LinearElement
+from ..preprocessing.base import keep_parameters
 from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor
 from ..summaries import Summary
@@ -198,6 +199,7 @@ class SimulatedModelMixin:
             Knows X as this one does, and shares no parameter with it.
         """
         taken = copy.copy(self).set_params(**clone(self).get_params(deep=False))  # type: ignore[attr-defined]
+        keep_parameters(taken)
         taken._take_over(prepared, fitted, noise)
         return taken
 

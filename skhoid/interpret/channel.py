@@ -10,7 +10,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..pipelines import taken_apart
 from ..preprocessing import Decimator, DelayShift, RunInTrimmer
-from ..runs import input_columns
+from ..preprocessing.base import as_fitted
+from ..preprocessing.delay_shift import shifted_columns
 from ..runs.roles import columns_of_role
 
 
@@ -93,7 +94,7 @@ def _position(model: Any, name: str | None) -> int:
         return names.index(name)
     if len(names) == 1:
         return 0
-    errors = columns_of_role(names, "e", model.roles)
+    errors = columns_of_role(names, "e", as_fitted(model).roles)
     if len(errors) != 1:
         raise ValueError(f"The model has the inputs {names}; say which one with input=.")
     return errors[0]
@@ -111,8 +112,5 @@ def _shift(steps: list[Any], model: Any, chosen: int, purpose: str) -> float:
                 f"{model.inputs_[chosen]!r}. Take the last step of the pipeline alone, "
                 "pipeline[-1], and its transformed input."
             )
-        shifted = input_columns(
-            step._names, step.n_features_in_, step.inputs, step._run, step.roles
-        )
-        total += step.delay_ * (model._columns[chosen] in shifted)
+        total += step.delay_ * (model._columns[chosen] in shifted_columns(step))
     return total

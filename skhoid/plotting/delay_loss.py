@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from ..arx.searches import DelaySearchCV
+from ..preprocessing.base import as_fitted
 from ._axes import BLUE, OUTLINED, VERMILION, with_unit
 from ._checks import check_search
 from ._display import Display
@@ -120,7 +121,7 @@ class DelayLossDisplay(Display):
             loss=search.loss_,
             best_index=search.best_index_,
             dt=search.dt_,
-            criterion=search.criterion,
+            criterion=as_fitted(search).criterion,
             std=results["std_test_score"] if n_folds > 1 else None,
             n_folds=n_folds,
             window_time=getattr(search, "window_time_", None),

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
+from ..preprocessing.base import as_fitted
 from ..runs import RunLayout, read_layout, run_name
 from ._axes import BLACK, with_unit
 from ._comparison import MEASURED, percent, say_instead, wrapped
@@ -120,7 +121,7 @@ class EffectStepsDisplay(Display):
         taken = attributes_of(search, TAKEN, cls.__name__)
         # Simulations start from rest, and scores leave out what that takes.
         model = getattr(search, "best_estimator_", None)
-        settling = getattr(model, "settling", 0.0)
+        settling = getattr(as_fitted(model), "settling", 0.0)
         display = cls(unit=unit_of(taken["predictions"]), settling=settling, **taken)
         return display.plot(ax, run=run, window=window, steps=steps)
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin
+from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin, clone
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._sklearn import fit_context, output_container
@@ -25,6 +26,23 @@ DOUBLE = (np.float64,)
 AS_GIVEN = (np.float64, np.float32)  # what is read in parts, and need not be copied as a whole
 
 
+def keep_parameters(estimator: Any) -> None:
+    """Note the parameters that a fit begins with; see :func:`as_fitted`."""
+    given = estimator.get_params(deep=False)
+    # Estimators and effects have parameters of their own, which can be set in place.
+    own = {k: clone(v) for k, v in given.items() if isinstance(v, BaseEstimator)}
+    estimator._fitted_with = SimpleNamespace(**{**given, **own})
+
+
+def as_fitted(estimator: Any) -> Any:
+    """The parameters that an estimator was fitted with; its own before a fit.
+
+    All that answers for a fitted estimator asks here: parameters that are set later count from the
+    next fit on.
+    """
+    return getattr(estimator, "_fitted_with", estimator)
+
+
 def read_table(
     estimator: Any, X: Any, *, reset: bool, dtypes: tuple[type, ...] = DOUBLE
 ) -> tuple[RunLayout, np.ndarray]:
@@ -32,7 +50,10 @@ def read_table(
 
     Labels in a run column that are not numbers count up from 0 in the values.
     """
+    if reset:
+        keep_parameters(estimator)
     known_dt = None if reset else estimator._full_dt
+    told = as_fitted(estimator)
     frame = isinstance(X, pd.DataFrame)
     if not reset and estimator._indexed and not (frame and TIME in X.index.names):
         raise RunIndexError(
@@ -41,10 +62,10 @@ def read_table(
         )
     layout, names = None, None
     if frame and len(X):
-        layout = read_layout(X, dt=estimator.dt, run=estimator.run, fallback_dt=known_dt)
+        layout = read_layout(X, dt=told.dt, run=told.run, fallback_dt=known_dt)
         names = list(X.columns)
-        if estimator.run is not None:
-            position = run_column(names, estimator.run)
+        if told.run is not None:
+            position = run_column(names, told.run)
             if X.dtypes.iloc[position].kind not in "iufb":
                 X = X.copy(deep=False)
                 X.isetitem(position, layout.run_of(np.arange(len(X))))
@@ -53,12 +74,12 @@ def read_table(
     if layout is None:
         names = list(X.columns) if hasattr(X, "columns") else None
         columns = names or list(range(values.shape[1]))
-        run = None if estimator.run is None else run_column(columns, estimator.run)
-        layout = read_layout(values, dt=estimator.dt, run=run, fallback_dt=known_dt)
+        run = None if told.run is None else run_column(columns, told.run)
+        layout = read_layout(values, dt=told.dt, run=run, fallback_dt=known_dt)
     if reset:
         estimator._full_dt, estimator._indexed = layout.dt, layout.indexed
         estimator._names = names
-        estimator._run = layout.run_column if estimator.run is None else estimator.run
+        estimator._run = layout.run_column if told.run is None else told.run
     return layout, values
 
 
@@ -154,8 +175,9 @@ class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstim
     def _restore(self, X: Any, frame: pd.DataFrame) -> pd.DataFrame:
         """Give back the run labels and the units of the table that came in."""
         if isinstance(X, pd.DataFrame):
-            if self.run is not None:
-                position = run_column(list(X.columns), self.run)
+            run = as_fitted(self).run
+            if run is not None:
+                position = run_column(list(X.columns), run)
                 frame.isetitem(position, X.iloc[:, position].to_numpy())
             frame.attrs = dict(X.attrs)
         return frame

@@ -10,7 +10,7 @@ import numpy as np
 from .._sklearn import Interval, StrOptions
 from ..exceptions import RunIndexError
 from ..runs import DecimationMark, RunLayout, mark_decimated
-from .base import RowPreservingTransformer
+from .base import RowPreservingTransformer, as_fitted
 from .filters import METHODS, PADDINGS, lowpass
 
 
@@ -98,10 +98,11 @@ class Decimator(RowPreservingTransformer):
         self.run = run
 
     def _check_layout(self, layout: RunLayout) -> None:
-        if layout.mark is not None and self.factor > 1:
+        factor = as_fitted(self).factor
+        if layout.mark is not None and factor > 1:
             raise RunIndexError(
                 f"X is already decimated by {layout.mark.factor}; use one Decimator with factor="
-                f"{layout.mark.factor * self.factor}."
+                f"{layout.mark.factor * factor}."
             )
 
     def transform(self, X: Any) -> Any:
@@ -120,11 +121,12 @@ class Decimator(RowPreservingTransformer):
         """
         layout, values = self._read(X, reset=False)
         self._check_layout(layout)
-        if self.factor == 1:
+        told = as_fitted(self)
+        if told.factor == 1:
             return self._like_input(X, values)
-        mark = DecimationMark(self.factor, self.method, self.padding)
+        mark = DecimationMark(told.factor, told.method, told.padding)
         columns = self._channels(values.shape[1])
         filtered = values.copy()
         filtered[:, columns] = lowpass(values[:, columns], layout.stretches, mark)
-        kept = layout.sample_numbers() % self.factor == 0
+        kept = layout.sample_numbers() % told.factor == 0
         return mark_decimated(self._frame(X, filtered, layout), mark, np.asarray(kept))

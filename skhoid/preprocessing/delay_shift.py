@@ -10,7 +10,7 @@ import numpy as np
 from .._sklearn import Interval
 from ..exceptions import ShortRunError
 from ..runs import RunLayout, input_columns, whole_samples
-from .base import RowPreservingTransformer
+from .base import RowPreservingTransformer, as_fitted
 
 
 class DelayShift(RowPreservingTransformer):
@@ -109,7 +109,7 @@ class DelayShift(RowPreservingTransformer):
         X_shifted : same container as X, shape (n_rows, n_columns)
         """
         layout, values = self._read(X, reset=False)
-        columns = input_columns(self._names, values.shape[1], self.inputs, self._run, self.roles)
+        columns = shifted_columns(self)
         shift = self.n_samples_
         shifted = values.copy()
         for a, b in zip(layout.starts[:-1], layout.starts[1:], strict=True):
@@ -117,3 +117,9 @@ class DelayShift(RowPreservingTransformer):
             shifted[a:cut, columns] = np.nan
             shifted[cut:b, columns] = values[a : a + b - cut, columns]
         return self._like_input(X, shifted)
+
+
+def shifted_columns(step: DelayShift) -> list[int]:
+    """Positions of the columns that a fitted step shifts."""
+    told = as_fitted(step)
+    return input_columns(step._names, step.n_features_in_, told.inputs, step._run, told.roles)

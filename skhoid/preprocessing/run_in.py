@@ -10,7 +10,7 @@ import numpy as np
 from .._sklearn import Interval
 from ..exceptions import RunIndexError, ShortRunError
 from ..runs import RunLayout, mark_run_in, whole_samples
-from .base import RowPreservingTransformer
+from .base import RowPreservingTransformer, as_fitted
 
 
 class RunInTrimmer(RowPreservingTransformer):
@@ -108,9 +108,10 @@ class RunInTrimmer(RowPreservingTransformer):
             ``measurement_time``, ``X`` unchanged in its own container.
         """
         layout, values = self._read(X, reset=False)
-        if self.run_in is None and self.measurement_time is None:
+        told = as_fitted(self)
+        if told.run_in is None and told.measurement_time is None:
             return self._like_input(X, values)
-        trimmed = run_in_rows(layout, run_in=self.run_in, measurement_time=self.measurement_time)
+        trimmed = run_in_rows(layout, run_in=told.run_in, measurement_time=told.measurement_time)
         return mark_run_in(self._frame(X, values, layout), trimmed)
 
 

@@ -15,6 +15,7 @@ from ..diagnosis.comparison_text import figures
 from ..effects.catalogue import BY_NAME
 from ..greybox.estimates import parameter_text
 from ..pipelines import raw_layout, taken_apart
+from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
 from ..regression import units_of
 from ..runs import RunLayout, run_name
@@ -189,7 +190,7 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
 
 
 def _unexplained_by(search: EffectSearchCV) -> str:
-    return unexplained_by(search.verdict_, search.ranking_, search.max_effects)
+    return unexplained_by(search.verdict_, search.ranking_, as_fitted(search).max_effects)
 
 
 def _unexplained(search: EffectSearchCV) -> str:
@@ -239,7 +240,8 @@ def _data(
     gallery: Gallery,
 ) -> dict[str, Any]:
     model = taken_apart(baseline)[1]
-    roles = roles_of(list(frame.columns), getattr(model, "roles", None))
+    told = as_fitted(model)
+    roles = roles_of(list(frame.columns), getattr(told, "roles", None))
     inputs = {str(name) for name in getattr(model, "inputs_", [])}
     channels = []
     for name, column in [*frame.items(), (output.name, output)]:
@@ -278,7 +280,7 @@ def _data(
         "more_runs": counted(n_runs - MANY, "more run") if n_runs > MANY else "",
         "with_after": after is not None,
         "findings": check_channels(
-            X, y, dt=getattr(model, "dt", None), run=getattr(model, "run", None)
+            X, y, dt=getattr(told, "dt", None), run=getattr(told, "run", None)
         ),
         "pictures": _traces(X, y, gallery, int(edges[1])),
     }

@@ -26,6 +26,7 @@ from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel, check_simulated_model
 from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
+from ..preprocessing.base import as_fitted, keep_parameters
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
@@ -223,6 +224,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             If the estimator is no model that simulates effects, with what it lacks.
         """
         check_simulated_model(self.estimator, "EffectSearchCV")
+        keep_parameters(self)
         with threadpool_limits(1):  # small products, which threads only slow down
             model = clone(self.estimator)
             if self.controlled_element is not None:
@@ -342,7 +344,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             self.best_effects_,
             self.stand_ins_,
             self.verdict_,
-            self.max_effects,
+            as_fitted(self).max_effects,
             self.ceiling_note_,
             self.unexplained_,
             self.experiments_,

@@ -16,6 +16,7 @@ from ..effects.input_maps import AsymmetricGain, CubicGain, DeadZone
 from ..effects.offsets import Bias, Drift
 from ..effects.paths import Feedforward, OutputFeedback
 from ..effects.time_variation import GainDrift, TimeVaryingGain
+from ..preprocessing.base import as_fitted
 from ..recordings.loss_of_control import sentences_of
 from ..regression import units_of
 from ..runs import output_name, read_layout
@@ -118,7 +119,8 @@ class Story:
 
     def _measured(self) -> Iterator[str]:
         model = self.baseline_
-        layout = read_layout(self.X, dt=model.dt, run=model.run)
+        told = as_fitted(model)
+        layout = read_layout(self.X, dt=told.dt, run=told.run)
         n_runs = len(layout.labels)
         yield (
             f"Measured: {counted(n_runs, 'run')}, {layout.n_rows} rows at {1 / layout.dt:.6g} Hz, "
@@ -227,7 +229,7 @@ class Story:
         if search.stand_ins_:
             yield f"  {stand_ins_sentence(search.stand_ins_)}"
         if search.best_effects_[-1:] == ["unknown"]:
-            ends = unexplained_by(search.verdict_, search.ranking_, search.max_effects)
+            ends = unexplained_by(search.verdict_, search.ranking_, as_fitted(search).max_effects)
             yield f"  what {ends}:"
             for _, row in search.unexplained_.iterrows():
                 yield f"  - {row['description']} ({row['where']}): {row['points']:.1f} points"

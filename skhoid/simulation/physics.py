@@ -13,6 +13,7 @@ from ..human.operator import PURSUIT
 from ..human.variation import Transition, evaluate, span_of_changes
 from ..interpret.channel import ARXChannel
 from ..pipelines import taken_apart
+from ..preprocessing.base import as_fitted
 from ..runs.roles import role_of
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ class ARXResponse:
         _, model = taken_apart(task.operator)
         inputs, intercept = getattr(model, "inputs_", ["e"]), getattr(model, "intercept_", 0.0)
         named = getattr(model, "_names", None) is not None
-        role = role_of(inputs[0], getattr(model, "roles", None))
+        role = role_of(inputs[0], getattr(as_fitted(model), "roles", None))
         if len(inputs) != 1 or intercept or (named and role != "e"):
             raise ValueError(
                 f"A model in the loop answers the error e alone, without intercept; this one has "

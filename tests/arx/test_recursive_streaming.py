@@ -432,8 +432,43 @@ def test_a_function_that_fails_later_takes_no_row():
 def test_orders_cannot_change_in_a_stream():
     e, u = ARRAYS
     model = RecursiveARX(nk=3, init="zeros", p0=1, dt=0.01).partial_fit(e[:100], u[:100])
-    with pytest.raises(ValueError, match="Parameters are read when a stream begins"):
-        model.set_params(na=3).partial_fit(e[100:101].tolist(), u[100:101])
+    model.set_params(na=3)
+    for rows in (e[100:101], e[100:101].tolist()):  # by the fast path and past it
+        with pytest.raises(ValueError, match="Orders are read when a stream begins"):
+            model.partial_fit(rows, u[100:101])
+
+
+def test_another_forgetting_counts_from_the_next_call_on():
+    e, u = ARRAYS
+    changed = RecursiveARX(nk=3, init="zeros", p0=1, forgetting=0.9).partial_fit(e[:100], u[:100])
+    changed.set_params(forgetting=0.97).partial_fit(e[100:], u[100:])
+    steps = RecursiveARX(
+        nk=3, init="zeros", p0=1, forgetting=lambda row: np.where(row < 100, 0.9, 0.97)
+    )
+    np.testing.assert_array_equal(changed.coef_, steps.partial_fit(e, u).coef_)
+    assert changed.forgetting_ == 0.97
+
+
+def test_a_reset_time_that_is_set_later_is_obeyed():
+    e, u = ARRAYS
+    told = RecursiveARX(nk=3, init="zeros", p0=1, reset_times=150).partial_fit(e, u)
+    later = RecursiveARX(nk=3, init="zeros", p0=1).partial_fit(e[:100], u[:100])
+    later.set_params(reset_times=150).partial_fit(e[100:], u[100:])
+    np.testing.assert_array_equal(later.coef_, told.coef_)
+
+
+def test_what_fit_chose_goes_on_until_another_forgetting_is_set():
+    e, u = ARRAYS
+    chosen = RecursiveARX(nk=3, init="zeros", p0=1, forgetting="auto").fit(e, u)
+    found = chosen.forgetting_
+    again = pickle.loads(pickle.dumps(chosen))
+    for model in (chosen, again):
+        assert model.partial_fit(e[:50], u[:50]).forgetting_ == found
+    np.testing.assert_array_equal(chosen.coef_, again.coef_)
+    with pytest.raises(ValueError, match="forgetting='auto' needs whole runs"):
+        chosen.set_params(forgetting=0.9).partial_fit(e, u).set_params(
+            forgetting="auto"
+        ).partial_fit(e, u)
 
 
 def test_a_stream_after_a_decimated_fit_is_refused():

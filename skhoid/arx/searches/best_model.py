@@ -12,6 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..._sklearn import FittedDisplay
 from ...pipelines import final_step, reach_model, taken_apart
+from ...preprocessing.base import keep_parameters
 from ...summaries import TextTable, wrapped
 
 
@@ -40,7 +41,9 @@ class BestModel(
 
     @available_if(
         lambda self: (
-            self.estimator is None or hasattr(final_step(self.estimator)[1], "predict_ahead")
+            hasattr(taken_apart(self.best_estimator_)[1], "predict_ahead")
+            if hasattr(self, "best_estimator_")
+            else self.estimator is None or hasattr(final_step(self.estimator)[1], "predict_ahead")
         )
     )
     def predict_ahead(self, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
@@ -114,6 +117,7 @@ class BestModel(
         return model._summary().html(self._found()[0])
 
     def _keep_names(self) -> None:
+        keep_parameters(self)
         for name in ("n_features_in_", "feature_names_in_"):
             if hasattr(self.best_estimator_, name):
                 setattr(self, name, getattr(self.best_estimator_, name))

@@ -6,6 +6,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+from sklearn.base import clone
 from sklearn.callback import with_callbacks
 
 from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
@@ -150,7 +151,7 @@ class DelaySearchCV(BestModel):
         """
         if self.window is not None and self.criterion != "one_step":
             raise ValueError("window= needs criterion='one_step'.")
-        estimator = self.estimator if self.estimator is not None else ARXRegressor()
+        estimator = ARXRegressor() if self.estimator is None else clone(self.estimator)
         table = CandidateTable(estimator, X, y)
         self.dt_ = table.dt
         candidates = self._candidates(table.shortest_run)

@@ -176,7 +176,7 @@ class OrderSearchCV(BestModel):
         -------
         self : OrderSearchCV
         """
-        estimator = self.estimator if self.estimator is not None else ARXRegressor()
+        estimator = ARXRegressor() if self.estimator is None else clone(self.estimator)
         variants = self._variants(estimator)
         if self.criterion != "vaf" and len(variants) > 1:
             raise ValueError(

@@ -1,0 +1,255 @@
+"""What a fitted estimator says does not change with parameters that are set after its fit."""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import BaseEstimator, clone
+from sklearn.pipeline import make_pipeline
+
+import skhoid
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelaySearchCV,
+    DelayShift,
+    EffectSearchCV,
+    OperatorRegressor,
+    OrderSearchCV,
+    RecursiveARX,
+    RecursiveARXCV,
+    RunInTrimmer,
+    VAFScorer,
+    compare,
+    make_tracking_runs,
+    operator_parameters,
+)
+from skhoid.effects import DeadZone, Effects
+
+INITIAL = {"initial": ["rest", "estimate", None]}
+ELEMENTS = {"controlled_element": [None, "1/(s(s+1))"], "settling": [0.0, 9.0], "start": [{"q": 1}]}
+READING = {
+    "inputs": [None, ["x"], ["e", "x"]],
+    "roles": [None, {"x": "e", "e": ""}],
+    "dt": [None, 0.5],
+    "run": [None, 1],
+}
+ORDERS = {"na": [0, 3], "nb": [1, 5, [2, 2]], "nk": [0, 3], "fit_intercept": [False, True]}
+BATCH = READING | ORDERS | INITIAL | ELEMENTS
+OTHERS = {
+    ARXRegressor: BATCH | {"method": ["iv"], "covariance": ["hac"], "effects": ["bias"]},
+    OperatorRegressor: READING | INITIAL | ELEMENTS | {"delay": [0.1, 0.5], "effects": ["bias"]},
+    RecursiveARX: READING
+    | ORDERS
+    | {"parameters": ["path", "last"], "smooth": [True], "store_covariance": [True]}
+    | {"forgetting": ["auto", 0.9], "combine": ["average_estimates"], "init_window": [0.1]},
+    RecursiveARXCV: READING | ORDERS | {"parameters": ["path", "last"]},
+    Decimator: {"factor": [1, 3], "method": ["aggregate"], "padding": ["odd"]},
+    DelayShift: READING | {"delay": [0.0, 0.5]},
+    RunInTrimmer: {"run_in": [None, 2.0], "measurement_time": [None, 4.0]},
+    DelaySearchCV: {"estimator": [None, OperatorRegressor()], "criterion": ["vaf", "one_step"]},
+    OrderSearchCV: {"estimator": [None, OperatorRegressor()], "criterion": ["vaf", "bic"]},
+    EffectSearchCV: {"estimator": [ARXRegressor()], "max_effects": [0, 7], "effects": ["lag"]},
+}
+SMALL = ARXRegressor(nk=11)
+CASES = {
+    "equation": SMALL,
+    "constant": ARXRegressor(nk=11, fit_intercept=True, covariance="hac"),
+    "instruments": ARXRegressor(nk=11, method="iv", inputs=["e"], instruments=["f_t"]),
+    "effects": ARXRegressor(nk=11, inputs=["e"], effects=Effects.of(DeadZone()), n_starts=2),
+    "operator": OperatorRegressor(delay=0.28, effects=Effects.of(DeadZone())),
+    "path": RecursiveARX(nk=11, memory_time=2.0),
+    "last": RecursiveARX(nk=11, memory_time=2.0, parameters="last"),
+    "horizons": RecursiveARXCV([32.0, 128.0], nk=11),
+    "decimated": Decimator(2),
+    "shifted": DelayShift(0.2),
+    "trimmed": RunInTrimmer(1.0),
+    "chain": make_pipeline(RunInTrimmer(1.0), Decimator(2), DelayShift(0.2), ARXRegressor()),
+    "delays": DelaySearchCV(SMALL, nk=[10, 11], criterion="vaf"),
+    "delays one by one": DelaySearchCV(RecursiveARX(memory_time=5.0), nk=[10, 11]),
+    "orders": OrderSearchCV(make_pipeline(Decimator(2), SMALL), na=[2], nb=[1, 2], nk=[5]),
+}
+SLOW = {
+    "missing effects": EffectSearchCV(OperatorRegressor(), effects=["dead_zone"], max_effects=1)
+}
+each_case = pytest.mark.parametrize(
+    "case", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
+)
+
+
+class Nonsense:
+    """A value that nobody may look at."""
+
+    def _refuse(self, *args):
+        raise AssertionError("a parameter was read after the fit")
+
+    __bool__ = __eq__ = __iter__ = __len__ = __float__ = __index__ = __array__ = _refuse
+    __getitem__ = __contains__ = __call__ = __lt__ = __gt__ = _refuse
+    __hash__ = None
+
+
+@cache
+def runs():
+    return make_tracking_runs(
+        "C1",
+        2,
+        duration=10.24,
+        sampling_rate=40,
+        remnant_intensity=0.1,
+        channels=("e", "x", "f_t"),
+        random_state=0,
+    )
+
+
+def as_array(X):
+    """The same table with its runs in a column and without time."""
+    return np.column_stack([X, X.index.get_level_values("run").astype(float)])
+
+
+def parts(estimator):
+    """An estimator and the steps of its pipelines."""
+    return [estimator, *(step for _, step in getattr(estimator, "steps", []))]
+
+
+def told_by_array(estimator):
+    """The same for arrays, in which nothing has a name."""
+    told = clone(estimator)
+    places = {"e": 0, "x": 1, "f_t": 2}
+    for name, value in told.get_params(deep=True).items():
+        if name.split("__")[-1] == "run":
+            told.set_params(**{name: 3})
+        elif name.split("__")[-1] == "dt":
+            told.set_params(**{name: 0.025})
+        elif name.split("__")[-1] == "inputs" and "effect" not in name:
+            told.set_params(**{name: [0]})
+        elif name.split("__")[-1] == "instruments" and value:
+            told.set_params(**{name: [places[v] for v in value]})
+    return told
+
+
+def set_nonsense(model):
+    for part in parts(model):
+        if "steps" not in vars(part):
+            part.set_params(**{name: Nonsense() for name in part.get_params(deep=False)})
+
+
+def answers(model, X, y):
+    """What a fitted estimator says, to compare bit by bit."""
+    found = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if hasattr(model, "transform"):
+            found["transform"] = model.transform(X)
+        if hasattr(model, "predict"):
+            found["predict"], found["score"] = model.predict(X), model.score(X, y)
+            found["scorer"] = VAFScorer()(model, X, y)
+        if hasattr(model, "predict_ahead"):
+            found["ahead"] = model.predict_ahead(X, y, 3)
+            found["summary"] = model.summary(X, y)
+        if hasattr(model, "simulate"):
+            found["simulate"] = model.simulate(X)
+            found["from states"] = model.simulate(X, y, initial_state="estimate")
+        if hasattr(model, "_score_at_model_rate"):
+            found["own rate"] = VAFScorer(rate="model")(model, X, y)
+        if hasattr(model, "to_transfer_function"):
+            found["transfer"] = model.to_transfer_function().num
+        if hasattr(model, "predict_ahead") or hasattr(model, "steps"):
+            found["physics"] = operator_parameters(model)
+        if hasattr(model, "_found_html"):
+            found["page"] = model._found_html()
+        if isinstance(model, (OperatorRegressor, EffectSearchCV)):
+            found["text"] = model.summary()
+    return found
+
+
+def assert_same(found, expected, what):
+    assert found.keys() == expected.keys(), what
+    for name, value in expected.items():
+        if isinstance(value, (pd.DataFrame, pd.Series)):
+            pd.testing.assert_frame_equal(
+                found[name], value, check_exact=True, obj=f"{what}, {name}"
+            )
+        else:
+            np.testing.assert_array_equal(found[name], value, err_msg=f"{what}, {name}")
+
+
+def test_all_estimators_are_here():
+    public = {
+        value
+        for value in (getattr(skhoid, name) for name in skhoid.__all__)
+        if isinstance(value, type) and issubclass(value, BaseEstimator) and hasattr(value, "fit")
+    }
+    assert public == OTHERS.keys()
+    assert (
+        public
+        == {type(part) for case in [*CASES.values(), *SLOW.values()] for part in parts(case)}
+        & public
+    )
+
+
+@each_case
+@pytest.mark.parametrize("form", ["frame", "array"])
+def test_nothing_changes_with_parameters_that_are_set_after_the_fit(case, form):
+    X, y = runs()
+    model = clone((CASES | SLOW)[case])
+    if form == "array":
+        model, X, y = told_by_array(model), as_array(X), y.to_numpy()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model.fit(X, y)
+    expected = answers(model, X, y)
+    for part in parts(model):
+        if "steps" in vars(part):
+            continue
+        given = part.get_params(deep=False)
+        others = OTHERS[type(part)]
+        for turn in range(max(map(len, others.values()))):
+            changed = {name: values[turn % len(values)] for name, values in others.items()}
+            part.set_params(**changed)
+            assert_same(answers(model, X, y), expected, changed)
+        part.set_params(**given)
+    again = pickle.loads(pickle.dumps(model))
+    set_nonsense(again)
+    assert_same(answers(again, X, y), expected, "nonsense")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [*CASES, *SLOW])
+def test_comparisons_do_not_change_either(case):
+    X, y = runs()
+    model = clone((CASES | SLOW)[case]).fit(X, y)
+    if hasattr(model, "predict"):
+        expected = compare(model, X, y).summary()
+        set_nonsense(model)
+        assert compare(model, X, y).summary() == expected
+
+
+@pytest.mark.parametrize("case", ["effects", "operator"])
+def test_nothing_changes_with_parameters_of_effects(case):
+    X, y = runs()
+    model = clone(CASES[case]).fit(X, y)
+    expected = answers(model, X, y)
+    model.set_params(effects__dead_zone__width=7.0)
+    assert_same(answers(model, X, y), expected, "width")
+
+
+def test_nothing_changes_with_parameters_of_a_searched_model():
+    X, y = runs()
+    model = clone(CASES["delays"]).fit(X, y)
+    expected = answers(model, X, y)
+    model.set_params(estimator__na=5, estimator__nk=0, estimator__dt=0.5)
+    assert_same(answers(model, X, y), expected, "estimator")
+
+
+def test_a_clone_and_another_fit_take_the_new_parameters():
+    X, y = runs()
+    model = ARXRegressor(nk=11).fit(X, y).set_params(na=1, nk=3)
+    fresh = ARXRegressor(na=1, nk=3).fit(X, y)
+    assert model.get_params()["na"] == 1
+    for other in (clone(model).fit(X, y), model.fit(X, y)):
+        np.testing.assert_array_equal(other.predict(X), fresh.predict(X))
