@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -22,6 +23,7 @@ WORTHWHILE = 1e-4  # share of the squares that a common scale must save
 SEARCHED = 0.02  # relative accuracy of parameters where the response is not smooth
 MEMORY = 2.0  # s, over which scores may correlate
 NO_CHANGE = 1e-14  # of the squares that the most influential parameter changes
+ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,8 @@ class Criterion:
         self.record, self.rate = record, rate
         self.thin = max(1, round(1.0 / (rate * record.dt)))
         known = record.known if rows is None else record.known & rows
-        self.y = np.ascontiguousarray(record.y[:: self.thin])
-        self.known = np.ascontiguousarray(known[:: self.thin])
+        self.y = record.y[:: self.thin].copy(order="K")
+        self.known = known[:: self.thin].copy(order="K")
         self.power = float((self.y[self.known] ** 2).sum())
         about_mean = self.y[self.known] - self.y[self.known].sum() / max(self.known.sum(), 1)
         self.power_about_mean = float((about_mean**2).sum())
@@ -78,32 +80,38 @@ class Criterion:
     def set_noise(self, noise: RemnantModel) -> None:
         self.noise = noise
         order = noise.ar.size
-        weight = self.known.copy()
+        weight = self.known.copy(order="K")
         for lag in range(1, order + 1):
             weight[lag:] &= self.known[:-lag]
         weight[:order] = False
         self.n = int(weight.sum())
         self.weight = weight / noise.scale
 
-    def residual(self, output: np.ndarray) -> np.ndarray:
-        """Residuals on the criterion's rows, zero where nothing is known."""
-        return np.where(self.known, self.y - output[:: self.thin], 0.0)
+    def residual(self, output: np.ndarray, runs: slice = ALL) -> np.ndarray:
+        """Residuals on the criterion's rows, zero where nothing is known.
 
-    def whitened(self, signals: np.ndarray) -> np.ndarray:
+        ``output`` is that of ``runs``.
+        """
+        return np.where(self.known[:, runs], self.y[:, runs] - output[:: self.thin], 0.0)
+
+    def whitened(self, signals: np.ndarray, runs: slice = ALL) -> np.ndarray:
         """Signals (count, n, runs) on the criterion's rows as whitened rows of a table."""
+        weight = self.weight[:, runs]
         if self.noise.ar.size == 0:
-            return (signals * self.weight).reshape(len(signals), -1)
+            return (signals * weight).reshape(len(signals), -1)
         return _kernels.greybox.whitened(
-            _kernels.gate(signals), _kernels.gate(self.noise.ar), _kernels.gate(self.weight)
+            _kernels.gate(signals), _kernels.gate(self.noise.ar), _kernels.gate(weight)
         )
 
     def sse(self, output: np.ndarray) -> float:
         """Sum of squares; infinite where the output is not finite."""
         if not np.isfinite(output[-1]).all():
             return np.inf
+        value = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
-            r = self.whitened(self.residual(output)[None])[0]
-            value = float(r @ r)
+            for runs in self.record.few_runs() or [ALL]:
+                r = self.whitened(self.residual(output[:, runs], runs)[None], runs)[0]
+                value += float(r @ r)
         return value if np.isfinite(value) else np.inf
 
     def remnant_model(self, output: np.ndarray) -> RemnantModel:
@@ -257,9 +265,13 @@ def rescaled(
 def normal_equations(
     simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """J'J and J'r for whitened residuals r and derivatives J of the output at the last run."""
-    table = whitened_derivatives(simulator, criterion, theta, output)
-    gram = table @ table.T
+    """J'J and J'r for whitened residuals r and derivatives J of the output at ``theta``."""
+    gram = np.zeros((theta.size + 1, theta.size + 1))
+    for runs, part in simulator.parts():
+        table = criterion.whitened(
+            _derivatives(part, criterion, theta, output[:, runs], runs), runs
+        )
+        gram += table @ table.T
     return gram[:-1, :-1], gram[:-1, -1]
 
 
@@ -274,17 +286,28 @@ def derivatives(
     simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
 ) -> np.ndarray:
     """Derivatives of the output by each parameter on the criterion's rows, then the residual."""
-    relative = STEP if simulator.smooth else COARSE_STEP
-    thin = criterion.thin
     rows = np.empty((theta.size + 1, *criterion.y.shape))
+    for runs, part in simulator.parts():
+        rows[:, :, runs] = _derivatives(part, criterion, theta, output[:, runs], runs)
+    return rows
+
+
+def _derivatives(
+    part: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, runs: slice
+) -> np.ndarray:
+    """The same of some runs."""
+    part.run(theta)
+    relative = STEP if part.smooth else COARSE_STEP
+    thin = criterion.thin
     here = output[::thin]
+    rows = np.empty((theta.size + 1, *here.shape))
     for i, value in enumerate(theta):
-        h = relative * simulator.size(i, value)
-        if value + h > simulator.high[i]:
+        h = relative * part.size(i, value)
+        if value + h > part.high[i]:
             h = -h
-        np.subtract(simulator.run_with_change(i, value + h)[::thin], here, out=rows[i])
+        np.subtract(part.run_with_change(i, value + h)[::thin], here, out=rows[i])
         rows[i] *= 1 / h
-    rows[-1] = criterion.residual(output)
+    rows[-1] = criterion.residual(output, runs)
     return rows
 
 
@@ -310,30 +333,24 @@ def covariance_of(
     theta = fit.theta
     free = (theta > simulator.low) & (theta < simulator.high)
     covariance = np.full((theta.size, theta.size), np.nan)
+    diagonal = np.diag(fit.normal)
     if not free.any():
         return covariance
     output = simulator.run(theta)
     sigma = np.sqrt(criterion.sse(output) / max(criterion.n - free.sum(), 1))
-    slopes, diagonal = np.empty(0), np.diag(fit.normal)
-    for _ in range(1 if simulator.smooth else 2):
-        slopes = wide_derivatives(simulator, criterion, theta, output, sigma, diagonal)
-        diagonal = (slopes[:-1] ** 2).sum(axis=1)
-    free &= felt(simulator, theta, diagonal)
-    slopes, residual = slopes[:-1][free], slopes[-1]
+    if not simulator.smooth:
+        diagonal = np.diag(_wide_sums(simulator, criterion, theta, output, sigma, diagonal).gram)
+    sums = _wide_sums(simulator, criterion, theta, output, sigma, diagonal)
+    free &= felt(simulator, theta, np.diag(sums.gram))
+    both = np.ix_(free, free)
     known, _ = (prior or NO_PRIOR).weighing(sigma**2).normal_equations(theta)
-    inverse = scaled_inverse(
-        slopes @ slopes.T + np.broadcast_to(known, 2 * (theta.size,))[np.ix_(free, free)]
-    )
+    inverse = scaled_inverse(sums.gram[both] + np.broadcast_to(known, 2 * (theta.size,))[both])
     block = sigma**2 * inverse
-    scores = (slopes * residual).reshape(len(slopes), *criterion.y.shape)
-    lags = round(MEMORY / (criterion.thin * simulator.record.dt))
-    robust = inverse @ long_run(scores, lags) @ inverse
+    robust = inverse @ sums.scores[both] @ inverse
     more = np.diag(robust) / np.maximum(np.diag(block), 1e-300)
     more = np.sqrt(np.clip(more, 1.0, None))
     block *= np.outer(more, more)
-    moved = inverse @ (
-        slopes @ criterion.whitened(change_if_coarser(simulator, criterion, theta)[None])[0]
-    )
+    moved = inverse @ sums.along[free]
     block += np.outer(moved, moved)
     if fit.beside is not None:
         block += fit.beside[np.ix_(free, free)]
@@ -345,27 +362,63 @@ def covariance_of(
     return covariance
 
 
-def wide_derivatives(
+class _WideSums(NamedTuple):
+    """Sums over rows of slopes over about a standard deviation, for all parameters.
+
+    Products of two; the long-run covariance of scores; products with what a coarser simulation
+    would change.
+    """
+
+    gram: np.ndarray
+    scores: np.ndarray
+    along: np.ndarray
+
+
+def _wide_sums(
     simulator: Simulator,
     criterion: Criterion,
     theta: np.ndarray,
     output: np.ndarray,
     sigma: float,
     diagonal: np.ndarray,
+) -> _WideSums:
+    lags = round(MEMORY / (criterion.thin * simulator.record.dt))
+    gram, scores = np.zeros((2, theta.size, theta.size))
+    along = np.zeros(theta.size)
+    for runs, part in simulator.parts():
+        part.run(theta)
+        rows = wide_derivatives(part, criterion, theta, output[:, runs], runs, sigma, diagonal)
+        slopes, residual = rows[:-1], rows[-1]
+        gram += slopes @ slopes.T
+        by_row = (slopes * residual).reshape(theta.size, *criterion.y[:, runs].shape)
+        scores += long_run(by_row, lags)
+        change = change_if_coarser(part, criterion, theta, output[:, runs], runs)
+        along += slopes @ criterion.whitened(change[None], runs)[0]
+    return _WideSums(gram, scores, along)
+
+
+def wide_derivatives(
+    part: Simulator,
+    criterion: Criterion,
+    theta: np.ndarray,
+    output: np.ndarray,
+    runs: slice,
+    sigma: float,
+    diagonal: np.ndarray,
 ) -> np.ndarray:
     """Whitened differences over the standard deviation that each parameter has on its own."""
-    rows = np.empty((theta.size + 1, *criterion.y.shape))
+    rows = np.empty((theta.size + 1, *criterion.y[:, runs].shape))
     for i, value in enumerate(theta):
-        size = simulator.size(i, value)
+        size = part.size(i, value)
         width = sigma / np.sqrt(max(diagonal[i], 1e-300))
         width = min(max(width, STEP * size), size)
-        above = min(value + width, simulator.high[i])
-        below = max(value - width, simulator.low[i])
-        rows[i] = simulator.run_with_change(i, above)[:: criterion.thin]
-        rows[i] -= simulator.run_with_change(i, below)[:: criterion.thin]
+        above = min(value + width, part.high[i])
+        below = max(value - width, part.low[i])
+        rows[i] = part.run_with_change(i, above)[:: criterion.thin]
+        rows[i] -= part.run_with_change(i, below)[:: criterion.thin]
         rows[i] /= above - below
-    rows[-1] = criterion.residual(output)
-    return criterion.whitened(rows)
+    rows[-1] = criterion.residual(output, runs)
+    return criterion.whitened(rows, runs)
 
 
 def long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
@@ -378,19 +431,20 @@ def long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
     return total
 
 
-def change_if_coarser(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
-    """Change of the output at twice the sampling time, on the criterion's rows."""
-    record, output = simulator.record, simulator.run(theta)
-    half = record.part(np.arange(record.n_runs), 2)
-    change = Simulator(simulator.core, simulator.effects, half).run(theta) - output[::2]
+def change_if_coarser(
+    part: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, runs: slice
+) -> np.ndarray:
+    """Change of the output of some runs at twice the sampling time, on the criterion's rows."""
+    half = part.record.part(np.arange(part.record.n_runs), 2)
+    change = Simulator(part.core, part.effects, half).run(theta) - output[::2]
     if not np.isfinite(change).all():
-        return np.zeros_like(criterion.y)
+        return np.zeros_like(criterion.y[:, runs])
     at = np.minimum(np.arange(0, len(output), criterion.thin) / 2, len(change) - 1)
     before = at.astype(int)
     after = np.minimum(before + 1, len(change) - 1)
     share = (at - before)[:, None]
     change = (1 - share) * change[before] + share * change[after]
-    return np.where(criterion.known, change, 0.0)
+    return np.where(criterion.known[:, runs], change, 0.0)
 
 
 def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
