@@ -103,15 +103,13 @@ class Criterion:
             _kernels.gate(signals), _kernels.gate(self.noise.ar), _kernels.gate(weight)
         )
 
-    def sse(self, output: np.ndarray) -> float:
+    def sse(self, output: np.ndarray, runs: slice = ALL) -> float:
         """Sum of squares; infinite where the output is not finite."""
         if not np.isfinite(output[-1]).all():
             return np.inf
-        value = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
-            for runs in self.record.few_runs() or [ALL]:
-                r = self.whitened(self.residual(output[:, runs], runs)[None], runs)[0]
-                value += float(r @ r)
+            r = self.whitened(self.residual(output, runs)[None], runs)[0]
+            value = float(r @ r)
         return value if np.isfinite(value) else np.inf
 
     def remnant_model(self, output: np.ndarray) -> RemnantModel:
@@ -172,6 +170,19 @@ class Fit:
         return replace(self, theta=self.theta[at], normal=normal, gradient=self.gradient[at])
 
 
+def sse_at(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:
+    """Sum of squares at parameters; of a large record no output is kept."""
+    return sum(criterion.sse(part.run(theta), runs) for runs, part in simulator.parts())
+
+
+def residual_at(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
+    """Residuals on the criterion's rows at parameters."""
+    found = np.empty_like(criterion.y)
+    for runs, part in simulator.parts():
+        found[:, runs] = criterion.residual(part.run(theta), runs)
+    return found
+
+
 def minimise(
     simulator: Simulator,
     criterion: Criterion,
@@ -192,17 +203,16 @@ def minimise(
     low, high = simulator.low, simulator.high
     theta = np.clip(theta, low, high)
     held = np.zeros(theta.size, dtype=bool) if fixed is None else fixed
-    output = simulator.run(theta)
-    sse = criterion.sse(output)
+    sse = sse_at(simulator, criterion, theta)
     damping = 1e-3
     normal, gradient = np.eye(theta.size), np.zeros(theta.size)
     if not np.isfinite(sse):
         return Fit(theta, np.inf, criterion.n, normal, gradient)
     if not simulator.smooth:
-        theta, output, sse = rescaled(simulator, criterion, theta, output, sse)
+        theta, sse = rescaled(simulator, criterion, theta, sse)
     better = True
     for _ in range(max_iter):
-        normal, gradient = normal_equations(simulator, criterion, theta, output)
+        normal, gradient = normal_equations(simulator, criterion, theta)
         curvature, slope = prior.normal_equations(theta)
         normal, gradient = normal + curvature, gradient + slope
         at_low = (theta <= low) & (gradient < 0)
@@ -223,8 +233,7 @@ def minimise(
                 damping *= 10
                 continue
             trial = np.clip(theta + step, low, high)
-            new_output = simulator.run(trial)
-            new = criterion.sse(new_output)
+            new = sse_at(simulator, criterion, trial)
             gain = sse - new + prior.cost(theta) - prior.cost(trial)
             if gain > 0:
                 better = True
@@ -232,71 +241,73 @@ def minimise(
             damping *= 8
         if not better:
             break
-        theta, output, sse = trial, new_output, new
+        theta, sse = trial, new
         damping = max(damping / 6, 1e-9)
         if gain < tol * sse:
             break
-    if not better:
-        simulator.run(theta)
     return Fit(theta, sse, criterion.n, normal, gradient)
 
 
 def rescaled(
-    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, sse: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Parameters, output and squares, with the output's scale solved for where that is better.
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray, sse: float
+) -> tuple[np.ndarray, float]:
+    """Parameters and squares, with the output's scale solved for where that is better.
 
     All parameters in units of the output scale together: gains alone, or levels of the output
     alone, would change what happens at which instant.
     """
-    table = criterion.whitened(np.stack([output[:: criterion.thin] * criterion.known, criterion.y]))
-    power, product = float(table[0] @ table[0]), float(table[0] @ table[1])
+    power, product = power_and_product(simulator, criterion, theta)[:2]
     if product <= 0.0 or (power - product) ** 2 <= WORTHWHILE * sse * power:
-        return theta, output, sse
+        return theta, sse
     powers = np.array([p.dimension.u for p in simulator.parameters])
     trial = np.clip(theta * (product / power) ** powers, simulator.low, simulator.high)
-    new_output = simulator.run(trial)
-    new = criterion.sse(new_output)
-    if new < sse:
-        return trial, new_output, new
-    return theta, simulator.run(theta), sse
+    new = sse_at(simulator, criterion, trial)
+    return (trial, new) if new < sse else (theta, sse)
+
+
+def power_and_product(
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray
+) -> tuple[float, float, float]:
+    """Whitened squares of the output at some parameters, its product with y, and squares of y."""
+    gram = np.zeros((2, 2))
+    for runs, part in simulator.parts():
+        output = part.run(theta)[:: criterion.thin] * criterion.known[:, runs]
+        table = criterion.whitened(np.stack([output, criterion.y[:, runs]]), runs)
+        gram += [[a @ b for a in table] for b in table]
+    return float(gram[0, 0]), float(gram[0, 1]), float(gram[1, 1])
 
 
 def normal_equations(
-    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """J'J and J'r for whitened residuals r and derivatives J of the output at ``theta``."""
+    """J'J and J'r for whitened residuals r and derivatives J of the output."""
     gram = np.zeros((theta.size + 1, theta.size + 1))
     for runs, part in simulator.parts():
-        table = criterion.whitened(
-            _derivatives(part, criterion, theta, output[:, runs], runs), runs
-        )
+        table = criterion.whitened(_derivatives(part, criterion, theta, runs), runs)
         gram += table @ table.T
     return gram[:-1, :-1], gram[:-1, -1]
 
 
 def whitened_derivatives(
-    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray
 ) -> np.ndarray:
     """Whitened derivatives by each parameter, and the whitened residual as the last row."""
-    return criterion.whitened(derivatives(simulator, criterion, theta, output))
+    return criterion.whitened(derivatives(simulator, criterion, theta))
 
 
-def derivatives(
-    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
-) -> np.ndarray:
+def derivatives(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
     """Derivatives of the output by each parameter on the criterion's rows, then the residual."""
     rows = np.empty((theta.size + 1, *criterion.y.shape))
     for runs, part in simulator.parts():
-        rows[:, :, runs] = _derivatives(part, criterion, theta, output[:, runs], runs)
+        rows[:, :, runs] = _derivatives(part, criterion, theta, runs)
     return rows
 
 
 def _derivatives(
-    part: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, runs: slice
+    part: Simulator, criterion: Criterion, theta: np.ndarray, runs: slice
 ) -> np.ndarray:
-    """The same of some runs."""
-    part.run(theta)
+    """The same of a part's runs."""
+    output = part.run(theta)
     relative = STEP if part.smooth else COARSE_STEP
     thin = criterion.thin
     here = output[::thin]
@@ -336,11 +347,10 @@ def covariance_of(
     diagonal = np.diag(fit.normal)
     if not free.any():
         return covariance
-    output = simulator.run(theta)
-    sigma = np.sqrt(criterion.sse(output) / max(criterion.n - free.sum(), 1))
+    sigma = np.sqrt(sse_at(simulator, criterion, theta) / max(criterion.n - free.sum(), 1))
     if not simulator.smooth:
-        diagonal = np.diag(_wide_sums(simulator, criterion, theta, output, sigma, diagonal).gram)
-    sums = _wide_sums(simulator, criterion, theta, output, sigma, diagonal)
+        diagonal = np.diag(_wide_sums(simulator, criterion, theta, sigma, diagonal).gram)
+    sums = _wide_sums(simulator, criterion, theta, sigma, diagonal)
     free &= felt(simulator, theta, np.diag(sums.gram))
     both = np.ix_(free, free)
     known, _ = (prior or NO_PRIOR).weighing(sigma**2).normal_equations(theta)
@@ -378,7 +388,6 @@ def _wide_sums(
     simulator: Simulator,
     criterion: Criterion,
     theta: np.ndarray,
-    output: np.ndarray,
     sigma: float,
     diagonal: np.ndarray,
 ) -> _WideSums:
@@ -386,13 +395,13 @@ def _wide_sums(
     gram, scores = np.zeros((2, theta.size, theta.size))
     along = np.zeros(theta.size)
     for runs, part in simulator.parts():
-        part.run(theta)
-        rows = wide_derivatives(part, criterion, theta, output[:, runs], runs, sigma, diagonal)
+        output = part.run(theta)
+        rows = wide_derivatives(part, criterion, theta, output, runs, sigma, diagonal)
         slopes, residual = rows[:-1], rows[-1]
         gram += slopes @ slopes.T
         by_row = (slopes * residual).reshape(theta.size, *criterion.y[:, runs].shape)
         scores += long_run(by_row, lags)
-        change = change_if_coarser(part, criterion, theta, output[:, runs], runs)
+        change = change_if_coarser(part, criterion, theta, output, runs)
         along += slopes @ criterion.whitened(change[None], runs)[0]
     return _WideSums(gram, scores, along)
 
