@@ -16,6 +16,9 @@ from .dimension import RoleName
 if TYPE_CHECKING:
     from ..human.linear_element import LinearElement
 
+LARGE = 150_000  # samples, above which runs are simulated a few at a time
+CACHED = 80_000  # samples of these few: their signals stay in a processor's cache
+
 
 @dataclass(frozen=True)
 class Record:
@@ -101,6 +104,26 @@ class Record:
             y=None if self.y is None else taken(self.y),
             prediction=None,
             _derived={},
+        )
+
+    def few_runs(self) -> list[slice]:
+        """Columns of a few runs at a time, of a large record; none of one that is small."""
+        n, runs = self.known.shape
+        width = max(1, CACHED // max(n, 1))
+        if n * runs <= LARGE or runs <= width:
+            return []
+        return [slice(first, min(first + width, runs)) for first in range(0, runs, width)]
+
+    def columns(self, columns: slice) -> Record:
+        """Some of the runs, as views."""
+        return replace(
+            self,
+            t=self.t if self.t.shape[1] == 1 else self.t[:, columns],
+            channels={name: values[:, columns] for name, values in self.channels.items()},
+            known=self.known[:, columns],
+            y=None if self.y is None else self.y[:, columns],
+            prediction=None,
+            _derived=self.once(("columns", columns.start), dict),
         )
 
     def beginning(self, seconds: float) -> Record:

@@ -37,6 +37,7 @@ from .operator_summary import simulated_summary
 from .prepared import Prepared, SimulatedCore, prepared_for
 from .side_by_side import SegmentColumns, build_record, measured
 from .simulator import Simulator
+from .some_runs import on_all_runs, record_of_some
 from .two_estimates import of_least_error
 
 
@@ -280,8 +281,14 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
 
 
 def first_model(prepared: Prepared, effects: Effects) -> Model:
-    """The core with effects at the minimum of the simulation error."""
+    """The core with effects at the minimum of the simulation error.
+
+    Of very many runs some are fitted first, from all starts, and then all from there.
+    """
     record, core = prepared.record, prepared.core
+    some = record_of_some(record)
+    if some is not None:
+        return on_all_runs(first_model(replace(prepared, record=some), effects), record)
     criterion = Criterion(record)
     start = prepared.spec.start
     check_start(start, core, record, effects)

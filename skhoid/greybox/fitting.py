@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -22,6 +23,7 @@ WORTHWHILE = 1e-4  # share of the squares that a common scale must save
 SEARCHED = 0.02  # relative accuracy of parameters where the response is not smooth
 MEMORY = 2.0  # s, over which scores may correlate
 NO_CHANGE = 1e-14  # of the squares that the most influential parameter changes
+ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,8 @@ class Criterion:
         self.record, self.rate = record, rate
         self.thin = max(1, round(1.0 / (rate * record.dt)))
         known = record.known if rows is None else record.known & rows
-        self.y = np.ascontiguousarray(record.y[:: self.thin])
-        self.known = np.ascontiguousarray(known[:: self.thin])
+        self.y = record.y[:: self.thin].copy(order="K")
+        self.known = known[:: self.thin].copy(order="K")
         self.power = float((self.y[self.known] ** 2).sum())
         about_mean = self.y[self.known] - self.y[self.known].sum() / max(self.known.sum(), 1)
         self.power_about_mean = float((about_mean**2).sum())
@@ -78,31 +80,35 @@ class Criterion:
     def set_noise(self, noise: RemnantModel) -> None:
         self.noise = noise
         order = noise.ar.size
-        weight = self.known.copy()
+        weight = self.known.copy(order="K")
         for lag in range(1, order + 1):
             weight[lag:] &= self.known[:-lag]
         weight[:order] = False
         self.n = int(weight.sum())
         self.weight = weight / noise.scale
 
-    def residual(self, output: np.ndarray) -> np.ndarray:
-        """Residuals on the criterion's rows, zero where nothing is known."""
-        return np.where(self.known, self.y - output[:: self.thin], 0.0)
+    def residual(self, output: np.ndarray, runs: slice = ALL) -> np.ndarray:
+        """Residuals on the criterion's rows, zero where nothing is known.
 
-    def whitened(self, signals: np.ndarray) -> np.ndarray:
+        ``output`` is that of ``runs``.
+        """
+        return np.where(self.known[:, runs], self.y[:, runs] - output[:: self.thin], 0.0)
+
+    def whitened(self, signals: np.ndarray, runs: slice = ALL) -> np.ndarray:
         """Signals (count, n, runs) on the criterion's rows as whitened rows of a table."""
+        weight = self.weight[:, runs]
         if self.noise.ar.size == 0:
-            return (signals * self.weight).reshape(len(signals), -1)
+            return (signals * weight).reshape(len(signals), -1)
         return _kernels.greybox.whitened(
-            _kernels.gate(signals), _kernels.gate(self.noise.ar), _kernels.gate(self.weight)
+            _kernels.gate(signals), _kernels.gate(self.noise.ar), _kernels.gate(weight)
         )
 
-    def sse(self, output: np.ndarray) -> float:
+    def sse(self, output: np.ndarray, runs: slice = ALL) -> float:
         """Sum of squares; infinite where the output is not finite."""
         if not np.isfinite(output[-1]).all():
             return np.inf
         with np.errstate(over="ignore", invalid="ignore"):
-            r = self.whitened(self.residual(output)[None])[0]
+            r = self.whitened(self.residual(output, runs)[None], runs)[0]
             value = float(r @ r)
         return value if np.isfinite(value) else np.inf
 
@@ -164,6 +170,19 @@ class Fit:
         return replace(self, theta=self.theta[at], normal=normal, gradient=self.gradient[at])
 
 
+def sse_at(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:
+    """Sum of squares at parameters; of a large record no output is kept."""
+    return sum(criterion.sse(part.run(theta), runs) for runs, part in simulator.parts())
+
+
+def residual_at(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
+    """Residuals on the criterion's rows at parameters."""
+    found = np.empty_like(criterion.y)
+    for runs, part in simulator.parts():
+        found[:, runs] = criterion.residual(part.run(theta), runs)
+    return found
+
+
 def minimise(
     simulator: Simulator,
     criterion: Criterion,
@@ -184,17 +203,16 @@ def minimise(
     low, high = simulator.low, simulator.high
     theta = np.clip(theta, low, high)
     held = np.zeros(theta.size, dtype=bool) if fixed is None else fixed
-    output = simulator.run(theta)
-    sse = criterion.sse(output)
+    sse = sse_at(simulator, criterion, theta)
     damping = 1e-3
     normal, gradient = np.eye(theta.size), np.zeros(theta.size)
     if not np.isfinite(sse):
         return Fit(theta, np.inf, criterion.n, normal, gradient)
     if not simulator.smooth:
-        theta, output, sse = rescaled(simulator, criterion, theta, output, sse)
+        theta, sse = rescaled(simulator, criterion, theta, sse)
     better = True
     for _ in range(max_iter):
-        normal, gradient = normal_equations(simulator, criterion, theta, output)
+        normal, gradient = normal_equations(simulator, criterion, theta)
         curvature, slope = prior.normal_equations(theta)
         normal, gradient = normal + curvature, gradient + slope
         at_low = (theta <= low) & (gradient < 0)
@@ -215,8 +233,7 @@ def minimise(
                 damping *= 10
                 continue
             trial = np.clip(theta + step, low, high)
-            new_output = simulator.run(trial)
-            new = criterion.sse(new_output)
+            new = sse_at(simulator, criterion, trial)
             gain = sse - new + prior.cost(theta) - prior.cost(trial)
             if gain > 0:
                 better = True
@@ -224,67 +241,84 @@ def minimise(
             damping *= 8
         if not better:
             break
-        theta, output, sse = trial, new_output, new
+        theta, sse = trial, new
         damping = max(damping / 6, 1e-9)
         if gain < tol * sse:
             break
-    if not better:
-        simulator.run(theta)
     return Fit(theta, sse, criterion.n, normal, gradient)
 
 
 def rescaled(
-    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, sse: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Parameters, output and squares, with the output's scale solved for where that is better.
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray, sse: float
+) -> tuple[np.ndarray, float]:
+    """Parameters and squares, with the output's scale solved for where that is better.
 
     All parameters in units of the output scale together: gains alone, or levels of the output
     alone, would change what happens at which instant.
     """
-    table = criterion.whitened(np.stack([output[:: criterion.thin] * criterion.known, criterion.y]))
-    power, product = float(table[0] @ table[0]), float(table[0] @ table[1])
+    power, product = power_and_product(simulator, criterion, theta)[:2]
     if product <= 0.0 or (power - product) ** 2 <= WORTHWHILE * sse * power:
-        return theta, output, sse
+        return theta, sse
     powers = np.array([p.dimension.u for p in simulator.parameters])
     trial = np.clip(theta * (product / power) ** powers, simulator.low, simulator.high)
-    new_output = simulator.run(trial)
-    new = criterion.sse(new_output)
-    if new < sse:
-        return trial, new_output, new
-    return theta, simulator.run(theta), sse
+    new = sse_at(simulator, criterion, trial)
+    return (trial, new) if new < sse else (theta, sse)
+
+
+def power_and_product(
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray
+) -> tuple[float, float, float]:
+    """Whitened squares of the output at some parameters, its product with y, and squares of y."""
+    gram = np.zeros((2, 2))
+    for runs, part in simulator.parts():
+        output = part.run(theta)[:: criterion.thin] * criterion.known[:, runs]
+        table = criterion.whitened(np.stack([output, criterion.y[:, runs]]), runs)
+        gram += [[a @ b for a in table] for b in table]
+    return float(gram[0, 0]), float(gram[0, 1]), float(gram[1, 1])
 
 
 def normal_equations(
-    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """J'J and J'r for whitened residuals r and derivatives J of the output at the last run."""
-    table = whitened_derivatives(simulator, criterion, theta, output)
-    gram = table @ table.T
+    """J'J and J'r for whitened residuals r and derivatives J of the output."""
+    gram = np.zeros((theta.size + 1, theta.size + 1))
+    for runs, part in simulator.parts():
+        table = criterion.whitened(_derivatives(part, criterion, theta, runs), runs)
+        gram += table @ table.T
     return gram[:-1, :-1], gram[:-1, -1]
 
 
 def whitened_derivatives(
-    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray
 ) -> np.ndarray:
     """Whitened derivatives by each parameter, and the whitened residual as the last row."""
-    return criterion.whitened(derivatives(simulator, criterion, theta, output))
+    return criterion.whitened(derivatives(simulator, criterion, theta))
 
 
-def derivatives(
-    simulator: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray
-) -> np.ndarray:
+def derivatives(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
     """Derivatives of the output by each parameter on the criterion's rows, then the residual."""
-    relative = STEP if simulator.smooth else COARSE_STEP
-    thin = criterion.thin
     rows = np.empty((theta.size + 1, *criterion.y.shape))
+    for runs, part in simulator.parts():
+        rows[:, :, runs] = _derivatives(part, criterion, theta, runs)
+    return rows
+
+
+def _derivatives(
+    part: Simulator, criterion: Criterion, theta: np.ndarray, runs: slice
+) -> np.ndarray:
+    """The same of a part's runs."""
+    output = part.run(theta)
+    relative = STEP if part.smooth else COARSE_STEP
+    thin = criterion.thin
     here = output[::thin]
+    rows = np.empty((theta.size + 1, *here.shape))
     for i, value in enumerate(theta):
-        h = relative * simulator.size(i, value)
-        if value + h > simulator.high[i]:
+        h = relative * part.size(i, value)
+        if value + h > part.high[i]:
             h = -h
-        np.subtract(simulator.run_with_change(i, value + h)[::thin], here, out=rows[i])
+        np.subtract(part.run_with_change(i, value + h)[::thin], here, out=rows[i])
         rows[i] *= 1 / h
-    rows[-1] = criterion.residual(output)
+    rows[-1] = criterion.residual(output, runs)
     return rows
 
 
@@ -310,30 +344,23 @@ def covariance_of(
     theta = fit.theta
     free = (theta > simulator.low) & (theta < simulator.high)
     covariance = np.full((theta.size, theta.size), np.nan)
+    diagonal = np.diag(fit.normal)
     if not free.any():
         return covariance
-    output = simulator.run(theta)
-    sigma = np.sqrt(criterion.sse(output) / max(criterion.n - free.sum(), 1))
-    slopes, diagonal = np.empty(0), np.diag(fit.normal)
-    for _ in range(1 if simulator.smooth else 2):
-        slopes = wide_derivatives(simulator, criterion, theta, output, sigma, diagonal)
-        diagonal = (slopes[:-1] ** 2).sum(axis=1)
-    free &= felt(simulator, theta, diagonal)
-    slopes, residual = slopes[:-1][free], slopes[-1]
+    sigma = np.sqrt(sse_at(simulator, criterion, theta) / max(criterion.n - free.sum(), 1))
+    if not simulator.smooth:
+        diagonal = np.diag(_wide_sums(simulator, criterion, theta, sigma, diagonal).gram)
+    sums = _wide_sums(simulator, criterion, theta, sigma, diagonal)
+    free &= felt(simulator, theta, np.diag(sums.gram))
+    both = np.ix_(free, free)
     known, _ = (prior or NO_PRIOR).weighing(sigma**2).normal_equations(theta)
-    inverse = scaled_inverse(
-        slopes @ slopes.T + np.broadcast_to(known, 2 * (theta.size,))[np.ix_(free, free)]
-    )
+    inverse = scaled_inverse(sums.gram[both] + np.broadcast_to(known, 2 * (theta.size,))[both])
     block = sigma**2 * inverse
-    scores = (slopes * residual).reshape(len(slopes), *criterion.y.shape)
-    lags = round(MEMORY / (criterion.thin * simulator.record.dt))
-    robust = inverse @ long_run(scores, lags) @ inverse
+    robust = inverse @ sums.scores[both] @ inverse
     more = np.diag(robust) / np.maximum(np.diag(block), 1e-300)
     more = np.sqrt(np.clip(more, 1.0, None))
     block *= np.outer(more, more)
-    moved = inverse @ (
-        slopes @ criterion.whitened(change_if_coarser(simulator, criterion, theta)[None])[0]
-    )
+    moved = inverse @ sums.along[free]
     block += np.outer(moved, moved)
     if fit.beside is not None:
         block += fit.beside[np.ix_(free, free)]
@@ -345,27 +372,62 @@ def covariance_of(
     return covariance
 
 
-def wide_derivatives(
+class _WideSums(NamedTuple):
+    """Sums over rows of slopes over about a standard deviation, for all parameters.
+
+    Products of two; the long-run covariance of scores; products with what a coarser simulation
+    would change.
+    """
+
+    gram: np.ndarray
+    scores: np.ndarray
+    along: np.ndarray
+
+
+def _wide_sums(
     simulator: Simulator,
     criterion: Criterion,
     theta: np.ndarray,
+    sigma: float,
+    diagonal: np.ndarray,
+) -> _WideSums:
+    lags = round(MEMORY / (criterion.thin * simulator.record.dt))
+    gram, scores = np.zeros((2, theta.size, theta.size))
+    along = np.zeros(theta.size)
+    for runs, part in simulator.parts():
+        output = part.run(theta)
+        rows = wide_derivatives(part, criterion, theta, output, runs, sigma, diagonal)
+        slopes, residual = rows[:-1], rows[-1]
+        gram += slopes @ slopes.T
+        by_row = (slopes * residual).reshape(theta.size, *criterion.y[:, runs].shape)
+        scores += long_run(by_row, lags)
+        change = change_if_coarser(part, criterion, theta, output, runs)
+        along += slopes @ criterion.whitened(change[None], runs)[0]
+    return _WideSums(gram, scores, along)
+
+
+def wide_derivatives(
+    part: Simulator,
+    criterion: Criterion,
+    theta: np.ndarray,
     output: np.ndarray,
+    runs: slice,
     sigma: float,
     diagonal: np.ndarray,
 ) -> np.ndarray:
     """Whitened differences over the standard deviation that each parameter has on its own."""
-    rows = np.empty((theta.size + 1, *criterion.y.shape))
+    rows = np.empty((theta.size + 1, *criterion.y[:, runs].shape))
     for i, value in enumerate(theta):
-        size = simulator.size(i, value)
+        size = part.size(i, value)
         width = sigma / np.sqrt(max(diagonal[i], 1e-300))
         width = min(max(width, STEP * size), size)
-        above = min(value + width, simulator.high[i])
-        below = max(value - width, simulator.low[i])
-        rows[i] = simulator.run_with_change(i, above)[:: criterion.thin]
-        rows[i] -= simulator.run_with_change(i, below)[:: criterion.thin]
+        above = min(value + width, part.high[i])
+        below = max(value - width, part.low[i])
+        rows[i] = part.run_with_change(i, above)[:: criterion.thin]
+        rows[i] -= part.run_with_change(i, below)[:: criterion.thin]
         rows[i] /= above - below
-    rows[-1] = criterion.residual(output)
-    return criterion.whitened(rows)
+    rows[-1] = criterion.residual(output, runs)
+    return criterion.whitened(rows, runs)
 
 
 def long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
@@ -378,19 +440,20 @@ def long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
     return total
 
 
-def change_if_coarser(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
-    """Change of the output at twice the sampling time, on the criterion's rows."""
-    record, output = simulator.record, simulator.run(theta)
-    half = record.part(np.arange(record.n_runs), 2)
-    change = Simulator(simulator.core, simulator.effects, half).run(theta) - output[::2]
+def change_if_coarser(
+    part: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, runs: slice
+) -> np.ndarray:
+    """Change of the output of some runs at twice the sampling time, on the criterion's rows."""
+    half = part.record.part(np.arange(part.record.n_runs), 2)
+    change = Simulator(part.core, part.effects, half).run(theta) - output[::2]
     if not np.isfinite(change).all():
-        return np.zeros_like(criterion.y)
+        return np.zeros_like(criterion.y[:, runs])
     at = np.minimum(np.arange(0, len(output), criterion.thin) / 2, len(change) - 1)
     before = at.astype(int)
     after = np.minimum(before + 1, len(change) - 1)
     share = (at - before)[:, None]
     change = (1 - share) * change[before] + share * change[after]
-    return np.where(criterion.known, change, 0.0)
+    return np.where(criterion.known[:, runs], change, 0.0)
 
 
 def scaled_inverse(matrix: np.ndarray) -> np.ndarray:

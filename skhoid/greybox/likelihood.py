@@ -10,11 +10,20 @@ import numpy as np
 from scipy.stats import norm, t
 
 from ..effects.core_kind import CoreKind
-from .fitting import AR_ORDER, Criterion, RemnantModel, minimise
+from .fitting import (
+    AR_ORDER,
+    Criterion,
+    RemnantModel,
+    minimise,
+    remnant_model,
+    residual_at,
+    sse_at,
+)
 from .loop import LoopSimulator, loop_of
 from .model import Model
 from .prior import Prior
 from .simulator import Simulator
+from .some_runs import record_of_some
 
 # Rounds of noise model and refinement, at most.
 N_LIKELIHOOD = {
@@ -38,6 +47,8 @@ ROUNDS_AMONG_KINKS = 4
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
 NEEDED = 8.0  # of n log(SSE), that a gain on the error rate must save
 
+Likeliest = tuple[float, np.ndarray] | None  # loss and parameters; None where no fit has led
+
 
 def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     """Refine under an AR model of the residual that is estimated along with the parameters.
@@ -56,7 +67,8 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
         return model, noise
     theta, beside = joint
     found = Model(model.simulator, replace(model.fit, theta=theta), model.other_cores)
-    criterion.set_noise(criterion.remnant_model(found.output))
+    residual = residual_at(found.simulator, criterion, theta)
+    criterion.set_noise(remnant_model(residual, criterion.known))
     found = found.under(criterion)
     found.fit.beside = beside
     return found, criterion.noise
@@ -74,12 +86,13 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     power = 0.0
     for i in range(N_LIKELIHOOD[core]):
         before, noise = model, criterion.noise
+        residual = residual_at(model.simulator, criterion, model.theta)
         if i == 0 or core != CoreKind.ARX:
-            power = _power(criterion.residual(model.output))
-        criterion.set_noise(criterion.remnant_model(model.output))
+            power = _power(residual)
+        criterion.set_noise(remnant_model(residual, criterion.known))
         model = model.refined(criterion)
         moved = model.theta - before.theta
-        after = _power(criterion.residual(model.output))
+        after = _power(residual_at(model.simulator, criterion, model.theta))
         if i >= N_FREELY[core] and after > WORSE[core] * power:
             if not noise.ar.size:
                 return before.under(criterion), criterion.noise
@@ -108,11 +121,21 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
 
     With them comes the covariance that choices make: rows at half and at twice the rate, and the
     closed loop, where it is known, by how many they are; the gain that was left out, by its odds.
+
+    Of very many runs some are fitted from all places to start, and then all from where that led;
+    what the closed loop would change is that of the same runs.
     """
     simulator = model.simulator
     core = simulator.core
+    few = record_of_some(simulator.record)
+    some = simulator if few is None else simulator.on(few)
+
+    def best_from(starts: list[np.ndarray], held: np.ndarray | None = None) -> Likeliest:
+        found = None if some is simulator else likeliest(some, starts, held=held)
+        return likeliest(simulator, starts if found is None else [found[1]], held=held)
+
     starts = [model.theta, *usual_starts(simulator, model.theta)]
-    best = likeliest(simulator, starts)
+    best = best_from(starts)
     if best is None:
         return None
     extra = [simulator.names.index(name) for name in core.gains[1:]]
@@ -121,7 +144,7 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     if extra and best[1][extra].any():
         held[extra] = True
         plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
-        without = likeliest(simulator, plain, held=held)
+        without = best_from(plain, held)
         if without is not None and without[0] < best[0] + NEEDED:
             odds = float(np.exp((without[0] - best[0] - NEEDED) / 2))
             beside += odds / (1 + odds) * _outer(best[1] - without[1])
@@ -132,13 +155,15 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     beside += apart_minima
     theta = best[1]
     simulation = Criterion(simulator.record)
-    if simulation.sse(simulator.run(theta)) > TOLERATED * simulation.sse(model.output):
+    least = sse_at(simulator, simulation, model.theta)
+    if sse_at(simulator, simulation, theta) > TOLERATED * least:
         return None
     others = [likeliest(simulator, [theta], rate, held) for rate in OTHER_RATES]
     apart = [_outer(one[1] - theta) / len(OTHER_RATES) for one in others if one is not None]
-    in_loop = likeliest_in_loop(simulator, theta, held)
-    if in_loop is not None:
-        apart.append(_outer(in_loop - theta))
+    open_loop = (None, theta) if some is simulator else likeliest(some, [theta], held=held)
+    in_loop = likeliest_in_loop(some, theta, held)
+    if in_loop is not None and open_loop is not None:
+        apart.append(_outer(in_loop - open_loop[1]))
     if apart:
         beside += _of_few(len(apart)) * np.sum(apart, axis=0)
     return theta, beside
@@ -227,7 +252,7 @@ def likeliest(
     starts: Iterable[np.ndarray],
     rate: float = JOINT_RATE,
     held: np.ndarray | None = None,
-) -> tuple[float, np.ndarray] | None:
+) -> Likeliest:
     """Least n log(SSE / n) of model and noise model, with what the prior costs; parameters there.
 
     On rows at a ``rate`` (Hz). None where no start leads anywhere.
@@ -247,12 +272,12 @@ def _joint(
     last = np.inf
     theta = np.clip(theta, simulator.low, simulator.high)
     for _ in range(N_LIKELIHOOD[CoreKind.OPERATOR]):
-        residual = criterion.residual(simulator.run(theta))
+        residual = residual_at(simulator, criterion, theta)
         noise = autoregression(residual, criterion.known)
         if noise is None:
             return None
         criterion.set_noise(noise)
-        sse = criterion.sse(simulator.run(theta))
+        sse = sse_at(simulator, criterion, theta)
         if not np.isfinite(sse) or sse <= 0 or criterion.n <= theta.size:
             return None
         loss = criterion.n * np.log(sse / criterion.n) + prior.distance(theta)

@@ -12,6 +12,7 @@ whatever the target and the disturbance are, recorded or not, since they are in 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -85,6 +86,10 @@ class LoopSimulator:
         self._pulse: tuple[np.ndarray, np.ndarray | None] | None = None
         self._follow = record.once("follow", lambda: followers(record))
         self._set_draws(None)
+
+    def parts(self) -> Iterator[tuple[slice, Any]]:
+        """All runs at once, as their loop is solved together."""
+        yield slice(None), self
 
     def on(self, record: Record) -> Any:
         """The same loop on another record."""

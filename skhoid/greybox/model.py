@@ -10,7 +10,15 @@ import numpy as np
 from ..effects.composition import Effects
 from ..effects.record import Record
 from .cores import Core
-from .fitting import Criterion, Fit, felt, minimise, normal_equations
+from .fitting import (
+    Criterion,
+    Fit,
+    felt,
+    minimise,
+    normal_equations,
+    power_and_product,
+    sse_at,
+)
 from .simulator import Simulator
 
 N_TRIED = 2  # iterations from every start
@@ -90,9 +98,9 @@ class Model:
 
     def under(self, criterion: Criterion) -> Model:
         """The same parameters, with squares and normal equations of another criterion."""
-        output = self.simulator.run(self.theta)
-        normal = normal_equations(self.simulator, criterion, self.theta, output)
-        fit = Fit(self.theta, criterion.sse(output), criterion.n, *normal)
+        normal = normal_equations(self.simulator, criterion, self.theta)
+        sse = sse_at(self.simulator, criterion, self.theta)
+        fit = Fit(self.theta, sse, criterion.n, *normal)
         return Model(self.simulator, fit, self.other_cores)
 
     def refined(self, criterion: Criterion, max_iter: int = 12, tol: float = 1e-5) -> Model:
@@ -153,13 +161,10 @@ def halved(
 
 def scaled_sse(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:
     """Sum of squares that the best multiple of the output at some parameters leaves."""
-    table = criterion.whitened(
-        np.stack([simulator.run(theta)[:: criterion.thin] * criterion.known, criterion.y])
-    )
-    power, product = float(table[0] @ table[0]), float(table[0] @ table[1])
+    power, product, of_y = power_and_product(simulator, criterion, theta)
     if not np.isfinite(power) or power <= 0.0:
         return np.inf
-    return float(table[1] @ table[1]) - max(product, 0.0) ** 2 / power
+    return of_y - max(product, 0.0) ** 2 / power
 
 
 def start_beside(
@@ -195,7 +200,7 @@ def without(model: Model, name: str, core: dict[str, float] | None = None) -> Mo
     theta = np.array([values[n] for n in simulator.names])
     if core is not None:
         other = np.array([(values | core)[n] for n in simulator.names])
-        theta = min(theta, other, key=lambda start: criterion.sse(simulator.run(start)))
+        theta = min(theta, other, key=lambda start: sse_at(simulator, criterion, start))
     return Model(simulator, replace(model.fit, theta=theta), model.other_cores).refined(criterion)
 
 

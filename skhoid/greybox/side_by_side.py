@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects.record import Record
+from ..effects.record import LARGE, Record
 from ..human import LinearElement
 from ..preprocessing.grid import ModelGrid
 from ..regression import segments
@@ -32,8 +32,13 @@ class SegmentColumns:
         return int((self.end - self.begin).max())
 
     def beside(self, rows: np.ndarray, fill: Any = 0.0) -> np.ndarray:
-        """Values of rows as an array of shape (length, n_columns)."""
-        out = np.full((self.length, self.begin.size), fill, dtype=rows.dtype)
+        """Values of rows as an array of shape (length, n_columns).
+
+        The runs of a large table lie one after the other in memory, so that a few of them are a
+        piece of it.
+        """
+        shape = (self.length, self.begin.size)
+        out = np.full(shape, fill, dtype=rows.dtype, order="F" if np.prod(shape) > LARGE else "C")
         for j, (a, b) in enumerate(zip(self.begin, self.end, strict=True)):
             out[: b - a, j] = rows[a:b]
         return out

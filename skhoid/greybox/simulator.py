@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import copy
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,7 +56,8 @@ class Simulator:
     """Free runs of a core with effects on a record.
 
     ``effects`` have all their choices made (see ``Effect.variants``). ``parameters`` lists what
-    is estimated, in the order of the vectors theta that ``run`` takes.
+    is estimated, in the order of the vectors theta that ``run`` takes. Runs of a large record are
+    simulated a few at a time, see :meth:`parts`, and only their output is kept.
     """
 
     def __init__(self, core: Core, effects: Effects, record: Record):
@@ -84,6 +87,27 @@ class Simulator:
         ]
         self._theta: np.ndarray | None = None
         self._states: list[StageSignals] = []
+        self._output: np.ndarray | None = None
+
+    @cached_property
+    def _parts(self) -> list[tuple[slice, Any]]:
+        few_at_a_time = self.record.few_runs()
+        return [(columns, self._part(self.record.columns(columns))) for columns in few_at_a_time]
+
+    def _part(self, few: Record) -> Any:
+        """The same simulator, with the same bounds, on a few of the runs."""
+        part = copy.copy(self)
+        part.record, part._theta, part._states, part._output = few, None, [], None
+        part._stages = part._build()
+        return part
+
+    def parts(self) -> Iterator[tuple[slice, Any]]:
+        """Simulators of a few runs each, with their columns; of a small record itself."""
+        if not self._parts:
+            yield slice(None), self
+        for columns, part in self._parts:
+            yield columns, part
+            part._theta, part._states = None, []
 
     def __reduce__(self) -> tuple:
         return Simulator, (self.core, self.effects, self.record)
@@ -193,7 +217,10 @@ class Simulator:
     def run(self, theta: np.ndarray) -> np.ndarray:
         """Output for parameters, of shape (n_samples, n_runs); its stages are kept."""
         if self._theta is not None and np.array_equal(theta, self._theta):
-            return self._states[-1].output
+            return self._states[-1].output if self._output is None else self._output
+        if self._parts:
+            self._theta, self._output = theta.copy(), self._of_parts(theta)
+            return self._output
         begin = 0
         if self._theta is not None:
             changed = np.flatnonzero(theta != self._theta)
@@ -204,11 +231,19 @@ class Simulator:
         self._theta = theta.copy()
         return self._states[-1].output
 
+    def _of_parts(self, theta: np.ndarray) -> np.ndarray:
+        output = np.empty_like(self.record.known, dtype=float)
+        for columns, part in self.parts():
+            output[:, columns] = Simulator.run(part, theta)
+        return output
+
     def run_with_change(self, position: int, value: float) -> np.ndarray:
         """Output of the last ``run`` with one parameter changed."""
         assert self._theta is not None
         theta = self._theta.copy()
         theta[position] = value
+        if self._parts:
+            return self._of_parts(theta)
         begin = self._begins[position]
         state = self._states[begin]
         for stage in self._stages[begin:]:
@@ -218,7 +253,12 @@ class Simulator:
     @property
     def last_state(self) -> StageSignals:
         """Signals of the last run."""
-        return self._states[-1]
+        if not self._parts:
+            return self._states[-1]
+        state = self._start()
+        for stage in self._stages:
+            state = stage.run(state, self._theta)
+        return state
 
     def size(self, position: int, value: float) -> float:
         """How large a change of a parameter changes the output by its own size."""

@@ -31,7 +31,7 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -
     simulator, record = model.simulator, model.simulator.record
     output = model.output
     prediction = output.copy()
-    table = whitened_derivatives(simulator, criterion, model.theta, output)
+    table = whitened_derivatives(simulator, criterion, model.theta)
     by_row = table.reshape(len(table), *criterion.y.shape)
     inside = (model.theta > simulator.low) & (model.theta < simulator.high)
     if not inside.any():

@@ -92,7 +92,7 @@ def _found(model: Model, folds: Sequence[HeldOutRows], rate: float | None = None
     criterion = Criterion(record, rate=rate)
     criterion.set_noise(criterion.remnant_model(model.output))
     base = model.refined(criterion, max_iter=4)
-    own = derivatives(base.simulator, criterion, base.theta, base.output)
+    own = derivatives(base.simulator, criterion, base.theta)
     found = []
     for where, at, description, columns in _families(base):
         if not len(columns):

@@ -83,7 +83,7 @@ def test_likelihood_fit_has_the_noise_model_of_its_residual(fitted):
     np.testing.assert_allclose(noise.ar, expected.ar)
     assert found.sse == pytest.approx(criterion.sse(found.output))
     assert found.fit.n == criterion.n
-    normal, gradient = normal_equations(found.simulator, criterion, found.theta, found.output)
+    normal, gradient = normal_equations(found.simulator, criterion, found.theta)
     np.testing.assert_allclose(found.fit.normal, normal)
     np.testing.assert_allclose(found.fit.gradient, gradient)
 

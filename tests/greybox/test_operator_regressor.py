@@ -575,7 +575,6 @@ def test_the_scale_of_a_jagged_response_is_solved_for(runs):
     simulator.record.y[:] = simulator.run(true)
     off = true * [1.1, 1.1, 1, 1, 1.1, 1]
     criterion = Criterion(simulator.record)
-    output = simulator.run(off)
-    theta, output, sse = rescaled(simulator, criterion, off, output, criterion.sse(output))
+    theta, sse = rescaled(simulator, criterion, off, criterion.sse(simulator.run(off)))
     np.testing.assert_allclose(theta, true, rtol=1e-9)
     assert sse < 1e-12 * criterion.power
