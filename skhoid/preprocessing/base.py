@@ -20,6 +20,7 @@ from ..runs import (
     run_column,
     run_time_index,
 )
+from ..runs.flat import refuse_flat
 
 
 def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.ndarray]:
@@ -48,6 +49,7 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
         estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
     )
     if layout is None:
+        refuse_flat(X, dt=estimator.dt, run=estimator.run)  # values have lost their names
         names = list(X.columns) if hasattr(X, "columns") else None
         columns = names or list(range(values.shape[1]))
         run = None if estimator.run is None else run_column(columns, estimator.run)
