@@ -271,7 +271,8 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         if with_effects and self.method == "iv":
             raise ValueError(NO_EFFECTS_BY_INSTRUMENTS)
         estimated = SimulationError.estimated if with_effects else EQUATION_ERROR[self.method]
-        self._strategy: Strategy = estimated(self, self._read_data(X, y))
+        data = self._read_data(X, y, "all" if with_effects else "inputs")
+        self._strategy: Strategy = estimated(self, data)
         return self
 
     def _simulated_core(self) -> SimulatedCore:

@@ -20,7 +20,7 @@ from ..base import BaseARX, check_lengths, check_row_count, free_run_output, lon
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from ..orders import Orders, regressors, whole_number
-from .folds import Fold
+from .folds import Fold, folds_of
 
 
 def has_fast_path(estimator: Any) -> bool:
@@ -66,7 +66,9 @@ class CandidateTable:
                 "The search needs an ARX model, or a pipeline that ends in one; got "
                 f"{type(self._model).__name__}."
             )
-        self.grid, self._raw_inputs, self.output, *_ = self._model._read_data(X, y)
+        data = self._model._read_data(X, y)
+        self.grid, self._raw_inputs, self.output = data.grid, data.inputs, data.output
+        self.known = data.known
         self.dt = self.grid.dt
 
     @cached_property
@@ -147,10 +149,15 @@ class CandidateTable:
 
 
 class Validation:
-    """Scores candidates on the folds, in the rows that the scorer and the run-in leave."""
+    """Scores candidates on the folds, in the rows that the scorer and the run-in leave.
+
+    ``known`` are the rows with an output, of runs whose inputs were recorded.
+    """
+
+    folds: list[Fold]
 
     def __init__(
-        self, estimator: Any, X: Any, y: Any, folds: list[Fold], scorer: VAFScorer
+        self, estimator: Any, X: Any, y: Any, known: np.ndarray, scorer: VAFScorer
     ) -> None:
         if scorer.rate == "model":
             raise ValueError(
@@ -159,10 +166,14 @@ class Validation:
             )
         self.layout = raw_layout(estimator, X, dt=scorer.dt, run=scorer.run)
         self.y = column_or_1d(np.asarray(y, dtype=float), warn=False)
-        self.folds = folds
+        self.known = known
         self.scorer = scorer
-        self.keep = scored_rows(self.layout, scorer.run_in, scorer.window)
+        self.keep = known & scored_rows(self.layout, scorer.run_in, scorer.window)
         self.keep &= ~trimmed_rows(estimator, X)
+
+    def split(self, cv: Any, routed: dict[str, Any]) -> None:
+        """Make the folds."""
+        self.folds = folds_of(self.layout, cv, routed, self.known, self.keep)
 
     def vaf(self, prediction: np.ndarray, fold: Fold) -> float:
         return vaf_of_rows(

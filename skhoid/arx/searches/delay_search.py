@@ -17,7 +17,6 @@ from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from .best_model import BestModel
 from .candidates import CandidateTable, Validation, as_candidate, has_fast_path, with_orders
-from .folds import folds_of
 from .text import highest, lowest, standard_error_over_folds
 
 N_CANDIDATES = 50
@@ -130,7 +129,7 @@ class DelaySearchCV(BestModel):
 
     @with_callbacks
     @fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X: Any, y: Any, groups: Any = None) -> DelaySearchCV:
+    def fit(self, X: Any, y: Any, groups: Any = None, **params: Any) -> DelaySearchCV:
         """Search the delay and refit the best model.
 
         Parameters
@@ -141,7 +140,9 @@ class DelaySearchCV(BestModel):
             Output.
         groups : array-like of shape (n_rows,) or None, default=None
             Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. None takes the runs.
+            ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
+        **params : dict
+            What else ``cv`` requests, with metadata routing enabled.
 
         Returns
         -------
@@ -150,6 +151,7 @@ class DelaySearchCV(BestModel):
         if self.window is not None and self.criterion != "one_step":
             raise ValueError("window= needs criterion='one_step'.")
         estimator = self.estimator if self.estimator is not None else ARXRegressor()
+        routed = self._routed(X, raw_layout(estimator, X), groups, params)
         table = CandidateTable(estimator, X, y)
         self.dt_ = table.dt
         candidates = self._candidates(table.shortest_run)
@@ -170,9 +172,7 @@ class DelaySearchCV(BestModel):
             else:
                 self.loss_ = self._generic_one_step(estimator, X, y, candidates, context)
         else:
-            scores = self._cross_validate(
-                estimator, X, y, candidates, table if fast else None, context, groups
-            )
+            scores = self._cross_validate(estimator, X, y, candidates, table, fast, context, routed)
             for i, column in enumerate(scores.T):
                 results[f"split{i}_test_score"] = column
             results["mean_test_score"] = scores.mean(axis=1)
@@ -253,18 +253,20 @@ class DelaySearchCV(BestModel):
         X: Any,
         y: Any,
         candidates: list[Any],
-        table: CandidateTable | None,
+        table: CandidateTable,
+        fast: bool,
         context: Any,
-        groups: Any,
+        routed: dict[str, Any],
     ) -> np.ndarray:
-        folds = folds_of(X, y, raw_layout(estimator, X), self.cv, groups)
-        validation = Validation(estimator, X, y, folds, self.scoring or VAFScorer())
-        triangles = [table.triangle(fold.train) for fold in folds] if table is not None else []
+        validation = Validation(estimator, X, y, table.known, self.scoring or VAFScorer())
+        validation.split(self.cv, routed)
+        folds = validation.folds
+        triangles = [table.triangle(fold.train) for fold in folds] if fast else []
         scores = np.full((len(candidates), len(folds)), np.nan)
         for i, nk in enumerate(candidates):
             task = context.subcontext(task_name="candidate").call_on_fit_task_begin(estimator=self)
             for j, fold in enumerate(folds):
-                if table is not None:
+                if fast:
                     scored = validation.score_candidate(table, triangles[j], i, fold)
                 else:
                     model = with_orders(estimator, nk=nk)

@@ -8,10 +8,13 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, check_cv
+from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 
-from ...exceptions import RunCutWarning
-from ...runs import RunLayout
+from ..._sklearn import raise_for_params, routing_enabled
+from ...exceptions import MissingDataWarning, RunCutWarning, RunIndexError
+from ...runs import RunLayout, check_alignment
 
 
 @dataclass(frozen=True)
@@ -23,31 +26,81 @@ class Fold:
     simulated: np.ndarray
 
 
-def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any, groups: Any = None) -> list[Fold]:
+class SplitsRuns:
+    """A search whose ``fit`` takes groups, and what its splitter requests, as GridSearchCV does."""
+
+    cv: Any
+
+    __metadata_request__fit = {"groups": True}
+
+    def get_metadata_routing(self) -> MetadataRouter:
+        """Say which metadata ``fit`` takes, and which it passes on to the splitter.
+
+        Returns
+        -------
+        routing : MetadataRouter
+        """
+        router = MetadataRouter(owner=self).add_self_request(self)
+        if self.cv is None or isinstance(self.cv, Integral) or hasattr(self.cv, "split"):
+            mapping = MethodMapping().add(caller="fit", callee="split")
+            router.add(splitter=_splitter(self.cv), method_mapping=mapping)
+        return router
+
+    def _routed(
+        self, X: Any, layout: RunLayout, groups: Any, params: dict[str, Any]
+    ) -> dict[str, Any]:
+        """What the splitter gets besides rows; groups are checked, and numbered by row."""
+        given = params if groups is None else {"groups": groups, **params}
+        if routing_enabled():
+            given = dict(process_routing(self, "fit", **given).get("splitter", {}).get("split", {}))
+        else:
+            raise_for_params(params, self, "fit")
+        numbers = _checked_groups(X, layout, given.get("groups", groups))
+        return {**given, "groups": numbers if "groups" in given else None}
+
+
+def _splitter(cv: Any, several: bool = True) -> Any:
+    if cv is None:
+        return LeaveOneGroupOut()
+    return GroupKFold(int(cv)) if isinstance(cv, Integral) and several else check_cv(cv)
+
+
+def folds_of(
+    layout: RunLayout,
+    cv: Any,
+    routed: dict[str, Any],
+    measured: np.ndarray,
+    scored: np.ndarray | None = None,
+) -> list[Fold]:
     """Split rows by runs; a single run into halves, as the thesis does.
 
     A free run needs no measured output, so the model is simulated from the start of each run and
     scored in the rows of the fold: a fold that begins inside a run has no transient of its own.
-    ``groups`` of rows take the place of runs.
+    Groups of rows that are ``routed`` take the place of runs. Runs without a ``measured`` row are
+    in no fold, unless a splitter of the user's own puts them there; folds without a ``scored``
+    row (None: a measured one) are left out.
     """
     rows = np.arange(layout.n_rows)
     run = layout.run_of(rows)
-    kept = run if groups is None else _checked_groups(groups, layout.n_rows)
-    several = len(layout.labels) > 1 or groups is not None
+    groups = routed["groups"]
+    known = np.bincount(run, measured) > 0
+    if not known.any():
+        raise ValueError("No row is left to score: no run has measurements of input and output.")
+    several = known.sum() > 1 or groups is not None
+    if cv is None or isinstance(cv, Integral):
+        rows = rows[known[run]]
     if cv is None and not several:
-        half = (layout.n_rows + 1) // 2
+        half = (rows.size + 1) // 2
         splits = [(rows[:half], rows[half:])]
     else:
-        if cv is None:
-            splitter: Any = LeaveOneGroupOut()
-        elif isinstance(cv, Integral) and several:
-            splitter = GroupKFold(int(cv))
-        else:
-            splitter = check_cv(cv)
+        kept = (run if groups is None else groups)[rows]
         with warnings.catch_warnings():
             # Splitters that do not use groups say so; the runs are offered to all alike.
             warnings.filterwarnings("ignore", message="The groups parameter is ignored")
-            splits = list(splitter.split(rows[:, None], np.zeros(layout.n_rows), groups=kept))
+            found = _splitter(cv, several).split(
+                rows[:, None], np.zeros(rows.size), **{**routed, "groups": kept}
+            )
+            splits = [(rows[train], rows[test]) for train, test in found]
         cut = [
             layout.labels[i]
             for train, test in splits
@@ -61,18 +114,60 @@ def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any, groups: Any = None) -> 
                 RunCutWarning,
                 stacklevel=6,
             )
-    return [_fold(train, test, run) for train, test in splits]
+    folds = [_fold(train, test, run) for train, test in splits]
+    return _with_scores(folds, layout, measured, measured if scored is None else scored)
 
 
-def _checked_groups(groups: Any, n_rows: int) -> np.ndarray:
-    """Groups as numbers of rows."""
-    given = np.asarray(groups)
-    if given.shape != (n_rows,):
+def _with_scores(
+    folds: list[Fold], layout: RunLayout, measured: np.ndarray, scored: np.ndarray
+) -> list[Fold]:
+    """Folds that can be scored; that runs without any measurement are not, the fit has said."""
+    left = [fold for fold in folds if scored[fold.test].any()]
+    if not left:
         raise ValueError(
-            f"groups has the shape {given.shape} and X has {n_rows} rows: give one group for each "
-            'row, such as run_labels(X, level="subject").'
+            "No row is left to score in any fold: the run-in, the window and missing values leave "
+            "out all of them."
         )
-    return np.unique(given, return_inverse=True)[1]
+    unscored = [fold for fold in folds if measured[fold.test].any() and not scored[fold.test].any()]
+    if unscored:
+        row = int(np.flatnonzero(unscored[0].test & measured)[0])
+        warnings.warn(
+            f"{len(unscored)} of {len(folds)} folds are not scored, first that of "
+            f"{layout.where(row)}: the run-in, the window and missing values leave out all their "
+            "rows.",
+            MissingDataWarning,
+            stacklevel=6,
+        )
+    return left
+
+
+def _checked_groups(X: Any, layout: RunLayout, groups: Any) -> np.ndarray | None:
+    """Groups as numbers of rows; each is made of whole runs."""
+    if groups is None:
+        return None
+    check_alignment(X, groups, ("X", "groups"))
+    given = np.asarray(groups)
+    if given.shape != (layout.n_rows,):
+        raise ValueError(
+            f"groups has the shape {given.shape} and X has {layout.n_rows} rows: give one group "
+            'for each row, such as run_labels(X, level="subject").'
+        )
+    numbers, found = pd.factorize(given, sort=True)
+    labels = found.tolist()
+    if (numbers < 0).any():
+        raise ValueError(f"groups has no label in {layout.where(int(np.argmin(numbers)))}.")
+    starts = layout.run_starts[:-1]
+    first = np.repeat(numbers[starts], np.diff(layout.run_starts))
+    if (numbers != first).any():
+        row = int(np.argmax(numbers != first))
+        run = layout.labels[int(layout.run_of(np.asarray(row)))]
+        raise RunIndexError(
+            f"Run {run!r} lies in two groups: {labels[first[row]]!r}, and "
+            f"{labels[numbers[row]]!r} from {layout.where(row)} on. Rows of one run are nearly "
+            "equal, so that a group is made of whole runs: give each run one label, such as "
+            'run_labels(X, level="subject").'
+        )
+    return numbers
 
 
 def _fold(train: np.ndarray, test: np.ndarray, run: np.ndarray) -> Fold:
