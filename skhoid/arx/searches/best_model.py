@@ -14,10 +14,16 @@ from ..._sklearn import FittedDisplay
 from ...pipelines import final_step, reach_model, taken_apart
 from ...preprocessing.base import keep_parameters
 from ...summaries import TextTable, wrapped
+from .folds import SplitsRuns
 
 
 class BestModel(
-    FittedDisplay, CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEstimator
+    SplitsRuns,
+    FittedDisplay,
+    CallbackSupportMixin,
+    MetaEstimatorMixin,
+    RegressorMixin,
+    BaseEstimator,
 ):
     """A search whose predictions are those of its best estimator."""
 
