@@ -120,7 +120,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         self.inputs_ = self._channel_names(self._columns)
         self._needed = self._columns
         if needs == "all":
-            run = None if self._run is None else run_column(self._names or [], self._run)
+            run = None if self._run is None else run_column(self._names or [*range(values.shape[1])], self._run)
             self._needed = [i for i in range(values.shape[1]) if i != run]
         if needs != "nothing":
             output = self._without_empty_runs(grid.layout, values, output)

@@ -88,7 +88,7 @@ def test_folds_equal_refits(holed, cv, n_inputs, intercept):
     inputs = INPUTS[n_inputs]
     model = ARXRegressor(inputs=inputs, fit_intercept=intercept)
     results = DelaySearchCV(model, nk=CANDIDATES, criterion="vaf", cv=cv).fit(X, y).cv_results_
-    folds = folds_of(X, y, read_layout(X), cv)
+    folds = folds_of(read_layout(X), cv, {"groups": None}, y.notna().to_numpy())
     for number, fold in enumerate(folds):
         train, test = fold.train.mask(), fold.test.mask()
         twins = [refitted(X, y, inputs, nk, train, test, intercept) for nk in CANDIDATES]
@@ -211,7 +211,7 @@ def test_leaving_groups_out_equals_the_split_of_rows(outer):
     X, y = arx_runs(lengths=[7, 3, 9, 4, 5])
     groups = np.repeat([2, 0, 2, 1, 0], [7, 3, 9, 4, 5]) if outer else None
     given = run_labels(X) if groups is None else groups
-    found = folds_of(X, y, read_layout(X), None, groups)
+    found = folds_of(read_layout(X), None, {"groups": groups}, y.notna().to_numpy())
     twin = list(LeaveOneGroupOut().split(X, groups=given))
     assert len(found) == len(twin)
     for fold, rows in zip(found, twin, strict=True):
@@ -221,14 +221,11 @@ def test_leaving_groups_out_equals_the_split_of_rows(outer):
 
 
 @quiet
-def test_groups_that_cut_runs_are_split_by_rows():
+def test_splits_that_cut_runs_are_split_by_rows():
     X, y = arx_runs(3, 10)
-    groups = np.arange(30) // 6
-    for fold, (train, test) in zip(
-        folds_of(X, y, read_layout(X), None, groups),
-        LeaveOneGroupOut().split(X, groups=groups),
-        strict=True,
-    ):
+    splits = list(LeaveOneGroupOut().split(X, groups=np.arange(30) // 6))
+    folds = folds_of(read_layout(X), splits, {"groups": None}, y.notna().to_numpy())
+    for fold, (train, test) in zip(folds, splits, strict=True):
         np.testing.assert_array_equal(np.flatnonzero(fold.train.mask()), train)
         np.testing.assert_array_equal(np.flatnonzero(fold.test.mask()), test)
         assert fold.train.cut
