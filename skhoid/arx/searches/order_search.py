@@ -342,13 +342,13 @@ class OrderSearchCV(BestModel):
         validation: Validation | None,
         columns: dict[str, list[Any]],
     ) -> tuple[np.ndarray, np.ndarray]:
-        folds = [] if validation is None else validation.folds
-
         def evaluate(candidate: dict[str, Any]) -> tuple[np.ndarray, Any, np.ndarray]:
             model = with_orders(variant, **candidate)
-            scored = np.empty((len(folds), 2))
-            for number, fold in enumerate(folds):
-                scored[number] = validation.score_refitted(model, X, y, fold)
+            scored = np.empty((0, 2))
+            if validation is not None:
+                scored = np.array(
+                    [validation.score_refitted(model, X, y, fold) for fold in validation.folds]
+                )
             try:
                 last, passed_on = reach_model(model.fit(X, y), X)
             except RankDeficiencyError:
