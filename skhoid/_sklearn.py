@@ -6,6 +6,8 @@ from sklearn.utils import _safe_indexing as safe_indexing
 from sklearn.utils import estimator_html_repr
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils._set_output import _get_output_config
+from sklearn.utils.metadata_routing import _raise_for_params as raise_for_params
+from sklearn.utils.metadata_routing import _routing_enabled as routing_enabled
 from sklearn.utils.metaestimators import _BaseComposition as BaseComposition
 from sklearn.utils.validation import check_is_fitted
 
@@ -17,6 +19,8 @@ __all__ = [
     "StrOptions",
     "fit_context",
     "output_container",
+    "raise_for_params",
+    "routing_enabled",
     "safe_indexing",
 ]
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
+from .exceptions import MissingDataWarning
 from .pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from .preprocessing.run_in import run_in_rows
 from .runs import RunLayout, check_alignment, read_layout
@@ -113,6 +115,24 @@ def scored_rows(layout: RunLayout, run_in: float | None, window: Any) -> np.ndar
     return keep
 
 
+def warn_of_unscored(layout: RunLayout, y: np.ndarray, keep: np.ndarray) -> None:
+    """Warn of runs that are to be scored, and have no measurement in any row."""
+    known = ~np.isnan(y)
+    n_rows = np.diff(layout.run_starts)
+    if known[layout.run_starts[1:] - 1].all():
+        return
+    run = layout.run_of(np.arange(y.size))
+    empty = np.bincount(run, known, n_rows.size) == 0
+    empty &= np.bincount(run, keep, n_rows.size) > 0
+    if empty.any() and (known & keep).any():
+        names = [repr(layout.labels[i]) for i in np.flatnonzero(empty)]
+        warnings.warn(
+            f"Run {', '.join(names)} of y is NaN in all rows, and not scored.",
+            MissingDataWarning,
+            stacklevel=3,
+        )
+
+
 def vaf_of_rows(
     y: np.ndarray,
     prediction: np.ndarray,
@@ -176,7 +196,8 @@ def scored_signals(
     if not keep.any():
         raise ValueError(
             "No row is left to score: the run-in, the window and missing values leave out all "
-            f"{y.size} rows."
+            f"{y.size} rows. A run in which nothing was measured has no score: leave it out of X "
+            "and y (skhoid.select_runs)."
         )
     run = layout.run_of(np.flatnonzero(keep))
     signal, error = y[keep], y[keep] - prediction[keep]
@@ -276,5 +297,8 @@ class VAFScorer:
             model, X = reach_model(estimator, X)
             return model._score_at_model_rate(X, y, keep, self.average, self.centered)
         measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
-        prediction = prediction_from(estimator, X, y)
+        prediction, fed = prediction_from(estimator, X, y)
+        if fed.size == keep.size:
+            keep &= fed
+        warn_of_unscored(layout, measured, keep)
         return vaf_of_rows(measured, prediction, keep, layout, self.average, self.centered)

@@ -71,9 +71,13 @@ def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
     return trimmed
 
 
-def prediction_from(estimator: Any, X: Any, y: Any) -> np.ndarray:
-    """Free run of X that begins where y does, of models that can; else what they predict."""
+def prediction_from(estimator: Any, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Free run of X that begins where y does, of models that can; else what they predict.
+
+    With it the rows to compare: not those of runs in which an input was never recorded.
+    """
     model, passed = reach_model(estimator, X)
     if not hasattr(model, "_prediction_from"):
-        return np.asarray(estimator.predict(X), dtype=float).ravel()
+        prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
+        return prediction, np.ones(prediction.size, dtype=bool)
     return model._prediction_from(passed, y)

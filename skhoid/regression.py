@@ -15,10 +15,18 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted, c
 
 from ._sklearn import FittedDisplay
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
-from .metrics import scored_rows, vaf_of_rows
+from .metrics import scored_rows, vaf_of_rows, warn_of_unscored
 from .preprocessing.base import DOUBLE, check_numbers, read_table
 from .preprocessing.grid import ModelGrid
-from .runs import DecimationMark, check_alignment, input_columns, output_name
+from .runs import (
+    DecimationMark,
+    RunLayout,
+    check_alignment,
+    input_columns,
+    output_name,
+    run_column,
+)
+from .runs.empty import empty_runs, rows_of_runs
 from .runs.selection import warn_of_pooled
 from .summaries import Summary
 
@@ -27,13 +35,17 @@ STILL = 1e-9  # relative to the norm of a channel
 
 
 class DataToFit(NamedTuple):
-    """Data on the grid: inputs, output and all columns of X, and the latter at full rate too."""
+    """Data on the grid: inputs, output and all columns of X, and the latter at full rate too.
+
+    ``known`` are the rows at full rate with an output to fit; elsewhere it is NaN.
+    """
 
     grid: ModelGrid
     inputs: np.ndarray
     output: np.ndarray
     columns: np.ndarray
     values: np.ndarray
+    known: np.ndarray
 
 
 class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
@@ -91,8 +103,13 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
     def _channel_names(self, positions: list[int]) -> list[str]:
         return [f"x{p}" if self._names is None else str(self._names[p]) for p in positions]
 
-    def _read_data(self, X: Any, y: Any, dtypes: tuple[type, ...] = DOUBLE) -> DataToFit:
-        """Read data to fit."""
+    def _read_data(
+        self, X: Any, y: Any, needs: str = "inputs", dtypes: tuple[type, ...] = DOUBLE
+    ) -> DataToFit:
+        """Read data to fit, without the runs in which a channel it ``needs`` was never recorded.
+
+        Those are the ``"inputs"``, or ``"all"`` channels; ``"nothing"`` leaves out no run.
+        """
         grid, values = self._read_X(X, reset=True, dtypes=dtypes)
         warn_of_pooled(X)
         output = self._read_y(X, y, dtypes)
@@ -101,6 +118,12 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             self._names, values.shape[1], self.inputs, self._run, self.roles
         )
         self.inputs_ = self._channel_names(self._columns)
+        self._needed = self._columns
+        if needs == "all":
+            run = None if self._run is None else run_column(self._names or [], self._run)
+            self._needed = [i for i in range(values.shape[1]) if i != run]
+        if needs != "nothing":
+            output = self._without_empty_runs(grid.layout, values, output)
         self._units = {**units_of(X), **units_of(y)}
         self._n_runs = len(grid.layout.labels)
         self.dt_ = grid.dt
@@ -116,7 +139,40 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         thinned = grid.thin_inputs(values)
         whole = self._columns == list(range(values.shape[1]))
         inputs = thinned if whole else thinned[:, self._columns]
-        return DataToFit(grid, inputs, grid.thin_output(output), thinned, values)
+        thin = grid.thin_output(output)
+        return DataToFit(grid, inputs, thin, thinned, values, ~np.isnan(output))
+
+    def _without_empty_runs(
+        self, layout: RunLayout, values: np.ndarray, output: np.ndarray
+    ) -> np.ndarray:
+        """An output that is missing in runs without any measurement, of which a warning tells."""
+        names = self._channel_names(self._needed)
+        empty = empty_runs(layout, values, self._needed)
+        unfed = {run: names[self._needed.index(column)] for run, column in empty.items()}
+        silent = dict.fromkeys(empty_runs(layout, output[:, None], [0]), self._output_name)
+        left_out = dict(sorted((unfed | silent).items()))
+        if not left_out or len(silent) == len(layout.labels):
+            return output  # the fit says that nothing was measured
+        told = [f"run {layout.labels[run]!r} ({name!r})" for run, name in left_out.items()]
+        if len(left_out) == len(layout.labels):
+            raise ValueError(
+                f"No run is left to fit; these hold a channel that is NaN in all rows, nothing was "
+                f"measured there: {', '.join(told)}. Leave out the column, if the model does not "
+                "need it."
+            )
+        warnings.warn(
+            f"{len(told)} of {len(layout.labels)} runs are left out, because a channel is NaN in "
+            f"all their rows: {', '.join(told)}.",
+            MissingDataWarning,
+            stacklevel=5,
+        )
+        if unfed:
+            output = np.where(rows_of_runs(layout, unfed), np.nan, output)
+        return output
+
+    def _fed(self, layout: RunLayout, values: np.ndarray) -> np.ndarray:
+        """Rows of runs in which every channel that the model needs was recorded."""
+        return ~rows_of_runs(layout, empty_runs(layout, values, self._needed))
 
     def _check_fitted(self) -> None:
         check_is_fitted(self)
@@ -189,17 +245,23 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         vaf : float
             Unclipped, at least -1000; rows of a marked run-in are left out.
         """
-        prediction = self._prediction_from(X, y)
+        prediction, fed = self._prediction_from(X, y)
         layout = self._read_X(X, reset=False)[0].layout
-        keep = scored_rows(layout, None, None)
-        return vaf_of_rows(self._read_y(X, y), prediction, keep, layout, "pooled", False)
+        keep = scored_rows(layout, None, None) & fed
+        measured = self._read_y(X, y)
+        warn_of_unscored(layout, measured, keep)
+        return vaf_of_rows(measured, prediction, keep, layout, "pooled", False)
 
-    def _prediction_from(self, X: Any, y: Any) -> np.ndarray:
-        """Free run from initial states that fit y where the model has such; else ``predict``."""
+    def _prediction_from(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Free run from initial states that fit y where the model has such; else ``predict``.
+
+        With it the rows of runs in which the channels it needs were recorded.
+        """
         self._check_fitted()
         grid, values = self._read_X(X, reset=False)
         output = grid.thin_output(self._read_y(X, y))
-        return grid.to_full_rate(self._run_from(grid, values, output))
+        prediction = grid.to_full_rate(self._run_from(grid, values, output))
+        return prediction, self._fed(grid.layout, values)
 
     def summary(self, X: Any = None, y: Any = None) -> str:
         """Say in a table what was fitted, how, and how sure the parameters are.
@@ -236,8 +298,8 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", MissingDataWarning)  # score has said so
                 ahead = self.predict_ahead(X, y)
-                grid, _ = self._read_X(X, reset=False)
-            keep = scored_rows(grid.layout, None, None)
+                grid, values = self._read_X(X, reset=False)
+            keep = scored_rows(grid.layout, None, None) & self._fed(grid.layout, values)
             vaf = vaf_of_rows(self._read_y(X, y), ahead, keep, grid.layout, "pooled", False)
             facts["VAF, one step"] = f"{vaf:.1f} % (is high for wrong models too)"
         return facts

@@ -45,10 +45,13 @@ class BaseARX(RunRegressor):
         n_used: int,
         names: list[str],
     ) -> None:
-        """Warn of rows left out, unless they only lack a past before the run (DelayShift)."""
+        """Warn of rows left out in runs that are not, but of those before a DelayShift's past."""
         if self.n_rows_missing_ == 0:
             return
-        missing = np.isnan(output) | np.isnan(inputs).any(axis=1)
+        unknown = np.isnan(output)
+        run = grid.layout.run_of(np.arange(output.size) if grid.rows is None else grid.rows)
+        some = np.bincount(run, ~unknown) > 0  # of the others, which are left out, a warning told
+        missing = (unknown | np.isnan(inputs).any(axis=1)) & some[run]
         for begin, end in segments(grid):
             known = np.flatnonzero(~np.isnan(inputs[begin:end]).any(axis=1))
             if known.size:

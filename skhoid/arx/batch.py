@@ -274,7 +274,8 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         estimated = SimulationError.estimated if with_effects else EQUATION_ERROR[self.method]
         # Least squares reads rows in parts; all else takes whole columns of 64 bits.
         in_parts = self.method == "ols" and not with_effects
-        data = self._read_data(X, y, AS_GIVEN if in_parts else DOUBLE)
+        needs = "all" if with_effects else "inputs"
+        data = self._read_data(X, y, needs, AS_GIVEN if in_parts else DOUBLE)
         self._strategy: Strategy = estimated(self, data)
         return self
 

@@ -114,7 +114,7 @@ class PartialFit(BaseARX):
         stream, pending = vars(self).get("_stream"), vars(self).get("_pending")
         self._check_streaming("coef_" in vars(self))
         if "coef_" not in vars(self) and pending is None:
-            grid, _, output, values, _ = self._read_data(X, y)
+            grid, _, output, values, *_ = self._read_data(X, y, "nothing")
         else:
             grid, values = self._read_X(X, reset=False)
             output = self._read_y(X, y)

@@ -19,13 +19,13 @@ from .base import BOUND
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursive import RecursiveARX
 from .rls import RecursionData, RecursionState, kernel_regressors, recurse
-from .searches.folds import folds_of
+from .searches.folds import SplitsRuns, folds_of
 from .searches.text import highest, standard_error_over_folds
 
 HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 
 
-class RecursiveARXCV(RecursiveARX):
+class RecursiveARXCV(SplitsRuns, RecursiveARX):
     """Recursive ARX model whose memory horizon is chosen on validation runs.
 
     All horizons are estimated side by side, in one pass over the data of each fold, and the free
@@ -172,7 +172,7 @@ class RecursiveARXCV(RecursiveARX):
         self.run = run
 
     @fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Any, y: Any, groups: Any = None) -> RecursiveARXCV:
+    def fit(self, X: Any, y: Any, groups: Any = None, **params: Any) -> RecursiveARXCV:
         """Score all memory horizons, and fit the best one on all runs.
 
         Parameters
@@ -183,7 +183,9 @@ class RecursiveARXCV(RecursiveARX):
             Output. NaN means no measurement.
         groups : array-like of shape (n_rows,) or None, default=None
             Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. None takes the runs.
+            ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
+        **params : dict
+            What else ``cv`` requests, with metadata routing enabled.
 
         Returns
         -------
@@ -196,8 +198,9 @@ class RecursiveARXCV(RecursiveARX):
         """
         data = self._read_recursion(X, y)
         settings = self._settings(data)
-        folds = self._folds(X, y, data, groups)
+        routed = self._routed(X, data.grid.layout, groups, params)
         validation = _HorizonScores(self, data, self._read_y(X, y))
+        folds = self._folds(validation, routed)
         scored = Parallel(n_jobs=self.n_jobs, prefer="threads")(
             delayed(validation.scores)(runs, settings) for runs in folds
         )
@@ -236,22 +239,24 @@ class RecursiveARXCV(RecursiveARX):
         ]
 
     def _folds(
-        self, X: Any, y: Any, data: RecursionData, groups: Any
+        self, validation: _HorizonScores, routed: dict[str, Any]
     ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Numbers of the runs to train on and to validate on."""
-        layout = data.grid.layout
-        if len(layout.labels) == 1:
+        layout, run = validation.data.grid.layout, validation.run
+        some = np.bincount(run, validation.known) > 0
+        if some.sum() == 1:
             raise ValueError(
-                "RecursiveARXCV validates on other runs, and X has one. For a single run use "
+                "RecursiveARXCV validates on other runs, and X has one"
+                f"{'' if some.size == 1 else ' with measurements'}. For a single run use "
                 "RecursiveARX(forgetting='auto'), which goes by one-step predictions."
             )
-        if self.cv is None and groups is None:
-            every = np.arange(len(layout.labels))
-            return [(np.delete(every, run), every[[run]]) for run in every]
+        if self.cv is None and routed["groups"] is None and validation.scored[some].all():
+            every = np.flatnonzero(some)
+            return [(np.delete(every, i), every[[i]]) for i in range(every.size)]
         with warnings.catch_warnings():
             warnings.simplefilter("error", RunCutWarning)
             try:
-                folds = folds_of(X, y, layout, self.cv, groups)
+                folds = folds_of(layout, self.cv, routed, validation.known, validation.keep)
             except RunCutWarning as cut:
                 raise ValueError(f"{cut} A path in time cannot be scored within a run.") from None
         if any(rows.cut for fold in folds for rows in fold):
@@ -259,7 +264,10 @@ class RecursiveARXCV(RecursiveARX):
                 f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs "
                 "whole ones, as LeaveOneGroupOut and GroupKFold give."
             )
-        return [(np.flatnonzero(f.train.whole), np.flatnonzero(f.test.whole)) for f in folds]
+        return [
+            (np.flatnonzero(fold.train.whole & some), np.flatnonzero(fold.test.whole & some))
+            for fold in folds
+        ]
 
     def _set_results(self, settings: list[Forgetting], scores: np.ndarray) -> None:
         """Make the table, from scores of shape (n_folds, 2, n_settings): test and train."""
@@ -320,18 +328,21 @@ class _HorizonScores:
                 "choose between models."
             )
         layout = data.grid.layout
-        self.keep = scored_rows(layout, self.scorer.run_in, self.scorer.window)
         self.run = layout.run_of(np.arange(layout.n_rows))
+        of_grid = self.run if data.grid.rows is None else self.run[data.grid.rows]
+        some = np.bincount(of_grid, ~np.isnan(data.output), len(layout.labels)) > 0
+        self.known = ~np.isnan(y) & some[self.run]
+        self.keep = self.known & scored_rows(layout, self.scorer.run_in, self.scorer.window)
         self.sums_suffice = data.grid.rows is None and not self.scorer.centered
         n_rows = data.inputs.shape[0]
         self.signals = np.ones((data.signals.shape[0], n_rows))
         self.signals[0] = np.where(self.keep, y, np.nan) if self.sums_suffice else np.nan
         inputs = search._hold(data.grid, data.inputs)
         self.signals[1 : 1 + inputs.shape[1]] = inputs.T
-        power = np.where(self.keep & ~np.isnan(y), y, 0.0) ** 2
+        power = np.where(self.keep, y, 0.0) ** 2
         n_runs = data.instants.n_runs
         self.power = np.bincount(self.run, power, n_runs)
-        self.scored = np.bincount(self.run, self.keep & ~np.isnan(y), n_runs) > 0
+        self.scored = np.bincount(self.run, self.keep, n_runs) > 0
 
     def scores(self, runs: tuple[np.ndarray, np.ndarray], settings: list[Forgetting]) -> np.ndarray:
         """VAF on validation and on training runs, of shape (2, n_settings)."""

@@ -50,7 +50,7 @@ def _without_search(
     tables = {
         "parameters": model.parameters_,
         "predictions": pd.DataFrame(
-            {"measured": y, "free_run": prediction_from(model, X, y)}, index=X.index
+            {"measured": y, "free_run": prediction_from(model, X, y)[0]}, index=X.index
         ),
         **tables_of_comparison(compared),
     }

@@ -35,7 +35,8 @@ from ..recordings.loss_of_control import (
     sentences_of,
 )
 from ..runs import RunLayout, read_layout, run_name, whole_samples
-from ..runs.roles import columns_by_role
+from ..runs.empty import empty_runs, rows_of_runs
+from ..runs.roles import columns_by_role, input_columns
 from ..runs.selection import run_labels
 from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_of_channels
 
@@ -381,6 +382,8 @@ class _Measured:
             raise ValueError(f"lost_control is 'leave_out' or 'keep'; got {choice.lost_control!r}.")
         of_role = columns_by_role(list(X.columns), choice.roles)
         channels = {role: X.iloc[:, i].to_numpy(dtype=float) for role, i in of_role.items()}
+        inputs = input_columns(list(X.columns), X.shape[1], choice.inputs, None, choice.roles)
+        unfed = rows_of_runs(layout, empty_runs(layout, X.to_numpy(dtype=float), inputs))
         control = ControlCheck()
         if choice.lost_control != KEEP and choice.domain != "machine":
             control = control_check(layout, channels, scored_rows(layout, run_in, None))
@@ -388,7 +391,7 @@ class _Measured:
             layout=layout,
             columns={role: str(X.columns[i]) for role, i in of_role.items()},
             channels=channels,
-            output=y.mask(control.rows(layout.n_rows)),
+            output=y.mask(control.rows(layout.n_rows) | unfed),
             left_out=control.table,
             complete=not (X.isna().any(axis=None) or y.isna().any()),
         )

@@ -16,7 +16,7 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from .._sklearn import safe_indexing
 from ..exceptions import MissingDataWarning, ShortRunError, python_only
-from ..metrics import scored_rows, scored_signals
+from ..metrics import scored_rows, scored_signals, warn_of_unscored
 from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import check_numbers
 from ..recordings.loss_of_control import ControlCheck, control_check
@@ -137,13 +137,14 @@ def read_signals(
         raise ValueError(f"run_in is a time in seconds, at least 0; got {run_in!r}.")
     layout = raw_layout(model, X, dt=dt, run=run)
     measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
-    predicted = prediction_from(model, X, y)
+    predicted, fed = prediction_from(model, X, y)
     if predicted.size != measured.size:
         raise ValueError(
             f"model.predict(X) returns {predicted.size} values for the {measured.size} rows of X; "
             "compare needs one for each row."
         )
-    trimmed = trimmed_rows(model, X)
+    trimmed = trimmed_rows(model, X) | ~fed
+    warn_of_unscored(layout, measured, ~trimmed)
     if roles is None:
         roles = getattr(reach_model(model, X)[0], "roles", None)
     read = RunsRead(

@@ -163,7 +163,7 @@ class SimulatedModelMixin:
         prepared : Prepared
             The runs side by side as a record, and the core to simulate on them.
         """
-        return prepared_for(self, self._read_data(X, y))  # type: ignore[attr-defined]
+        return prepared_for(self, self._read_data(X, y, "all"))  # type: ignore[attr-defined]
 
     def first_fit(self, prepared: Prepared) -> Model:
         """Fit the core with the effects that the model has, by the error of simulation alone.
@@ -257,7 +257,7 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
         -------
         self : estimator
         """
-        prepared = prepared_for(self, self._read_data(X, y))
+        prepared = prepared_for(self, self._read_data(X, y, "all"))
         model = self.first_fit(prepared)
         self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
         return self

@@ -48,7 +48,7 @@ class Prepared:
     all columns of X, called ``names``, at full rate; ``channels`` are the positions of those in
     the record, and ``roles`` are their roles. ``units`` are the units of the data, as tables of
     parameters need them. ``measured`` are the samples of the record with a measured output, those
-    of the settling too.
+    of the settling too; ``known`` are such rows of X.
     """
 
     spec: SimulatedCore
@@ -62,6 +62,7 @@ class Prepared:
     units: dict[str, str | None]
     n_missing: int
     measured: np.ndarray
+    known: np.ndarray
 
     @property
     def core(self) -> Core:
@@ -77,7 +78,7 @@ class Prepared:
 
 def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     """Data as a record for the core of an estimator, on which it sets the controlled element."""
-    grid, _, output, thinned, values = data
+    grid, _, output, thinned, values, known = data
     if estimator._takes_first and estimator.inputs is None and len(estimator._columns) > 1:
         # None has the role e.
         estimator._columns, estimator.inputs_ = estimator._columns[:1], estimator.inputs_[:1]
@@ -117,7 +118,7 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         record = replace(record, controlled_element=estimate_element(record))
     element = record.controlled_element
     estimator.controlled_element_ = None if element is None else simplest(element)
-    known = estimator._units
+    units = estimator._units
     return Prepared(
         spec=spec,
         record=record,
@@ -127,11 +128,12 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         names=columns,
         channels=channels,
         roles=roles,
-        units={"u": known.get(output_name), "e": known.get(error)}
-        | {f"[{role}]": known.get(name) for name, role in roles.items() if role in EXACT}
-        | {f"[{name}]": unit for name, unit in known.items()},
+        units={"u": units.get(output_name), "e": units.get(error)}
+        | {f"[{role}]": units.get(name) for name, role in roles.items() if role in EXACT}
+        | {f"[{name}]": unit for name, unit in units.items()},
         n_missing=int(np.isnan(output).sum()),
         measured=measured(grid, sides, output),
+        known=known,
     )
 
 

@@ -20,6 +20,7 @@ from ..runs import (
     run_column,
     run_time_index,
 )
+from ..runs.flat import refuse_flat
 
 DOUBLE = (np.float64,)
 AS_GIVEN = (np.float64, np.float32)  # what is read in parts, and need not be copied as a whole
@@ -51,6 +52,7 @@ def read_table(
         check_numbers(X, "X")
     values = validate_data(estimator, X, reset=reset, dtype=dtypes, ensure_all_finite="allow-nan")
     if layout is None:
+        refuse_flat(X, dt=estimator.dt, run=estimator.run)  # values have lost their names
         names = list(X.columns) if hasattr(X, "columns") else None
         columns = names or list(range(values.shape[1]))
         run = None if estimator.run is None else run_column(columns, estimator.run)

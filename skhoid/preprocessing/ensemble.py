@@ -56,11 +56,11 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
     >>> X_mean.shape
     (8192, 1)
     """
+    layout = read_layout(X)
     index = getattr(X, "index", None)
     if not isinstance(index, pd.MultiIndex) or not {RUN, TIME} <= set(index.names):
         raise RunIndexError("ensemble_average needs the index levels 'run' and 'time' in X.")
     check_alignment(X, y)
-    layout = read_layout(X)
     if layout.mark is not None or layout.trimmed is not None:
         raise RunIndexError(
             "ensemble_average takes recorded rows, not those marked by a Decimator or a "

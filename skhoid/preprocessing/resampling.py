@@ -20,6 +20,7 @@ from ..runs import (
     time_in_seconds,
     within_runs,
 )
+from ..runs.flat import refuse_flat
 
 LONGEST_BRIDGE = 3.0  # median steps; late samples of a jittery clock are no gap
 
@@ -60,6 +61,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     check_alignment(X, y)
     index = X.index
     if TIME not in index.names:
+        refuse_flat(X, dt=None, run=None)
         raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
     time = time_in_seconds(index.get_level_values(TIME))
     others = [name for name in index.names if name != TIME]

@@ -27,6 +27,7 @@ from .clock import (
     time_in_seconds,
     typical_step,
 )
+from .flat import refuse_flat
 from .marks import DecimationMark, is_mark, read_marks
 from .roles import of_person, run_column
 
@@ -122,7 +123,8 @@ def read_layout(
     Raises
     ------
     RunIndexError
-        Runs not contiguous, time not increasing, index levels missing, time not in seconds.
+        Runs not contiguous, time not increasing, index levels missing, time not in seconds; run
+        or time in columns that nothing names.
     IrregularSamplingError
         Steps that deviate by more than 10 % from the sampling time and are not gaps.
     """
@@ -138,6 +140,7 @@ def read_layout(
     if isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)):
         refuse_datetime(index)
     n_rows = index.size if index is not None else np.asarray(X).shape[0]
+    refuse_flat(X, dt=dt, run=run)
     if index is not None and index.name != TIME and index.dtype.kind == "f":
         raise RunIndexError(
             "The row index of X holds numbers that are not whole and has no name. If they are "

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import RunIndexError
+from .flat import not_channels
 
 EXACT = ("e", "x", "f_t")
 PREFIXES = ("motion", "dist")
@@ -110,7 +111,14 @@ def input_columns(
     run_position = None if run is None else run_column(names, run)
     if inputs is None:
         errors = columns_of_role(names, "e", roles)
-        return errors or [i for i in range(n_columns) if i != run_position]
+        chosen = errors or [i for i in range(n_columns) if i != run_position]
+        labels = not_channels(names[i] for i in chosen)
+        if labels:
+            raise RunIndexError(
+                f"X has no column 'e', so that all its columns are {what}, {labels[0]!r} among "
+                f"them, which is no signal by its name. Name those that are: {what}=[...]."
+            )
+        return chosen
     wanted = [inputs] if isinstance(inputs, (str, int, np.integer)) else list(inputs)
     if not wanted:
         raise ValueError(f"{what} is empty; name at least one column, or None for the default.")

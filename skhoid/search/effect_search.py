@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from threadpoolctl import threadpool_limits
 
 from .._sklearn import FittedDisplay, Interval, StrOptions, fit_context
-from ..arx.searches.folds import folds_of
+from ..arx.searches.folds import SplitsRuns, folds_of
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
@@ -43,7 +43,7 @@ from .verdict import Verdict, decided
 GUARD = 5.0  # s beside held-out blocks of a single run
 
 
-class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     """Which physical effects a model is missing, judged on held-out runs.
 
     Every effect of a catalogue is added to the model in turn, and all parameters refitted
@@ -199,7 +199,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         self.lost_control = lost_control
 
     @fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X: Any, y: Any, groups: Any = None) -> EffectSearchCV:
+    def fit(self, X: Any, y: Any, groups: Any = None, **params: Any) -> EffectSearchCV:
         """Search.
 
         Parameters
@@ -210,7 +210,9 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             Measured output.
         groups : array-like of shape (n_rows,) or None, default=None
             Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. None takes the runs.
+            ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
+        **params : dict
+            What else ``cv`` requests, with metadata routing enabled.
 
         Returns
         -------
@@ -229,12 +231,15 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
             prepared = in_domain(model.prepare(X, y), self.domain, getattr(model, "roles", None))
             control = control_of(model, X, self.lost_control, self.domain)
             self._control = control
-            lost = control.rows(prepared.grid.layout.n_rows)
+            layout = prepared.grid.layout
+            lost = control.rows(layout.n_rows)
             prepared = without_rows(prepared, lost, model.settling)
-            folds = self._folds(X, y, prepared, groups)
+            routed = self._routed(X, layout, groups, params)
+            known = prepared.known & ~lost
+            folds = self._folds(prepared, known, routed)
             search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
             measured = np.asarray(y, dtype=float).ravel()
-            kept = np.where(lost, np.nan, measured)
+            kept = np.where(known, measured, np.nan)
             found, verdict, best = self._searched(search, model, prepared, kept)
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
@@ -307,9 +312,12 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
     def _tries_all(self) -> bool:
         return BY_NAME.keys() <= {effect.name for effect in self._candidates()}
 
-    def _folds(self, X: Any, y: Any, prepared: Prepared, groups: Any) -> list[HeldOutRows]:
+    def _folds(
+        self, prepared: Prepared, rows_known: np.ndarray, routed: dict[str, Any]
+    ) -> list[HeldOutRows]:
         """Rows to hold out and to fit on, in columns."""
         record, columns, known = prepared.record, prepared.columns, prepared.record.known
+        groups = routed["groups"]
         run_of = prepared.run_of_columns
         runs = np.unique(run_of[known.any(axis=0)])
         if self.cv is None and groups is None and runs.size > 1:
@@ -318,7 +326,7 @@ class EffectSearchCV(FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEsti
         if self.cv is None and groups is None:
             return _blocks(known, round(GUARD / record.dt))
         folds = []
-        for fold in folds_of(X, y, prepared.grid.layout, self.cv, groups):
+        for fold in folds_of(prepared.grid.layout, self.cv, routed, rows_known):
             rows = prepared.grid.thin_inputs(fold.test.mask())
             test = columns.beside(rows, fill=False) & known
             if test.any():

@@ -31,6 +31,7 @@ RUN = X.index.get_level_values("run").to_numpy()
 SHUFFLED = np.random.default_rng(0).permutation(len(X))
 ONE_RUN_SHUFFLED = np.r_[:120, 120 + np.random.default_rng(0).permutation(120), 240:360]
 FRAME = X.reset_index("run").reset_index(drop=True)[["run", "e", "x"]]
+BARE = FRAME[["e", "x"]]
 N = len(X)
 
 
@@ -274,12 +275,12 @@ ERRORS = {
         ["not contiguous", "row 2"],
     ),
     "shuffled bare frame": (
-        lambda: fit(FRAME.iloc[SHUFFLED], Y.to_numpy()),
+        lambda: fit(BARE.iloc[SHUFFLED], Y.to_numpy()),
         RunIndexError,
         ["shuffled or hold several runs", "at row 1", "reset_index(drop=True)"],
     ),
     "bare frames on top of each other": (
-        lambda: fit(pd.concat([FRAME[:120]] * 2), Y.to_numpy()[:240]),
+        lambda: fit(pd.concat([BARE[:120]] * 2), Y.to_numpy()[:240]),
         RunIndexError,
         ["from 119 to 0 at row 120", "run="],
     ),

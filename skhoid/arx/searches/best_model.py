@@ -13,10 +13,16 @@ from sklearn.utils.validation import check_is_fitted
 from ..._sklearn import FittedDisplay
 from ...pipelines import final_step, reach_model, taken_apart
 from ...summaries import TextTable, wrapped
+from .folds import SplitsRuns
 
 
 class BestModel(
-    FittedDisplay, CallbackSupportMixin, MetaEstimatorMixin, RegressorMixin, BaseEstimator
+    SplitsRuns,
+    FittedDisplay,
+    CallbackSupportMixin,
+    MetaEstimatorMixin,
+    RegressorMixin,
+    BaseEstimator,
 ):
     """A search whose predictions are those of its best estimator."""
 

@@ -69,7 +69,9 @@ class CandidateTable:
                 "The search needs an ARX model, or a pipeline that ends in one; got "
                 f"{type(self._model).__name__}."
             )
-        self.grid, self._raw_inputs, self.output, *_ = self._model._read_data(X, y, AS_GIVEN)
+        data = self._model._read_data(X, y, dtypes=AS_GIVEN)
+        self.grid, self._raw_inputs, self.output = data.grid, data.inputs, data.output
+        self.known = data.known
         self.dt = self.grid.dt
         self.n_runs = len(self.grid.layout.labels)
 

@@ -17,7 +17,6 @@ from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from .best_model import BestModel
 from .candidates import CandidateTable, as_candidate, has_fast_path, with_orders
-from .folds import folds_of
 from .text import highest, lowest, standard_error_over_folds
 from .validation import Validation
 
@@ -131,7 +130,7 @@ class DelaySearchCV(BestModel):
 
     @with_callbacks
     @fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X: Any, y: Any, groups: Any = None) -> DelaySearchCV:
+    def fit(self, X: Any, y: Any, groups: Any = None, **params: Any) -> DelaySearchCV:
         """Search the delay and refit the best model.
 
         Parameters
@@ -142,7 +141,9 @@ class DelaySearchCV(BestModel):
             Output.
         groups : array-like of shape (n_rows,) or None, default=None
             Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. None takes the runs.
+            ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
+        **params : dict
+            What else ``cv`` requests, with metadata routing enabled.
 
         Returns
         -------
@@ -151,6 +152,7 @@ class DelaySearchCV(BestModel):
         if self.window is not None and self.criterion != "one_step":
             raise ValueError("window= needs criterion='one_step'.")
         estimator = self.estimator if self.estimator is not None else ARXRegressor()
+        routed = self._routed(X, raw_layout(estimator, X), groups, params)
         table = CandidateTable(estimator, X, y)
         self.dt_ = table.dt
         candidates = self._candidates(table.shortest_run)
@@ -159,8 +161,8 @@ class DelaySearchCV(BestModel):
             table.set_candidates([{"nk": nk} for nk in candidates])
         together = fast
         if self.criterion == "vaf":
-            folds = folds_of(X, y, raw_layout(estimator, X), self.cv, groups)
-            validation = Validation(estimator, X, y, folds, self.scoring or VAFScorer())
+            validation = Validation(estimator, X, y, table.known, self.scoring or VAFScorer())
+            validation.split(self.cv, routed)
             together = fast and validation.goes_by_runs_of(table)
         context = self._init_callback_context(max_subtasks=1 if together else 1 + len(candidates))
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)

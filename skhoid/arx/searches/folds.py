@@ -8,10 +8,13 @@ from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, LeavePGroupsOut, check_cv
+from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 
-from ...exceptions import RunCutWarning
-from ...runs import RunLayout
+from ..._sklearn import raise_for_params, routing_enabled
+from ...exceptions import MissingDataWarning, RunCutWarning, RunIndexError
+from ...runs import RunLayout, check_alignment
 
 # Splitters that go by groups alone get a row for each run: with all rows, leaving each run out
 # would take the rows times the runs.
@@ -48,6 +51,13 @@ class RunRows:
         n_rows = int(self.run_starts[run + 1] - self.run_starts[run])
         return self.cut.get(run, np.full(n_rows, self.whole[run]))
 
+    def meets(self, rows: np.ndarray, of_runs: np.ndarray) -> bool:
+        """Whether any row is in a mask, of which ``of_runs`` says the runs that have one there."""
+        return bool((self.whole & of_runs).any()) or any(
+            (rows[self.run_starts[run] : self.run_starts[run + 1]] & cut).any()
+            for run, cut in self.cut.items()
+        )
+
     def mask(self) -> np.ndarray:
         """Mask of all rows."""
         mask = np.repeat(self.whole, np.diff(self.run_starts))
@@ -63,57 +73,99 @@ class Fold(NamedTuple):
     test: RunRows
 
 
-def folds_of(X: Any, y: Any, layout: RunLayout, cv: Any, groups: Any = None) -> list[Fold]:
+class SplitsRuns:
+    """A search whose ``fit`` takes groups, and what its splitter requests, as GridSearchCV does."""
+
+    cv: Any
+
+    __metadata_request__fit = {"groups": True}
+
+    def get_metadata_routing(self) -> MetadataRouter:
+        """Say which metadata ``fit`` takes, and which it passes on to the splitter.
+
+        Returns
+        -------
+        routing : MetadataRouter
+        """
+        router = MetadataRouter(owner=self).add_self_request(self)
+        if self.cv is None or isinstance(self.cv, Integral) or hasattr(self.cv, "split"):
+            mapping = MethodMapping().add(caller="fit", callee="split")
+            router.add(splitter=_splitter(self.cv), method_mapping=mapping)
+        return router
+
+    def _routed(
+        self, X: Any, layout: RunLayout, groups: Any, params: dict[str, Any]
+    ) -> dict[str, Any]:
+        """What the splitter gets besides rows; groups are checked, and numbered by row."""
+        given = params if groups is None else {"groups": groups, **params}
+        if routing_enabled():
+            given = dict(process_routing(self, "fit", **given).get("splitter", {}).get("split", {}))
+        else:
+            raise_for_params(params, self, "fit")
+        numbers = _checked_groups(X, layout, given.get("groups", groups))
+        return {**given, "groups": numbers if "groups" in given else None}
+
+
+def _splitter(cv: Any, several: bool = True) -> Any:
+    if cv is None:
+        return LeaveOneGroupOut()
+    return GroupKFold(int(cv)) if isinstance(cv, Integral) and several else check_cv(cv)
+
+
+def folds_of(
+    layout: RunLayout,
+    cv: Any,
+    routed: dict[str, Any],
+    measured: np.ndarray,
+    scored: np.ndarray | None = None,
+) -> list[Fold]:
     """Split rows by runs; a single run into halves, as the thesis does.
 
     A free run needs no measured output, so the model is simulated from the start of each run and
     scored in the rows of the fold: a fold that begins inside a run has no transient of its own.
-    ``groups`` of rows take the place of runs.
+    Groups of rows that are ``routed`` take the place of runs. Runs without a ``measured`` row are
+    in no fold, unless a splitter of the user's own puts them there; folds without a ``scored``
+    row (None: a measured one) are left out.
     """
     starts = layout.run_starts
-    several = len(layout.labels) > 1 or groups is not None
+    groups = routed["groups"]
+    known = np.logical_or.reduceat(measured, starts[:-1])
+    if not known.any():
+        raise ValueError("No row is left to score: no run has measurements of input and output.")
+    several = known.sum() > 1 or groups is not None
+    used = known | (not (cv is None or isinstance(cv, Integral)))
+    of_run = np.arange(used.size) if groups is None else groups[starts[:-1]]
+    splitter = _splitter(cv, several)
     if cv is None and not several:
-        rows = np.arange(layout.n_rows)
-        half = (layout.n_rows + 1) // 2
-        return [Fold(RunRows.of(rows[:half], starts), RunRows.of(rows[half:], starts))]
-    if cv is None:
-        splitter: Any = LeaveOneGroupOut()
-    elif isinstance(cv, Integral) and several:
-        splitter = GroupKFold(int(cv))
+        rows = np.flatnonzero(np.repeat(used, np.diff(starts)))
+        half = (rows.size + 1) // 2
+        folds = [Fold(RunRows.of(rows[:half], starts), RunRows.of(rows[half:], starts))]
+    elif isinstance(splitter, COUNT_NO_ROWS):
+        runs = np.flatnonzero(used)
+        found = splitter.split(runs[:, None], **{**routed, "groups": of_run[runs]})
+        folds = [Fold(*(_whole(runs[part], starts) for part in split)) for split in found]
     else:
-        splitter = check_cv(cv)
-    kept = layout.run_of(np.arange(layout.n_rows))
-    if groups is not None:
-        kept = _checked_groups(groups, layout.n_rows)
-    of_run = kept[starts[:-1]]
-    if isinstance(splitter, COUNT_NO_ROWS) and np.array_equal(
-        np.repeat(of_run, np.diff(starts)), kept
-    ):
-        return [
-            Fold(*(_whole(runs, starts) for runs in split))
-            for split in splitter.split(of_run[:, None], groups=of_run)
+        rows = np.flatnonzero(np.repeat(used, np.diff(starts)))
+        kept = np.repeat(of_run, np.diff(starts))[rows]
+        with warnings.catch_warnings():
+            # Splitters that do not use groups say so; the runs are offered to all alike.
+            warnings.filterwarnings("ignore", message="The groups parameter is ignored")
+            found = splitter.split(rows[:, None], np.zeros(rows.size), **{**routed, "groups": kept})
+            folds = [Fold(*(RunRows.of(rows[part], starts) for part in split)) for split in found]
+        cut = [
+            layout.labels[run]
+            for fold in folds
+            for run in np.flatnonzero(fold.train.runs & fold.test.runs)[:1]
         ]
-    with warnings.catch_warnings():
-        # Splitters that do not use groups say so; the runs are offered to all alike.
-        warnings.filterwarnings("ignore", message="The groups parameter is ignored")
-        folds = [
-            Fold(*(RunRows.of(rows, starts) for rows in split))
-            for split in splitter.split(kept[:, None], np.zeros(layout.n_rows), groups=kept)
-        ]
-    cut = [
-        layout.labels[run]
-        for fold in folds
-        for run in np.flatnonzero(fold.train.runs & fold.test.runs)[:1]
-    ]
-    if cut:
-        warnings.warn(
-            f"The splits of cv={cv!r} cut run {cut[0]!r}: rows next to each other, which are "
-            "nearly equal, stand on both sides. Runs are the unit of cross-validation: use "
-            "LeaveOneGroupOut, GroupKFold, or cv=None.",
-            RunCutWarning,
-            stacklevel=6,
-        )
-    return folds
+        if cut:
+            warnings.warn(
+                f"The splits of cv={cv!r} cut run {cut[0]!r}: rows next to each other, which are "
+                "nearly equal, stand on both sides. Runs are the unit of cross-validation: use "
+                "LeaveOneGroupOut, GroupKFold, or cv=None.",
+                RunCutWarning,
+                stacklevel=6,
+            )
+    return _with_scores(folds, measured, measured if scored is None else scored, layout)
 
 
 def _whole(runs: np.ndarray, run_starts: np.ndarray) -> RunRows:
@@ -122,12 +174,56 @@ def _whole(runs: np.ndarray, run_starts: np.ndarray) -> RunRows:
     return RunRows(run_starts, whole, {})
 
 
-def _checked_groups(groups: Any, n_rows: int) -> np.ndarray:
-    """Groups as numbers of rows."""
-    given = np.asarray(groups)
-    if given.shape != (n_rows,):
+def _with_scores(
+    folds: list[Fold], measured: np.ndarray, scored: np.ndarray, layout: RunLayout
+) -> list[Fold]:
+    """Folds that can be scored; that runs without any measurement are not, the fit has said."""
+    starts = layout.run_starts
+    of_runs = [(rows, np.logical_or.reduceat(rows, starts[:-1])) for rows in (measured, scored)]
+    tests = [[fold.test.meets(*rows) for rows in of_runs] for fold in folds]
+    left = [fold for fold, (_, can) in zip(folds, tests, strict=True) if can]
+    if not left:
         raise ValueError(
-            f"groups has the shape {given.shape} and X has {n_rows} rows: give one group for each "
-            'row, such as run_labels(X, level="subject").'
+            "No row is left to score in any fold: the run-in, the window and missing values leave "
+            "out all of them."
         )
-    return np.unique(given, return_inverse=True)[1]
+    unscored = [f for f, (some, can) in zip(folds, tests, strict=True) if some and not can]
+    if unscored:
+        row = int(np.flatnonzero(unscored[0].test.mask() & measured)[0])
+        warnings.warn(
+            f"{len(unscored)} of {len(folds)} folds are not scored, first that of "
+            f"{layout.where(row)}: the run-in, the window and missing values leave out all their "
+            "rows.",
+            MissingDataWarning,
+            stacklevel=6,
+        )
+    return left
+
+
+def _checked_groups(X: Any, layout: RunLayout, groups: Any) -> np.ndarray | None:
+    """Groups as numbers of rows; each is made of whole runs."""
+    if groups is None:
+        return None
+    check_alignment(X, groups, ("X", "groups"))
+    given = np.asarray(groups)
+    if given.shape != (layout.n_rows,):
+        raise ValueError(
+            f"groups has the shape {given.shape} and X has {layout.n_rows} rows: give one group "
+            'for each row, such as run_labels(X, level="subject").'
+        )
+    numbers, found = pd.factorize(given, sort=True)
+    labels = found.tolist()
+    if (numbers < 0).any():
+        raise ValueError(f"groups has no label in {layout.where(int(np.argmin(numbers)))}.")
+    starts = layout.run_starts[:-1]
+    first = np.repeat(numbers[starts], np.diff(layout.run_starts))
+    if (numbers != first).any():
+        row = int(np.argmax(numbers != first))
+        run = layout.labels[int(layout.run_of(np.asarray(row)))]
+        raise RunIndexError(
+            f"Run {run!r} lies in two groups: {labels[first[row]]!r}, and "
+            f"{labels[numbers[row]]!r} from {layout.where(row)} on. Rows of one run are nearly "
+            "equal, so that a group is made of whole runs: give each run one label, such as "
+            'run_labels(X, level="subject").'
+        )
+    return numbers

@@ -25,7 +25,7 @@ from ..model_summary import one_or_all
 from ..orders import whole_number
 from .best_model import BestModel
 from .candidates import CandidateTable, as_candidate, has_fast_path, with_orders
-from .folds import Fold, folds_of
+from .folds import Fold
 from .text import highest, lowest
 from .validation import Validation
 
@@ -159,7 +159,7 @@ class OrderSearchCV(BestModel):
 
     @with_callbacks
     @fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X: Any, y: Any, groups: Any = None) -> OrderSearchCV:
+    def fit(self, X: Any, y: Any, groups: Any = None, **params: Any) -> OrderSearchCV:
         """Search the orders and refit the chosen model.
 
         Parameters
@@ -170,7 +170,9 @@ class OrderSearchCV(BestModel):
             Output.
         groups : array-like of shape (n_rows,) or None, default=None
             Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. None takes the runs.
+            ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
+        **params : dict
+            What else ``cv`` requests, with metadata routing enabled.
 
         Returns
         -------
@@ -185,6 +187,7 @@ class OrderSearchCV(BestModel):
             )
         context = self._init_callback_context(max_subtasks=len(variants) + 1)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
+        routed = self._routed(X, raw_layout(variants[0][1], X), groups, params)
         folds: list[Fold] | None = None
         columns: dict[str, list[Any]] = {}
         scores: list[np.ndarray] = []
@@ -196,9 +199,11 @@ class OrderSearchCV(BestModel):
             candidates = self._candidates(variant, factor)
             validation = None
             if self.criterion == "vaf":
+                validation = Validation(variant, X, y, table.known, self.scoring or VAFScorer())
                 if folds is None:
-                    folds = folds_of(X, y, raw_layout(variant, X), self.cv, groups)
-                validation = Validation(variant, X, y, folds, self.scoring or VAFScorer())
+                    validation.split(self.cv, routed)
+                    folds = validation.folds
+                validation.folds = folds
             if has_fast_path(variant) and (validation is None or validation.goes_by_runs_of(table)):
                 part = self._evaluate_together(table, candidates, validation, columns)
             else:

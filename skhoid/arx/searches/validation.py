@@ -15,16 +15,21 @@ from ...pipelines import raw_layout, trimmed_rows
 from ...preprocessing.base import AS_GIVEN
 from .candidates import CandidateTable
 from .fitted_candidates import FittedCandidates
-from .folds import Fold
+from .folds import Fold, folds_of
 
 N_BLOCKS = 8  # of the rows of a single fold, for a standard error
 
 
 class Validation:
-    """Scores candidates on the folds, in the rows that the scorer and the run-in leave."""
+    """Scores candidates on the folds, in the rows that the scorer and the run-in leave.
+
+    ``known`` are the rows with an output, of runs whose inputs were recorded.
+    """
+
+    folds: list[Fold]
 
     def __init__(
-        self, estimator: Any, X: Any, y: Any, folds: list[Fold], scorer: VAFScorer
+        self, estimator: Any, X: Any, y: Any, known: np.ndarray, scorer: VAFScorer
     ) -> None:
         if scorer.rate == "model":
             raise ValueError(
@@ -35,16 +40,18 @@ class Validation:
         self.y = column_or_1d(np.asarray(y), warn=False)
         if self.y.dtype not in AS_GIVEN:
             self.y = self.y.astype(np.float64)
-        self.folds = folds
+        self.known = known
         self.scorer = scorer
-        self.keep = scored_rows(self.layout, scorer.run_in, scorer.window)
+        self.keep = known & scored_rows(self.layout, scorer.run_in, scorer.window)
         self.keep &= ~trimmed_rows(estimator, X)
 
+    def split(self, cv: Any, routed: dict[str, Any]) -> None:
+        """Make the folds."""
+        self.folds = folds_of(self.layout, cv, routed, self.known, self.keep)
+
     def goes_by_runs_of(self, table: CandidateTable) -> bool:
-        """Whether model, folds and scorer take the same rows for runs."""
-        starts = table.grid.layout.run_starts
-        others = (self.layout.run_starts, self.folds[0].test.run_starts)
-        return all(np.array_equal(starts, other) for other in others)
+        """Whether the folds take the same rows for runs as the model."""
+        return np.array_equal(table.grid.layout.run_starts, self.layout.run_starts)
 
     def score_together(
         self, table: CandidateTable, models: FittedCandidates, number: int
@@ -88,7 +95,7 @@ class Validation:
     def _scored(self, run: int, mask: np.ndarray) -> np.ndarray:
         """Rows of a run, counted from its first, that are scored."""
         rows = slice(*self.layout.run_starts[run : run + 2].tolist())
-        return np.flatnonzero(self.keep[rows] & mask & ~np.isnan(self.y[rows]))
+        return np.flatnonzero(self.keep[rows] & mask)
 
     def _levelled(self, values: np.ndarray) -> np.ndarray:
         return values - values.mean(axis=0) if self.scorer.centered and len(values) else values

@@ -1,0 +1,158 @@
+"""A table with run and time as columns is refused, and the message holds what to write."""
+
+import re
+
+import numpy as np
+import polars as pl
+import pytest
+from support.synthetic import DT, arx_runs
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelaySearchCV,
+    DelayShift,
+    EffectSearchCV,
+    OperatorRegressor,
+    OrderSearchCV,
+    RecursiveARX,
+    RecursiveARXCV,
+    RunIndexError,
+    RunInTrimmer,
+    VAFScorer,
+    compare,
+    ensemble_average,
+    resample_runs,
+    run_labels,
+    sampling_time,
+    select_runs,
+)
+from skhoid.recordings.channels import check_channels
+
+X, Y = arx_runs(3, 120)
+U = Y.to_numpy()
+FLAT = X.reset_index()[["e", "run", "x", "time"]]
+FITTED = ARXRegressor(2, 2, 3).fit(X, Y)
+ONE = FLAT["run"] == FLAT["run"].iloc[0]
+SUBJECTS = FLAT.assign(Subject="S1", condition=2)
+
+
+def coefficients(table, y=U, **params):
+    return ARXRegressor(2, 2, 3, **params).fit(table, y).coef_
+
+
+def refusal(action, *args, **params):
+    with pytest.raises(RunIndexError) as caught:
+        action(*args, **params)
+    return str(caught.value)
+
+
+ENTRIES = {
+    "ARXRegressor": ARXRegressor().fit,
+    "RecursiveARX": RecursiveARX().fit,
+    "RecursiveARX.partial_fit": RecursiveARX().partial_fit,
+    "OperatorRegressor": OperatorRegressor().fit,
+    "DelaySearchCV": DelaySearchCV().fit,
+    "OrderSearchCV": OrderSearchCV().fit,
+    "RecursiveARXCV": RecursiveARXCV().fit,
+    "EffectSearchCV": EffectSearchCV(ARXRegressor(2, 2, 3)).fit,
+    "Decimator": Decimator(2).fit,
+    "DelayShift": DelayShift(0.1).fit,
+    "RunInTrimmer": RunInTrimmer(0.1).fit,
+    "ensemble_average": ensemble_average,
+    "compare": lambda X, y: compare(FITTED, X, y),
+    "predict": lambda X, y: FITTED.predict(X),
+    "VAFScorer": lambda X, y: VAFScorer()(FITTED, X, y),
+    "check_channels": check_channels,
+    "run_labels": lambda X, y: run_labels(X),
+    "sampling_time": lambda X, y: sampling_time(X),
+    "select_runs": lambda X, y: select_runs(X, y, last=1),
+    "resample_runs": resample_runs,
+}
+LATER = {"predict", "compare", "VAFScorer"}  # a fitted model says that the index is lost
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+@pytest.mark.parametrize("table", [FLAT, FLAT[["time", "x", "run"]]], ids=["e", "no e"])
+def test_every_entry_refuses_a_flat_table(name, table):
+    message = refusal(ENTRIES[name], table, U)
+    assert "set_index(['run', 'time'])" in message or name in LATER
+
+
+# table: what the code in the message makes of it, and of one of its runs or all
+REMEDIES = {
+    "run and time": FLAT,
+    "in capitals": FLAT.rename(columns={"run": "RUN", "time": "Time"}),
+    "units, and t": FLAT.rename(columns={"time": "t [s]"}),
+    "outer columns": SUBJECTS,
+    "trial": FLAT.rename(columns={"run": "trial"}),
+    "run in the index": FLAT.set_index("run"),
+    "time in the index": FLAT.set_index("time"),
+    "t in the index": FLAT.drop(columns="run").set_index(FLAT["time"].rename("t")).drop(
+        columns="time"
+    ),
+    "time of several runs": FLAT.drop(columns="run"),
+    "t of several runs": FLAT.drop(columns="run").rename(columns={"time": "t"}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("table", REMEDIES.values(), ids=REMEDIES.keys())
+def test_the_code_in_the_message_gives_the_model_of_the_runs(table):
+    message = refusal(coefficients, table)
+    first = re.search(r"after (X\['run'\] = .*?\.cumsum\(\))", message)
+    code = re.search(r"X = X\S*?(?:\.rename\(columns=\{.*?\}\))?\.set_index\((?:.*?)\)(?=[; .]|$)",
+                     message)  # fmt: skip
+    scope = {"X": table.copy()}
+    for found in (first, code):
+        if found is not None:
+            exec(found[1] if found is first else found[0], scope)
+    assert np.array_equal(coefficients(scope["X"][["e", "x"]]), FITTED.coef_)
+    if "subject" in message:
+        assert scope["X"].index.names == ["subject", "condition", "run", "time"]
+
+
+def test_the_time_of_one_run_alone_becomes_the_index():
+    message = refusal(coefficients, FLAT[ONE].drop(columns="run"), U[ONE])
+    assert re.search(r"X = X.set_index\('time'\).* dt=", message)
+
+
+def test_a_run_column_alone_is_to_be_named():
+    message = refusal(coefficients, FLAT.drop(columns="time"))
+    assert "run='run' and dt=" in message
+    named = coefficients(FLAT.drop(columns="time"), run="run", dt=DT)
+    assert np.array_equal(named, FITTED.coef_)
+
+
+def test_polars_are_turned_into_pandas():
+    assert "X = X.to_pandas().set_index(['run', 'time'])" in refusal(
+        coefficients, pl.from_pandas(FLAT)
+    )
+
+
+@pytest.mark.parametrize("column", ["run", "time", "subject"])
+def test_labels_are_no_inputs_beside_an_index_either(column):
+    table = X[["x"]].assign(**{column: np.arange(len(X)) % 7})
+    with pytest.raises(RunIndexError, match=rf"'{column}'.*inputs="):
+        coefficients(table, Y)
+    coefficients(table, Y, inputs=["x", column])
+
+
+WALK = np.random.default_rng(0).standard_normal(len(FLAT)).cumsum()
+LEGITIMATE = {
+    "run= and dt=": (FLAT, {"run": "run", "dt": DT}),
+    "time index, run=": (FLAT.set_index("time"), {"run": "run"}),
+    "a channel t": (FLAT[["e"]].assign(t=WALK), {}),
+    "a channel trial": (FLAT[["e"]].assign(trial=WALK), {}),
+    "one subject": (FLAT[["e"]].assign(subject=3), {}),
+    "columns beside the index": (X.assign(run=1, time=2.0), {}),
+}
+
+
+@pytest.mark.parametrize(("table", "params"), LEGITIMATE.values(), ids=LEGITIMATE.keys())
+def test_nothing_is_refused_that_is_told(table, params):
+    coefficients(table, **params)
+
+
+def test_dt_makes_the_time_of_one_run_a_channel():
+    one = coefficients(FLAT[ONE].drop(columns="run"), U[ONE], dt=DT)
+    assert np.array_equal(one, coefficients(X[ONE.to_numpy()], U[ONE]))
