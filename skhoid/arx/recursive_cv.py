@@ -269,7 +269,8 @@ class RecursiveARXCV(SplitsRuns, RecursiveARX):
                     f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs "
                     "whole ones, as LeaveOneGroupOut and GroupKFold give."
                 )
-            pairs.append(tuple(np.flatnonzero((count > 0) & some) for count in counts))
+            train, test = (np.flatnonzero((count > 0) & some) for count in counts)
+            pairs.append((train, test))
         return pairs
 
     def _set_results(self, settings: list[Forgetting], scores: np.ndarray) -> None:

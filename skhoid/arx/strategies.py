@@ -125,7 +125,7 @@ class EquationError(AnswersByEquation):
         begin, end = _begun(model, grid)
         hac, orders = model.covariance == "hac", model.orders_
         table, rows, model.n_rows_missing_ = regressors(output, inputs, begin, end, orders)
-        check_row_count(rows.size, orders.n_params, output, grid)
+        check_row_count(rows.size, orders.n_params, grid)
         model._report_missing(grid, inputs, output, rows.size, model.inputs_)
         keep = np.array(table, order="F") if hac else None
         triangle = Triangle.of(table)

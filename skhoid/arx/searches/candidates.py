@@ -103,7 +103,7 @@ class CandidateTable:
             self.output, inputs, begin, end, self.largest
         )
         most = max(o.n_params for o in self.orders)
-        check_row_count(self.rows.size, most + 1, self.output, self.grid)  # a loss needs one more
+        check_row_count(self.rows.size, most + 1, self.grid)  # a loss needs one more
 
     def columns(self, orders: Orders) -> list[int]:
         """Columns of the table that are the regressors of ``orders``."""
