@@ -227,7 +227,7 @@ class CandidateTable:
 
     def _checked(self, whole: Triangle) -> Triangle:
         most = max(o.n_params for o in self.orders)
-        check_row_count(whole.n_rows, most + 1, self.output, self.grid)  # a loss needs one more
+        check_row_count(whole.n_rows, most + 1, self.grid)  # a loss needs one more
         return whole
 
     def _enough(self, pieces: list[Triangle]) -> Triangle:
