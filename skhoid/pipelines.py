@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import _num_samples
 
 from .preprocessing.base import as_fitted
 from .preprocessing.run_in import RunInTrimmer, run_in_rows
@@ -62,7 +63,7 @@ def raw_layout(estimator: Any, X: Any, *, dt: float | None = None, run: Any = No
 
 def trimmed_rows(estimator: Any, X: Any) -> np.ndarray:
     """Rows that a RunInTrimmer inside ``estimator`` leaves out."""
-    trimmed = np.zeros(len(X), dtype=bool)
+    trimmed = np.zeros(_num_samples(X), dtype=bool)
     for _, step in getattr(unwrapped(estimator), "steps", []):
         if isinstance(step, RunInTrimmer):
             told = as_fitted(step)

@@ -151,8 +151,10 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         unfed = {run: names[self._needed.index(column)] for run, column in empty.items()}
         silent = dict.fromkeys(empty_runs(layout, output[:, None], [0]), self._output_name)
         left_out = dict(sorted((unfed | silent).items()))
-        if not left_out or len(silent) == len(layout.labels):
-            return output  # the fit says that nothing was measured
+        if not left_out:
+            return output
+        if len(silent) == len(layout.labels):
+            raise ValueError("Input y contains NaN in all rows: nothing was measured.")
         told = [f"run {layout.labels[run]!r} ({name!r})" for run, name in left_out.items()]
         if len(left_out) == len(layout.labels):
             raise ValueError(

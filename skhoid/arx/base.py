@@ -317,12 +317,10 @@ def check_lengths(grid: ModelGrid, orders: Orders) -> None:
     )
 
 
-def check_row_count(n_rows: int, n_params: int, output: np.ndarray, grid: ModelGrid) -> None:
+def check_row_count(n_rows: int, n_params: int, grid: ModelGrid) -> None:
     """Refuse to fit more parameters than rows are left."""
     if n_rows >= n_params:
         return
-    if np.isnan(output).all():
-        raise ValueError("Input y contains NaN in all rows: nothing was measured.")
     raise ShortRunError(
         f"{n_rows} rows are left for {n_params} parameters (n_samples = {grid.layout.n_rows} rows "
         "of X, of which lags, missing values and the run-in take the rest). Use more data or "

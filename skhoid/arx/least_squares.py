@@ -91,7 +91,7 @@ def solutions(triangles: list[Triangle], columns: list[int]) -> np.ndarray:
     """Least squares of some of the regressors in each triangle; NaN where they are dependent."""
     p = len(columns)
     chosen = np.stack([triangle.R[:, [*columns, -1]] for triangle in triangles])
-    R = np.linalg.qr(chosen, mode="r")
+    R = np.asarray(np.linalg.qr(chosen, mode="r"))
     scale = np.sqrt(np.sum(R[:, :p, :p] ** 2, axis=1, keepdims=True))
     sizes = np.linalg.svd(R[:, :p, :p] / np.where(scale > 0, scale, 1.0), compute_uv=False)
     n_rows = np.array([triangle.n_rows for triangle in triangles])

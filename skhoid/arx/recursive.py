@@ -324,7 +324,7 @@ class RecursiveARX(PartialFit):
     def _fit_recursion(self, data: RecursionData, forgetting: Forgetting) -> None:
         """Run the recursion, or one for each run, over data that were read."""
         self._check_shared_times(data)
-        check_row_count(int((~np.isnan(data.target)).sum()), 1, data.output, data.grid)
+        check_row_count(int((~np.isnan(data.target)).sum()), 1, data.grid)
         self._forget(*OF_RUNS, "_stream", "_pending", "_clock")
         each = self.combine == "average_estimates"
         parts = range(data.instants.n_runs) if each else [None]

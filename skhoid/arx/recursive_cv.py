@@ -265,8 +265,8 @@ class RecursiveARXCV(SplitsRuns, RecursiveARX):
                 "whole ones, as LeaveOneGroupOut and GroupKFold give."
             )
         return [
-            (np.flatnonzero(f.train.whole & some), np.flatnonzero(f.test.whole & some))
-            for f in folds
+            (np.flatnonzero(fold.train.whole & some), np.flatnonzero(fold.test.whole & some))
+            for fold in folds
         ]
 
     def _set_results(self, settings: list[Forgetting], scores: np.ndarray) -> None:

@@ -129,7 +129,7 @@ class EquationError(AnswersByEquation):
         n_rows = triangle.n_rows
         possible = int(np.maximum(end - begin - orders.first_row, 0).sum())
         model.n_rows_missing_ = possible - n_rows
-        check_row_count(n_rows, orders.n_params, output, grid)
+        check_row_count(n_rows, orders.n_params, grid)
         model._report_missing(grid, inputs, output, n_rows, model.inputs_)
         _check_rank(model, triangle, inputs, output)
         coef = triangle.solve()

@@ -12,7 +12,7 @@ from .layout import RunLayout
 def empty_runs(layout: RunLayout, values: np.ndarray, columns: list[int]) -> dict[int, int]:
     """The first of the columns that is NaN in all rows of a run outside the run-in, by run."""
     last = layout.run_starts[1:] - 1
-    missing = np.isnan(values[np.ix_(last, columns)])
+    missing = np.isnan(values[last][:, columns])
     if layout.trimmed is not None:
         missing |= layout.trimmed[last, None]
     found = {}

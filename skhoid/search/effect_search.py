@@ -252,7 +252,8 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
             self.left_out_ = control.table
             self._tabulate(found, prepared)
         index = X.index if isinstance(X, pd.DataFrame) else None
-        self.predictions_ = held_out_table(found, prepared, measured, lost, index)
+        left_out = lost | (~prepared.known & ~np.isnan(measured))
+        self.predictions_ = held_out_table(found, prepared, measured, left_out, index)
         unit = units_of(y).get(str(getattr(y, "name", None)))
         if unit:
             self.predictions_.attrs["units"] = {"measured": unit}

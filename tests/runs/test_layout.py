@@ -29,6 +29,7 @@ from skhoid import (
     sampling_time,
     select_runs,
 )
+from skhoid.runs import read_layout
 
 ESTIMATORS = {
     "arx": ARXRegressor(2, 2, 3),
@@ -383,3 +384,17 @@ def test_polars_with_a_run_column():
     np.testing.assert_array_equal(found.coef_, expected.coef_)
     np.testing.assert_array_equal(found.predict(table), expected.predict(frame))
     assert found.inputs_ == expected.inputs_
+
+
+def test_layouts_of_single_runs():
+    X, _ = arx_runs(lengths=[60, 41, 50])
+    keep = np.ones(len(X), dtype=bool)
+    keep[75:80] = False
+    pipe = make_pipeline(RunInTrimmer(0.1), Decimator(3))
+    marked = pipe.fit_transform(X[keep])
+    whole = read_layout(marked)
+    for number, run in enumerate((1, 2, 3)):
+        found, twin = whole.of_run(number), read_layout(marked.loc[[run]])
+        for name in ("run_starts", "starts", "time", "trimmed", "kept", "stretches"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(twin, name))
+        assert (found.labels, found.mark) == (twin.labels, twin.mark)

@@ -69,7 +69,7 @@ class CandidateTable:
                 "The search needs an ARX model, or a pipeline that ends in one; got "
                 f"{type(self._model).__name__}."
             )
-        data = self._model._read_data(X, y, "inputs", AS_GIVEN)
+        data = self._model._read_data(X, y, dtypes=AS_GIVEN)
         self.grid, self._raw_inputs, self.output = data.grid, data.inputs, data.output
         self.known = data.known
         self.dt = self.grid.dt
@@ -227,7 +227,7 @@ class CandidateTable:
 
     def _checked(self, whole: Triangle) -> Triangle:
         most = max(o.n_params for o in self.orders)
-        check_row_count(whole.n_rows, most + 1, self.output, self.grid)  # a loss needs one more
+        check_row_count(whole.n_rows, most + 1, self.grid)  # a loss needs one more
         return whole
 
     def _enough(self, pieces: list[Triangle]) -> Triangle:

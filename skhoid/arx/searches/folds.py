@@ -51,6 +51,13 @@ class RunRows:
         n_rows = int(self.run_starts[run + 1] - self.run_starts[run])
         return self.cut.get(run, np.full(n_rows, self.whole[run]))
 
+    def meets(self, rows: np.ndarray, of_runs: np.ndarray) -> bool:
+        """Whether any row is in a mask, of which ``of_runs`` says the runs that have one there."""
+        return bool((self.whole & of_runs).any()) or any(
+            (rows[self.run_starts[run] : self.run_starts[run + 1]] & cut).any()
+            for run, cut in self.cut.items()
+        )
+
     def mask(self) -> np.ndarray:
         """Mask of all rows."""
         mask = np.repeat(self.whole, np.diff(self.run_starts))
@@ -127,38 +134,31 @@ def folds_of(
     in no fold, unless a splitter of the user's own puts them there; folds without a ``scored``
     row (None: a measured one) are left out.
     """
-    starts, groups = layout.run_starts, routed["groups"]
-    known = _runs_of(measured, starts)
+    starts = layout.run_starts
+    groups = routed["groups"]
+    known = np.logical_or.reduceat(measured, starts[:-1])
     if not known.any():
         raise ValueError("No row is left to score: no run has measurements of input and output.")
     several = known.sum() > 1 or groups is not None
-    every = cv is not None and not isinstance(cv, Integral)
-    runs = np.arange(known.size) if every else np.flatnonzero(known)
-    lengths = np.diff(starts)
+    used = known | (not (cv is None or isinstance(cv, Integral)))
+    of_run = np.arange(used.size) if groups is None else groups[starts[:-1]]
+    splitter = _splitter(cv, several)
     if cv is None and not several:
-        rows = np.flatnonzero(np.repeat(known, lengths))
+        rows = np.flatnonzero(np.repeat(used, np.diff(starts)))
         half = (rows.size + 1) // 2
         folds = [Fold(RunRows.of(rows[:half], starts), RunRows.of(rows[half:], starts))]
+    elif isinstance(splitter, COUNT_NO_ROWS):
+        runs = np.flatnonzero(used)
+        found = splitter.split(runs[:, None], **{**routed, "groups": of_run[runs]})
+        folds = [Fold(*(_whole(runs[part], starts) for part in split)) for split in found]
     else:
-        splitter = _splitter(cv, several)
-        of_run = np.arange(known.size) if groups is None else groups[starts[:-1]]
-        if isinstance(splitter, COUNT_NO_ROWS):
-            splits = splitter.split(runs[:, None], groups=of_run[runs])
-            folds = [Fold(*(_whole(runs[some], starts) for some in split)) for split in splits]
-        else:
-            chosen = np.zeros(known.size, dtype=bool)
-            chosen[runs] = True
-            rows = np.flatnonzero(np.repeat(chosen, lengths))
-            kept = np.repeat(of_run, lengths)[rows]
-            with warnings.catch_warnings():
-                # Splitters that do not use groups say so; the runs are offered to all alike.
-                warnings.filterwarnings("ignore", message="The groups parameter is ignored")
-                folds = [
-                    Fold(*(RunRows.of(rows[some], starts) for some in split))
-                    for split in splitter.split(
-                        rows[:, None], np.zeros(rows.size), **{**routed, "groups": kept}
-                    )
-                ]
+        rows = np.flatnonzero(np.repeat(used, np.diff(starts)))
+        kept = np.repeat(of_run, np.diff(starts))[rows]
+        with warnings.catch_warnings():
+            # Splitters that do not use groups say so; the runs are offered to all alike.
+            warnings.filterwarnings("ignore", message="The groups parameter is ignored")
+            found = splitter.split(rows[:, None], np.zeros(rows.size), **{**routed, "groups": kept})
+            folds = [Fold(*(RunRows.of(rows[part], starts) for part in split)) for split in found]
         cut = [
             layout.labels[run]
             for fold in folds
@@ -172,12 +172,7 @@ def folds_of(
                 RunCutWarning,
                 stacklevel=6,
             )
-    return _with_scores(folds, layout, measured, measured if scored is None else scored)
-
-
-def _runs_of(rows: np.ndarray, run_starts: np.ndarray) -> np.ndarray:
-    """Whether each run has any of the rows, a mask."""
-    return np.logical_or.reduceat(rows, run_starts[:-1])
+    return _with_scores(folds, measured, measured if scored is None else scored, layout)
 
 
 def _whole(runs: np.ndarray, run_starts: np.ndarray) -> RunRows:
@@ -187,23 +182,21 @@ def _whole(runs: np.ndarray, run_starts: np.ndarray) -> RunRows:
 
 
 def _with_scores(
-    folds: list[Fold], layout: RunLayout, measured: np.ndarray, scored: np.ndarray
+    folds: list[Fold], measured: np.ndarray, scored: np.ndarray, layout: RunLayout
 ) -> list[Fold]:
     """Folds that can be scored; that runs without any measurement are not, the fit has said."""
-    of_scored, of_measured = (_runs_of(rows, layout.run_starts) for rows in (scored, measured))
-    left = [fold for fold in folds if fold.test.meets(scored, of_scored)]
+    starts = layout.run_starts
+    of_runs = [(rows, np.logical_or.reduceat(rows, starts[:-1])) for rows in (measured, scored)]
+    tests = [[fold.test.meets(*rows) for rows in of_runs] for fold in folds]
+    left = [fold for fold, (_, can) in zip(folds, tests, strict=True) if can]
     if not left:
         raise ValueError(
             "No row is left to score in any fold: the run-in, the window and missing values leave "
             "out all of them."
         )
-    unscored = [
-        fold.test
-        for fold in folds
-        if fold.test.meets(measured, of_measured) and not fold.test.meets(scored, of_scored)
-    ]
+    unscored = [f for f, (some, can) in zip(folds, tests, strict=True) if some and not can]
     if unscored:
-        row = int(np.argmax(unscored[0].mask() & measured))
+        row = int(np.flatnonzero(unscored[0].test.mask() & measured)[0])
         warnings.warn(
             f"{len(unscored)} of {len(folds)} folds are not scored, first that of "
             f"{layout.where(row)}: the run-in, the window and missing values leave out all their "

@@ -187,7 +187,7 @@ class OrderSearchCV(BestModel):
             )
         context = self._init_callback_context(max_subtasks=len(variants) + 1)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
-        routed = self._routed(X, raw_layout(variants[0][1], X), groups, params)
+        routed: dict[str, Any] | None = None
         folds: list[Fold] | None = None
         columns: dict[str, list[Any]] = {}
         scores: list[np.ndarray] = []
@@ -196,15 +196,20 @@ class OrderSearchCV(BestModel):
             task = context.subcontext(task_name=f"factor {factor}", max_subtasks=1)
             task.call_on_fit_task_begin(estimator=self, X=X, y=y)
             table = CandidateTable(variant, X, y)
+            if routed is None:
+                routed = self._routed(X, raw_layout(variant, X), groups, params)
             candidates = self._candidates(variant, factor)
-            validation = None
+            fast, validation = has_fast_path(variant), None
+            if fast:
+                table.set_candidates(candidates)
             if self.criterion == "vaf":
                 validation = Validation(variant, X, y, table.known, self.scoring or VAFScorer())
                 if folds is None:
-                    folds = validation.split(self.cv, routed)
+                    validation.split(self.cv, routed)
+                    folds = validation.folds
                 validation.folds = folds
-            if has_fast_path(variant) and (validation is None or validation.goes_by_runs_of(table)):
-                part = self._evaluate_together(table, candidates, validation, columns)
+            if fast and (validation is None or validation.goes_by_runs_of(table)):
+                part = self._evaluate_together(table, validation, columns)
             else:
                 part = self._evaluate_one_by_one(variant, X, y, candidates, validation, columns)
             scores.append(part[0])
@@ -313,13 +318,11 @@ class OrderSearchCV(BestModel):
     def _evaluate_together(
         self,
         table: CandidateTable,
-        candidates: list[dict[str, Any]],
         validation: Validation | None,
         columns: dict[str, list[Any]],
     ) -> tuple[np.ndarray, np.ndarray]:
         """Scores of candidates (rows) on folds, and standard errors of those on a single fold."""
-        table.set_candidates(candidates)
-        scores = np.empty((2, 0, len(candidates)))
+        scores = np.empty((2, 0, len(table.orders)))
         if validation is None:
             whole = table.whole()
         else:
@@ -346,13 +349,13 @@ class OrderSearchCV(BestModel):
         validation: Validation | None,
         columns: dict[str, list[Any]],
     ) -> tuple[np.ndarray, np.ndarray]:
-
         def evaluate(candidate: dict[str, Any]) -> tuple[np.ndarray, Any, np.ndarray]:
             model = with_orders(variant, **candidate)
             scored = np.empty((0, 2))
             if validation is not None:
-                folds = validation.folds
-                scored = np.array([validation.score_refitted(model, X, y, fold) for fold in folds])
+                scored = np.array(
+                    [validation.score_refitted(model, X, y, fold) for fold in validation.folds]
+                )
             try:
                 last, passed_on = reach_model(model.fit(X, y), X)
             except RankDeficiencyError:

@@ -45,16 +45,13 @@ class Validation:
         self.keep = known & scored_rows(self.layout, scorer.run_in, scorer.window)
         self.keep &= ~trimmed_rows(estimator, X)
 
-    def split(self, cv: Any, routed: dict[str, Any]) -> list[Fold]:
+    def split(self, cv: Any, routed: dict[str, Any]) -> None:
         """Make the folds."""
         self.folds = folds_of(self.layout, cv, routed, self.known, self.keep)
-        return self.folds
 
     def goes_by_runs_of(self, table: CandidateTable) -> bool:
-        """Whether model, folds and scorer take the same rows for runs."""
-        starts = table.grid.layout.run_starts
-        others = (self.layout.run_starts, self.folds[0].test.run_starts)
-        return all(np.array_equal(starts, other) for other in others)
+        """Whether the folds take the same rows for runs as the model."""
+        return np.array_equal(table.grid.layout.run_starts, self.layout.run_starts)
 
     def score_together(
         self, table: CandidateTable, models: FittedCandidates, number: int

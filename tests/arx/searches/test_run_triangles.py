@@ -70,6 +70,10 @@ def holed():
     return X, y
 
 
+def split(X, y, cv, groups=None):
+    return folds_of(read_layout(X), cv, {"groups": groups}, ~np.isnan(y.to_numpy()))
+
+
 SPLITS = {
     "runs": None,
     "two groups": 2,
@@ -88,7 +92,7 @@ def test_folds_equal_refits(holed, cv, n_inputs, intercept):
     inputs = INPUTS[n_inputs]
     model = ARXRegressor(inputs=inputs, fit_intercept=intercept)
     results = DelaySearchCV(model, nk=CANDIDATES, criterion="vaf", cv=cv).fit(X, y).cv_results_
-    folds = folds_of(read_layout(X), cv, {"groups": None}, y.notna().to_numpy())
+    folds = split(X, y, cv)
     for number, fold in enumerate(folds):
         train, test = fold.train.mask(), fold.test.mask()
         twins = [refitted(X, y, inputs, nk, train, test, intercept) for nk in CANDIDATES]
@@ -211,7 +215,7 @@ def test_leaving_groups_out_equals_the_split_of_rows(outer):
     X, y = arx_runs(lengths=[7, 3, 9, 4, 5])
     groups = np.repeat([2, 0, 2, 1, 0], [7, 3, 9, 4, 5]) if outer else None
     given = run_labels(X) if groups is None else groups
-    found = folds_of(read_layout(X), None, {"groups": groups}, y.notna().to_numpy())
+    found = split(X, y, None, groups)
     twin = list(LeaveOneGroupOut().split(X, groups=given))
     assert len(found) == len(twin)
     for fold, rows in zip(found, twin, strict=True):
@@ -221,17 +225,17 @@ def test_leaving_groups_out_equals_the_split_of_rows(outer):
 
 
 @quiet
-def test_splits_that_cut_runs_are_split_by_rows():
+def test_rows_of_runs_that_are_cut():
     X, y = arx_runs(3, 10)
-    splits = list(LeaveOneGroupOut().split(X, groups=np.arange(30) // 6))
-    folds = folds_of(read_layout(X), splits, {"groups": None}, y.notna().to_numpy())
-    for fold, (train, test) in zip(folds, splits, strict=True):
-        np.testing.assert_array_equal(np.flatnonzero(fold.train.mask()), train)
-        np.testing.assert_array_equal(np.flatnonzero(fold.test.mask()), test)
+    for fold, (train, test) in zip(split(X, y, KFold(4)), KFold(4).split(X), strict=True):
         assert fold.train.cut
-        for run, of_run in enumerate(np.split(fold.test.mask(), 3)):
-            np.testing.assert_array_equal(fold.test.of_run(run), of_run)
-            assert fold.test.runs[run] == of_run.any()
+        for part, rows in ((fold.train, train), (fold.test, test)):
+            mask = np.isin(np.arange(30), rows)
+            np.testing.assert_array_equal(part.mask(), mask)
+            for run, of_run in enumerate(np.split(mask, 3)):
+                np.testing.assert_array_equal(part.of_run(run), of_run)
+                assert part.runs[run] == of_run.any()
+                assert part.whole[run] == of_run.all()
 
 
 # Data that should not be copied

@@ -1,0 +1,211 @@
+"""A run in which nothing was measured, or an input not recorded, is as if it were not there."""
+
+import warnings
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, PredefinedSplit
+from support.synthetic import arx_runs
+
+from skhoid import (
+    ARXRegressor,
+    DelaySearchCV,
+    EffectSearchCV,
+    MissingDataWarning,
+    OperatorRegressor,
+    OrderSearchCV,
+    RecursiveARX,
+    RecursiveARXCV,
+    VAFScorer,
+    compare,
+    make_tracking_runs,
+    run_labels,
+    select_runs,
+    vaf_score,
+)
+
+X, Y = arx_runs(4, 200)
+GONE = run_labels(X) == 2
+WITHOUT = X[~GONE], Y[~GONE]
+NO_E = X.assign(e=X["e"].mask(GONE)), Y
+NO_Y = X, Y.mask(GONE)
+KINDS = pytest.mark.parametrize(
+    ("data", "channel"), [(NO_Y, "u"), (NO_E, "e")], ids=["output", "input"]
+)
+
+SEARCHES = {
+    "delay": DelaySearchCV(nk=[1, 3], criterion="vaf"),
+    "delay, one step": DelaySearchCV(nk=[1, 3]),
+    "delay, two folds": DelaySearchCV(nk=[1, 3], criterion="vaf", cv=2),
+    "delay, of the mean": DelaySearchCV(
+        nk=[1, 3], criterion="vaf", scoring=VAFScorer(average="mean"), cv=LeaveOneGroupOut()
+    ),
+    "delay, one by one": DelaySearchCV(
+        ARXRegressor(method="iv", instruments=["e"]), nk=[1, 3], criterion="vaf"
+    ),
+    "orders": OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[3]),
+    "orders and factors": OrderSearchCV(na=[1], nb=[1], nk={1: [3], 2: [1]}, factor=[1, 2]),
+    "memory": RecursiveARXCV([16, 64], nk=3),
+    "memory, two folds": RecursiveARXCV([16, 64], nk=3, cv=2),
+    "memory, means": RecursiveARXCV([16, 64], nk=3, scoring=VAFScorer(centered=True)),
+}
+
+
+def told(action, *args):
+    """What an action returns, and what its warnings of missing data say."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = action(*args)
+    assert {warning.category for warning in caught} <= {MissingDataWarning}
+    return found, " ".join(str(warning.message) for warning in caught)
+
+
+def assert_same_results(found, expected):
+    assert found.keys() == expected.keys()
+    for name, values in expected.items():
+        if name != "params":
+            assert_array_equal(found[name], values, err_msg=name)
+
+
+@KINDS
+@pytest.mark.parametrize("name", SEARCHES)
+def test_a_search_finds_what_it_finds_without_the_run(name, data, channel):
+    search = SEARCHES[name]
+    expected = search.fit(*WITHOUT).cv_results_
+    found, warning = told(search.fit, *data)
+    assert "1 of 4 runs are left out, because a channel is NaN" in warning
+    assert f"run 2 ({channel!r})" in warning
+    assert_same_results(found.cv_results_, expected)
+
+
+@KINDS
+@pytest.mark.parametrize(
+    "model",
+    [
+        ARXRegressor(2, 2, 3),
+        ARXRegressor(2, 2, 3, effects=["bias"], settling=0.1),
+        RecursiveARX(2, 2, 3, memory_time=0.5),
+        RecursiveARX(2, 2, 3, forgetting="auto"),
+    ],
+)
+def test_a_fit_and_its_score_are_those_without_the_run(model, data, channel):
+    expected = model.fit(*WITHOUT)
+    coef, score, vaf = expected.coef_.copy(), expected.score(*WITHOUT), VAFScorer()(model, *WITHOUT)
+    fitted, warning = told(model.fit, *data)
+    assert f"run 2 ({channel!r})" in warning
+    np.testing.assert_allclose(fitted.coef_, coef, rtol=1e-12)
+    for scored, of_all in ((fitted.score, score), (lambda *d: VAFScorer()(fitted, *d), vaf)):
+        found, warning = told(scored, *data)
+        np.testing.assert_allclose(found, of_all, rtol=1e-12)
+        assert "run 2, " in warning or "Run 2 of y is NaN in all rows, and not scored" in warning
+
+
+@pytest.fixture(scope="module")
+def people():
+    return make_tracking_runs(
+        n_runs=4, duration=10.24, sampling_rate=50, channels=("e", "x"), random_state=0
+    )
+
+
+def without_channel(data, channel):
+    X, y = data
+    gone = run_labels(X) == 3
+    if channel == "u":
+        return (X[~gone], y[~gone]), (X, y.mask(gone))
+    return (X[~gone], y[~gone]), (X.assign(**{channel: X[channel].mask(gone)}), y)
+
+
+@pytest.mark.parametrize("channel", ["u", "e", "x"])
+def test_a_model_with_effects_needs_every_channel(people, channel):
+    without, data = without_channel(people, channel)
+    model = OperatorRegressor(0.28)
+    expected = model.fit(*without).parameters_["value"].to_numpy()
+    fitted, warning = told(model.fit, *data)
+    assert f"run 3 ({channel!r})" in warning
+    np.testing.assert_allclose(fitted.parameters_["value"], expected, rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("channel", ["u", "e", "x"])
+@pytest.mark.parametrize("cv", [None, 3])
+def test_an_effect_search_finds_what_it_finds_without_the_run(people, channel, cv):
+    without, data = without_channel(people, channel)
+    search = EffectSearchCV(OperatorRegressor(0.28), ["bias"], cv, max_effects=1)
+    expected = search.fit(*without).error_path_
+    found, warning = told(search.fit, *data)
+    assert f"run 3 ({channel!r})" in warning
+    np.testing.assert_allclose(found.error_path_["vaf"], expected["vaf"], rtol=1e-6)
+    rows = found.predictions_.drop(columns="measured")[run_labels(people[0]) == 3]
+    assert rows.isna().all(axis=None) == (channel != "u")
+
+
+@pytest.mark.slow
+@KINDS
+def test_a_comparison_is_that_without_the_run(data, channel):
+    model = ARXRegressor(2, 2, 3).fit(*WITHOUT)
+    expected = compare(model, *WITHOUT).by_run
+    found, warning = told(lambda: compare(model, *data).by_run)
+    assert "un 2" in warning
+    rest = found[found["run"] != "2"].reset_index(drop=True)
+    assert_array_equal(rest["rmse"], expected["rmse"])
+    assert found["rmse"].isna().sum() == 1
+
+
+@KINDS
+def test_one_run_with_measurements_is_split_into_halves(data, channel):
+    def first_two(X, y):
+        return select_runs(X, y, runs=[1, 2])
+
+    search = DelaySearchCV(nk=[1, 3], criterion="vaf")
+    expected = search.fit(*select_runs(X, Y, runs=1)).cv_results_
+    found, _ = told(search.fit, *first_two(*data))
+    assert_same_results(found.cv_results_, expected)
+    with pytest.raises(ValueError, match="X has one with measurements"):
+        told(RecursiveARXCV([16], nk=3).fit, *first_two(*data))
+
+
+@pytest.mark.parametrize("name", SEARCHES)
+def test_nothing_left_is_said_truly(name):
+    with pytest.raises(ValueError, match="NaN in all rows: nothing was measured"):
+        SEARCHES[name].fit(X, Y * np.nan)
+    with pytest.raises(ValueError, match=r"No run is left.*run 1 \('e'\), run 2 \('e'\)"):
+        SEARCHES[name].fit(X.assign(e=np.nan), Y)
+
+
+@pytest.mark.parametrize("name", ["delay", "orders", "memory"])
+def test_a_splitter_of_ones_own_may_hold_the_run(name):
+    """Its rows are those of the whole table; folds without a measurement are not scored."""
+    search = SEARCHES[name]
+    fold = PredefinedSplit(run_labels(X) - 1)
+    expected = search.fit(*WITHOUT).cv_results_
+    found, _ = told(type(search)(**{**search.get_params(deep=False), "cv": fold}).fit, *NO_Y)
+    assert_same_results(found.cv_results_, expected)
+    paired = type(search)(**{**search.get_params(deep=False), "cv": GroupKFold(2)})
+    assert np.isfinite(told(paired.fit, *NO_Y)[0].best_score_)
+
+
+@pytest.mark.parametrize("name", ["delay", "orders", "memory"])
+def test_a_run_too_short_for_the_window_is_still_fitted(name):
+    """Run 3 ends before the scored window: its fold is not scored, and a warning says so."""
+    short = ~((run_labels(X) == 3) & (X.index.get_level_values("time") >= 1.0))
+    params = SEARCHES[name].get_params(deep=False) | {"scoring": VAFScorer(window=(1.2, 2.0))}
+    found, warning = told(type(SEARCHES[name])(**params).fit, X[short], Y[short])
+    assert "1 of 4 folds are not scored, first that of run 3, t = 0 s" in warning
+    assert "split2_test_score" in found.cv_results_
+    assert "split3_test_score" not in found.cv_results_
+
+
+def test_a_run_with_one_measurement_is_kept():
+    y = Y.mask(GONE & (X.index.get_level_values("time") > 0))
+    _, warning = told(ARXRegressor(2, 2, 3).fit, X, y)
+    assert "left out, because" not in warning
+    assert np.isfinite(vaf_score(y, Y))
+
+
+def test_a_stream_may_pause():
+    model = RecursiveARX(2, 2, 3, forgetting=0.99, init="zeros", p0=1.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for run in range(1, 5):
+            model.partial_fit(*select_runs(*NO_Y, runs=run))
