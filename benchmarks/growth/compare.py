@@ -10,7 +10,6 @@ from functools import cache
 from typing import Any
 
 from growth.harness import DELAY, DT, Data, Work, main, make_data
-
 from skhoid import ARXRegressor, OperatorRegressor, RecursiveARX, compare
 
 FEW = 50_000  # rows that models are fitted on
