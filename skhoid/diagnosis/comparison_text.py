@@ -5,18 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from ..summaries import VAF_RULE, rendered
 
 if TYPE_CHECKING:
     from .comparison import Comparison
 
+MOST_RUNS = 12  # listed
+
 
 def summary(c: Comparison) -> str:
     lines = [f"{c.model_name} against measured {c.output}", ""]
     lines += [f"{name:<22} {value}" for name, value in figures(c)]
-    lines += ["", "Runs", _runs(c), ""]
+    lines += ["", *_runs(c), ""]
     lines += ["Findings" if c.findings else "No findings"]
     for number, finding in enumerate(c.findings, 1):
         lines += [
@@ -71,11 +72,13 @@ def figures(c: Comparison) -> list[tuple[str, str]]:
     ]
 
 
-def _runs(c: Comparison) -> str:
+def _runs(c: Comparison) -> list[str]:
     table = c.by_run[["data", "run", "vaf", "one_step_vaf", "rmse", "ratio", "exceeds"]]
-    if len(table) > 12:
-        table = pd.concat([table.head(6), table.tail(6)])
-    return table.round(3).to_string(index=False)
+    title = "Runs"
+    if len(table) > MOST_RUNS:
+        title = f"Runs, the {MOST_RUNS} with the lowest VAF of {len(table)}"
+        table = table.sort_values("vaf", kind="stable").head(MOST_RUNS)
+    return [title, table.round(3).to_string(index=False)]
 
 
 def html(c: Comparison) -> str:

@@ -112,7 +112,7 @@ def _sets_of_bins(
 ) -> list[tuple[str, np.ndarray]]:
     """Bins that a row of the table is about, with their kind."""
     all_bins = np.arange(1, omega.size)
-    lines = _common_lines(parts)
+    lines = _common_lines([part.lines for part in parts])
     if lines is None:
         return [("band", bins) for bins in _bands(all_bins, np.ones(omega.size, bool))]
     if lines.size <= FEW:
@@ -134,14 +134,14 @@ def _sets_of_bins(
     return sets
 
 
-def _common_lines(parts: list[_GroupSpectra]) -> np.ndarray | None:
+def _common_lines(of_groups: list[np.ndarray | None]) -> np.ndarray | None:
     """Excited lines of all groups; None if they do not share nearly all of them."""
-    common = parts[0].lines
-    for part in parts:
-        if common is None or part.lines is None:
+    common = of_groups[0]
+    for own in of_groups:
+        if common is None or own is None:
             return None
-        most = max(common.size, part.lines.size)
-        common = np.intersect1d(common, part.lines)
+        most = max(common.size, own.size)
+        common = np.intersect1d(common, own)
         if common.size < SHARED * most:
             return None
     if common is None:
@@ -159,10 +159,12 @@ def distortion_tests(signals: Signals, ceiling: Ceiling) -> list[Test]:
     (cubic) distorts the odd harmonics of odd lines, one of even order the even harmonics.
     """
     n = min(group.n_samples for group in signals.groups)
-    parts = [_GroupSpectra.of(signals, group, n) for group in signals.groups]
-    lines = _common_lines(parts)
+    lines = _common_lines(
+        [group.lines if group.n_samples == n else None for group in signals.groups]
+    )
     if lines is None or ceiling.route == "none":
         return []
+    parts = [_GroupSpectra.of(signals, group, n) for group in signals.groups]
     omega = 2 * np.pi * fft.rfftfreq(n, signals.dt)
     S, known = ceiling.noise.at(omega), ceiling.noise.known(omega)
     total = sum(float(np.sum(signals.y[rows] ** 2)) for g in signals.groups for rows in g.rows)

@@ -26,6 +26,8 @@ CHANGE = " change"  # ends the names of the tests that place a change in time
 CHANGE_STYLES = ("--", "-.", (0, (4, 1, 1, 1, 1, 1)))
 CHANCE = {"chance_low", "chance_high"}  # limits of the ratio of all runs, where they are known
 EVEN = "if spread evenly"
+MOST_LINES = 50  # single runs that have a line each
+MOST_RUNS = 0.9  # of more of them, in the band in place of lines
 REPEATS = {"explainable", "p_explainable"}  # of all runs, where several share the target
 
 
@@ -37,7 +39,8 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
     What repeats over runs is misfit, and red where it is beyond chance; the rest is remnant, which
     may grow without a fault of the model. Where no runs share the target, windows with more than
     chance are red. Below, the power of the residual relative to that of the whole run; thin lines
-    are single runs. Changes in time that cost something are dashed.
+    are single runs, of more than 50 those that exceed chance most, beside a band that holds 90 % of
+    all. Changes in time that cost something are dashed.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -62,7 +65,7 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
     misfit_ : BarContainer or None
         The part of them that is red; None where no part is.
     runs_ : dict of Line2D
-        Relative power by run, where there are several.
+        Relative power by run, where there are several; of more than 50 those that exceed chance.
     line_ : Line2D or None
         Relative power of all runs together.
     band_ : FillBetweenPolyCollection or None
@@ -124,12 +127,16 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
         alone = self.by_time[~is_of_all_runs(self.by_time)]
         runs = list(dict.fromkeys(alone["run"]))
         if len(runs) > 1:  # the only one is what all runs are together
-            for run in runs:
-                rows = alone[alone["run"] == run]
+            raised = alone[worse_than_chance(alone)]
+            drawn = alone
+            if len(runs) > MOST_LINES:  # together they would hide all else
+                self._draw_most_runs(panel, alone)
+                worst = raised.sort_values("ratio", ascending=False)["run"].unique()[:MOST_LINES]
+                drawn = alone[alone["run"].isin(worst)]
+            for run, rows in drawn.groupby("run", sort=False):
                 (self.runs_[run],) = panel.plot(
                     *_stairs(rows), color=GREY, lw=0.6, alpha=0.8, label="single runs"
                 )
-            raised = alone[worse_than_chance(alone)]
             if len(raised):
                 # Red is misfit, where that is known; a single run's power may be remnant.
                 panel.plot(
@@ -154,6 +161,16 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
         panel.set_ylabel("residual power /\nthat of the run")
         panel.set_ylim(bottom=0.0)
         panel.grid(alpha=0.3)
+
+    def _draw_most_runs(self, panel: Axes, alone: pd.DataFrame) -> None:
+        """The range in which most of the single runs are, in place of a line for each."""
+        outside = (1 - MOST_RUNS) / 2
+        levels = alone.groupby(["start", "stop"])["ratio"].quantile([outside, 1 - outside])
+        windows = levels.unstack().set_axis(["low", "high"], axis=1).reset_index()
+        time, low = _stairs(windows, "low")
+        _, high = _stairs(windows, "high")
+        label = f"{100 * MOST_RUNS:g} % of single runs"
+        panel.fill_between(time, low, high, color=RESIDUAL, alpha=0.25, lw=0, label=label)
 
 
 def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> tuple[Any, Any]:

@@ -21,6 +21,7 @@ from ._comparison import (
 
 MOST_NAMED = 16  # runs that get a tick label each
 MOST_SAID = 4
+MANY = 100  # runs, whose marks are small
 LONG = 4  # letters of a label; longer ones stand upright where there are many
 LOWEST = -20.0  # percent; runs below it are named at the edge
 PARTS = {"validation": PREDICTED, "estimation": GREY}
@@ -140,11 +141,12 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
     def _draw_runs(self, table: pd.DataFrame, at: np.ndarray) -> None:
         vaf = table["vaf"].to_numpy(dtype=float)
         below = vaf < LOWEST
+        size = 6.0 if len(table) <= MANY else 2.5
         for name, colour in PARTS.items():
             rows = (table["data"] == name).to_numpy()
             if rows.any():
                 (self.lines_[name],) = self.ax_.plot(
-                    at[rows], vaf[rows], color=colour, marker="o", ms=6, ls="none", label=name
+                    at[rows], vaf[rows], color=colour, marker="o", ms=size, ls="none", label=name
                 )
         raised = exceeding(table)
         if raised.any():
@@ -153,7 +155,7 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
                 vaf[raised],
                 ls="none",
                 marker="o",
-                ms=12,
+                ms=2 * size,
                 mfc="none",
                 mec=EXCEEDING,
                 mew=1.8,
@@ -161,7 +163,8 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
             )
         if below.any():
             self.ax_.set_ylim(LOWEST, 100.0)
-            for x, value, red in zip(at[below], vaf[below], raised[below], strict=True):
+            lowest = np.flatnonzero(below)[np.argsort(vaf[below], kind="stable")][:MOST_NAMED]
+            for x, value, red in zip(at[lowest], vaf[lowest], raised[lowest], strict=True):
                 colour = EXCEEDING if red else BLACK
                 self.ax_.annotate(
                     f"{value:.0f} %",

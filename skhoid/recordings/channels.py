@@ -183,23 +183,28 @@ def _shifted_correlations(recording: RawRecording, names: list[Any]) -> np.ndarr
 
 def _copy_gain(recording: RawRecording, source: Any, copy: Any, shift: int) -> float | None:
     """Slope of a copy on its source some samples before, if it is one."""
-    pairs, steps = [], []
-    for rows in recording.segments:
-        a, b = recording.values[source][rows], recording.values[copy][rows]
-        pairs.append(np.stack([a[: len(a) - shift], b[shift:]]))
-        steps.append(np.diff(b))
-    a, b = np.concatenate(pairs, axis=1)
-    known = np.isfinite(a) & np.isfinite(b)
-    a, b = a[known] - a[known].mean(), b[known] - b[known].mean()
-    step = np.concatenate(steps)
-    power = float(np.sum(a**2))
-    if known.sum() < LEAST_STEPS or power == 0:
+    a, b = recording.values[source], recording.values[copy]
+
+    def known_pairs() -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        for rows in recording.segments:
+            before, after = a[rows][: rows.stop - rows.start - shift], b[rows][shift:]
+            known = np.isfinite(before) & np.isfinite(after)
+            yield before[known], after[known]
+
+    n = sum(before.size for before, _ in known_pairs())
+    if n < LEAST_STEPS:
         return None
-    gain = float(np.sum(a * b)) / power
-    allowed = max(
-        COPY * _rms(step[np.isfinite(step)]), ROUNDING * np.nanmax(np.abs(recording.values[copy]))
-    )
-    return gain if gain != 0 and _rms(b - gain * a) <= allowed else None
+    mean_a, mean_b = (sum(float(pair[i].sum()) for pair in known_pairs()) / n for i in (0, 1))
+    power = sum(float(np.sum((before - mean_a) ** 2)) for before, _ in known_pairs())
+    if power == 0:
+        return None
+    gain = sum(float((x - mean_a) @ (y - mean_b)) for x, y in known_pairs()) / power
+    left = sum(float(np.sum((y - mean_b - gain * (x - mean_a)) ** 2)) for x, y in known_pairs())
+    steps = [np.diff(b[rows]) for rows in recording.segments]
+    n_steps = sum(int(np.isfinite(step).sum()) for step in steps)
+    step = np.sqrt(sum(float(np.nansum(step**2)) for step in steps) / max(n_steps, 1))
+    allowed = max(COPY * float(step), ROUNDING * np.nanmax(np.abs(b)))
+    return gain if gain != 0 and np.sqrt(left / n) <= allowed else None
 
 
 def _copy(recording: RawRecording, source: Any, copy: Any, shift: int, gain: float) -> Finding:

@@ -337,14 +337,14 @@ def _usual_levels(runs: Sequence[_RunLevels]) -> list[float]:
     if len(runs) == 1:
         return [max(ALONE * runs[0].calm, runs[0].span / LOST)]
     roles = {role for of_run in runs for role in of_run.forcing}
-    driven = np.array([[of_run.forcing.get(role, 0.0) for of_run in runs] for role in roles])
+    driven = [np.array([of_run.forcing.get(role, 0.0) for of_run in runs]) for role in roles]
     largest = np.array([of_run.largest for of_run in runs])
     found = []
     for number, of_run in enumerate(runs):
         # By how much more this run is driven than each other one, 1 at least.
         harder = np.ones(len(runs))
-        for size, of_role in zip(driven[:, number], driven, strict=True):
-            ratio = np.divide(size, of_role, out=np.ones(len(runs)), where=of_role > 0)
+        for of_role in driven:
+            ratio = np.divide(of_role[number], of_role, out=np.ones(len(runs)), where=of_role > 0)
             harder = np.maximum(harder, ratio)
         reached = np.log(np.delete(largest * harder, number))
         own = OF_CALM * np.fmin(of_run.calm, of_run.target)
