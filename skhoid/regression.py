@@ -9,14 +9,14 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils.validation import check_consistent_length, check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from ._sklearn import FittedDisplay
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows
-from .preprocessing.base import check_numbers, read_table
+from .preprocessing.base import read_table
+from .preprocessing.gate import as_output, check_not_too_small
 from .preprocessing.grid import ModelGrid
 from .runs import DecimationMark, check_alignment, input_columns, output_name
 from .runs.selection import warn_of_pooled
@@ -72,10 +72,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
             )
         check_alignment(X, y)
-        output = column_or_1d(y, warn=True)
-        if output.dtype.kind not in "iufb":
-            check_numbers(pd.DataFrame({output_name(y): output}), "y")
-        output = np.asarray(output, dtype=np.float64)
+        output = as_output(y, warn=True)
         check_consistent_length(X, output)
         if np.isinf(output).any():
             row = int(np.flatnonzero(np.isinf(output))[0])
@@ -88,11 +85,14 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
     def _channel_names(self, positions: list[int]) -> list[str]:
         return [f"x{p}" if self._names is None else str(self._names[p]) for p in positions]
 
-    def _read_data(self, X: Any, y: Any) -> DataToFit:
-        """Read data to fit."""
+    def _read_data(self, X: Any, y: Any, *, whole: bool = True) -> DataToFit:
+        """Read data to fit; ``whole`` records, or the beginning of a stream."""
         grid, values = self._read_X(X, reset=True)
         warn_of_pooled(X)
         output = self._read_y(X, y)
+        if whole:
+            check_not_too_small(values, "X", self._names)
+            check_not_too_small(output, "y")
         self._output_name = output_name(y)
         self._columns = input_columns(
             self._names, values.shape[1], self.inputs, self._run, self.roles

@@ -54,7 +54,6 @@ class PartialFit(BaseARX):
     smooth: bool
     combine: str
     _read_forgetting: Any
-    _check_size: Any
     _reset_times: Any
     _set_forgetting: Any
 
@@ -132,7 +131,7 @@ class PartialFit(BaseARX):
         stream, pending = vars(self).get("_stream"), vars(self).get("_pending")
         self._check_streaming("coef_" in vars(self))
         if "coef_" not in vars(self) and pending is None:
-            grid, _, output, values, _ = self._read_data(X, y)
+            grid, _, output, values, _ = self._read_data(X, y, whole=False)
         else:
             grid, values = self._read_X(X, reset=False)
             output = self._read_y(X, y)
@@ -141,7 +140,6 @@ class PartialFit(BaseARX):
                 "partial_fit cannot take decimated rows: the filter of the Decimator needs what "
                 "comes after them. Stream at the rate of the model."
             )
-        self._check_size(values, output)
         self._read_orders(begun=stream is not None or pending is not None)
         # Nothing is kept of rows that are refused.
         clock = copy(vars(self).get("_clock", Clock()))

@@ -21,6 +21,7 @@ from ..runs import (
     run_column,
     run_time_index,
 )
+from .gate import as_table, check_not_too_large, check_numbers
 
 
 def keep_parameters(estimator: Any) -> None:
@@ -49,6 +50,7 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
         keep_parameters(estimator)
     known_dt = None if reset else estimator._full_dt
     told = as_fitted(estimator)
+    X = as_table(X)
     frame = isinstance(X, pd.DataFrame)
     if not reset and estimator._indexed and not (frame and TIME in X.index.names):
         raise RunIndexError(
@@ -68,6 +70,7 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
     values = validate_data(
         estimator, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
     )
+    check_not_too_large(values, "X", names)
     if layout is None:
         names = list(X.columns) if hasattr(X, "columns") else None
         columns = names or list(range(values.shape[1]))
@@ -78,28 +81,6 @@ def read_table(estimator: Any, X: Any, *, reset: bool) -> tuple[RunLayout, np.nd
         estimator._names = names
         estimator._run = layout.run_column if told.run is None else told.run
     return layout, values
-
-
-def check_numbers(table: pd.DataFrame, what: str) -> None:
-    """Name the first entry of a table that is not a real number."""
-    for position, dtype in enumerate(table.dtypes):
-        if dtype.kind in "iufb":
-            continue
-        column = table.iloc[:, position]
-        where = f"column {column.name!r} of {what}"
-        if dtype.kind == "c":
-            raise ValueError(
-                f"Complex data not supported: {where} is complex; give its "
-                "real and imaginary parts as two columns."
-            )
-        if dtype.kind in "OSUT":
-            bad = pd.to_numeric(column, errors="coerce").isna() & column.notna()
-            if bad.any():
-                row = int(np.flatnonzero(bad)[0])
-                raise ValueError(
-                    f"The {where} holds {column.iloc[row]!r} in row {row}, which is not "
-                    "a number. Use another column, or mark missing values by NaN."
-                )
 
 
 class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):

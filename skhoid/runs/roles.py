@@ -110,7 +110,10 @@ def input_columns(
     run_position = None if run is None else run_column(names, run)
     if inputs is None:
         errors = columns_of_role(names, "e", roles)
-        return errors or [i for i in range(n_columns) if i != run_position]
+        found = errors or [i for i in range(n_columns) if i != run_position]
+        if not found:
+            raise ValueError(f"X has no channel, only the run column {run!r}.")
+        return found
     wanted = [inputs] if isinstance(inputs, (str, int, np.integer)) else list(inputs)
     if not wanted:
         raise ValueError(f"{what} is empty; name at least one column, or None for the default.")

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
-from sklearn.utils.validation import column_or_1d
 
 from ... import _kernels
 from ..._sklearn import safe_indexing
@@ -16,6 +15,7 @@ from ...exceptions import RankDeficiencyError, ShortRunError
 from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, vaf_of_rows
 from ...pipelines import final_step, raw_layout, trimmed_rows
 from ...preprocessing.base import RowPreservingTransformer
+from ...preprocessing.gate import as_output
 from ..base import BaseARX, check_lengths, check_row_count, free_run_output, longest_stretches
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
@@ -158,7 +158,7 @@ class Validation:
                 "choose between models."
             )
         self.layout = raw_layout(estimator, X, dt=scorer.dt, run=scorer.run)
-        self.y = column_or_1d(np.asarray(y, dtype=float), warn=False)
+        self.y = as_output(y)
         self.folds = folds
         self.scorer = scorer
         self.keep = scored_rows(self.layout, scorer.run_in, scorer.window)
