@@ -11,6 +11,7 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from .exceptions import MissingDataWarning
 from .pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
+from .preprocessing.gate import as_output, unmasked
 from .preprocessing.run_in import run_in_rows
 from .runs import RunLayout, check_alignment, read_layout
 
@@ -86,8 +87,8 @@ def _rows_to_score(
 ) -> tuple[RunLayout, np.ndarray, np.ndarray, np.ndarray]:
     check_consistent_length(y_true, y_pred)
     check_alignment(y_true, y_pred, ("y_true", "y_pred"))
-    y = column_or_1d(np.asarray(y_true, dtype=float), warn=False)
-    prediction = column_or_1d(np.asarray(y_pred, dtype=float), warn=False)
+    y = as_output(y_true, "y_true")
+    prediction = column_or_1d(np.asarray(unmasked(y_pred), dtype=float), warn=False)
     layout = layout_of_output(y_true, dt, run)
     return layout, y, prediction, scored_rows(layout, run_in, window)
 
@@ -296,7 +297,7 @@ class VAFScorer:
         if self.rate == "model":
             model, X = reach_model(estimator, X)
             return model._score_at_model_rate(X, y, keep, self.average, self.centered)
-        measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
+        measured = as_output(y)
         prediction, fed = prediction_from(estimator, X, y)
         if fed.size == keep.size:
             keep &= fed

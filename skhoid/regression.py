@@ -9,14 +9,14 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils.validation import check_consistent_length, check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from ._sklearn import FittedDisplay
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows, warn_of_unscored
-from .preprocessing.base import DOUBLE, check_numbers, read_table
+from .preprocessing.base import read_table
+from .preprocessing.gate import DOUBLE, as_output, check_not_too_small
 from .preprocessing.grid import ModelGrid
 from .runs import (
     DecimationMark,
@@ -86,11 +86,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
             )
         check_alignment(X, y)
-        output = column_or_1d(y, warn=True)
-        if output.dtype.kind not in "iufb":
-            check_numbers(pd.DataFrame({output_name(y): output}), "y")
-        if output.dtype not in dtypes:
-            output = output.astype(np.float64)
+        output = as_output(y, warn=True, dtypes=dtypes)
         check_consistent_length(X, output)
         if np.isinf(output).any():
             row = int(np.flatnonzero(np.isinf(output))[0])
@@ -113,6 +109,9 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         grid, values = self._read_X(X, reset=True, dtypes=dtypes)
         warn_of_pooled(X)
         output = self._read_y(X, y, dtypes)
+        if needs != "nothing":
+            check_not_too_small(values, "X", self._names)
+            check_not_too_small(output, "y")
         self._output_name = output_name(y)
         self._columns = input_columns(
             self._names, values.shape[1], self.inputs, self._run, self.roles
@@ -120,7 +119,8 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         self.inputs_ = self._channel_names(self._columns)
         self._needed = self._columns
         if needs == "all":
-            run = None if self._run is None else run_column(self._names or [*range(values.shape[1])], self._run)
+            names = self._names or [*range(values.shape[1])]
+            run = None if self._run is None else run_column(names, self._run)
             self._needed = [i for i in range(values.shape[1]) if i != run]
         if needs != "nothing":
             output = self._without_empty_runs(grid.layout, values, output)

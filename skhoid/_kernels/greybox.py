@@ -250,7 +250,7 @@ def second_order(position, rate, matrices, cubic, square, bound):
                     away = new + c0 * _force(new, cubic, square) - whole
                     step = away / (1 + c0 * (3 * cubic * new * new + 2 * square * abs(new)))
                     new -= step
-                    if abs(step) < 1e-12 * (1e-6 + abs(new)):
+                    if abs(step) <= 1e-12 * (abs(whole) + abs(new)):
                         break
                 p1 -= _force(new, cubic, square)
             if abs(z[j]) == bound:  # diverged: it stays at the bound

@@ -28,7 +28,7 @@ STEEPEST = HELD**2  # U_ik^2 max(phi_i^2) / max(phi_k^2) up to which column k is
 LARGEST = 1e150  # D, whatever the power
 REMEMBERED = 1 - 2.0**-12  # of the largest square, at each instant with a regressor that is not 0
 SHORTEST = 0.5  # variable forgetting factor
-TOO_LARGE = 1e100  # for squares of products
+TOO_LARGE = 1e40  # of data, as at the gate in preprocessing
 
 
 def layout(n_params):

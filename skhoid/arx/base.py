@@ -133,10 +133,14 @@ class BaseARX(RunRegressor):
             return free
         responses = np.empty((free.size, na))
         rest = np.zeros_like(inputs)
+        theta, at = self._parameters(grid)
+        if self.orders_.intercept:  # beside a large one the response to 1 would be rounded away
+            theta = np.column_stack([theta[:, :-1], np.zeros(len(theta))])
+        stretches = (grid.begin, grid.end, grid.past)
         for lag in range(na):
             y0 = np.zeros((grid.begin.size, na))
             y0[:, lag] = 1.0
-            responses[:, lag] = self._simulate(grid, rest, y0) - self._simulate(grid, rest)
+            responses[:, lag] = free_run_output(rest, stretches, self.orders_, theta, at, y0)
         for begin, end in zip(grid.begin, grid.end, strict=True):
             known = np.flatnonzero(~np.isnan(output[begin:end])) + begin
             fitted = np.linalg.lstsq(responses[known], output[known] - free[known], rcond=None)[0]

@@ -17,7 +17,7 @@ from ..greybox.fitting import RemnantModel
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared, SimulatedCore
 from ..human import ELEMENT
-from ..preprocessing.base import AS_GIVEN, DOUBLE
+from ..preprocessing.gate import AS_GIVEN, DOUBLE
 from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
 from .base import BaseARX

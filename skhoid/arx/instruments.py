@@ -82,6 +82,8 @@ def estimate(
     raw_Phi, raw_output, Z = _stack(parts)
     theta, Q = _two_stage(raw_Phi, raw_output, Z, orders, names)
     converged, rounds = False, 0
+    # Coefficients by what they make of the output, whatever the units.
+    weight = _scale_of(raw_Phi) / _scale_of(raw_output)
     settle = round(SETTLE / dt)
     while not converged and rounds < MAX_ROUNDS:
         a = _stabilised(np.r_[1.0, theta[: orders.na]])
@@ -90,12 +92,14 @@ def estimate(
         previous = theta
         theta, Q = _two_stage(Phi, output, Z, orders, names)
         rounds += 1
-        step = np.max(np.abs(theta - previous))
-        converged = bool(step <= TOLERANCE * max(1.0, np.max(np.abs(theta))))
+        step, size = (np.max(np.abs(v) * weight) for v in (theta - previous, theta))
+        converged = bool(step <= TOLERANCE * max(1.0, size))
     error = raw_output - raw_Phi @ theta
     filtered_error = output - Phi @ theta
     projected = Q @ (Q.T @ Phi)
-    bread = np.linalg.inv(projected.T @ projected)
+    scale = _scale_of(projected)
+    scaled = projected / scale
+    bread = np.linalg.inv(scaled.T @ scaled) / np.outer(scale, scale)
     if coloured:
         begin_of_part = np.cumsum([0, *(part.y.size for part in parts[:-1])])
         influence = (projected * filtered_error[:, None]) @ bread
@@ -165,9 +169,14 @@ def _stack(parts: list[_Stretch]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _basis(Z: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the excited directions of the instruments."""
-    scale = np.sqrt(np.mean(Z**2, axis=0))
-    U, sizes, _ = np.linalg.svd(Z / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    U, sizes, _ = np.linalg.svd(Z / _scale_of(Z), full_matrices=False)
     return U[:, sizes > WEAK * sizes[0]]
+
+
+def _scale_of(columns: np.ndarray) -> np.ndarray:
+    """Root mean square of each column, or 1."""
+    scale = np.sqrt(np.mean(columns**2, axis=0))
+    return np.where(scale > 0, scale, 1.0)
 
 
 def _two_stage(
@@ -175,7 +184,9 @@ def _two_stage(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Two-stage least squares: theta, and a basis of the excited instruments."""
     Q = _basis(Z)
-    theta, _, rank, _ = np.linalg.lstsq(Q.T @ Phi, Q.T @ y, rcond=None)
+    scale = _scale_of(Phi)
+    theta, _, rank, _ = np.linalg.lstsq(Q.T @ (Phi / scale), Q.T @ y, rcond=None)
+    theta /= scale
     if rank < orders.n_params:
         raise RankDeficiencyError(
             f"The instruments {names} excite {min(rank, Q.shape[1])} directions, and there are "

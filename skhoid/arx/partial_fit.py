@@ -54,7 +54,6 @@ class PartialFit(BaseARX):
     smooth: bool
     combine: str
     _read_forgetting: Any
-    _check_size: Any
     _reset_times: Any
     _set_forgetting: Any
 
@@ -141,7 +140,6 @@ class PartialFit(BaseARX):
                 "partial_fit cannot take decimated rows: the filter of the Decimator needs what "
                 "comes after them. Stream at the rate of the model."
             )
-        self._check_size(values, output)
         self._read_orders(begun=stream is not None or pending is not None)
         # Nothing is kept of rows that are refused.
         clock = copy(vars(self).get("_clock", Clock()))

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .. import _kernels
 from .._sklearn import Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning
 from ..greybox.estimates import arx_parameter_table
@@ -297,18 +296,7 @@ class RecursiveARX(PartialFit):
         grid, inputs, output, *_ = self._read_data(X, y)
         self._set_orders(grid)
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        self._check_size(inputs, output)
         return RecursionData.of(grid, inputs, output, self.orders_)
-
-    def _check_size(self, inputs: np.ndarray, output: np.ndarray) -> None:
-        for values in (inputs, output):
-            largest = np.nanmax(np.abs(values), initial=0.0)
-            if largest > _kernels.rls.TOO_LARGE:
-                raise ValueError(
-                    f"The data hold {largest:g}, a value too large for recursive least squares "
-                    f"(at most {_kernels.rls.TOO_LARGE:g}). Mark missing values by NaN, or "
-                    "use other units."
-                )
 
     def _read_forgetting(self, time: np.ndarray) -> Forgetting:
         return read_forgetting(

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy.signal.windows import tukey
-from sklearn.utils.validation import check_consistent_length, column_or_1d
+from sklearn.utils.validation import check_consistent_length
 
 from .._sklearn import safe_indexing
 from ..exceptions import MissingDataWarning, ShortRunError, python_only
 from ..metrics import scored_rows, scored_signals, warn_of_unscored
 from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
-from ..preprocessing.base import as_fitted, check_numbers
+from ..preprocessing.base import as_fitted
+from ..preprocessing.gate import as_output, as_table, check_numbers
 from ..recordings.loss_of_control import ControlCheck, control_check
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
@@ -151,12 +152,13 @@ def read_signals(
     run: Any = None,
 ) -> Signals:
     """Predict, and find the rows to score, the channels by role, and the repeats."""
+    X = as_table(X)
+    measured = as_output(y)
     check_consistent_length(X, y)
     check_alignment(X, y)
     if run_in is not None and not run_in >= 0:
         raise ValueError(f"run_in is a time in seconds, at least 0; got {run_in!r}.")
     layout = raw_layout(model, X, dt=dt, run=run)
-    measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
     predicted, fed = prediction_from(model, X, y)
     if predicted.size != measured.size:
         raise ValueError(

@@ -49,7 +49,7 @@ def spread_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> lis
     tried = []
     for a in spread_poles(core, record, n):
         table, y = _regression(core, record, x, a)
-        b = np.linalg.lstsq(table, y, rcond=None)[0]
+        b = _least_squares(table, y)
         error = y - table @ b
         tried.append((float(error @ error), np.r_[a, b]))
     tried.sort(key=lambda one: one[0])
@@ -110,8 +110,15 @@ def starts_at_rest(core: HasOrders, record: Record) -> bool:
 
 
 def _residual_power(table: np.ndarray, y: np.ndarray) -> float:
-    error = y - table @ np.linalg.lstsq(table, y, rcond=None)[0]
+    error = y - table @ _least_squares(table, y)
     return float(error @ error)
+
+
+def _least_squares(table: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Least squares with columns of one size, so that units do not decide what is small."""
+    scale = np.sqrt(np.mean(table**2, axis=0))
+    scale = np.where(scale > 0, scale, 1.0)
+    return np.linalg.lstsq(table / scale, y, rcond=None)[0] / scale
 
 
 def _denominator(core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -130,12 +137,12 @@ def _denominator(core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray) 
     usable[: max(core.na, core.nb + core.nk - 1)] = False
     y, *columns = _without_start(record, a, [y, *columns], usable)
     table = np.stack([c[usable] for c in columns], axis=1)
-    return np.linalg.lstsq(table, y[usable], rcond=None)[0][: core.na]
+    return _least_squares(table, y[usable])[: core.na]
 
 
 def _numerator(core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray) -> np.ndarray:
     """b_0 ... and the intercept that simulate best with a given denominator."""
-    return np.linalg.lstsq(*_regression(core, record, x, a), rcond=None)[0]
+    return _least_squares(*_regression(core, record, x, a))
 
 
 def _regression(

@@ -20,7 +20,7 @@ from .arx_starts import arx_starts, blind_starts, starts_at_rest
 from .initial import is_stable
 from .prior import Usual
 
-BOUND = 1e9  # of simulated outputs
+BOUND = 1e60  # of simulated outputs, far from those measured
 OPERATORS_MOVE = 3.0  # rad/s, half of the output's power below it: what times are written for
 LEAST_DELAY = 0.1  # s, of an operator: see OperatorRegressor
 SLOWEST, FASTEST = 0.02, 1.0  # rad per sample, of what an ARX model describes

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
+from ..effects.dimension import Dimension
 from ..effects.record import Record
 from .fitting import Criterion, Fit, minimise
 from .jumps import searched
@@ -45,7 +46,7 @@ def extended(
     core = parent.simulator.core
     before = coarse.sse(Simulator(core, parent.effects, coarse.record).run(parent.theta))
     explored: list[tuple[float, int, Effect, Fit]] = []
-    last: dict[str, float] = {}
+    last: dict[tuple[str, Dimension], float] = {}
     enough = LEAST_COARSE_GAIN * coarse.power
 
     def with_(variant: Effect, record: Record) -> Simulator:
@@ -65,8 +66,8 @@ def extended(
         starts += [start_given(simulator, one, start) for one in starts[:1] if start]
         for other in parent.other_cores:
             starts += [start_beside(parent, simulator, name, v, other) for v in values]
-        if last:  # what the previous variant found, where it has the same parameters
-            known = [(last.get(n), i) for i, n in enumerate(simulator.names)]
+        if last:  # what the previous variant found, where it has the same parameters in its units
+            known = [(last.get(key), i) for i, key in enumerate(_keys(simulator))]
             again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
             starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
         fit = best_of(simulator, coarse, starts, explore=True).fit
@@ -86,7 +87,7 @@ def extended(
             if adjusted is not variant:
                 variant, simulator = adjusted, with_(adjusted, coarse.record)
                 fit = minimise(simulator, coarse, fit.theta, max_iter=8, tol=2e-4)
-        last = dict(zip(simulator.names, fit.theta.tolist(), strict=True))
+        last = dict(zip(_keys(simulator), fit.theta.tolist(), strict=True))
         explored.append((fit.sse, number, variant, fit))
     explored.sort(key=lambda item: item[:2])
     finished: list[tuple[int, Model]] = []
@@ -107,6 +108,12 @@ def extended(
     most = least * np.exp(AS_GOOD / criterion.n)
     near = [item for item in finished if item[1].sse <= most]
     return min(near, key=lambda item: item[0])[1]
+
+
+def _keys(simulator: Simulator) -> list[tuple[str, Dimension]]:
+    """Names and dimensions of parameters: a threshold may be one of the error, or of the output."""
+    dimensions = [parameter.dimension for parameter in simulator.parameters]
+    return list(zip(simulator.names, dimensions, strict=True))
 
 
 def start_given(

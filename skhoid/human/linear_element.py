@@ -368,7 +368,10 @@ def _pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarray, np
         return np.r_[np.zeros(a.size - len(element.numerator)), element.numerator], a
     if element.order == 0:
         return np.array([element.numerator[0]]), np.ones(1)
-    A, B, C, D = tf2ss(element.numerator, element.denominator)
+    # SciPy takes coefficients below 1e-14 as zero: units must not decide that.
+    unit = 2.0 ** np.frexp(np.abs(element.numerator).max())[1]
+    A, B, C, D = tf2ss(np.array(element.numerator) / unit, element.denominator)
+    C, D = unit * C, unit * D
     n = len(A)
     if element.dt is None:
         poles = np.exp(dt * element.poles)

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from sklearn.utils.validation import check_consistent_length, column_or_1d
+from sklearn.utils.validation import check_consistent_length
 
+from ..preprocessing.gate import as_output
 from ..runs import check_alignment, input_columns, output_name
 from ..runs.roles import columns_of_role
 from .lines import Lines, Windows, all_bins, read_lines, signal_table
@@ -106,9 +107,9 @@ def fourier_coefficients(
     >>> response.magnitude.round(6), response.phase.round(6)
     (array([[2., 2., 2.]]), array([[ -36., -108., -252.]]))
     """
+    frame = signal_table(X)
     check_consistent_length(X, y)
     check_alignment(X, y)
-    frame = signal_table(X)
     names = list(frame.columns)
     windows = Windows.of(frame, window, dt, run)
     label = windows.layout.run_column if run is None else run
@@ -118,7 +119,7 @@ def fourier_coefficients(
     several = len(positions) > 1
     columns = positions + [_signal_column(names, name, roles) for name in lines if several]
     table = frame.iloc[:, columns].copy()
-    table.insert(len(positions), "", column_or_1d(y), allow_duplicates=True)
+    table.insert(len(positions), "", as_output(y), allow_duplicates=True)
     output = output_name(y)
     table.columns = [*(names[p] for p in positions), output, *lines][: table.shape[1]]
     spectra = _Spectra(windows, windows.numbers(table), lines)

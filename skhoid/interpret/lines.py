@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..metrics import scored_rows
-from ..preprocessing.base import check_numbers
+from ..preprocessing.gate import as_table, check_numbers
 from ..runs import RunLayout, read_layout
 
 BIN_TOLERANCE = 0.01  # of a bin; so far off, one percent of a line leaks into its neighbours
@@ -116,6 +116,7 @@ def all_bins(lines: dict[Any, Lines], windows: Windows, number: int) -> dict[Any
 
 
 def signal_table(X: Any) -> pd.DataFrame:
+    X = X if isinstance(X, pd.Series) else as_table(X)
     if isinstance(X, pd.DataFrame):
         return X
     if isinstance(X, pd.Series):

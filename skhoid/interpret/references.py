@@ -15,6 +15,7 @@ from ..arx import batch as models  # which imports this package: no class is the
 from ..arx.base import BaseARX
 from ..exceptions import MissingDataWarning
 from ..pipelines import final_step, raw_layout, trimmed_rows, unwrapped
+from ..preprocessing.gate import as_output
 from .conversion import operator_parameters
 from .operator_fit import NAMES
 
@@ -84,7 +85,7 @@ def reference_fits(
     measured = ~trimmed_rows(estimator, X)
     if layout.trimmed is not None:
         measured &= ~layout.trimmed
-    output = np.asarray(y, dtype=float).ravel()
+    output = as_output(y)
     rows: dict[str, dict[str, float]] = {}
     if len(windows) == 0:
         raise ValueError("windows is empty; name at least one.")

@@ -11,6 +11,7 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from ..metrics import layout_of_output, vaf_score
 from ..pipelines import raw_layout, trimmed_rows
+from ..preprocessing.gate import as_output, unmasked
 from ..preprocessing.run_in import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, run_name
 from ._axes import BLACK, BLUE, GREY, VERMILION, with_unit
@@ -140,7 +141,7 @@ class SimulationDisplay(Display):
         layout = raw_layout(estimator, X, dt=dt, run=run)
         check_alignment(X, y)
         check_consistent_length(X, y)
-        measured = column_or_1d(np.asarray(y, dtype=float), warn=False)
+        measured = as_output(y)
         prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
         run_in = trimmed_rows(estimator, X)
         display = cls._of(layout, measured, prediction, run_in, runs, window, centered, y)
@@ -189,8 +190,8 @@ class SimulationDisplay(Display):
         display : SimulationDisplay
         """
         check_consistent_length(y_true, y_pred)
-        measured = column_or_1d(np.asarray(y_true, dtype=float), warn=False)
-        prediction = column_or_1d(np.asarray(y_pred, dtype=float), warn=False)
+        measured = as_output(y_true, "y_true")
+        prediction = column_or_1d(np.asarray(unmasked(y_pred), dtype=float), warn=False)
         layout = layout_of_output(y_true, dt, run)
         trimmed = run_in_rows(layout, run_in=run_in)
         display = cls._of(layout, measured, prediction, trimmed, runs, window, centered, y_true)

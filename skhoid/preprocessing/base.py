@@ -22,9 +22,7 @@ from ..runs import (
     run_time_index,
 )
 from ..runs.flat import refuse_flat
-
-DOUBLE = (np.float64,)
-AS_GIVEN = (np.float64, np.float32)  # what is read in parts, and need not be copied as a whole
+from .gate import DOUBLE, as_table, check_not_too_large, check_numbers
 
 
 def keep_parameters(estimator: Any) -> None:
@@ -55,6 +53,7 @@ def read_table(
         keep_parameters(estimator)
     known_dt = None if reset else estimator._full_dt
     told = as_fitted(estimator)
+    X = as_table(X)
     frame = isinstance(X, pd.DataFrame)
     if not reset and estimator._indexed and not (frame and TIME in X.index.names):
         raise RunIndexError(
@@ -72,6 +71,7 @@ def read_table(
                 X.isetitem(position, layout.run_of(np.arange(len(X))))
         check_numbers(X, "X")
     values = validate_data(estimator, X, reset=reset, dtype=dtypes, ensure_all_finite="allow-nan")
+    check_not_too_large(values, "X", names)
     if layout is None:
         refuse_flat(X, dt=estimator.dt, run=estimator.run)  # values have lost their names
         names = list(X.columns) if hasattr(X, "columns") else None
@@ -83,28 +83,6 @@ def read_table(
         estimator._names = names
         estimator._run = layout.run_column if told.run is None else told.run
     return layout, values
-
-
-def check_numbers(table: pd.DataFrame, what: str) -> None:
-    """Name the first entry of a table that is not a real number."""
-    for position, dtype in enumerate(table.dtypes):
-        if dtype.kind in "iufb":
-            continue
-        column = table.iloc[:, position]
-        where = f"column {column.name!r} of {what}"
-        if dtype.kind == "c":
-            raise ValueError(
-                f"Complex data not supported: {where} is complex; give its "
-                "real and imaginary parts as two columns."
-            )
-        if dtype.kind in "OSUT":
-            bad = pd.to_numeric(column, errors="coerce").isna() & column.notna()
-            if bad.any():
-                row = int(np.flatnonzero(bad)[0])
-                raise ValueError(
-                    f"The {where} holds {column.iloc[row]!r} in row {row}, which is not "
-                    "a number. Use another column, or mark missing values by NaN."
-                )
 
 
 class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):

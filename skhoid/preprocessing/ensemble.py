@@ -9,6 +9,7 @@ import pandas as pd
 
 from ..exceptions import RunIndexError
 from ..runs import RUN, TIME, check_alignment, read_layout
+from .gate import as_output
 
 MEAN = "mean"  # label of the averaged run
 SAME = 1e-6  # of its largest value, within which a target is the same
@@ -66,7 +67,7 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
             "ensemble_average takes recorded rows, not those marked by a Decimator or a "
             "RunInTrimmer; average first and put these into the pipeline."
         )
-    table = X.assign(**{"": np.asarray(y, dtype=float)})  # no channel has an empty name
+    table = X.assign(**{"": as_output(y)})  # no channel has an empty name
     outer = [name for name in index.names if name not in (RUN, TIME)]
     starts = layout.run_starts
     number = layout.sample_numbers()

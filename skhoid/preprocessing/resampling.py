@@ -21,6 +21,7 @@ from ..runs import (
     within_runs,
 )
 from ..runs.flat import refuse_flat
+from .gate import as_output
 
 LONGEST_BRIDGE = 3.0  # median steps; late samples of a jittery clock are no gap
 
@@ -67,7 +68,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     others = [name for name in index.names if name != TIME]
     values = X.to_numpy(dtype=float)
     if y is not None:
-        values = np.column_stack([values, np.asarray(y, dtype=float)])
+        values = np.column_stack([values, as_output(y)])
     if others:
         codes, labels = pd.factorize(index.droplevel(TIME))
         run_starts = contiguous_runs(codes, list(labels))

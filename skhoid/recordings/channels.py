@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..exceptions import RunIndexError
+from ..preprocessing.gate import as_table
 from ..runs import GAP, JITTER_TOLERANCE, snap
 from ..runs.roles import of_person
 from ..summaries import counted
@@ -89,6 +90,7 @@ def check_channels(
     >>> finding.next_step
     'Multiply RollRate by 57.2958, unless it is RollAngle that is wrong. YawRate has no angle ...'
     """
+    X = as_table(X)
     if len(X) == 0:
         raise RunIndexError("X has no rows.")
     recording = read_recording(X, y, dt, run)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..preprocessing.base import check_numbers
+from ..preprocessing.gate import as_output, as_table, check_numbers
 from ..runs import check_alignment, output_name, run_column
 from ..runs.roles import check_named, column_of_role, role_of
 
@@ -21,6 +21,7 @@ class NamedSignals:
 
     def __init__(self, X: Any, y: Any, *, roles: Any = None, run: Any = None) -> None:
         check_alignment(X, y)
+        X = as_table(X)
         frame = X if isinstance(X, pd.DataFrame) else pd.DataFrame(np.asarray(X))
         names = list(frame.columns)
         self.output_name = output_name(y)
@@ -46,7 +47,7 @@ class NamedSignals:
 
 
 def _numbers(y: Any, n_rows: int) -> np.ndarray:
-    output = np.asarray(y, dtype=float)
+    output = as_output(y)
     if output.size != n_rows:
         raise ValueError(f"y has {output.size} values and X has {n_rows} rows.")
-    return output.ravel()
+    return output

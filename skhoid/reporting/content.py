@@ -16,6 +16,7 @@ from ..effects.catalogue import BY_NAME
 from ..greybox.estimates import parameter_text
 from ..pipelines import raw_layout, taken_apart
 from ..preprocessing.base import as_fitted
+from ..preprocessing.gate import as_output
 from ..recordings.channels import check_channels
 from ..regression import units_of
 from ..runs import RunLayout, run_name
@@ -84,7 +85,7 @@ def content_of(
     comparison, after = results.comparison, results.after
     rows = "the rows it was fitted to" if results.fitted_here else "the rows given"
     frame = as_frame(X)
-    output = pd.Series(np.asarray(y, dtype=float).ravel(), name=output_name(y))
+    output = pd.Series(as_output(y), name=output_name(y))
     units = {**units_of(X), **units_of(y)}
     layout = raw_layout(baseline, X)
     names = [*frame.columns, output.name, *units.values(), repr(baseline), *layout.labels]

@@ -112,6 +112,8 @@ def input_columns(
     if inputs is None:
         errors = columns_of_role(names, "e", roles)
         chosen = errors or [i for i in range(n_columns) if i != run_position]
+        if not chosen:
+            raise ValueError(f"X has no channel, only the run column {run!r}.")
         labels = not_channels(names[i] for i in chosen)
         if labels:
             raise RunIndexError(

@@ -27,6 +27,7 @@ from ..greybox.protocol import SimulatedModel, check_simulated_model
 from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
 from ..preprocessing.base import as_fitted, keep_parameters
+from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
@@ -227,6 +228,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         """
         check_simulated_model(self.estimator, "EffectSearchCV")
         keep_parameters(self)
+        X = as_table(X)
         with threadpool_limits(1):  # small products, which threads only slow down
             model = clone(self.estimator)
             if self.controlled_element is not None:
@@ -241,7 +243,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
             known = prepared.known & ~lost
             folds = self._folds(prepared, known, routed)
             search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
-            measured = np.asarray(y, dtype=float).ravel()
+            measured = as_output(y)
             kept = np.where(known, measured, np.nan)
             found, verdict, best = self._searched(search, model, prepared, kept)
             if len(found.path.model.effects):  # choices made, numbers to be estimated

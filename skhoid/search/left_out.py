@@ -12,6 +12,7 @@ import pandas as pd
 from ..exceptions import ShortRunError, SlowClockWarning
 from ..greybox import OperatorRegressor
 from ..greybox.prepared import Prepared, check_rows
+from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import KEEP, KEEP_ROWS, ControlCheck, control_in
 from ..runs.roles import OTHER, input_columns, role_of
 from ..summaries import counted
@@ -26,6 +27,7 @@ def control_of(
     """
     if lost_control == KEEP or domain == "machine":
         return ControlCheck()
+    X = as_table(X)
     X = X if hasattr(X, "columns") else np.asarray(X)
     roles, run = (getattr(estimator, name, None) for name in ("roles", "run"))
     if isinstance(estimator, OperatorRegressor):
@@ -48,7 +50,7 @@ def without_output(y: Any, control: ControlCheck) -> Any:
         kept = y.mask(lost)
         kept.attrs = dict(y.attrs)
         return kept
-    return np.where(lost, np.nan, np.asarray(y, dtype=float).ravel())
+    return np.where(lost, np.nan, as_output(y))
 
 
 def without_rows(prepared: Prepared, rows: np.ndarray, settling: float) -> Prepared:

@@ -13,7 +13,8 @@ from sklearn.pipeline import Pipeline
 
 from ...exceptions import ShortRunError
 from ...pipelines import final_step
-from ...preprocessing.base import AS_GIVEN, RowPreservingTransformer
+from ...preprocessing.base import RowPreservingTransformer
+from ...preprocessing.gate import AS_GIVEN
 from ...preprocessing.grid import ModelGrid
 from ..base import BaseARX, check_lengths, check_row_count, longest_stretches
 from ..batch import ARXRegressor

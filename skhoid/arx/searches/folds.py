@@ -65,13 +65,6 @@ class RunRows:
             mask[self.run_starts[run] : self.run_starts[run + 1]] = rows
         return mask
 
-    def meets(self, rows: np.ndarray, of_runs: np.ndarray) -> bool:
-        """Whether some of other rows, a mask, are among them; ``of_runs`` are the runs of those."""
-        starts = self.run_starts
-        return bool(of_runs[self.whole].any()) or any(
-            (rows[starts[run] : starts[run + 1]] & mask).any() for run, mask in self.cut.items()
-        )
-
 
 class Fold(NamedTuple):
     """Rows to fit on and rows to score; the runs of the latter are simulated as a whole."""

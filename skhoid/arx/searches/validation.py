@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 from sklearn.base import clone
-from sklearn.utils.validation import column_or_1d
 
 from ..._sklearn import safe_indexing
 from ...exceptions import RankDeficiencyError
 from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
 from ...pipelines import raw_layout, trimmed_rows
-from ...preprocessing.base import AS_GIVEN
+from ...preprocessing.gate import AS_GIVEN, as_output
 from .candidates import CandidateTable
 from .fitted_candidates import FittedCandidates
 from .folds import Fold, folds_of
@@ -37,9 +36,7 @@ class Validation:
                 "choose between models."
             )
         self.layout = raw_layout(estimator, X, dt=scorer.dt, run=scorer.run)
-        self.y = column_or_1d(np.asarray(y), warn=False)
-        if self.y.dtype not in AS_GIVEN:
-            self.y = self.y.astype(np.float64)
+        self.y = as_output(y, dtypes=AS_GIVEN)
         self.known = known
         self.scorer = scorer
         self.keep = known & scored_rows(self.layout, scorer.run_in, scorer.window)

@@ -1,0 +1,138 @@
+"""The gate of all data: which containers and sizes of values are read, and what masks mean."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.utils.validation import column_or_1d
+
+from ..runs import output_name
+
+# Squares, their products and sums over all rows, and ratios of channels stay far from the limits
+# of float64 between these.
+LARGEST, SMALLEST = 1e40, 1e-40
+
+DOUBLE = (np.float64,)
+AS_GIVEN = (np.float64, np.float32)  # what is read in parts, and need not be copied as a whole
+
+
+def as_table(X: Any) -> Any:
+    """Channels as a frame or an array that NumPy reads: masked values as NaN, sparse ones dense."""
+    if isinstance(X, pd.DataFrame):
+        _check_columns(X)
+        sparse = {n: t.subtype for n, t in X.dtypes.items() if isinstance(t, pd.SparseDtype)}
+        return X.astype(sparse) if sparse else X
+    _refuse_container(X)
+    return unmasked(X)
+
+
+def as_output(
+    y: Any, what: str = "y", *, warn: bool = False, dtypes: tuple[type, ...] = DOUBLE
+) -> np.ndarray:
+    """Values of an output, one per row: masked ones as NaN; ``warn`` of a column vector."""
+    values = column_or_1d(unmasked(y), warn=warn)
+    if values.dtype.kind not in "iufb":
+        check_numbers(pd.DataFrame({output_name(y): values}), what)
+    if values.dtype not in dtypes:
+        values = values.astype(np.float64)
+    check_not_too_large(values, what)
+    return values
+
+
+def unmasked(data: Any) -> Any:
+    """Data with NaN where a mask says that nothing was measured."""
+    if not isinstance(data, np.ma.MaskedArray):
+        return data
+    if np.ma.is_masked(data):
+        return data.astype(np.float64).filled(np.nan)
+    return data.data
+
+
+def check_not_too_large(values: np.ndarray, what: str, names: list[Any] | None = None) -> None:
+    """Refuse finite values that are too large to compute with."""
+    sizes = _sizes(values)
+    bad = np.flatnonzero((sizes > LARGEST) & (sizes < np.inf))
+    if bad.size:
+        raise ValueError(
+            f"{_place(what, names, bad[0])} holds values of {sizes[bad[0]]:.6g}, too large to "
+            f"compute with (at most {LARGEST:g}). Mark missing values by NaN, or use other units."
+        )
+
+
+def check_not_too_small(values: np.ndarray, what: str, names: list[Any] | None = None) -> None:
+    """Refuse signals that are next to zero throughout, other than zero itself."""
+    sizes = _sizes(values)
+    bad = np.flatnonzero((sizes > 0) & (sizes < SMALLEST))
+    if bad.size:
+        raise ValueError(
+            f"{_place(what, names, bad[0])} is nowhere larger than {sizes[bad[0]]:.6g}, too small "
+            f"to compute with (at least {SMALLEST:g}). Use other units, or zeros if it is at rest."
+        )
+
+
+def _sizes(values: np.ndarray) -> np.ndarray:
+    """Largest size in each column, NaN where nothing is known."""
+    table = values.reshape(len(values), -1)
+    if not table.size:
+        return np.zeros(table.shape[1])
+    return np.fmax(np.fmax.reduce(table, axis=0), -np.fmin.reduce(table, axis=0))
+
+
+def _place(what: str, names: list[Any] | None, column: int) -> str:
+    if what != "X":
+        return what
+    return f"Column {int(column) if names is None else names[column]!r} of X"
+
+
+def _check_columns(X: pd.DataFrame) -> None:
+    if X.shape[1] == 0:
+        raise ValueError(
+            "X has no columns (0 feature(s), while a minimum of 1 is required): there is no "
+            "channel to answer."
+        )
+    if not X.columns.is_unique:
+        twice = X.columns[X.columns.duplicated()][0]
+        raise ValueError(
+            f"{int((X.columns == twice).sum())} columns of X are called {twice!r}; give each its "
+            "own name."
+        )
+
+
+def _refuse_container(X: Any) -> None:
+    library = type(X).__module__.partition(".")[0]
+    if isinstance(X, dict):
+        instead = "pandas.DataFrame(X)"
+    elif library == "pyarrow":
+        instead = "X.to_pandas()"
+    elif library == "polars" and hasattr(X, "collect"):
+        instead = "X.collect()"
+    else:
+        return
+    raise TypeError(
+        f"X is a {type(X).__name__}, which is not read: pass {instead}, best with levels 'run' and "
+        "'time' in its index."
+    )
+
+
+def check_numbers(table: pd.DataFrame, what: str) -> None:
+    """Name the first entry of a table that is not a real number."""
+    for position, dtype in enumerate(table.dtypes):
+        if dtype.kind in "iufb":
+            continue
+        column = table.iloc[:, position]
+        where = f"column {column.name!r} of {what}"
+        if dtype.kind == "c":
+            raise ValueError(
+                f"Complex data not supported: {where} is complex; give its "
+                "real and imaginary parts as two columns."
+            )
+        if dtype.kind in "OSUT":
+            bad = pd.to_numeric(column, errors="coerce").isna() & column.notna()
+            if bad.any():
+                row = int(np.flatnonzero(bad)[0])
+                raise ValueError(
+                    f"The {where} holds {column.iloc[row]!r} in row {row}, which is not "
+                    "a number. Use another column, or mark missing values by NaN."
+                )

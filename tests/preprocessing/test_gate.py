@@ -1,0 +1,231 @@
+"""What is read: containers, masks, sizes of values; the same everywhere."""
+
+import warnings
+from collections import OrderedDict
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pytest
+from sklearn.base import clone
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelaySearchCV,
+    DelayShift,
+    EffectSearchCV,
+    OperatorRegressor,
+    OrderSearchCV,
+    RecursiveARX,
+    VAFScorer,
+    _kernels,
+    check_channels,
+    compare,
+    fourier_coefficients,
+    make_tracking_runs,
+    vaf_score,
+)
+from skhoid.exceptions import MissingDataWarning
+from skhoid.preprocessing.gate import LARGEST, SMALLEST
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhoid.exceptions.MissingDataWarning")
+
+X, Y = make_tracking_runs(
+    "C1",
+    1,
+    duration=10.24,
+    sampling_rate=50,
+    remnant_intensity=0.1,
+    channels=("e", "x", "f_t"),
+    random_state=0,
+)
+FRAME = X.reset_index(drop=True)
+ARRAY, OUTPUT = X.to_numpy(), Y.to_numpy()
+GAPS_X, GAPS_Y = ARRAY.copy(), OUTPUT.copy()
+GAPS_X[100:110, 0] = np.nan
+GAPS_Y[300:310] = np.nan
+MASKED_X = np.ma.masked_array(np.where(np.isnan(GAPS_X), 1e6, GAPS_X), np.isnan(GAPS_X))
+MASKED_Y = np.ma.masked_array(np.where(np.isnan(GAPS_Y), 1e6, GAPS_Y), np.isnan(GAPS_Y))
+BATCH = ARXRegressor(nk=15, inputs=[0])
+MODELS = {
+    "batch": BATCH,
+    "instruments": ARXRegressor(nk=15, inputs=[0], method="iv", instruments=[2]),
+    "recursive": RecursiveARX(nk=15, inputs=[0], init_window=100),
+    "operator": OperatorRegressor(inputs=[0], delay=0.28, dt=0.02),
+    "delays": DelaySearchCV(BATCH, nk=[14, 15], criterion="vaf"),
+    "orders": OrderSearchCV(BATCH, na=[2], nb=[1, 2], nk=[15]),
+}
+each_model = pytest.mark.parametrize("name", MODELS)
+
+
+# Masks
+
+
+@each_model
+def test_a_mask_says_that_nothing_was_measured(name):
+    missing = clone(MODELS[name]).fit(GAPS_X, GAPS_Y)
+    masked = clone(MODELS[name]).fit(MASKED_X, MASKED_Y)
+    np.testing.assert_array_equal(masked.predict(MASKED_X), missing.predict(GAPS_X))
+    assert masked.score(MASKED_X, MASKED_Y) == missing.score(GAPS_X, GAPS_Y)
+    assert VAFScorer()(masked, MASKED_X, MASKED_Y) == VAFScorer()(missing, GAPS_X, GAPS_Y)
+    if hasattr(missing, "predict_ahead"):
+        np.testing.assert_array_equal(
+            masked.predict_ahead(MASKED_X, MASKED_Y), missing.predict_ahead(GAPS_X, GAPS_Y)
+        )
+
+
+@pytest.mark.slow
+def test_a_mask_in_a_search_for_effects():
+    search = EffectSearchCV(MODELS["operator"], effects=["bias"])
+    missing, masked = clone(search).fit(GAPS_X, GAPS_Y), clone(search).fit(MASKED_X, MASKED_Y)
+    pd.testing.assert_frame_equal(masked.error_path_, missing.error_path_)
+
+
+def test_a_mask_in_a_comparison():
+    model = clone(BATCH).fit(ARRAY, OUTPUT)
+    masked, missing = compare(model, MASKED_X, MASKED_Y), compare(model, GAPS_X, GAPS_Y)
+    assert masked.summary() == missing.summary()
+
+
+def test_a_mask_elsewhere():
+    for step in (Decimator(2), DelayShift(3)):
+        masked, missing = (clone(step).fit_transform(data) for data in (MASKED_X, GAPS_X))
+        np.testing.assert_array_equal(masked, missing)
+    stream = RecursiveARX(init="zeros", p0=1, inputs=[0])
+    masked, missing = (
+        clone(stream).partial_fit(*data) for data in ((MASKED_X, MASKED_Y), (GAPS_X, GAPS_Y))
+    )
+    np.testing.assert_array_equal(masked.coef_, missing.coef_)
+    assert vaf_score(MASKED_Y, OUTPUT) == vaf_score(GAPS_Y, OUTPUT)
+    assert check_channels(MASKED_X, MASKED_Y) == check_channels(GAPS_X, GAPS_Y)
+
+
+def test_a_mask_of_whole_numbers_and_one_of_nothing():
+    whole = np.ma.masked_array(np.rint(1000 * ARRAY[:, 0]).astype(int), np.arange(512) == 200)
+    with pytest.warns(MissingDataWarning, match="1 rows of 'u'"):
+        clone(BATCH).fit(ARRAY, whole)
+    plain = clone(BATCH).fit(ARRAY, OUTPUT).coef_
+    nothing = clone(BATCH).fit(np.ma.masked_array(ARRAY), np.ma.masked_array(OUTPUT)).coef_
+    np.testing.assert_array_equal(nothing, plain)
+
+
+# Containers
+
+
+@pytest.mark.parametrize(
+    "same",
+    [
+        FRAME.astype(pd.SparseDtype(float, 0.0)),
+        FRAME.assign(x=FRAME["x"].astype(pd.SparseDtype(float))),
+        FRAME.convert_dtypes(dtype_backend="pyarrow"),
+        FRAME.convert_dtypes(),
+        pl.DataFrame(FRAME),
+    ],
+    ids=["sparse", "one sparse column", "arrow columns", "masked columns", "polars"],
+)
+def test_containers_that_are_read(same):
+    model = ARXRegressor(nk=15).fit(FRAME, OUTPUT)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        other = ARXRegressor(nk=15).fit(same, OUTPUT)
+    np.testing.assert_array_equal(other.coef_, model.coef_)
+    np.testing.assert_array_equal(other.predict(same), model.predict(FRAME))
+    if isinstance(same, pd.DataFrame):
+        assert compare(model, same, OUTPUT).vaf == compare(model, FRAME, OUTPUT).vaf
+
+
+TWICE = FRAME.set_axis(["e", "x", "x"], axis=1)
+REFUSED = {
+    "arrow table": (pa.Table.from_pandas(FRAME), TypeError, r"X is a Table.*X\.to_pandas\(\)"),
+    "lazy frame": (pl.DataFrame(FRAME).lazy(), TypeError, r"X is a LazyFrame.*X\.collect\(\)"),
+    "dict": (dict(FRAME), TypeError, r"X is a dict.*pandas\.DataFrame\(X\)"),
+    "ordered dict": (OrderedDict(FRAME), TypeError, r"X is a OrderedDict.*DataFrame\(X\)"),
+    "a name twice": (TWICE, ValueError, "2 columns of X are called 'x'"),
+    "no columns": (FRAME[[]], ValueError, "X has no columns"),
+    "no rows": (FRAME[:0], ValueError, r"0 sample\(s\)"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_containers_that_are_refused(case):
+    table, error, match = REFUSED[case]
+    y = OUTPUT[: len(table)] if isinstance(table, pd.DataFrame) else OUTPUT
+    model = ARXRegressor(nk=15).fit(FRAME, OUTPUT)
+    for read in (
+        lambda: ARXRegressor().fit(table, y),
+        lambda: OperatorRegressor().fit(table, y),
+        lambda: RecursiveARX().partial_fit(table, y),
+        lambda: DelaySearchCV().fit(table, y),
+        lambda: EffectSearchCV(OperatorRegressor()).fit(table, y),
+        lambda: Decimator(2).fit(table),
+        lambda: model.predict(table),
+        lambda: model.score(table, y),
+    ):
+        with pytest.raises(error, match=match):
+            read()
+    if case != "no rows":
+        with pytest.raises(error, match=match):
+            compare(model, table, y)
+        with pytest.raises(error, match=match):
+            check_channels(table, y)
+        with pytest.raises(error, match=match):
+            fourier_coefficients(table, y, forcing=[1.0])
+
+
+def test_a_run_column_alone_is_no_channel():
+    with pytest.raises(ValueError, match="only the run column 'run'"):
+        ARXRegressor(run="run").fit(pd.DataFrame({"run": np.zeros(512)}), OUTPUT)
+
+
+# Sizes of values
+
+
+@each_model
+def test_sizes_that_are_refused(name):
+    model = clone(MODELS[name])
+    with pytest.raises(ValueError, match=r"Column 0 of X holds values of 1e\+150, too large"):
+        model.fit(np.where(ARRAY[7, 0] == ARRAY, 1e150, ARRAY), OUTPUT)
+    with pytest.raises(ValueError, match=r"y holds values of .*e\+308, too large"):
+        model.fit(ARRAY, OUTPUT / np.abs(OUTPUT).max() * 1e308)
+    with pytest.raises(
+        ValueError, match=r"Column 0 of X is nowhere larger than .*e-10., too small"
+    ):
+        model.fit(ARRAY * np.array([1e-100, 1, 1]), OUTPUT)
+    with pytest.raises(ValueError, match=r"y is nowhere larger than .*e-10., too small"):
+        model.fit(ARRAY, OUTPUT * 1e-100)
+
+
+def test_sizes_that_are_refused_with_their_names():
+    with pytest.raises(ValueError, match="Column 'x' of X holds"):
+        ARXRegressor().fit(X.assign(x=X["x"] * 1e60), Y)
+    model = ARXRegressor(nk=15).fit(X, Y)
+    for read in (model.predict, Decimator(2).fit):
+        with pytest.raises(ValueError, match="Column 'e' of X holds"):
+            read(X.assign(e=X["e"] * 1e60))
+    for read in (model.score, model.predict_ahead, lambda X, y: compare(model, X, y)):
+        with pytest.raises(ValueError, match="y holds"):
+            read(X, Y * 1e60)
+    with pytest.raises(ValueError, match="y_true holds"):
+        vaf_score(Y * 1e60, Y)
+    assert vaf_score(Y, Y * 1e60) == 0  # a simulation that runs away
+
+
+def test_a_stream_may_fade_and_may_not_grow_too_large():
+    one = RecursiveARX(init="zeros", p0=1)
+    one.partial_fit(ARRAY[:, :1], OUTPUT).partial_fit(ARRAY[:5, :1] * 1e-60, OUTPUT[:5] * 1e-60)
+    with pytest.raises(ValueError, match="Column 0 of X holds"):
+        one.partial_fit(ARRAY[:5, :1] * 1e60, OUTPUT[:5])
+    assert clone(one).partial_fit(ARRAY[:5, :1] * 1e-60, OUTPUT[:5]).n_updates_ == 3
+
+
+def test_channels_at_rest_are_not_too_small():
+    rest = np.column_stack([ARRAY, np.zeros(len(ARRAY)), np.full(len(ARRAY), np.nan)])
+    clone(BATCH).fit(rest, OUTPUT)
+    clone(BATCH).fit(ARRAY, OUTPUT).predict(ARRAY * 1e-100)  # linear, and next to rest
+
+
+def test_the_recursion_has_the_limit_of_the_gate():
+    assert _kernels.rls.TOO_LARGE == LARGEST
+    assert SMALLEST == 1 / LARGEST
