@@ -170,10 +170,9 @@ def leak_test(
     else:
         low = [{k: v for k, v in p.items() if k != "disturbance"} for p in low]
     trim = max(round(0.5 / (edge * dt)), 1)
-    products = sum(
-        _products([p["u"], p["u_hat"], p["u"] - p["u_hat"], v, d], trim)
-        for p, v, d in zip(low, inverse, unseen, strict=True)
-    )
+    products = np.zeros((5, 5))
+    for p, v, d in zip(low, inverse, unseen, strict=True):
+        products += _products([p["u"], p["u_hat"], p["u"] - p["u_hat"], v, d], trim)
     of_output, of_prediction, of_residual, of_inverse, of_unseen = range(5)
     size = float(np.sqrt(products[of_unseen, of_unseen] / products[of_output, of_output]))
     if size < LEAST_DISTURBANCE:
@@ -279,10 +278,9 @@ def _changes(low: list[dict[str, np.ndarray]], dt: float, taps: int, trim: int) 
             return np.inf
         for of_piece, v, part in zip(found, received, parts, strict=True):
             of_piece.append(v - part["u"])
-    products = sum(
-        _products([np.concatenate(of_piece), piece["u"]], trim)
-        for of_piece, piece in zip(found, low, strict=True)
-    )
+    products = np.zeros((2, 2))
+    for of_piece, piece in zip(found, low, strict=True):
+        products += _products([np.concatenate(of_piece), piece["u"]], trim)
     return float(np.sqrt(products[0, 0] / products[1, 1]))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from support.page import parse
 
-from skhoid.diagnosis.comparison_text import figures, html
+from skhoid.diagnosis.comparison_text import _runs, figures, html
 from skhoid.recordings.findings import Finding
 
 
@@ -53,3 +53,16 @@ def test_names_in_the_data_are_text():
     c.findings = [Finding("bias", evil, evil, evil, evil, "")]
     assert "<script" not in html(c)
     assert parse(html(c)).text.count(evil) == 7
+
+
+def test_of_many_runs_those_of_lowest_vaf_are_listed():
+    n = 40
+    vaf = np.random.default_rng(0).permutation(n).astype(float)
+    table = pd.DataFrame({"data": "validation", "run": [f"r{k}" for k in range(n)], "vaf": vaf})
+    table = table.assign(one_step_vaf=90.0, rmse=1.0, ratio=1.0, exceeds=False)
+    title, listed = _runs(made(by_run=table))
+    assert title == "Runs, the 12 with the lowest VAF of 40"
+    assert [float(line.split()[2]) for line in listed.splitlines()[1:]] == list(range(12))
+    title, listed = _runs(made(by_run=table[:12]))
+    assert title == "Runs"
+    assert [line.split()[1] for line in listed.splitlines()[1:]] == [f"r{k}" for k in range(12)]

@@ -8,7 +8,7 @@ from support.synthetic import run_time
 
 from skhoid import load_bicycle_rider, load_human_tracking, make_tracking_runs, resample_runs
 from skhoid.exceptions import RunIndexError
-from skhoid.recordings import check_channels
+from skhoid.recordings import channels, check_channels
 from skhoid.recordings.rates import pairs
 
 RAW = RECORDINGS / "human_tracking_2d"
@@ -444,3 +444,17 @@ def test_order_of_findings():
     phi, rate = smooth()
     X = table(phi=phi, phi_rate=np.rad2deg(rate), supply=np.full(N, 5.0), copy=phi)
     assert names(check_channels(X)) == ["rate unit", "copy", "constant channel"]
+
+
+@pytest.mark.parametrize("rows", [1, 7, 999, 2000])
+def test_copies_are_found_block_by_block_as_in_the_whole(rows, monkeypatch):
+    phi, rate = smooth()
+    late = np.r_[np.zeros(3), phi[:-3]]
+    recording = channels.read_recording(table(a=phi, b=-2 * late, c=rate), None, None, None)
+    whole = channels._shifted_correlations(recording, ["a", "b", "c"])
+    centred = [values / values.std() for values in (v - v.mean() for v in (phi, -late, rate))]
+    expected = [[x[: N - 3] @ y[3:] / N for y in centred] for x in centred]
+    np.testing.assert_allclose(whole[3], expected, atol=1e-12)
+    monkeypatch.setattr(channels, "BLOCK", rows)
+    found = channels._shifted_correlations(recording, ["a", "b", "c"])
+    np.testing.assert_allclose(found, whole, atol=1e-12)

@@ -6,7 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 from support.places import RECORDINGS
 
-from skhoid.recordings import lost_control
+from skhoid.recordings import loss_of_control, lost_control
+from skhoid.runs import read_layout
 
 RATE = 50
 T = np.arange(40 * RATE) / RATE
@@ -187,3 +188,24 @@ def test_few_trials_of_real_people_are_struck():
     struck = pd.concat(found)
     assert 1 <= len(struck) <= 4
     assert struck["times"].min() > 3.5
+
+
+def test_usual_level_of_each_run_is_that_of_all_pairs():
+    runs = [tracked(seed, size) for seed, size in enumerate([1.0, 1.0, 2.0, 0.5, 3.0])]
+    X = table(*runs)
+    layout = read_layout(X)
+    error, target = X["e"].to_numpy(), X["f_t"].to_numpy()
+    levels = [
+        loss_of_control._RunLevels.of(layout, k, error, {"f_t": target} if k != 3 else {})
+        for k in range(5)
+    ]
+    expected = []
+    for own in levels:
+        reached = [
+            other.largest * max(1.0, own.forcing.get("f_t", 0.0) / other.forcing.get("f_t", np.inf))
+            for other in levels
+            if other is not own
+        ]
+        calm = loss_of_control.OF_CALM * np.fmin(own.calm, own.target)
+        expected.append(max(np.exp(np.median(np.log(reached))), calm))
+    assert_allclose(loss_of_control._usual_levels(levels), expected)
