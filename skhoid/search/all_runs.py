@@ -43,7 +43,7 @@ class AllRuns:
         return replace(step, parent=parent, vaf=vaf, prediction=prediction)
 
     def prediction(self, model: Model, without: Sequence[np.ndarray]) -> np.ndarray:
-        """Free runs of a model, and in the rows of each fold with parameters of fits ``without``."""
+        """Free runs of a model, and in rows of each fold with the parameters of ``without``."""
         core, effects = model.simulator.core, model.effects
         found = Simulator(core, effects, self.record).run(model.theta)
         for theta, (columns, rows) in zip(without, self.held, strict=True):
