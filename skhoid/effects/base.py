@@ -50,6 +50,9 @@ class Effect(Composable, BaseEstimator):
     shades : bool
         Whether the choices of ``form`` are shades of the first: a search tries the others only
         where that explains something.
+    runs_apart : bool
+        Whether what it makes of a run depends on that run alone: those of a large record are then
+        simulated a few at a time.
     n_hidden : int
         How many numbers it finds in the data besides its parameters, such as the ends of
         intervals. They count in the BIC as parameters do.
@@ -109,6 +112,7 @@ class Effect(Composable, BaseEstimator):
     smooth: bool = True
     kinks: ClassVar[bool] = False
     shades: ClassVar[bool] = False
+    runs_apart: ClassVar[bool] = True
     n_hidden: int = 0
     noise: ClassVar[str] = ""
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}

@@ -131,7 +131,7 @@ class _Table:
                 # Start, speed, and the second integral of a constant disturbance.
                 still = np.vander(np.linspace(-1.0, 1.0, len(block)), 3)
                 block = block - still @ np.linalg.lstsq(still, block, rcond=None)[0]
-                blocks.append(block[:: max(1, length // ROWS)])
+                blocks.append(block[:: max(1, length // ROWS)].copy())
                 labels.append(np.full(len(blocks[-1]), len(labels)))
         if not blocks:
             return None

@@ -96,6 +96,10 @@ class Model:
         lost |= sd > simulator.high - simulator.low
         return [name for name, is_lost in zip(simulator.names, lost, strict=True) if is_lost]
 
+    def at(self, theta: np.ndarray) -> Model:
+        """The same model with other parameters."""
+        return Model(self.simulator, replace(self.fit, theta=theta), self.other_cores)
+
     def under(self, criterion: Criterion) -> Model:
         """The same parameters, with squares and normal equations of another criterion."""
         normal = normal_equations(self.simulator, criterion, self.theta)

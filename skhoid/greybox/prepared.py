@@ -22,6 +22,7 @@ from .fitting import AR_ORDER, Criterion, RemnantModel
 from .initial import ESTIMATE, FORGOTTEN, HELD, REST
 from .model import Model
 from .side_by_side import SegmentColumns, build_record, measured
+from .some_runs import record_of_some
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         settling=estimator.settling,
     )
     if given is not None:
-        record = replace(record, controlled_element=given_element(given, record))
+        element = given_element(given, record_of_some(record) or record)
+        record = replace(record, controlled_element=element)
     spec = estimator._simulated_core()
     record = spec.core.on(record)
     initial = getattr(estimator, "initial", None)
@@ -115,7 +117,8 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     check_rows(record, len(spec.core.parameters), grid, estimator.settling)
     check_moving(record, thinned[:, estimator._columns[0]], error, output_name)
     if given is None:
-        record = replace(record, controlled_element=estimate_element(record))
+        element = estimate_element(record_of_some(record) or record)
+        record = replace(record, controlled_element=element)
     element = record.controlled_element
     estimator.controlled_element_ = None if element is None else simplest(element)
     units = estimator._units

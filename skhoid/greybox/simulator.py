@@ -91,6 +91,8 @@ class Simulator:
 
     @cached_property
     def _parts(self) -> list[tuple[slice, Any]]:
+        if not all(effect.runs_apart for _, effect in self.effects):
+            return []
         few_at_a_time = self.record.few_runs()
         return [(columns, self._part(self.record.columns(columns))) for columns in few_at_a_time]
 

@@ -77,7 +77,8 @@ def _sizes(values: np.ndarray) -> np.ndarray:
     table = values.reshape(len(values), -1)
     if not table.size:
         return np.zeros(table.shape[1])
-    return np.fmax(np.fmax.reduce(table, axis=0), -np.fmin.reduce(table, axis=0))
+    sizes = np.fmax(np.fmax.reduce(table, axis=0), -np.fmin.reduce(table, axis=0))
+    return sizes.astype(np.float64)
 
 
 def _place(what: str, names: list[Any] | None, column: int) -> str:

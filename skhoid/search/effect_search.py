@@ -24,6 +24,7 @@ from ..greybox.model import Model
 from ..greybox.operator_summary import delay_notes
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel, check_simulated_model
+from ..greybox.some_runs import MOST_ROWS, on_all_runs, some_runs
 from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
 from ..preprocessing.base import as_fitted, keep_parameters
@@ -33,6 +34,7 @@ from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
 from ..summaries import Summary, estimates_table
+from .all_runs import AllRuns, Held, held_columns
 from .explanations import VERDICTS, changes_sentences, experiments, in_loop_text, summary_of
 from .forward import Path, Search, forward, output_error_fit
 from .given_delay import GivenDelay, with_given_delay
@@ -43,6 +45,7 @@ from .search_numbers import SearchNumbers, numbers_of
 from .verdict import Verdict, decided
 
 GUARD = 5.0  # s beside held-out blocks of a single run
+MOST_FOLDS = 20  # of a search in some of very many runs
 
 
 class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -87,6 +90,10 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         What becomes of stretches in which control was lost, which the rule of
         :func:`skhoid.lost_control` finds in the error: they count neither in fits nor in
         what is held out, or as all other rows do. Not asked with ``domain="machine"``.
+    max_rows : int or None, default=200_000
+        Rows in which effects are looked for, at most, in whole runs spread evenly over the data;
+        None looks in all. What the models found say of the data is of all rows: their parameters
+        with standard errors, likelihood, and VAF.
 
     Attributes
     ----------
@@ -134,10 +141,13 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
     left_out_ : DataFrame
         Stretches in which control was lost, and which are left out: run, from and to (s in the
         run), times (the error, as a multiple of what is usual), reason.
+    searched_runs_ : list
+        Labels of the runs in which effects were looked for: all, or ``max_rows`` of them. Of these
+        are ``ranking_``, ``unexplained_``, and the VAF in the closed loop.
     notes_ : list of str
-        Further sentences of the summary: which other parameters change together with the gains;
-        a delay at its least; both estimates of what likelihood and simulation error part on; what
-        is left out.
+        Further sentences of the summary: in which runs effects were looked for; which other
+        parameters change together with the gains; a delay at its least; both estimates of what
+        likelihood and simulation error part on; what is left out.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -176,6 +186,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         "n_jobs": [Integral, None],
         "domain": [StrOptions({"human", "machine"}), None],
         "lost_control": [StrOptions({*CHOICES})],
+        "max_rows": [Interval(Integral, 1, None, closed="left"), None],
     }
 
     def __init__(
@@ -190,6 +201,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         n_jobs: int | None = None,
         domain: str | None = None,
         lost_control: str = LEAVE_OUT,
+        max_rows: int | None = MOST_ROWS,
     ):
         self.estimator = estimator
         self.effects = effects
@@ -200,6 +212,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         self.n_jobs = n_jobs
         self.domain = domain
         self.lost_control = lost_control
+        self.max_rows = max_rows
 
     @fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None, **params: Any) -> EffectSearchCV:
@@ -241,17 +254,20 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
             prepared = without_rows(prepared, lost, model.settling)
             routed = self._routed(X, layout, groups, params)
             known = prepared.known & ~lost
-            folds = self._folds(prepared, known, routed)
-            search = Search(prepared.core, prepared.record, self._candidates(), folds, self.n_jobs)
+            some = None if self.max_rows is None else some_runs(prepared.record, self.max_rows)
+            record = prepared.record if some is None else prepared.record.part(some, 1)
+            folds, held = self._folds(prepared, known, routed, some)
+            search = Search(prepared.core, record, self._candidates(), folds, self.n_jobs)
             measured = as_output(y)
             kept = np.where(known, measured, np.nan)
-            found, verdict, best = self._searched(search, model, prepared, kept)
+            found, verdict, best = self._searched(search, model, prepared, kept, held)
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
             self.baseline_ = _estimator(model, prepared, found.steps[0].parent)
             self._conclude(verdict)
             self.left_out_ = control.table
+            self._tell_searched(prepared, some)
             self._tabulate(found, prepared)
         index = X.index if isinstance(X, pd.DataFrame) else None
         left_out = lost | (~prepared.known & ~np.isnan(measured))
@@ -266,18 +282,26 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         return self
 
     def _searched(
-        self, search: Search, model: SimulatedModel, prepared: Prepared, measured: np.ndarray
+        self,
+        search: Search,
+        model: SimulatedModel,
+        prepared: Prepared,
+        measured: np.ndarray,
+        held: list[Held],
     ) -> tuple[SearchNumbers, Verdict, Any]:
         """What a search finds, the verdict, and the best model; ``measured`` is y.
 
         With a delay that was given, names and what is left are those of a free one.
         """
+        of_all = search.record is prepared.record
 
         def numbers(search: Search, prepared: Prepared, path: Path) -> tuple[SearchNumbers, Any]:
             best = _estimator(model, prepared, path.model)
-            return numbers_of(search, path, best, prepared, measured), best
+            all_runs = None if of_all else AllRuns(prepared.record, held)
+            return numbers_of(search, path, best, prepared, measured, all_runs), best
 
-        fitted, most = model.first_fit(prepared), int(self.max_effects)
+        fitted = model.first_fit(replace(prepared, record=search.record))
+        most = int(self.max_effects)
         given = GivenDelay.of(search, fitted) if most else None
         if given is None:
             found, best = numbers(search, prepared, forward(search, fitted, most))
@@ -296,13 +320,26 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         self.stand_ins_ = verdict.stand_ins
         self.verdict_ = VERDICTS[verdict.outcome]
 
+    def _tell_searched(self, prepared: Prepared, some: np.ndarray | None) -> None:
+        labels, run_of = prepared.grid.layout.labels, prepared.run_of_columns
+        runs = np.unique(run_of if some is None else run_of[some])
+        self.searched_runs_ = [labels[run] for run in runs]
+        self._where_searched = []
+        if some is not None:
+            known = prepared.record.known.sum(axis=0)
+            self._where_searched = [
+                f"effects were looked for in {runs.size:,} of {len(labels):,} runs, with "
+                f"{known[some].sum():,} of {known.sum():,} rows. Parameters, likelihood and VAF of "
+                "the models are of all. max_rows=None looks for effects in all runs"
+            ]
+
     def _tabulate(self, found: SearchNumbers, prepared: Prepared) -> None:
         self.unexplained_ = unexplained_table(found.left)
         self.explainable_gap_ = found.explainable_gap
         self.error_path_ = error_path(found, prepared)
         self.ceiling_note_ = found.no_ceiling if np.isnan(found.ceiling) else ""
         self.ranking_ = ranking_table(found, prepared, self.display)
-        self.notes_ = changes_sentences(found.changes)
+        self.notes_ = self._where_searched + changes_sentences(found.changes)
         best = self.best_estimator_
         self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
         if hasattr(best, "simulation_parameters_"):  # an operator
@@ -319,25 +356,36 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         return BY_NAME.keys() <= {effect.name for effect in self._candidates()}
 
     def _folds(
-        self, prepared: Prepared, rows_known: np.ndarray, routed: dict[str, Any]
-    ) -> list[HeldOutRows]:
-        """Rows to hold out and to fit on, in columns."""
+        self,
+        prepared: Prepared,
+        rows_known: np.ndarray,
+        routed: dict[str, Any],
+        some: np.ndarray | None,
+    ) -> tuple[list[HeldOutRows], list[Held]]:
+        """Rows to hold out and to fit on, in ``some`` columns; and what is held out in all."""
         record, columns, known = prepared.record, prepared.columns, prepared.record.known
         groups = routed["groups"]
         run_of = prepared.run_of_columns
+        if some is not None:
+            known, run_of = known[:, some], run_of[some]
         runs = np.unique(run_of[known.any(axis=0)])
         if self.cv is None and groups is None and runs.size > 1:
-            tests = [known & (run_of == run) for run in runs]
-            return [HeldOutRows(t, known & ~t) for t in tests]
+            parts = runs if some is None else np.array_split(runs, min(MOST_FOLDS, runs.size))
+            tests = [known & np.isin(run_of, part) for part in parts]
+            folds = [HeldOutRows(t, known & ~t) for t in tests]
+            return folds, [] if some is None else [held_columns(t, some) for t in tests]
         if self.cv is None and groups is None:
-            return _blocks(known, round(GUARD / record.dt))
-        folds = []
+            return _blocks(known, round(GUARD / record.dt)), []
+        folds, held = [], []
         for fold in folds_of(prepared.grid.layout, self.cv, routed, rows_known):
             rows = prepared.grid.thin_inputs(fold.test.mask())
-            test = columns.beside(rows, fill=False) & known
+            whole = columns.beside(rows, fill=False) & record.known
+            test = whole if some is None else whole[:, some]
             if test.any():
                 folds.append(HeldOutRows(test, known & ~test))
-        return folds
+                if some is not None:
+                    held.append(held_columns(whole))
+        return folds, held
 
     def summary(self) -> str:
         """The search in plain sentences: steps, errors, verdict, what to record next.
@@ -414,6 +462,8 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
 
 def _estimator(model: SimulatedModel, prepared: Prepared, fitted: Model) -> Any:
     """The model as an estimator, at its largest likelihood."""
+    if fitted.simulator.record.n_runs < prepared.record.n_runs:
+        fitted = on_all_runs(fitted, prepared.record)
     found = likelihood_fit(_start_of(fitted), Criterion(prepared.record))
     return model.with_fit(prepared, *found)
 

@@ -30,7 +30,7 @@ from .candidates import (
     likeliest_alternatives,
     without_name,
 )
-from .held_out import HeldOutRows, held_out, refitted_prediction
+from .held_out import HeldOutRows, held_out, refitted_prediction, without_folds
 from .in_loop import LIKELY_IF_FIRST, LoopJudge
 from .joint import JointParent
 from .signatures import traces_of
@@ -197,6 +197,12 @@ class Search:
             found = refitted_prediction(output_error_fit(model), self.criterion, self.folds)
             self._refits[key] = np.where(np.isfinite(found), found, 0.0)
         return self._refits[key]
+
+    def fitted_without_folds(self, model: Model) -> tuple[Model, list[np.ndarray]]:
+        """A model at the least error of simulation, and its parameters without each fold."""
+        base = output_error_fit(model)
+        fits = without_folds(base, self.criterion, self.folds)
+        return base, [fitted.theta for _, fitted in fits]
 
     def _refined(
         self, found: tuple[Effects, Fit, bool], parent: Model, criterion: Criterion

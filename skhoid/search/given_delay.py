@@ -47,12 +47,14 @@ class GivenDelay:
             assert self.claim.model is not None
             return prepared, search, output_error_fit(self.claim.model)
         free = OperatorCore(None, core.least)
-        record = free.on(replace(search.record, _derived={}))
+        record, searched = (
+            free.on(replace(one, _derived={})) for one in (prepared.record, search.record)
+        )
         spec = replace(prepared.spec, core=free, given={})
         prepared = replace(prepared, spec=spec, record=record)
         effects = [*search.effects, *search.noises]
-        search = Search(free, record, effects, search.folds, search.n_jobs)
-        return prepared, search, model.first_fit(prepared)
+        search = Search(free, searched, effects, search.folds, search.n_jobs)
+        return prepared, search, model.first_fit(replace(prepared, record=searched))
 
     def tested(self, free: Path) -> Path:
         """What a search with a free delay found, with the given one where the data let it stand."""

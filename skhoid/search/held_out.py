@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,12 +66,20 @@ def refitted_prediction(
     taken back towards where it began. NaN where that has no solution either.
     """
     prediction = model.output.copy()
+    for fold, fitted in without_folds(model, criterion, folds):
+        prediction[fold.test] = fitted.output[fold.test]
+    return prediction
+
+
+def without_folds(
+    model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]
+) -> Iterator[tuple[HeldOutRows, Model]]:
+    """Each fold and the model of :func:`refitted_prediction` that was fitted without its rows."""
     for fold in folds:
         fitted = refitted(model, criterion, fold.train)
-        output = fitted.output
+        theta = fitted.theta
         for share in TAKEN_BACK:
-            if np.isfinite(output).all():
+            if np.isfinite(fitted.output).all():
                 break
-            output = fitted.simulator.run(model.theta + share * (fitted.theta - model.theta))
-        prediction[fold.test] = output[fold.test]
-    return prediction
+            fitted = fitted.at(model.theta + share * (theta - model.theta))
+        yield fold, fitted

@@ -48,6 +48,7 @@ class _Probe(Effect):
 
     name = "probe"
     place = "input"
+    runs_apart = False  # it holds signals of all runs
 
     def __init__(self, place: str = "input", shape: object = None):
         self.place = place  # type: ignore[misc]

@@ -14,6 +14,7 @@ from ..effects.traces import Signature
 from ..greybox.base import vaf_of_output
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
+from .all_runs import AllRuns
 from .forward import Path, Search, SearchStep, further_changes
 from .leftover import REPEATS, Leftover, leftovers
 from .signatures import noises_in
@@ -66,12 +67,20 @@ class SearchNumbers:
 
 
 def numbers_of(
-    search: Search, path: Path, best: SimulatedModel, prepared: Prepared, measured: np.ndarray
+    search: Search,
+    path: Path,
+    best: SimulatedModel,
+    prepared: Prepared,
+    measured: np.ndarray,
+    all_runs: AllRuns | None = None,
 ) -> SearchNumbers:
-    """Walk the path again, and look for what is left; ``measured`` has every row of y."""
-    record = prepared.record
+    """Walk the path again, and look for what is left; ``measured`` has every row of y.
+
+    Where the search looked at some of the runs, steps are judged on ``all_runs`` of ``prepared``.
+    """
+    record = search.record
     assert record.y is not None
-    steps = walked(search, path)
+    steps = walked(search, path, all_runs)
     before = path.steps[0].parent.effects.names
     left = leftovers(path.model, search.folds, search.loop)
     noises, others = noises_in(record.y - path.model.output, record, search.noises)
@@ -95,10 +104,13 @@ def numbers_of(
     )
 
 
-def walked(search: Search, path: Path) -> list[SearchStep]:
+def walked(search: Search, path: Path, all_runs: AllRuns | None = None) -> list[SearchStep]:
     """Models with the first, the first two ... of the effects, each fitted anew for every fold."""
     models = search.partial_models(path.model, len(path.steps[0].parent.effects), path.core)
     steps = [search.judged(model, []) for model in models]
+    if all_runs is not None:
+        pairs = zip(steps, models, strict=True)
+        return [all_runs.judged(search, step, model) for step, model in pairs]
     predictions = [search.refitted(model) for model in models]
     return [
         replace(step, vaf=vaf_of_output(search.record, prediction), prediction=prediction)
