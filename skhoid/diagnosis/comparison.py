@@ -420,7 +420,6 @@ def _tables(
     ]
     density = ceiling.noise.density * signals.dt / np.pi
     return {
-        "traces": _traces(signals),
         "by_run": runs,
         "by_time": by_time(signals, ceiling, false_alarm),
         "by_frequency": by_frequency(signals, ceiling, false_alarm),
@@ -430,6 +429,7 @@ def _tables(
         "cusum": cusum(ceiling, sums, false_alarm),
         "time_frequency": time_frequency(signals, ceiling, false_alarm),
         "remnant_spectrum": pd.DataFrame({"omega": ceiling.noise.omega, "psd": density}),
+        "traces": _traces(signals),  # the largest last, when the others need no more room
     }
 
 
