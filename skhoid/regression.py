@@ -115,8 +115,9 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         self.inputs_ = self._channel_names(self._columns)
         self._needed = self._columns
         if needs == "all":
-            run = None if self._run is None else run_column(self._names or [], self._run)
-            self._needed = [i for i in range(values.shape[1]) if i != run]
+            every = list(range(values.shape[1]))
+            run = None if self._run is None else run_column(self._names or every, self._run)
+            self._needed = [i for i in every if i != run]
         if needs != "nothing":
             output = self._without_empty_runs(grid.layout, values, output)
         self._units = {**units_of(X), **units_of(y)}
@@ -150,6 +151,11 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             return output
         if len(silent) == len(layout.labels):
             raise ValueError("Input y contains NaN in all rows: nothing was measured.")
+        named = {*left_out.values()}
+        if len(left_out) == len(layout.labels) and len(named) == 1:
+            raise ValueError(
+                f"Input {named.pop()!r} contains NaN in all rows: nothing was measured."
+            )
         told = [f"run {layout.labels[run]!r} ({name!r})" for run, name in left_out.items()]
         if len(left_out) == len(layout.labels):
             raise ValueError(

@@ -151,8 +151,8 @@ class DelaySearchCV(BestModel):
         if self.window is not None and self.criterion != "one_step":
             raise ValueError("window= needs criterion='one_step'.")
         estimator = self.estimator if self.estimator is not None else ARXRegressor()
-        routed = self._routed(X, raw_layout(estimator, X), groups, params)
         table = CandidateTable(estimator, X, y)
+        routed = self._routed(X, raw_layout(estimator, X), groups, params)
         self.dt_ = table.dt
         candidates = self._candidates(table.shortest_run)
         fast = has_fast_path(estimator)

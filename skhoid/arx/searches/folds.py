@@ -126,7 +126,7 @@ def _with_scores(
     if not left:
         raise ValueError(
             "No row is left to score in any fold: the run-in, the window and missing values leave "
-            "out all of them."
+            f"out all of them (X has n_samples = {layout.n_rows})."
         )
     unscored = [fold for fold in folds if measured[fold.test].any() and not scored[fold.test].any()]
     if unscored:

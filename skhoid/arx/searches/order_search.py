@@ -112,6 +112,16 @@ class OrderSearchCV(BestModel):
     >>> search = OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[6, 7, 8]).fit(X, y)
     >>> sorted(search.best_params_)
     ['factor', 'na', 'nb', 'nk']
+
+    Of several people, one is left out at a time; ``groups`` says whose run each row is of:
+
+    >>> import numpy as np
+    >>> from skhoid import make_tracking_runs, run_labels
+    >>> X, y = make_tracking_runs(n_runs=4, duration=10.24, sampling_rate=50, random_state=0)
+    >>> people = np.array(["Ann", "Ann", "Bob", "Cleo"])[run_labels(X) - 1]
+    >>> search = OrderSearchCV(na=[1, 2], nb=[1], nk=[15]).fit(X, y, groups=people)
+    >>> [key for key in search.cv_results_ if key.startswith("split")]
+    ['split0_test_score', 'split1_test_score', 'split2_test_score']
     """
 
     _parameter_constraints: dict = {
@@ -185,7 +195,6 @@ class OrderSearchCV(BestModel):
             )
         context = self._init_callback_context(max_subtasks=len(variants) + 1)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
-        routed = self._routed(X, raw_layout(variants[0][1], X), groups, params)
         folds: list[Fold] | None = None
         columns: dict[str, list[Any]] = {}
         scores: list[np.ndarray] = []
@@ -197,6 +206,7 @@ class OrderSearchCV(BestModel):
             candidates = self._candidates(variant, factor)
             validation = Validation(variant, X, y, table.known, self.scoring or VAFScorer())
             if folds is None:
+                routed = self._routed(X, raw_layout(variant, X), groups, params)
                 validation.split(self.cv, routed)
                 folds = validation.folds
             validation.folds = folds
