@@ -155,6 +155,11 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             return output
         if len(silent) == len(layout.labels):
             raise ValueError("Input y contains NaN in all rows: nothing was measured.")
+        named = {*left_out.values()}
+        if len(left_out) == len(layout.labels) and len(named) == 1:
+            raise ValueError(
+                f"Input {named.pop()!r} contains NaN in all rows: nothing was measured."
+            )
         told = [f"run {layout.labels[run]!r} ({name!r})" for run, name in left_out.items()]
         if len(left_out) == len(layout.labels):
             raise ValueError(

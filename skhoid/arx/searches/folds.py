@@ -185,7 +185,7 @@ def _with_scores(
     if not left:
         raise ValueError(
             "No row is left to score in any fold: the run-in, the window and missing values leave "
-            "out all of them."
+            f"out all of them (X has n_samples = {layout.n_rows})."
         )
     unscored = [f for f, (some, can) in zip(folds, tests, strict=True) if some and not can]
     if unscored:

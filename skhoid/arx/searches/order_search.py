@@ -114,6 +114,16 @@ class OrderSearchCV(BestModel):
     >>> search = OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[6, 7, 8]).fit(X, y)
     >>> sorted(search.best_params_)
     ['factor', 'na', 'nb', 'nk']
+
+    Of several people, one is left out at a time; ``groups`` says whose run each row is of:
+
+    >>> import numpy as np
+    >>> from skhoid import make_tracking_runs, run_labels
+    >>> X, y = make_tracking_runs(n_runs=4, duration=10.24, sampling_rate=50, random_state=0)
+    >>> people = np.array(["Ann", "Ann", "Bob", "Cleo"])[run_labels(X) - 1]
+    >>> search = OrderSearchCV(na=[1, 2], nb=[1], nk=[15]).fit(X, y, groups=people)
+    >>> [key for key in search.cv_results_ if key.startswith("split")]
+    ['split0_test_score', 'split1_test_score', 'split2_test_score']
     """
 
     _parameter_constraints: dict = {

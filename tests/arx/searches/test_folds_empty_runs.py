@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, PredefinedSplit
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
 from support.synthetic import arx_runs
 
 from skhoid import (
@@ -42,7 +44,7 @@ SEARCHES = {
         nk=[1, 3], criterion="vaf", scoring=VAFScorer(average="mean"), cv=LeaveOneGroupOut()
     ),
     "delay, one by one": DelaySearchCV(
-        ARXRegressor(method="iv", instruments=["e"]), nk=[1, 3], criterion="vaf"
+        make_pipeline(FunctionTransformer(), ARXRegressor()), nk=[1, 3], criterion="vaf"
     ),
     "orders": OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[3]),
     "orders and factors": OrderSearchCV(na=[1], nb=[1], nk={1: [3], 2: [1]}, factor=[1, 2]),
@@ -169,8 +171,10 @@ def test_one_run_with_measurements_is_split_into_halves(data, channel):
 def test_nothing_left_is_said_truly(name):
     with pytest.raises(ValueError, match="NaN in all rows: nothing was measured"):
         SEARCHES[name].fit(X, Y * np.nan)
-    with pytest.raises(ValueError, match=r"No run is left.*run 1 \('e'\), run 2 \('e'\)"):
+    with pytest.raises(ValueError, match="Input 'e' contains NaN in all rows"):
         SEARCHES[name].fit(X.assign(e=np.nan), Y)
+    with pytest.raises(ValueError, match=r"No run is left.*run 1 \('e'\), run 2 \('u'\)"):
+        SEARCHES[name].fit(X.assign(e=X["e"].where(GONE)), NO_Y[1])
 
 
 @pytest.mark.parametrize("name", ["delay", "orders", "memory"])
