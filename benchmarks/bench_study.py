@@ -69,7 +69,7 @@ def stages() -> dict[str, float]:
     losses, _ = delay_losses(e, u, before, nks)
     begin = timed("delay search", begin)
     lanes = _kernels.rls.MANY
-    follow = _kernels.trade_off.free_runs_of_many(ORDERS.na, ORDERS.nb[0], lanes)
+    follow = _kernels.trade_off.free_runs_of_many(lanes)
     factors = 1 - 1 / np.array(HORIZONS)
     for run in range(ESTIMATION):
         nk = int(nks[losses[run].argmin()])

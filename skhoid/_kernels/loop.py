@@ -1,7 +1,8 @@
 """The closed loop, sample by sample, for several runs at once.
 
 Runs lie side by side in one buffer, a fixed number of lanes to each quantity, so that the loops
-over them become vector instructions: ``track_many`` has eight lanes, ``track_one`` has one.
+over them become vector instructions; :func:`tracker` compiles for a number of lanes. A lane gives
+the same bits alone and beside others.
 
 A row of ``physics`` holds 2 zeta omega_nm; omega_nm^2; the gains times omega_nm^2 on f_t, on its
 rate, on x and on its rate; K_c; omega_b; K_n. Rows are half a step apart, as Runge-Kutta needs
@@ -11,16 +12,25 @@ the middle of the step, from sample ``begin`` on; the first and the last hold be
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numba import njit
 
 N_PHYSICS = 9
+MANY = 8  # lanes
 
 
 @njit(inline="always")
-def _rates(z0, z1, x, v, r0, r1, r2, r3, f_t, d, f_d, w, p, q, closed):
+def _remnant(r0, r1, r2, r3, q, third):
+    n = q[6] * r0 + q[7] * r1
+    return n + q[8] * r2 + q[9] * r3 if third else n
+
+
+@njit(inline="always")
+def _rates(z0, z1, x, v, r0, r1, r2, r3, f_t, d, f_d, w, p, q, closed, third):
     """Time derivatives of operator (z), controlled element (x, v) and remnant filter (r)."""
-    n = q[6] * r0 + q[7] * r1 + q[8] * r2 + q[9] * r3
+    n = _remnant(r0, r1, r2, r3, q, third)
     rate = z1 + p[3] * f_t + p[5] * x
     return (
         rate,
@@ -39,7 +49,13 @@ def _row(p, i):
     return (p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5], p[i, 6], p[i, 7], p[i, 8])
 
 
-def _tracker(lanes):
+@cache
+def tracker(lanes, third):
+    """Compile ``track`` for a number of lanes, and a remnant filter with a ``third`` state or none.
+
+    Without, the third and fourth state are not computed.
+    """
+    THIRD = third
     Z0, Z1, X, V, R0, R1, R2, R3 = range(0, 8 * lanes, lanes)
     F_T, F_D, W, BEGIN, MIDDLE, END = range(8 * lanes, 14 * lanes, lanes)
 
@@ -82,14 +98,15 @@ def _tracker(lanes):
         responses = np.zeros((length, lanes))  # rings
         errors = np.zeros((length, lanes))
         last = physics.shape[0] - 1
+        own_t, own_d = int(f_t.shape[1] > 1), int(f_d.shape[1] > 1)
         q = remnant  # as scalars, which no store to another array can change
         q = (q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7], q[8], q[9])
         half, sixth = dt / 2, dt / 6
         for k in range(n_samples):
             now = k % length
             for j in range(n_runs):
-                s[F_T + j] = f_t[k, j % f_t.shape[1]]
-                s[F_D + j] = f_d[k, j % f_d.shape[1]]
+                s[F_T + j] = f_t[k, j * own_t]
+                s[F_D + j] = f_d[k, j * own_d]
                 s[W + j] = white[k, j]
             if is_arx:
                 for j in range(lanes):
@@ -120,7 +137,7 @@ def _tracker(lanes):
                     s[END + j] = weights[2, 0] * d0 + weights[2, 1] * d1 + weights[2, 2] * d2
             if k >= first:
                 for j in range(n_runs):
-                    n = q[6] * s[R0 + j] + q[7] * s[R1 + j] + q[8] * s[R2 + j] + q[9] * s[R3 + j]
+                    n = _remnant(s[R0 + j], s[R1 + j], s[R2 + j], s[R3 + j], q, THIRD)
                     out[0, k - first, j] = s[F_T + j] - s[X + j]
                     out[1, k - first, j] = s[BEGIN + j] + n
                     out[2, k - first, j] = s[X + j]
@@ -137,21 +154,23 @@ def _tracker(lanes):
                 z0, z1, x, v = s[Z0 + j], s[Z1 + j], s[X + j], s[V + j]
                 r0, r1, r2, r3 = s[R0 + j], s[R1 + j], s[R2 + j], s[R3 + j]
                 f, fd, w, dm = s[F_T + j], s[F_D + j], s[W + j], s[MIDDLE + j]
-                k1 = _rates(z0, z1, x, v, r0, r1, r2, r3, f, s[BEGIN + j], fd, w, p0, q, closed)
+                k1 = _rates(
+                    z0, z1, x, v, r0, r1, r2, r3, f, s[BEGIN + j], fd, w, p0, q, closed, THIRD
+                )
                 k2 = _rates(
                     z0 + half * k1[0], z1 + half * k1[1], x + half * k1[2], v + half * k1[3],
                     r0 + half * k1[4], r1 + half * k1[5], r2 + half * k1[6], r3 + half * k1[7],
-                    f, dm, fd, w, pm, q, closed,
+                    f, dm, fd, w, pm, q, closed, THIRD,
                 )  # fmt: skip
                 k3 = _rates(
                     z0 + half * k2[0], z1 + half * k2[1], x + half * k2[2], v + half * k2[3],
                     r0 + half * k2[4], r1 + half * k2[5], r2 + half * k2[6], r3 + half * k2[7],
-                    f, dm, fd, w, pm, q, closed,
+                    f, dm, fd, w, pm, q, closed, THIRD,
                 )  # fmt: skip
                 k4 = _rates(
                     z0 + dt * k3[0], z1 + dt * k3[1], x + dt * k3[2], v + dt * k3[3],
                     r0 + dt * k3[4], r1 + dt * k3[5], r2 + dt * k3[6], r3 + dt * k3[7],
-                    f, s[END + j], fd, w, p1, q, closed,
+                    f, s[END + j], fd, w, p1, q, closed, THIRD,
                 )  # fmt: skip
                 s[Z0 + j] = z0 + sixth * (k1[0] + 2 * (k2[0] + k3[0]) + k4[0])
                 s[Z1 + j] = z1 + sixth * (k1[1] + 2 * (k2[1] + k3[1]) + k4[1])
@@ -159,15 +178,11 @@ def _tracker(lanes):
                 s[V + j] = v + sixth * (k1[3] + 2 * (k2[3] + k3[3]) + k4[3])
                 s[R0 + j] = r0 + sixth * (k1[4] + 2 * (k2[4] + k3[4]) + k4[4])
                 s[R1 + j] = r1 + sixth * (k1[5] + 2 * (k2[5] + k3[5]) + k4[5])
-                s[R2 + j] = r2 + sixth * (k1[6] + 2 * (k2[6] + k3[6]) + k4[6])
-                s[R3 + j] = r3 + sixth * (k1[7] + 2 * (k2[7] + k3[7]) + k4[7])
+                if THIRD:
+                    s[R2 + j] = r2 + sixth * (k1[6] + 2 * (k2[6] + k3[6]) + k4[6])
+                    s[R3 + j] = r3 + sixth * (k1[7] + 2 * (k2[7] + k3[7]) + k4[7])
         return out, lost
 
     # Cached functions of one name from different processes would be mistaken for each other.
-    track.__name__ = track.__qualname__ = f"track_{lanes}"
+    track.__name__ = track.__qualname__ = f"track_{lanes}_{4 if third else 2}"
     return njit(cache=True, nogil=True, error_model="numpy")(track)
-
-
-MANY = 8
-track_many = _tracker(MANY)
-track_one = _tracker(1)

@@ -44,6 +44,9 @@ def forgetting_vaf(
     assert block.validation is not None
     nks = candidate_delays(block.task)
     e, u, e_v, u_v = block.record.e, block.record.u, block.validation.e, block.validation.u
+    n_runs = len(e)
+    if (e == e[0]).all() and (u == u[0]).all():  # as without remnant
+        e, u = e[:1], u[:1]
     losses, _ = delay_losses(e, u, before, nks)
     delays = nks[losses.argmin(axis=1)]
     rows = []
@@ -64,7 +67,8 @@ def forgetting_vaf(
                 memory_horizons, FORMS, (begin, end),
             )
         )  # fmt: skip
-    vaf = np.array(rows)  # runs, forms, horizons, recordings
+    # runs, forms, horizons, recordings
+    vaf = np.broadcast_to(np.array(rows), (n_runs, *rows[0].shape))
     of_validation = vaf[..., 1:] if by_run else vaf[..., 1:].mean(axis=-1, keepdims=True)
     shape = of_validation.shape
 
@@ -77,7 +81,7 @@ def forgetting_vaf(
             "replication": spread(block.replications, 0),
             "form": spread(np.array(FORMS, dtype=object), 1),
             "memory_horizon": spread(np.array(memory_horizons, dtype=float), 2),
-            "nk": spread(delays, 0),
+            "nk": spread(np.broadcast_to(delays, n_runs), 0),
             "P_n": spread(block.record.intensity(), 0),
             "vaf_estimation": np.broadcast_to(vaf[..., :1], shape).ravel(),
             "vaf_validation": of_validation.ravel(),

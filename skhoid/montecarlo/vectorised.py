@@ -214,7 +214,7 @@ def trade_off(
     power = np.sum(u[:, begin:] ** 2, axis=1)
     vaf = np.empty((len(forms), factors.size, len(u)))
     lanes = _kernels.rls.MANY
-    follow = _kernels.trade_off.free_runs_of_many(ORDERS.na, ORDERS.nb[0], lanes)
+    follow = _kernels.trade_off.free_runs_of_many(lanes)
     signals = np.stack([-u[0], e[0, 1:]])[:, :, None, None]
     target = u[0, :, None, None].copy()
     theta0 = np.asarray(theta0, dtype=float)

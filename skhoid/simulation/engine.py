@@ -91,7 +91,7 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
             else shared
             for name, shared in forcing.items()
         )
-        compiled = _kernels.loop.track_one if len(runs) == 1 else _kernels.loop.track_many
+        compiled = _tracker(len(runs), filter_)
 
         def track(
             f_t: np.ndarray, f_d: np.ndarray, white: np.ndarray, rows: np.ndarray, begin: int = 0
@@ -118,7 +118,8 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
         return out, lost, f_t[first:].T, f_d[first:].T
 
     many = _kernels.loop.MANY
-    blocks = [range(i, min(i + many, n_runs)) for i in range(0, n_runs, many)]
+    n_distinct = 1 if remnant is None and not drawn else int(n_runs)
+    blocks = [range(i, min(i + many, n_distinct)) for i in range(0, n_distinct, many)]
     done: Any = map(block, blocks)
     if options.n_jobs not in (None, 1) and len(blocks) > 1:
         done = Parallel(n_jobs=options.n_jobs, prefer="threads", return_as="generator")(
@@ -128,7 +129,7 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
         from rich.progress import track as track_progress
 
         done = track_progress(done, description="simulating", total=len(blocks), transient=True)
-    signals = np.empty((4, n_runs, n_total - first))
+    signals = np.empty((4, n_distinct, n_total - first))
     targets, disturbances = [], []
     suspected = False
     for runs, (out, lost, f_t, f_d) in zip(blocks, done, strict=True):
@@ -143,8 +144,14 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
     time = np.arange(-kept, task.n_samples) / rate
     n_drawn = len(blocks) if drawn else 1
     f_t, f_d = np.concatenate(targets[:n_drawn]), np.concatenate(disturbances[:n_drawn])
-    e, u, x, n = signals
+    e, u, x, n = signals if n_distinct == n_runs else np.repeat(signals, n_runs, axis=1)
     return TrackingRecord(time=time, e=e, u=u, x=x, n=n, f_t=f_t, f_d=f_d)
+
+
+def _tracker(n_runs: int, remnant: np.ndarray) -> Any:
+    """The kernel for a number of runs and a remnant filter."""
+    lanes = 1 if n_runs == 1 else _kernels.loop.MANY
+    return _kernels.loop.tracker(lanes, bool(remnant[8:].any()))
 
 
 def _kept_run_in(task: CompensatoryTask, keep_run_in: float) -> int:
@@ -232,12 +239,13 @@ def _without_remnant(
     bound: float,
 ) -> tuple[np.ndarray, int]:
     """Error of a run without remnant, and roughly where it exceeds ``bound``, or -1."""
-    (e, *_), lost = _kernels.loop.track_one(
+    silent = np.zeros(10)
+    (e, *_), lost = _tracker(1, silent)(
         f_t,
         f_d,
         np.zeros_like(f_t),
         *physics,
-        np.zeros(10),
+        silent,
         *response.arguments,
         1 / task.sampling_rate,
         1.0,
