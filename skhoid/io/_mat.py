@@ -11,7 +11,7 @@ from scipy import io as scipy_io
 from scipy import sparse
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
-from ._table import FileTable, require
+from ._table import FileTable, one_by_one, require
 
 __all__ = ["read_mat"]
 
@@ -69,7 +69,7 @@ def _read_v5(path: Path) -> FileTable:
     return FileTable(
         path,
         names,
-        lambda position: arrays[names[position]],
+        one_by_one(lambda position: arrays[names[position]]),
         unreadable=unreadable,
         note=note,
         kind="variable",
@@ -125,7 +125,7 @@ def _read_hdf5(path: Path) -> FileTable:
         # MATLAB stores by columns and HDF5 by rows, so the axes come reversed.
         return np.asarray(values).T
 
-    return FileTable(path, names, load, unreadable=unreadable, kind="variable")
+    return FileTable(path, names, one_by_one(load), unreadable=unreadable, kind="variable")
 
 
 def _list_group(

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ._table import FileTable, as_numbers
+from ..runs import RUN
+from ._table import FileTable, as_numbers, split_header
 
-__all__ = ["Run", "runs_of"]
+__all__ = ["FileRuns", "runs_of"]
 
 _PER_SECOND = {
     "s": 1.0,
@@ -26,13 +27,18 @@ _PER_SECOND = {
 
 
 @dataclass(frozen=True)
-class Run:
-    """The samples of one run: time (s), and samples with one column per channel."""
+class FileRuns:
+    """The runs of one file, one after another.
 
-    label: Any
+    ``labels`` and ``lengths`` have one entry for each run; ``time`` (s) and each of the
+    ``channels`` one for each row of them all.
+    """
+
     path: Path
+    labels: list[Any]
+    lengths: np.ndarray
     time: np.ndarray
-    samples: np.ndarray
+    channels: list[np.ndarray]
 
 
 def runs_of(
@@ -42,12 +48,17 @@ def runs_of(
     clock: str | float,
     time_unit: str | None,
     run: str | None,
-) -> list[Run]:
+) -> FileRuns:
     """Take the asked columns out of a table and cut them into runs.
 
     ``clock`` is the name of the time column, or the sampling time in seconds.
     """
-    columns = {name: _column(table, name) for name in asked}
+    names = [*asked, clock] if isinstance(clock, str) else asked
+    positions = [table.find(name) for name in names]
+    by = _run_column(table, positions) if run is None else table.find(run)
+    raw, labels = table.load(positions, by)
+    found = [_matrix(table, at, raw.pop(0)) for at in positions]
+    columns = dict(zip(asked, found, strict=False))
     widths = {name: values.shape[1] for name, values in columns.items()}
     n_runs = max(widths.values())
     if set(widths.values()) != {n_runs}:
@@ -56,8 +67,10 @@ def runs_of(
             "either each is one vector (one run), or each has one column per run."
         )
     lengths = {name: len(values) for name, values in columns.items()}
+    n_rows = lengths[asked[0]]
     if isinstance(clock, str):
-        time: np.ndarray = _column(table, clock) / _per_second(table, clock, time_unit)
+        per_second = _per_second(table, clock, time_unit)
+        time = found[-1] if per_second == 1 else found[-1] / per_second
         if time.shape[1] not in (1, n_runs):
             raise ValueError(
                 f"{table.where(clock)} has {time.shape[1]} columns, the channels have {n_runs}: "
@@ -65,28 +78,51 @@ def runs_of(
             )
         lengths[clock] = len(time)
     else:
-        time = (np.arange(lengths[asked[0]]) * clock)[:, None]
+        time = (np.arange(n_rows) * clock)[:, None]
     _check_lengths(table, lengths)
-    samples = np.stack([columns[name] for name in asked], axis=-1)
-    if run is None:
+    channels = [values.reshape(-1, order="F") for values in found[: len(asked)]]
+    if labels is None or run is None:
+        if labels is not None:
+            _check_one_run(table, labels)
         stem = table.path.stem
-        labels = [stem] if n_runs == 1 else [f"{stem}-{k + 1}" for k in range(n_runs)]
-        return [
-            Run(label, table.path, time[:, k % time.shape[1]], samples[:, k])
-            for k, label in enumerate(labels)
-        ]
+        names = [stem] if n_runs == 1 else [f"{stem}-{k + 1}" for k in range(n_runs)]
+        each = (
+            np.tile(time[:, 0], n_runs) if time.shape[1] < n_runs else time.reshape(-1, order="F")
+        )
+        return FileRuns(table.path, names, np.full(n_runs, n_rows), each, channels)
     if n_runs > 1:
         raise ValueError(
             f"In {table.path} the columns of each {table.kind} are runs ({n_runs}), so run="
             f"{run!r} has no meaning: leave run=None."
         )
-    return _split_runs(table, run, time[:, 0], samples[:, 0], restart=not isinstance(clock, str))
+    return _split(table, run, labels, time[:, 0], channels, restart=not isinstance(clock, str))
 
 
-def _column(table: FileTable, asked: str) -> np.ndarray:
+def _run_column(table: FileTable, asked: list[int]) -> int | None:
+    """The column that by its name holds run labels, where nobody asked for it."""
+    if table.kind != "column":
+        return None
+    names = [split_header(name)[0].casefold() for name in table.names]
+    found = [position for position, name in enumerate(names) if name == RUN]
+    return found[0] if len(found) == 1 and found[0] not in asked else None
+
+
+def _check_one_run(table: FileTable, labels: tuple[np.ndarray, list[Any]]) -> None:
+    """Refuse to take the runs of a file for one."""
+    n_labels = len(labels[1])
+    if n_labels > 1:
+        position = _run_column(table, [])
+        assert position is not None
+        name = table.names[position]
+        raise ValueError(
+            f"{table.where(name)} has {n_labels} labels, and run= names no column: all rows would "
+            f"be one run, with lags across its parts. Say run={name!r}; if it does not label "
+            "runs, give it another name in the file."
+        )
+
+
+def _matrix(table: FileTable, position: int, raw: Any) -> np.ndarray:
     """Return the samples of a column as (n_rows, n_runs)."""
-    position = table.find(asked)
-    raw = table.load(position)
     where = table.where(table.names[position])
     shape = np.shape(raw)
     if len(shape) > 2:
@@ -117,40 +153,49 @@ def _check_lengths(table: FileTable, lengths: dict[str, int]) -> None:
         )
 
 
-def _split_runs(
-    table: FileTable, run: str, time: np.ndarray, samples: np.ndarray, restart: bool
-) -> list[Run]:
-    position = table.find(run)
-    where = table.where(table.names[position])
-    labels = [_label(label, where, k) for k, label in enumerate(_flat(table.load(position)))]
-    _check_lengths(table, {run: len(labels), "the channels": len(samples)})
-    starts = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
-    seen: dict[Any, int] = {}
-    for start in starts:
-        label = labels[start]
-        if label in seen:
+def _split(
+    table: FileTable,
+    run: str,
+    coded: tuple[np.ndarray, list[Any]],
+    time: np.ndarray,
+    channels: list[np.ndarray],
+    restart: bool,
+) -> FileRuns:
+    where = table.where(table.names[table.find(run)])
+    codes, labels = _labels(*coded, where)
+    _check_lengths(table, {run: len(codes), "the channels": len(channels[0])})
+    starts = np.append(0, np.flatnonzero(codes[1:] != codes[:-1]) + 1)
+    order = codes[starts].tolist()
+    seen: dict[int, int] = {}
+    for start, code in zip(starts.tolist(), order, strict=True):
+        if code in seen:
             raise ValueError(
-                f"The rows of run {label!r} in {where} are not contiguous: it begins at row "
-                f"{seen[label] + 1}, another run follows, and it comes back at row {start + 1}. "
+                f"The rows of run {labels[code]!r} in {where} are not contiguous: it begins at row "
+                f"{seen[code] + 1}, another run follows, and it comes back at row {start + 1}. "
                 "Sort the file by run and time, or give every run its own label."
             )
-        seen[label] = start
-    pieces = []
-    for start, stop in zip(starts, [*starts[1:], len(labels)], strict=True):
-        # Without a time column, every run starts at 0.
-        instants = time[: stop - start] if restart else time[start:stop]
-        pieces.append(Run(labels[start], table.path, instants, samples[start:stop]))
-    return pieces
+        seen[code] = start
+    lengths = np.diff(starts, append=len(codes))
+    if restart:  # without a time column, every run starts at 0
+        time = np.concatenate([time[:length] for length in lengths])
+    return FileRuns(table.path, [labels[code] for code in order], lengths, time, channels)
 
 
-def _flat(labels: Any) -> list[Any]:
-    return labels.tolist() if isinstance(labels, pd.Series) else np.ravel(labels).tolist()
-
-
-def _label(label: Any, where: str, row: int) -> Any:
-    if pd.isna(label) or label == "":
+def _labels(codes: np.ndarray, found: list[Any], where: str) -> tuple[np.ndarray, list[Any]]:
+    """Labels as they are compared, and which of them each row has."""
+    known: dict[Any, int] = {}
+    missing = [-1]
+    places = []
+    for place, label in enumerate(found):
+        if pd.isna(label) or label == "":
+            missing.append(place)
+        elif isinstance(label, str):
+            label = label.strip()
+        # MATLAB numbers are floats: a run 1 there is the run 1 of a CSV file.
+        elif isinstance(label, float) and label.is_integer():
+            label = int(label)
+        places.append(known.setdefault(label, len(known)))
+    if len(missing) > 1 or codes.min(initial=0) < 0:
+        row = int(np.flatnonzero(np.isin(codes, missing))[0])
         raise ValueError(f"{where} has no run label in row {row + 1}.")
-    # MATLAB numbers are floats: a run 1 there is the run 1 of a CSV file.
-    if isinstance(label, float) and label.is_integer():
-        return int(label)
-    return label.strip() if isinstance(label, str) else label
+    return np.array(places, dtype=np.int32)[codes], list(known)

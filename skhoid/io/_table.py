@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import importlib
 import re
-from collections.abc import Callable
+import reprlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-__all__ = ["FileTable", "as_numbers", "require", "split_header"]
+__all__ = ["Columns", "FileTable", "as_numbers", "coded", "one_by_one", "require", "split_header"]
 
 # A bracket is a unit; a parenthesis only if it holds a letter or a unit sign, not in "e (2)".
 _HEADER = re.compile(
     r"^(?P<name>.*\S)(?:\s*\[(?P<square>[^\[\]]*)\]|\s+\((?P<round>[^()]*[^\W\d_][^()]*|[%°])\))$"
 )
 _MOST_NAMES = 30
+# Columns, and the codes and labels of one of them if it is asked for.
+Columns = tuple[list[Any], tuple[np.ndarray, list[Any]] | None]
 
 
 def split_header(header: str) -> tuple[str, str | None]:
@@ -43,13 +46,13 @@ def require(module: str, what: str) -> Any:
 class FileTable:
     """The columns (or MATLAB variables) of one file, read when asked for.
 
-    ``names`` may repeat; ``load`` takes a position in it. ``unreadable`` says of a name what it
+    ``names`` may repeat; ``load`` takes positions in it, and that of a column of labels. ``unreadable`` says of a name what it
     is instead of numbers, and ``note`` is added to the error about a name that is not there.
     """
 
     path: Path
     names: list[str]
-    load: Callable[[int], Any]
+    load: Callable[[Sequence[int], int | None], Columns]
     units: dict[str, str] = field(default_factory=dict)
     unreadable: dict[str, str] = field(default_factory=dict)
     note: str = ""
@@ -106,6 +109,23 @@ class FileTable:
         return f"{text} {self.note}".rstrip()
 
 
+def one_by_one(load: Callable[[int], Any]) -> Callable[[Sequence[int], int | None], Columns]:
+    """Load columns of a file in which each can be had alone."""
+
+    def load_all(numbers: Sequence[int], labels: int | None) -> Columns:
+        columns = [load(position) for position in numbers]
+        return columns, None if labels is None else coded(load(labels))
+
+    return load_all
+
+
+def coded(labels: Any) -> tuple[np.ndarray, list[Any]]:
+    """Labels in order of appearance, and which of them each row has; -1 is a missing one."""
+    values = labels if isinstance(labels, pd.Series) else pd.Series(np.ravel(labels))
+    codes, found = pd.factorize(values)
+    return codes, pd.Index(found).tolist()
+
+
 def as_numbers(values: Any, where: str) -> np.ndarray:
     """Float64 array of a column, or an error that names the first value that is no number."""
     series = values if isinstance(values, pd.Series) else None
@@ -137,6 +157,7 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
             )
         raise ValueError(
             f"{where} is not numeric: row {bad[0] + 1} (the first sample is row 1) is "
-            f"{text.iloc[bad[0]]!r} ({bad.size} of {text.size} rows are no numbers). {advice}"
+            f"{reprlib.repr(text.iloc[bad[0]])} ({bad.size} of {text.size} rows are no numbers). "
+            f"{advice}"
         )
     return numbers.to_numpy(dtype=np.float64, na_value=np.nan)

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..runs import run_index
 from ._mat import read_mat
+from ._parquet import read_parquet
 from ._paths import Paths, expand_paths
-from ._runs import Run, runs_of
+from ._runs import FileRuns, runs_of
+from ._sheet import read_csv
 from ._table import FileTable, split_header
-from ._tabular import read_csv, read_parquet
 
 __all__ = ["read_runs"]
 
@@ -127,16 +129,18 @@ def read_runs(
     _check_names(channels)
     clock = _clock(time, dt)
     given = _check_units(units or {}, channels, time)
-    pieces: list[Run] = []
+    pieces: list[FileRuns] = []
     known: dict[str, tuple[str, Path]] = {}
     for path in files:
         table = _open(path)
-        pieces += runs_of(
-            table,
-            [channel.asked for channel in channels],
-            clock=clock,
-            time_unit=given.get("time"),
-            run=run,
+        pieces.append(
+            runs_of(
+                table,
+                [channel.asked for channel in channels],
+                clock=clock,
+                time_unit=given.get("time"),
+                run=run,
+            )
         )
         _gather_units(table, channels, given, known)
     _check_labels(pieces, run)
@@ -251,44 +255,62 @@ def _gather_units(
             )
 
 
-def _check_labels(pieces: list[Run], run: str | None) -> None:
+def _check_labels(pieces: list[FileRuns], run: str | None) -> None:
     first: dict[Any, Path] = {}
     for piece in pieces:
-        other = first.setdefault(piece.label, piece.path)
-        if other is piece.path:
-            continue
-        if other == piece.path:
-            raise ValueError(f"{piece.path} is named twice in paths.")
-        advice = (
-            "rename a file, or name a column with run labels by run="
-            if run is None
-            else "give every run its own label"
-        )
-        raise ValueError(
-            f"Two files have a run labelled {piece.label!r}, {other} and {piece.path}: {advice}."
-        )
+        for label in piece.labels:
+            other = first.setdefault(label, piece.path)
+            if other is piece.path:
+                continue
+            if other == piece.path:
+                raise ValueError(f"{piece.path} is named twice in paths.")
+            advice = (
+                "rename a file, or name a column with run labels by run="
+                if run is None
+                else "give every run its own label"
+            )
+            raise ValueError(
+                f"Two files have a run labelled {label!r}, {other} and {piece.path}: {advice}."
+            )
 
 
 def _assemble(
-    pieces: list[Run], names: list[str], known: dict[str, tuple[str, Path]]
+    pieces: list[FileRuns], names: list[str], known: dict[str, tuple[str, Path]]
 ) -> tuple[pd.DataFrame, pd.Series]:
-    codes = np.repeat(np.arange(len(pieces)), [len(piece.time) for piece in pieces])
-    labels = pd.Index([piece.label for piece in pieces])
-    time = np.concatenate([piece.time for piece in pieces])
-    missing = np.flatnonzero(np.isnan(time))
-    if missing.size:
-        piece = pieces[codes[missing[0]]]
-        row = int(np.flatnonzero(np.isnan(piece.time))[0])
-        raise ValueError(
-            f"The time of run {piece.label!r} in {piece.path} is missing in its row {row + 1}: "
-            "every sample needs its instant. Where the whole row is empty, delete it: that is a "
-            "gap, at which lags start anew."
-        )
-    index = pd.MultiIndex.from_arrays([labels.take(codes), time], names=("run", "time"))
-    values = np.concatenate([piece.samples for piece in pieces])
-    X = pd.DataFrame(values[:, :-1].copy(), index=index, columns=names[:-1])
-    y = pd.Series(values[:, -1].copy(), index=index, name=names[-1])
+    for piece in pieces:
+        _check_instants(piece)
+    labels = [label for piece in pieces for label in piece.labels]
+    lengths = np.concatenate([piece.lengths for piece in pieces])
+    index = run_index(labels, lengths, _joined([piece.time for piece in pieces]))
+    # Each channel leaves the pieces as it is taken, so that all rows are in memory but once.
+    output = _joined([piece.channels.pop() for piece in pieces])
+    if len(names) == 2:
+        values = _joined([piece.channels.pop() for piece in pieces])[None]
+        values = values.copy() if np.may_share_memory(values, output) else values
+    else:
+        values = np.empty((len(names) - 1, len(index)))
+        for k in reversed(range(len(values))):
+            values[k] = _joined([piece.channels.pop() for piece in pieces])
+    X = pd.DataFrame(np.require(values, requirements="W").T, index, names[:-1], copy=False)
+    y = pd.Series(np.require(output, requirements="W"), index, name=names[-1], copy=False)
     units = {name: unit for name, (unit, _) in known.items()}
     X.attrs["units"] = {name: units[name] for name in names[:-1] if name in units}
     y.attrs["units"] = {name: units[name] for name in names[-1:] if name in units}
     return X, y
+
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _check_instants(piece: FileRuns) -> None:
+    missing = np.flatnonzero(np.isnan(piece.time))
+    if missing.size:
+        stops = np.cumsum(piece.lengths)
+        k = int(np.searchsorted(stops, missing[0], side="right"))
+        row = int(missing[0] - stops[k] + piece.lengths[k])
+        raise ValueError(
+            f"The time of run {piece.labels[k]!r} in {piece.path} is missing in its row {row + 1}: "
+            "every sample needs its instant. Where the whole row is empty, delete it: that is a "
+            "gap, at which lags start anew."
+        )

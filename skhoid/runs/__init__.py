@@ -12,6 +12,7 @@ from .clock import (
     time_in_seconds,
     whole_samples,
 )
+from .index import run_index
 from .layout import (
     RunLayout,
     contiguous_runs,
@@ -43,6 +44,7 @@ __all__ = [
     "output_name",
     "read_layout",
     "run_column",
+    "run_index",
     "run_labels",
     "run_name",
     "run_time_index",

@@ -91,7 +91,7 @@ class TestColumns:
             ("t,e,u\n0,a,1\n1,b,2\n", r"\(2 of 2 rows.*Name another column"),
             ("t e u\n0 1 2\n1 1 2\n", "no column 'e'.*Separate cells by commas"),
             ("t,e,u\n0,1,2\n,,\n1,1,2\n", "missing in its row 2.*row is empty, delete it"),
-            ('t,e,u\n0,"1,2\n1,1,2\n', "run.csv.*EOF inside string"),
+            ('t,e,u\n0,"1,2\n1,1,2\n', r"run.csv.*quote \(\"\) in line 2 is closed nowhere"),
         ],
     )
     def test_advice(self, tmp_path, text, advice):

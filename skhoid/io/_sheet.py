@@ -1,0 +1,185 @@
+"""CSV files as tables."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import re
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TextIO
+
+import pandas as pd
+
+from ..summaries import counted
+from ._plain import EXACT, plain_columns
+from ._table import FileTable, coded
+from ._text import Text, survey
+
+__all__ = ["Sheet", "read_csv"]
+
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*")
+_DECIMAL_POINT = re.compile(_DECIMAL_COMMA.pattern.replace(",", r"\."))
+
+
+def read_csv(path: Path) -> FileTable:
+    """Read a text file with one header row; separator comma, semicolon or tab."""
+    sheet = _sheet(survey(path))
+    names = sheet.names
+    note = ""
+    if all(_is_number(name) for name in names):
+        note = "Its first row holds numbers: write a header row with the names of the columns."
+    elif len(names) == 1 and len(names[0].split()) > 1:
+        note = "Separate cells by commas, semicolons or tabs, not by blanks."
+
+    def load(numbers: Sequence[int], labels: int | None) -> tuple[list[Any], Any]:
+        plain = plain_columns(sheet, numbers, labels)
+        if plain is not None:
+            return plain
+        columns = [sheet.column(position) for position in numbers]
+        return columns, None if labels is None else coded(sheet.column(labels))
+
+    return FileTable(path, names, load, note=note)
+
+
+def _sheet(text: Text) -> Sheet:
+    """Read the header of a file, and make sure that rows follow."""
+    with text.open() as file:
+        for blank, first in enumerate(file):
+            if first.strip():
+                break
+        else:
+            raise ValueError(f"{text.path} is empty.")
+        separator = next((sign for sign in "\t;" if sign in first), ",")
+        rows = csv.reader(
+            itertools.chain([first], file), delimiter=separator, skipinitialspace=True
+        )
+        skip = blank
+        try:
+            names = [name.strip() for name in next(rows)]
+            skip += rows.line_num
+            row = next((row for row in rows if len(row) > 1 or "".join(row).strip()), None)
+        except csv.Error as error:  # a cell of more than 128 kB
+            raise ValueError(_open_quote(text.path, skip + 1)) from error
+    if row is None:
+        if skip > blank + 1:
+            raise ValueError(_open_quote(text.path, blank + 1))
+        raise ValueError(f"{text.path} has a header but no rows.")
+    sheet = Sheet(text, separator, names, skip)
+    if len(row) > len(names):
+        raise ValueError(sheet.wrong_row(""))
+    return sheet
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of text: the names in its header, and the rows behind."""
+
+    text: Text
+    separator: str
+    names: list[str]
+    skip: int  # lines
+
+    @cached_property
+    def cells(self) -> pd.DataFrame:
+        return self.parse()
+
+    @cached_property
+    def has_quotes(self) -> bool:
+        with self.text.open() as file:
+            header = itertools.islice(file, self.skip)
+            return self.text.quotes > sum(line.count('"') for line in header)
+
+    @cached_property
+    def decimal(self) -> str | None:
+        """The sign before decimals, if there can be but one."""
+        if self.separator == "," or not self.text.commas:
+            return "."
+        return None if self.text.points else ","
+
+    def read(self, file: TextIO, **options: Any) -> Any:
+        """Let pandas read the cells of an open file; rows that are too long are a ParserWarning."""
+        return pd.read_csv(
+            file,
+            sep=self.separator,
+            header=None,
+            names=range(len(self.names)),
+            index_col=False,
+            skipinitialspace=True,
+            **EXACT,
+            **options,
+        )
+
+    def parse(self, dtype: Any = None) -> pd.DataFrame:
+        """All cells."""
+        with self.text.open(self.skip) as file, warnings.catch_warnings():
+            # pandas only warns when a row has more cells than the header, and drops the rest.
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            try:
+                return self.read(file, dtype=dtype, low_memory=False)
+            except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+                raise ValueError(self.wrong_row(str(error))) from error
+
+    def column(self, position: int) -> pd.Series:
+        """A column; its decimal commas are points if no other number has one."""
+        column = self.cells[position]
+        if self.separator == "," or pd.api.types.is_numeric_dtype(column.dtype):
+            return column
+        commas = column.dropna().astype(str)
+        commas = commas[commas.map(_DECIMAL_COMMA.fullmatch).notna()]
+        if commas.empty:
+            return column
+        texts = self.parse(dtype=str)
+        for name, other in zip(self.names, texts, strict=True):
+            points = texts[other].dropna()
+            if points.map(_DECIMAL_POINT.fullmatch).notna().any():
+                raise ValueError(
+                    f"{self.text.path} is ambiguous: column {self.names[position]!r} has commas in "
+                    f"its numbers ({commas.iloc[0]!r}) and column {name!r} has points. Write all "
+                    "numbers with a decimal point and without separators of thousands."
+                )
+        numbers = column.astype(object)
+        # float() and not pd.to_numeric, which is inexact in the last digit before pandas 3.1.
+        numbers.loc[commas.index] = commas.map(lambda cell: float(cell.replace(",", ".")))
+        return numbers
+
+    def wrong_row(self, said: str) -> str:
+        """What is wrong with the first row that pandas does not take."""
+        path, separator, names = self.text.path, self.separator, self.names
+        is_open = "EOF inside string" in said
+        begin = end = 0  # of a row, in lines
+        with self.text.open() as file:
+            rows = csv.reader(file, delimiter=separator, skipinitialspace=True)
+            try:
+                for row in rows:
+                    begin, end = end, rows.line_num
+                    if len(row) > len(names) and not is_open:
+                        columns = counted(len(names), "column")
+                        return (
+                            f"{path} cannot be read as a table of {columns} separated by "
+                            f"{separator!r}, as in its first line "
+                            f"({separator.join(names)[:60]!r}): line {end} has {len(row)} cells. "
+                            "The first line must be the header: delete what stands above the names "
+                            "of the columns. Every row needs as many cells as the header."
+                        )
+            except csv.Error:  # a cell of more than 128 kB
+                return _open_quote(path, end + 1)
+        return _open_quote(path, begin + 1) if is_open else f"{path}: {said}"
+
+
+def _open_quote(path: Path, line: int) -> str:
+    return (
+        f'{path} cannot be read as a table: a quote (") in line {line} is closed nowhere, '
+        "or far below. Delete it, or close it."
+    )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,82 @@
+"""Text files in whatever encoding, and what one pass over their bytes tells of them."""
+
+from __future__ import annotations
+
+import codecs
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+__all__ = ["Text", "survey"]
+
+_CHUNK = 1 << 20  # bytes
+_MARKS = {  # the marks of UTF-32 begin with those of UTF-16
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF32_BE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+# Which of the first four bytes are 0, where no mark is and a text begins with two of ASCII.
+_ZEROS = {
+    (True, True, True, False): "utf-32-be",
+    (False, True, True, True): "utf-32-le",
+    (True, False, True, False): "utf-16-be",
+    (False, True, False, True): "utf-16-le",
+}
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text file: its encoding, and how many lines, quotes, points and commas it has."""
+
+    path: Path
+    encoding: str
+    n_lines: int
+    quotes: int
+    points: int
+    commas: int
+
+    def open(self, skip: int = 0) -> TextIO:
+        r"""Open the file behind some lines; every line ends in ``\n``."""
+        errors = "replace" if self.encoding == "cp1252" else "strict"
+        file = self.path.open(encoding=self.encoding, errors=errors)
+        for _ in range(skip):
+            file.readline()
+        return file
+
+
+def survey(path: Path) -> Text:
+    """Find the encoding of a text file, and count what decides how its numbers are read."""
+    with path.open("rb") as file:
+        head = file.read(4)
+        wide = next((name for mark, name in _MARKS.items() if head.startswith(mark)), None)
+        wide = wide or _ZEROS.get(tuple(byte == 0 for byte in head))
+        decoder = codecs.getincrementaldecoder(wide or "utf-8")()
+        file.seek(0)
+        counts = dict.fromkeys(b'\n\r",.', 0)
+        is_ascii = is_utf8 = True
+        while chunk := file.read(_CHUNK):
+            try:
+                if wide:
+                    chunk = decoder.decode(chunk).encode("utf-8")
+                elif is_utf8 and not (is_ascii := is_ascii and chunk.isascii()):
+                    decoder.decode(chunk)
+            except UnicodeDecodeError as error:
+                if wide:
+                    raise ValueError(
+                        f"{path} begins as {wide.upper()} text and does not go on so ({error}). "
+                        "Save it as UTF-8."
+                    ) from error
+                # Western European Windows: what spreadsheets write for the degree sign in "e [°]".
+                is_utf8 = False
+            if b"\0" in chunk:
+                lines = counts[ord("\n")] + chunk[: chunk.index(b"\0")].count(b"\n")
+                raise ValueError(
+                    f"{path} has a zero byte in line {lines + 1}, which no text has: it is "
+                    "damaged, or no text file. Save it anew, as UTF-8."
+                )
+            for sign in counts:
+                counts[sign] += chunk.count(sign)
+    line_feeds, returns, quotes, commas, points = counts.values()
+    encoding = wide or ("utf-8-sig" if is_utf8 else "cp1252")
+    return Text(path, encoding, max(line_feeds, returns) + 1, quotes, points, commas)
