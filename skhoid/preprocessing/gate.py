@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.sparse import issparse
 from sklearn.utils.validation import column_or_1d
 
 from ..runs import output_name
@@ -46,7 +47,7 @@ def unmasked(data: Any) -> Any:
     if not isinstance(data, np.ma.MaskedArray):
         return data
     if np.ma.is_masked(data):
-        return data.astype(np.float64).filled(np.nan)
+        return np.ma.filled(data.astype(np.float64), np.nan)
     return data.data
 
 
@@ -103,7 +104,7 @@ def _check_columns(X: pd.DataFrame) -> None:
 
 def _refuse_container(X: Any) -> None:
     library = type(X).__module__.partition(".")[0]
-    if isinstance(X, dict):
+    if isinstance(X, dict) and not issparse(X):  # scikit-learn refuses sparse ones, some dicts
         instead = "pandas.DataFrame(X)"
     elif library == "pyarrow":
         instead = "X.to_pandas()"
