@@ -33,7 +33,7 @@ DT = 0.01  # s
 DELAY = 28  # samples of the operator, in whose model nk is one more for the zero-order hold
 LINEAR = 1.1  # exponent of time over the last decade of rows
 SMALL = 20_000  # rows of a first call that compiles and imports
-REPEATS, ENOUGH = 5, 2.0  # the fastest of so many, unless they take so many seconds together
+REPEATS, ENOUGH = 3, 8.0  # the fastest of so many, unless they take so many seconds together
 
 
 class Data(NamedTuple):
