@@ -35,12 +35,12 @@ def orders_bic(data: Data) -> Any:
     return OrderSearchCV(na=[1, 2, 3], nb=[1, 2, 3], nk=[28, 29, 30], criterion="bic").fit(*data)
 
 
-UP_TO_1E6 = (100_000, 300_000, 1_000_000)
+UP_TO_1E6 = (100_000, 1_000_000)
 WORKS = {
     "DelaySearchCV, one step": Work(one_step, seconds=10, memory=2),
-    "DelaySearchCV, VAF": Work(vaf, UP_TO_1E6, seconds=6, memory=4),
-    "OrderSearchCV, 27 candidates": Work(orders, UP_TO_1E6, seconds=4, memory=4),
-    "OrderSearchCV, 27 candidates, BIC": Work(orders_bic, UP_TO_1E6, seconds=4, memory=4),
+    "DelaySearchCV, VAF": Work(vaf, UP_TO_1E6, seconds=6, memory=2),
+    "OrderSearchCV, 27 candidates": Work(orders, UP_TO_1E6, seconds=4, memory=2),
+    "OrderSearchCV, 27 candidates, BIC": Work(orders_bic, UP_TO_1E6, seconds=4, memory=2),
 }
 
 if __name__ == "__main__":
