@@ -143,7 +143,9 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
     time = np.arange(-kept, task.n_samples) / rate
     n_drawn = len(blocks) if drawn else 1
     f_t, f_d = np.concatenate(targets[:n_drawn]), np.concatenate(disturbances[:n_drawn])
-    e, u, x, n = signals if n_distinct == n_runs else np.repeat(signals, n_runs, axis=1)
+    if n_distinct != n_runs:
+        signals = np.repeat(signals, int(n_runs), axis=1)
+    e, u, x, n = signals
     return TrackingRecord(time=time, e=e, u=u, x=x, n=n, f_t=f_t, f_d=f_d)
 
 
