@@ -141,24 +141,22 @@ def _uniform(column: pd.Series) -> pd.Series:
     kind = getattr(column.dtype, "kind", "O") if isinstance(column.dtype, np.dtype) else "O"
     if kind in "bif":
         return pd.Series(column.to_numpy(dtype={"b": bool, "i": np.int64, "f": np.float64}[kind]))
-    missing = column.isna().to_numpy()
-    kinds = {type(value) for value in column.to_numpy(dtype=object)[~missing]}
+    missing, values = column.isna().to_numpy(), column.to_numpy(dtype=object)
+    kinds = {type(value) for value in values[~missing]}
     if not kinds:
         is_number = pd.api.types.is_numeric_dtype(column.dtype)
         return pd.Series(np.full(missing.size, np.nan if is_number else None))
     if all(issubclass(kind, NUMBERS) for kind in kinds):
         if all(issubclass(kind, (bool, np.bool_)) for kind in kinds) and not missing.any():
             return pd.Series(column.to_numpy(dtype=bool))
-        values = column.to_numpy(dtype=object)
         whole = all(issubclass(kind, (int, np.integer)) and kind is not bool for kind in kinds)
         if whole and not missing.any() and abs(max(values, key=abs)) < 2**63:
             return pd.Series(values.astype(np.int64))
         return pd.Series(column.to_numpy(dtype=float, na_value=np.nan))
-    texts = [
-        None if gone else value if isinstance(value, str) else str(value)
-        for gone, value in zip(missing, column, strict=True)
-    ]
-    return pd.Series(np.array(texts, dtype=object), dtype=object)
+    if not all(issubclass(kind, str) for kind in kinds):
+        texts = [value if isinstance(value, str) else str(value) for value in values]
+        values = np.array(texts, dtype=object)
+    return pd.Series(np.where(missing, None, values), dtype=object)
 
 
 def checksum(table: pd.DataFrame) -> str:
