@@ -290,7 +290,7 @@ class Lanes:
     def __init__(self, X: np.ndarray, y: np.ndarray, forgetting: np.ndarray) -> None:
         """X and y of shape (n_rows, 1 or n_lanes), forgetting of shape (n_lanes,)."""
         n, lanes = len(y), len(forgetting)
-        advance = _kernels.rls.recursion(4, lanes)
+        advance = _kernels.rls.recursion(4, lanes, X.shape[1] < lanes)
         follow = _kernels.rls.free_runs(2, 4, lanes)
         state = RecursionState(np.zeros(4), P0 * np.eye(4), lanes).buffer
         rest = state.copy()

@@ -319,7 +319,8 @@ def recurse(
     """
     n_instants = signals.shape[1]
     paths = Paths.empty(n_instants, signals.shape[2], state, keep)
-    advance = _kernels.rls.recursion(state.n_params, state.lanes)
+    shared = signals.shape[3] < state.lanes
+    advance = _kernels.rls.recursion(state.n_params, state.lanes, shared)
     columns, lags = kernel_regressors(orders)
     inflate, tilt = forgetting.arrays(state.lanes) if inflation is None else inflation
     first = min(orders.first_row, n_instants)
