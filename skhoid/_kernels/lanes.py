@@ -244,7 +244,11 @@ _lower_extreme(maximum, ">")
 @lower_builtin(every, Vector)
 def _(context, builder, sig, args):
     bits = ir.IntType(sig.args[0].lanes)
-    return builder.icmp_signed("==", builder.bitcast(args[0], bits), ir.Constant(bits, -1))
+    found = builder.icmp_signed("==", builder.bitcast(args[0], bits), ir.Constant(bits, -1))
+    boolean = ir.IntType(1)
+    kind = ir.FunctionType(boolean, [boolean] * 2)
+    expect = cgutils.get_or_insert_function(builder.module, kind, "llvm.expect.i1")
+    return builder.call(expect, [found, ir.Constant(boolean, True)])
 
 
 def _is_number(kind):

@@ -55,9 +55,9 @@ def layout(n_params):
 
 
 @cache
-def recursion(n_params, lanes, shared=False):
+def recursion(n_params, lanes, shared=False, wide=False):
     """Compile ``advance`` for a number of parameters and lanes, which may share their signals."""
-    N, L = n_params, lanes
+    N, L, WIDE = n_params, lanes, wide
     W = 1 if shared else lanes
     at = layout(n_params)
     U, D, THETA, INFLATION, SIZE = at["U"], at["D"], at["theta"], at["inflation"], at["size"]
@@ -65,9 +65,82 @@ def recursion(n_params, lanes, shared=False):
     POWERS, CAPS = at["power"] * lanes, at["cap"] * lanes
     PAIRS = N * (N - 1) // 2
     TILT = SIZE
-    F, GAIN, ALPHA, PRODUCT, INVERSE, MOST = (SIZE + PAIRS + k * N for k in range(6))
-    N_ROWS = SIZE + PAIRS + 6 * N
-    POWER, CAP, PHI, N_SHARED = 0, N, 2 * N, 3 * N
+    F, GAIN = TILT + PAIRS, TILT + PAIRS + N
+    ALPHA, PRODUCT, INVERSE, MOST = (THETA + k * N for k in range(1, 5))
+    F_NOW, GAIN_NOW = THETA + 5 * N, THETA + 6 * N
+    N_HOT, WAITING, N_COLD = THETA + 7 * N, GAIN + N, GAIN + N + 1
+    POWER, CAP, PHI, Y, TAKEN, EXCITED = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 2
+    N_SHARED = 3 * N + 3
+
+    @register_jitable
+    def take_care(c, h, diagonal):
+        """Forget or hold lane by lane, where some lane asks for care."""
+        y, excited = h[Y], h[EXCITED] > 0.0
+        taken = y == y
+        for k in range(N):
+            taken = taken & (h[PHI + k] == h[PHI + k])
+        for k in range(N):
+            p = select(taken, h[PHI + k], 0.0)
+            power, cap, d = h[POWER + k], h[CAP + k], c[D + k]
+            moved = excited & (p != 0.0)
+            power = select(moved, power * REMEMBERED, power)
+            cap = minimum(select(moved, cap * GROWTH, cap), LARGEST)
+            above = p * p > power
+            power = select(above, p * p, power)
+            cap = select(above, minimum(HELD / (p * p), LARGEST), cap)
+            clipped = minimum(d, spread(CLIPPED * cap, L))
+            c[D + k] = select(spread(above, L), clipped, d)
+            h[PHI + k], h[POWER + k], h[CAP + k] = p, power, cap
+        h[Y], h[TAKEN] = select(taken, y, 0.0), select(taken, 1.0, 0.0)
+        forget = (c[WAITING] > 0.0) & spread(taken & excited, L)
+        held = ~everywhere(L)
+        if diagonal:
+            for k in range(N):
+                p = c[D + k]
+                for i in range(k + 1, N):
+                    u = c[U + i * (i - 1) // 2 + k]
+                    p = p + u * u * c[D + i]
+                factor = c[INFLATION + k]
+                hold = (factor > 1.0) & (p * factor > spread(h[CAP + k], L))
+                held = held | hold
+                c[GAIN + k] = select(forget & ~hold, p * (factor - 1.0), 0.0)
+            for m in range(N):  # P + w e e' (Agee and Turner 1972)
+                w = c[GAIN + m]
+                for i in range(m):
+                    c[F + i] = spread(0.0, L)
+                c[F + m] = spread(1.0, L)
+                for k in range(m, -1, -1):
+                    v, before = c[F + k], c[D + k]
+                    d = before + w * v * v
+                    c[D + k] = d
+                    for i in range(k):
+                        u = c[U + k * (k - 1) // 2 + i]
+                        rest = c[F + i] - v * u
+                        c[F + i] = rest
+                        c[U + k * (k - 1) // 2 + i] = u + w * v / d * rest
+                    w = w * (before / d)
+        else:
+            for k in range(N):
+                d, cap = c[D + k], spread(h[CAP + k], L)
+                grown, least = d * c[INFLATION + k], cap * GENTLE
+                hold = grown > maximum(d, cap)
+                first = k * (k - 1) // 2
+                if WIDE:
+                    for i in range(k):
+                        u = c[U + first + i]
+                        tilted = u * c[TILT + first + i]
+                        cap_i = spread(h[CAP + i], L)
+                        square, tilted = u * u, tilted * tilted
+                        hold = hold | (tilted * grown > maximum(square * d, cap_i))
+                        hold = hold | (tilted * least > maximum(square * least, cap_i))
+                    for i in range(k):
+                        u = c[U + first + i]
+                        c[U + first + i] = select(forget & ~hold, u * c[TILT + first + i], u)
+                held = held | hold
+                c[D + k] = select(forget & ~hold, grown, d)
+        c[HELDS] = c[HELDS] + select(forget & held, 1.0, 0.0)
+        c[INSTANTS] = c[INSTANTS] + select(forget, 1.0, 0.0)
+        c[WAITING] = select(forget, 0.0, c[WAITING])
 
     def advance(
         Z, target, columns, lags, begin, end, inflate, tilt, offset, diagonal, nominal, state,
@@ -88,162 +161,102 @@ def recursion(n_params, lanes, shared=False):
         one-step error and 1 + phi' P phi, NaN without an update; the variable forgetting factor.
         """
         n_instants, n_runs = Z.shape[1], Z.shape[2]
-        wide = 1 if inflate.shape[1] > 1 else 0
         starts = np.empty(N, dtype=np.int64)
         for k in range(N):
             starts[k] = (columns[k] * n_instants - lags[k]) * n_runs * W
-        s = rows(N_ROWS, L)
-        q = rows(N_SHARED, W)
+        s, c = rows(N_HOT, L), rows(N_COLD, L)
+        q, h = rows(N_SHARED, W), rows(N_SHARED, W)
         for i in range(SIZE):
+            c[i] = load(state, i * L, L)
+        for i in range(THETA + N):
             s[i] = load(state, i * L, L)
         for k in range(N):
             q[POWER + k] = load(state, POWERS + k * L, W)
             q[CAP + k] = load(state, CAPS + k * L, W)
-        one, zero = spread(1.0, L), spread(0.0, L)
+        one = spread(1.0, L)
         plain = 0.0  # instants at which all lanes forgot in full
         for t in range(begin, end):
             if t == begin or inflate.shape[0] > 1:
                 now = 0 if inflate.shape[0] == 1 else t - offset
                 if nominal == 0.0:
                     for k in range(N):
-                        i = now * inflate.shape[1] + k * wide
-                        s[INFLATION + k] = load(inflate, i * L, L)
-                if wide:
+                        i = now * inflate.shape[1] + (k if WIDE else 0)
+                        c[INFLATION + k] = load(inflate, i * L, L)
+                if WIDE:
                     for i in range(PAIRS):
-                        s[TILT + i] = load(tilt, (now * PAIRS + i) * L, L)
+                        c[TILT + i] = load(tilt, (now * PAIRS + i) * L, L)
             if used.size > 0:
-                store(used, t * L, one / s[INFLATION])
+                store(used, t * L, one / c[INFLATION])
             if priors.size > 0:
                 for i in range(THETA):
                     store(priors, (t * THETA + i) * L, s[i])
-            waiting = everywhere(L)
             pending = True
-            total, updates = zero, zero
+            total, updates = spread(0.0, L), spread(0.0, L)
             for r in range(n_runs):
                 row = (t * n_runs + r) * W
                 y = load(target, row, W)
-                usual = y == y
+                taken = y == y
                 excited = ~everywhere(W)
                 for k in range(N):
                     p = load(Z, starts[k] + row, W)
                     q[PHI + k] = p
                     square, power = p * p, q[POWER + k]
                     excited = excited | (square * HELD > power)
-                    usual = usual & (p != 0.0) & (square <= power * REMEMBERED)
-                # Whatever asks for care in no lane needs no masks: the same bits, in half the time.
-                easy = every(usual & excited) and (r == 0 or not pending)
+                    taken = taken & (p != 0.0) & (square <= power * REMEMBERED)
+                # Whatever asks for care in no lane needs no masks: the same bits, in less time.
+                easy = every(taken & excited) and (r == 0 or not pending)
                 if easy and pending:
-                    fits = waiting
+                    fits = everywhere(L)
                     for k in range(N):
-                        grown = s[D + k] * s[INFLATION + k]
+                        grown = s[D + k] * c[INFLATION + k]
                         cap = spread(minimum(q[CAP + k] * GROWTH, LARGEST), L)
-                        if wide:
+                        if WIDE:
                             s[MOST + k] = maximum(grown, cap * GENTLE)
                         else:
                             fits = fits & (grown <= cap)
-                    if wide:
+                    if WIDE:
                         for i in range(N):
                             most = s[MOST + i]
-                            for k in range(i + 1, N):
-                                at_ik = k * (k - 1) // 2 + i
-                                tilted = s[U + at_ik] * s[TILT + at_ik]
+                            for k in range(N):
+                                if k <= i:
+                                    continue
+                                tilted = s[U + k * (k - 1) // 2 + i] * c[TILT + k * (k - 1) // 2 + i]
                                 most = fma(tilted * tilted, s[MOST + k], most)
                             cap = spread(minimum(q[CAP + i] * GROWTH, LARGEST), L)
                             fits = fits & (most <= cap)
                     easy = every(fits) and not diagonal
-                taken = usual
+                forgot = pending
                 if easy:
                     for k in range(N):
                         q[POWER + k] = q[POWER + k] * REMEMBERED
                         q[CAP + k] = minimum(q[CAP + k] * GROWTH, LARGEST)
                     if pending:
                         for k in range(N):
-                            s[D + k] = s[D + k] * s[INFLATION + k]
-                        if wide:
+                            s[D + k] = s[D + k] * c[INFLATION + k]
+                        if WIDE:
                             for i in range(PAIRS):
-                                s[U + i] = s[U + i] * s[TILT + i]
-                        pending = False
-                        waiting = ~waiting
+                                s[U + i] = s[U + i] * c[TILT + i]
                         plain += 1.0
-                        if priors.size > 0:
-                            for i in range(THETA):
-                                store(priors, (t * THETA + i) * L, s[i])
                 else:
-                    taken = y == y
-                    for k in range(N):
-                        taken = taken & (q[PHI + k] == q[PHI + k])
-                    y = select(taken, y, 0.0)
-                    for k in range(N):
-                        p = select(taken, q[PHI + k], 0.0)
-                        power, cap, d = q[POWER + k], q[CAP + k], s[D + k]
-                        moved = excited & (p != 0.0)
-                        power = select(moved, power * REMEMBERED, power)
-                        cap = minimum(select(moved, cap * GROWTH, cap), LARGEST)
-                        above = p * p > power
-                        power = select(above, p * p, power)
-                        cap = select(above, minimum(HELD / (p * p), LARGEST), cap)
-                        clipped = minimum(d, spread(CLIPPED * cap, L))
-                        s[D + k] = select(spread(above, L), clipped, d)
-                        q[PHI + k], q[POWER + k], q[CAP + k] = p, power, cap
-                    forget = waiting & spread(taken & excited, L)
-                    held = ~everywhere(L)
-                    if diagonal:
-                        for k in range(N):
-                            p = s[D + k]
-                            for i in range(k + 1, N):
-                                u = s[U + i * (i - 1) // 2 + k]
-                                p = p + u * u * s[D + i]
-                            factor = s[INFLATION + k]
-                            hold = (factor > 1.0) & (p * factor > spread(q[CAP + k], L))
-                            held = held | hold
-                            s[GAIN + k] = select(forget & ~hold, p * (factor - 1.0), 0.0)
-                        for m in range(N):  # P + c e e' (Agee and Turner 1972)
-                            c = s[GAIN + m]
-                            for i in range(m):
-                                s[F + i] = zero
-                            s[F + m] = one
-                            for k in range(m, -1, -1):
-                                v, before = s[F + k], s[D + k]
-                                d = before + c * v * v
-                                s[D + k] = d
-                                for i in range(k):
-                                    u = s[U + k * (k - 1) // 2 + i]
-                                    rest = s[F + i] - v * u
-                                    s[F + i] = rest
-                                    s[U + k * (k - 1) // 2 + i] = u + c * v / d * rest
-                                c = c * (before / d)
-                    else:
-                        for k in range(N):
-                            d, cap = s[D + k], spread(q[CAP + k], L)
-                            grown = d * s[INFLATION + k]
-                            hold = grown > maximum(d, cap)
-                            if wide:
-                                least = cap * GENTLE
-                                for i in range(N):
-                                    if i >= k:
-                                        continue
-                                    u = s[U + k * (k - 1) // 2 + i]
-                                    tilted = u * s[TILT + k * (k - 1) // 2 + i]
-                                    cap_i = spread(q[CAP + i], L)
-                                    square, tilted = u * u, tilted * tilted
-                                    hold = hold | (tilted * grown > maximum(square * d, cap_i))
-                                    hold = hold | (tilted * least > maximum(square * least, cap_i))
-                                for i in range(N):
-                                    if i >= k:
-                                        continue
-                                    u = s[U + k * (k - 1) // 2 + i]
-                                    tilted = u * s[TILT + k * (k - 1) // 2 + i]
-                                    s[U + k * (k - 1) // 2 + i] = select(forget & ~hold, tilted, u)
-                            held = held | hold
-                            s[D + k] = select(forget & ~hold, grown, d)
-                    s[HELDS] = s[HELDS] + select(forget & held, 1.0, 0.0)
-                    s[INSTANTS] = s[INSTANTS] + select(forget, 1.0, 0.0)
-                    waiting = waiting & ~forget
-                    if pending and every(~waiting):
-                        pending = False
-                        if priors.size > 0:
-                            for i in range(THETA):
-                                store(priors, (t * THETA + i) * L, s[i])
+                    for i in range(THETA):
+                        c[i] = s[i]
+                    for i in range(PHI + N):
+                        h[i] = q[i]
+                    h[Y], h[EXCITED] = y, select(excited, 1.0, 0.0)
+                    if r == 0:
+                        c[WAITING] = one
+                    take_care(c, h, diagonal)
+                    for i in range(THETA):
+                        s[i] = c[i]
+                    for i in range(PHI + N):
+                        q[i] = h[i]
+                    y, taken = h[Y], h[TAKEN] > 0.0
+                    forgot = pending and every(c[WAITING] == 0.0)
+                if forgot:
+                    pending = False
+                    if priors.size > 0:
+                        for i in range(THETA):
+                            store(priors, (t * THETA + i) * L, s[i])
                 e = spread(y, L)
                 alpha = one
                 for k in range(N):
@@ -253,7 +266,7 @@ def recursion(n_params, lanes, shared=False):
                         f = fma(s[U + k * (k - 1) // 2 + i], spread(q[PHI + i], L), f)
                     g = s[D + k] * f
                     alpha = fma(f, g, alpha)
-                    s[F + k], s[GAIN + k], s[ALPHA + k] = f, g, alpha
+                    s[F_NOW + k], s[GAIN_NOW + k], s[ALPHA + k] = f, g, alpha
                 for first in range(0, N, 4):  # one division for four
                     last = min(first + 4, N)
                     product = one
@@ -270,48 +283,50 @@ def recursion(n_params, lanes, shared=False):
                             s[INVERSE + k] = select(product < LARGEST, s[INVERSE + k], inverse)
                 before, inverse = one, one
                 for k in range(N):
-                    w, g = -s[F + k] * inverse, s[GAIN + k]
+                    w, g = -s[F_NOW + k] * inverse, s[GAIN_NOW + k]
                     inverse = s[INVERSE + k]
                     s[D + k] = s[D + k] * (before * inverse)
                     before = s[ALPHA + k]
                     for i in range(k):
-                        u, b = s[U + k * (k - 1) // 2 + i], s[GAIN + i]
+                        u, b = s[U + k * (k - 1) // 2 + i], s[GAIN_NOW + i]
                         s[U + k * (k - 1) // 2 + i] = fma(b, w, u)
-                        s[GAIN + i] = fma(u, g, b)
+                        s[GAIN_NOW + i] = fma(u, g, b)
                 gain = inverse * e
                 for k in range(N):
-                    s[THETA + k] = fma(s[GAIN + k], gain, s[THETA + k])
+                    s[THETA + k] = fma(s[GAIN_NOW + k], gain, s[THETA + k])
                 total = fma(e, gain, total)
                 updates = updates + select(spread(taken, L), 1.0, 0.0)
                 if errors.size > 0:
                     store(errors, (t * n_runs + r) * L, select(spread(taken, L), e, np.nan))
                 if alphas.size > 0:
                     store(alphas, (t * n_runs + r) * L, select(spread(taken, L), alpha, np.nan))
-            s[TOTAL] = s[TOTAL] + total
-            s[UPDATES] = s[UPDATES] + updates
+            c[TOTAL] = c[TOTAL] + total
+            c[UPDATES] = c[UPDATES] + updates
             if pending:
-                s[HELDS] = s[HELDS] + select(waiting & (updates > 0.0), 1.0, 0.0)
+                c[HELDS] = c[HELDS] + select(updates > 0.0, c[WAITING], 0.0)
             if nominal > 0.0:
-                mean, latest = s[TOTAL] / s[UPDATES], total / updates
+                mean, latest = c[TOTAL] / c[UPDATES], total / updates
                 factor = select(mean > 0.0, 1.0 - latest / (mean * nominal), 1.0)
                 factor = one / maximum(factor, SHORTEST)
                 for k in range(N):
-                    s[INFLATION + k] = select(updates > 0.0, factor, s[INFLATION + k])
+                    c[INFLATION + k] = select(updates > 0.0, factor, c[INFLATION + k])
             if path.size > 0:
                 for k in range(N):
                     store(path, (t * N + k) * L, s[THETA + k])
             if factors.size > 0:
                 for i in range(THETA):
                     store(factors, (t * THETA + i) * L, s[i])
-        s[INSTANTS] = s[INSTANTS] + plain
+        c[INSTANTS] = c[INSTANTS] + plain
+        for i in range(THETA + N):
+            c[i] = s[i]
         for i in range(SIZE):
-            store(state, i * L, s[i])
+            store(state, i * L, c[i])
         for k in range(N):
             store(state, POWERS + k * L, spread(q[POWER + k], L))
             store(state, CAPS + k * L, spread(q[CAP + k], L))
 
     # Cached functions of one name from different processes would be mistaken for each other.
-    advance.__name__ = advance.__qualname__ = f"advance_{n_params}_{lanes}{'s' * shared}"
+    advance.__name__ = advance.__qualname__ = f"advance_{n_params}_{lanes}{'s' * shared}{'w' * wide}"
     return njit(cache=True, nogil=True, error_model="numpy")(advance)
 
 

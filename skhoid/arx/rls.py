@@ -319,10 +319,10 @@ def recurse(
     """
     n_instants = signals.shape[1]
     paths = Paths.empty(n_instants, signals.shape[2], state, keep)
-    shared = signals.shape[3] < state.lanes
-    advance = _kernels.rls.recursion(state.n_params, state.lanes, shared)
     columns, lags = kernel_regressors(orders)
     inflate, tilt = forgetting.arrays(state.lanes) if inflation is None else inflation
+    shared, wide = signals.shape[3] < state.lanes, inflate.shape[1] > 1
+    advance = _kernels.rls.recursion(state.n_params, state.lanes, shared, wide)
     first = min(orders.first_row, n_instants)
     before = {
         "theta": state.rows("theta"),
