@@ -262,7 +262,9 @@ def recursion(n_params, lanes, shared=False, wide=False):
                 for k in range(N):
                     f = spread(q[PHI + k], L)
                     e = fma(-f, s[THETA + k], e)
-                    for i in range(k):
+                    for i in range(N):
+                        if i >= k:
+                            continue
                         f = fma(s[U + k * (k - 1) // 2 + i], spread(q[PHI + i], L), f)
                     g = s[D + k] * f
                     alpha = fma(f, g, alpha)
@@ -287,7 +289,9 @@ def recursion(n_params, lanes, shared=False, wide=False):
                     inverse = s[INVERSE + k]
                     s[D + k] = s[D + k] * (before * inverse)
                     before = s[ALPHA + k]
-                    for i in range(k):
+                    for i in range(N):
+                        if i >= k:
+                            continue
                         u, b = s[U + k * (k - 1) // 2 + i], s[GAIN_NOW + i]
                         s[U + k * (k - 1) // 2 + i] = fma(b, w, u)
                         s[GAIN_NOW + i] = fma(u, g, b)
