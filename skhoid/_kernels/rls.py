@@ -69,30 +69,12 @@ def recursion(n_params, lanes, shared=False, wide=False):
     ALPHA, PRODUCT, INVERSE, MOST = (THETA + k * N for k in range(1, 5))
     F_NOW, GAIN_NOW = THETA + 5 * N, THETA + 6 * N
     N_HOT, WAITING, N_COLD = THETA + 7 * N, GAIN + N, GAIN + N + 1
-    POWER, CAP, PHI, Y, TAKEN, EXCITED = 0, N, 2 * N, 3 * N, 3 * N + 1, 3 * N + 2
-    N_SHARED = 3 * N + 3
+    POWER, CAP, PHI, EXCITED, N_SHARED = 0, N, 2 * N, 3 * N, 3 * N + 1
 
     @register_jitable
-    def take_care(c, h, diagonal):
-        """Forget or hold lane by lane, where some lane asks for care."""
-        y, excited = h[Y], h[EXCITED] > 0.0
-        taken = y == y
-        for k in range(N):
-            taken = taken & (h[PHI + k] == h[PHI + k])
-        for k in range(N):
-            p = select(taken, h[PHI + k], 0.0)
-            power, cap, d = h[POWER + k], h[CAP + k], c[D + k]
-            moved = excited & (p != 0.0)
-            power = select(moved, power * REMEMBERED, power)
-            cap = minimum(select(moved, cap * GROWTH, cap), LARGEST)
-            above = p * p > power
-            power = select(above, p * p, power)
-            cap = select(above, minimum(HELD / (p * p), LARGEST), cap)
-            clipped = minimum(d, spread(CLIPPED * cap, L))
-            c[D + k] = select(spread(above, L), clipped, d)
-            h[PHI + k], h[POWER + k], h[CAP + k] = p, power, cap
-        h[Y], h[TAKEN] = select(taken, y, 0.0), select(taken, 1.0, 0.0)
-        forget = (c[WAITING] > 0.0) & spread(taken & excited, L)
+    def forget_with_care(c, h, diagonal):
+        """Forget in the lanes that wait and are excited, and hold what would grow too large."""
+        forget = (c[WAITING] > 0.0) & spread(h[EXCITED] > 0.0, L)
         held = ~everywhere(L)
         if diagonal:
             for k in range(N):
@@ -195,63 +177,82 @@ def recursion(n_params, lanes, shared=False, wide=False):
             for r in range(n_runs):
                 row = (t * n_runs + r) * W
                 y = load(target, row, W)
-                taken = y == y
+                usual = y == y
                 excited = ~everywhere(W)
                 for k in range(N):
                     p = load(Z, starts[k] + row, W)
                     q[PHI + k] = p
-                    square, power = p * p, q[POWER + k]
-                    excited = excited | (square * HELD > power)
-                    taken = taken & (p != 0.0) & (square <= power * REMEMBERED)
-                # Whatever asks for care in no lane needs no masks: the same bits, in less time.
-                easy = every(taken & excited) and (r == 0 or not pending)
-                if easy and pending:
-                    fits = everywhere(L)
+                    excited = excited | (p * p * HELD > q[POWER + k])
+                    usual = usual & (p == p) & (p != 0.0)
+                # What is usual in all lanes needs no masks: the same bits, in less time.
+                taken = usual & excited
+                easy = every(taken)
+                if easy:
                     for k in range(N):
-                        grown = s[D + k] * c[INFLATION + k]
-                        cap = spread(minimum(q[CAP + k] * GROWTH, LARGEST), L)
-                        if WIDE:
-                            s[MOST + k] = maximum(grown, cap * GENTLE)
-                        else:
-                            fits = fits & (grown <= cap)
+                        q[POWER + k] = q[POWER + k] * REMEMBERED
+                        q[CAP + k] = minimum(q[CAP + k] * GROWTH, LARGEST)
+                else:
+                    taken = y == y
+                    for k in range(N):
+                        taken = taken & (q[PHI + k] == q[PHI + k])
+                    y, excited = select(taken, y, 0.0), excited & taken
+                    for k in range(N):
+                        p = select(taken, q[PHI + k], 0.0)
+                        moved = excited & (p != 0.0)
+                        q[PHI + k] = p
+                        q[POWER + k] = q[POWER + k] * select(moved, REMEMBERED, 1.0)
+                        q[CAP + k] = minimum(q[CAP + k] * select(moved, GROWTH, 1.0), LARGEST)
+                below = everywhere(W)
+                for k in range(N):
+                    below = below & (q[PHI + k] * q[PHI + k] <= q[POWER + k])
+                if not every(below):
+                    for k in range(N):
+                        square, d = q[PHI + k] * q[PHI + k], s[D + k]
+                        below = square <= q[POWER + k]
+                        cap = select(below, q[CAP + k], minimum(HELD / square, LARGEST))
+                        clipped = minimum(d, spread(CLIPPED * cap, L))
+                        s[D + k] = select(spread(below, L), d, clipped)
+                        q[POWER + k], q[CAP + k] = maximum(square, q[POWER + k]), cap
+                forgot = False
+                if pending:
+                    fits = everywhere(L)
                     if WIDE:
+                        for k in range(N):
+                            grown = s[D + k] * c[INFLATION + k]
+                            s[MOST + k] = maximum(grown, spread(q[CAP + k], L) * GENTLE)
                         for i in range(N):
                             most = s[MOST + i]
                             for k in range(N):
                                 if k <= i:
                                     continue
-                                tilted = s[U + k * (k - 1) // 2 + i] * c[TILT + k * (k - 1) // 2 + i]
+                                above = k * (k - 1) // 2 + i
+                                tilted = s[U + above] * c[TILT + above]
                                 most = fma(tilted * tilted, s[MOST + k], most)
-                            cap = spread(minimum(q[CAP + i] * GROWTH, LARGEST), L)
-                            fits = fits & (most <= cap)
-                    easy = every(fits) and not diagonal
-                forgot = pending
-                if easy:
-                    for k in range(N):
-                        q[POWER + k] = q[POWER + k] * REMEMBERED
-                        q[CAP + k] = minimum(q[CAP + k] * GROWTH, LARGEST)
-                    if pending:
+                            fits = fits & (most <= spread(q[CAP + i], L))
+                    else:
+                        for k in range(N):
+                            grown = s[D + k] * c[INFLATION + k]
+                            fits = fits & (grown <= spread(q[CAP + k], L))
+                    forgot = every(fits) and easy and r == 0 and not diagonal
+                    if forgot:
                         for k in range(N):
                             s[D + k] = s[D + k] * c[INFLATION + k]
                         if WIDE:
                             for i in range(PAIRS):
                                 s[U + i] = s[U + i] * c[TILT + i]
                         plain += 1.0
-                else:
-                    for i in range(THETA):
-                        c[i] = s[i]
-                    for i in range(PHI + N):
-                        h[i] = q[i]
-                    h[Y], h[EXCITED] = y, select(excited, 1.0, 0.0)
-                    if r == 0:
-                        c[WAITING] = one
-                    take_care(c, h, diagonal)
-                    for i in range(THETA):
-                        s[i] = c[i]
-                    for i in range(PHI + N):
-                        q[i] = h[i]
-                    y, taken = h[Y], h[TAKEN] > 0.0
-                    forgot = pending and every(c[WAITING] == 0.0)
+                    else:
+                        for i in range(THETA):
+                            c[i] = s[i]
+                        for k in range(N):
+                            h[CAP + k] = q[CAP + k]
+                        h[EXCITED] = select(excited, 1.0, 0.0)
+                        if r == 0:
+                            c[WAITING] = one
+                        forget_with_care(c, h, diagonal)
+                        for i in range(THETA):
+                            s[i] = c[i]
+                        forgot = every(c[WAITING] == 0.0)
                 if forgot:
                     pending = False
                     if priors.size > 0:
