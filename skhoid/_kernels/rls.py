@@ -336,10 +336,10 @@ def recursion(n_params, lanes, shared=False, wide=False):
 
 
 @cache
-def stream(n_params):
+def stream(n_params, wide=False):
     """Compile ``take`` for a number of parameters."""
     # Not the compiled function: a closure that holds one is cached anew by every process.
-    compiled = recursion(n_params, 1)
+    compiled = recursion(n_params, 1, wide=wide)
     advance = register_jitable(getattr(compiled, "py_func", compiled))
 
     def take(
@@ -381,7 +381,7 @@ def stream(n_params):
             done += m
         return True
 
-    take.__name__ = take.__qualname__ = f"take_{n_params}"
+    take.__name__ = take.__qualname__ = f"take_{n_params}{'w' * wide}"
     return njit(cache=True, nogil=True, error_model="numpy")(take)
 
 
