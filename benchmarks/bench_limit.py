@@ -27,6 +27,8 @@ import numpy as np
 from bench_recursion import FIRST, FORGETTING, LANES, NK, P0, Lanes, operator_data
 from bench_simulate import cpu, timed
 
+from skhoid import _kernels
+
 N_ROWS, REPEATS = 8192, 60
 AGREES = 1e-9  # largest difference of paths
 ALIKE = 1000  # rows from which they are compared: rounding of P0 is forgotten
@@ -56,7 +58,7 @@ def of_c(
     library: ctypes.CDLL, name: str, e: np.ndarray, u: np.ndarray, forgetting: np.ndarray
 ) -> tuple[Callable[[], object], np.ndarray]:
     """A call of the C loop, and the path it leaves."""
-    function, path = getattr(library, name), np.zeros((len(u), 4, LANES))
+    function, path = getattr(library, name), _kernels.aligned((len(u), 4, LANES))
     function.restype = None
     arrays = [np.ascontiguousarray(values) for values in (e, u, forgetting)]
     *signals, factors = [values.ctypes.data_as(ctypes.c_void_p) for values in arrays]

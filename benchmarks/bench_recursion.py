@@ -300,7 +300,8 @@ class Lanes:
         recording = np.stack([y[:, 0], X[:, 0]])
         columns, lags = np.array([0, 0, 1, 1]), np.array([1, 2, NK, NK + 1])
         inflate, tilt = kernel_arrays(forgetting[None])
-        path, none = np.zeros((n, 4, lanes)), np.empty((0, 0, 0))
+        path, none = _kernels.aligned((n, 4, lanes)), np.empty((0, 0, 0))
+        path[:FIRST] = 0.0
         out = np.zeros((n - FIRST, lanes))
         stretch, rows = (np.array([FIRST]), np.array([n]), np.array([0])), np.arange(n)
 

@@ -209,7 +209,8 @@ def recursion(n_params, lanes, shared=False, wide=False):
                     for k in range(N):
                         square, d = q[PHI + k] * q[PHI + k], s[D + k]
                         below = square <= q[POWER + k]
-                        cap = select(below, q[CAP + k], minimum(HELD / square, LARGEST))
+                        cap = minimum(HELD / select(below, 1.0, square), LARGEST)
+                        cap = select(below, q[CAP + k], cap)
                         clipped = minimum(d, spread(CLIPPED * cap, L))
                         s[D + k] = select(spread(below, L), d, clipped)
                         q[POWER + k], q[CAP + k] = maximum(square, q[POWER + k]), cap
@@ -310,7 +311,8 @@ def recursion(n_params, lanes, shared=False, wide=False):
             if pending:
                 c[HELDS] = c[HELDS] + select(updates > 0.0, c[WAITING], 0.0)
             if nominal > 0.0:
-                mean, latest = c[TOTAL] / c[UPDATES], total / updates
+                mean = c[TOTAL] / maximum(c[UPDATES], 1.0)
+                latest = total / maximum(updates, 1.0)
                 factor = select(mean > 0.0, 1.0 - latest / (mean * nominal), 1.0)
                 factor = one / maximum(factor, SHORTEST)
                 for k in range(N):
