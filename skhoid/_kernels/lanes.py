@@ -31,8 +31,13 @@ def store(array, at, vector):
 
 
 def rows(n, lanes):
-    """Room for n vectors near the processor, their values not yet set; index it as a list."""
+    """Room for n vectors on the stack, their values not yet set; index it as a list."""
     return [np.zeros(lanes)] * n
+
+
+def rows_of(array, at, lanes):
+    """Room for vectors in an array from the flat position ``at`` on, for what is too large."""
+    return [np.zeros(lanes)] * ((array.size - at) // lanes)
 
 
 def spread(value, lanes):
@@ -66,7 +71,7 @@ def maximum(a, b):
 
 
 def every(mask):
-    """Whether a mask is true in all lanes."""
+    """Whether a mask is true in all lanes, as compiled code expects it to be."""
     return bool(mask.all())
 
 
@@ -145,6 +150,11 @@ def _(n, lanes):
     return Rows(lanes.literal_value) if _literal(n, lanes) else None
 
 
+@_typed(rows_of)
+def _(array, at, lanes):
+    return Rows(lanes.literal_value) if _literal(lanes) else None
+
+
 @_typed(spread)
 def _(value, lanes):
     is_mask = isinstance(value, Vector) and value.is_mask
@@ -184,8 +194,9 @@ def _position(context, builder, kind, array, at, vector):
 
 @lower_builtin(load, types.Array, types.Integer, types.Integer)
 def _(context, builder, sig, args):
-    to = _ir(sig.return_type)
-    return builder.load(_position(context, builder, sig.args[0], *args[:2], to), align=8)
+    array, at, _ = args
+    where = _position(context, builder, sig.args[0], array, at, _ir(sig.return_type))
+    return builder.load(where, align=8)
 
 
 @lower_builtin(store, types.Array, types.Integer, Vector)
@@ -200,6 +211,12 @@ def _(context, builder, sig, args):
 def _(context, builder, sig, args):
     room = ir.ArrayType(_ir(Vector(sig.return_type.lanes)), sig.args[0].literal_value)
     return builder.gep(cgutils.alloca_once(builder, room), [ir.Constant(ir.IntType(32), 0)] * 2)
+
+
+@lower_builtin(rows_of, types.Array, types.Integer, types.Integer)
+def _(context, builder, sig, args):
+    array, at, _ = args
+    return _position(context, builder, sig.args[0], array, at, _ir(Vector(sig.return_type.lanes)))
 
 
 @lower_builtin(spread, types.Float, types.Integer)
@@ -303,9 +320,7 @@ for _function, _build in {
     operator.or_: ir.IRBuilder.or_,
     operator.invert: ir.IRBuilder.not_,
 }.items():
-    _lower_operator(
-        _function, _build, True, lambda kind: isinstance(kind, Vector) and kind.is_mask
-    )
+    _lower_operator(_function, _build, True, lambda kind: isinstance(kind, Vector) and kind.is_mask)
 
 
 @infer_global(operator.getitem)
@@ -326,10 +341,10 @@ class _SetItem(AbstractTemplate):
 
 @lower_builtin(operator.getitem, Rows, types.Integer)
 def _(context, builder, sig, args):
-    return builder.load(builder.gep(args[0], [args[1]]))
+    return builder.load(builder.gep(args[0], [args[1]]), align=8)
 
 
 @lower_builtin(operator.setitem, Rows, types.Integer, Vector)
 def _(context, builder, sig, args):
-    builder.store(args[2], builder.gep(args[0], [args[1]]))
+    builder.store(args[2], builder.gep(args[0], [args[1]]), align=8)
     return context.get_dummy_value()

@@ -1,10 +1,11 @@
 """Recursive least squares, and free runs along its paths, several side by side.
 
 The covariance is kept as P = U D U', U unit upper triangular and D diagonal (Bierman 1977): it is
-symmetric and positive definite whatever the rounding. Loops over parameters have constant lengths
-and the lanes of a quantity lie side by side, so that the loop over lanes becomes vector
-instructions; :func:`recursion` and :func:`free_runs` compile for one number of parameters and
-lanes. No operation is reordered or fused: a lane gives the same bits alone and beside others.
+symmetric and positive definite whatever the rounding. :func:`recursion` computes on vectors of
+lanes, :func:`free_runs` in loops over them; both compile for one number of parameters and lanes.
+Nothing is reordered or fused but by :func:`~skhoid._kernels.lanes.fma`: a lane gives the same bits
+alone and beside others. Some loops over pairs skip what a shorter range would leave out: only loops
+of constant length are unrolled, and only then does the state of few parameters stay in registers.
 
 Factor k is not forgotten further where D_k max(phi_k^2) exceeds ``HELD`` (the bound on P of
 Salgado, Goodwin and Middleton 1988, taken in the factors), nor is anything where all regressors are
@@ -27,6 +28,7 @@ from .lanes import (
     maximum,
     minimum,
     rows,
+    rows_of,
     select,
     spread,
     store,
@@ -56,7 +58,10 @@ def layout(n_params):
 
 @cache
 def recursion(n_params, lanes, shared=False, wide=False):
-    """Compile ``advance`` for a number of parameters and lanes, which may share their signals."""
+    """Compile ``advance`` for a number of parameters and lanes.
+
+    Lanes may share their signals; ``wide`` forgetting has one factor for each parameter.
+    """
     N, L, WIDE = n_params, lanes, wide
     W = 1 if shared else lanes
     at = layout(n_params)
@@ -69,12 +74,16 @@ def recursion(n_params, lanes, shared=False, wide=False):
     ALPHA, PRODUCT, INVERSE, MOST = (THETA + k * N for k in range(1, 5))
     F_NOW, GAIN_NOW = THETA + 5 * N, THETA + 6 * N
     N_HOT, WAITING, N_COLD = THETA + 7 * N, GAIN + N, GAIN + N + 1
-    POWER, CAP, PHI, EXCITED, N_SHARED = 0, N, 2 * N, 3 * N, 3 * N + 1
+    POWER, CAP, PHI, N_SHARED = 0, N, 2 * N, 3 * N
+    EXCITED, N_LIMITS = N, N + 1
+    FEW = N <= 16
+    N_HEAP = 0 if FEW else (N_HOT + N_COLD) * L
+    COLD = N_HOT * L
 
     @register_jitable
-    def forget_with_care(c, h, diagonal):
+    def forget_with_care(c, limits, diagonal):
         """Forget in the lanes that wait and are excited, and hold what would grow too large."""
-        forget = (c[WAITING] > 0.0) & spread(h[EXCITED] > 0.0, L)
+        forget = (c[WAITING] > 0.0) & spread(limits[EXCITED] > 0.0, L)
         held = ~everywhere(L)
         if diagonal:
             for k in range(N):
@@ -83,7 +92,7 @@ def recursion(n_params, lanes, shared=False, wide=False):
                     u = c[U + i * (i - 1) // 2 + k]
                     p = p + u * u * c[D + i]
                 factor = c[INFLATION + k]
-                hold = (factor > 1.0) & (p * factor > spread(h[CAP + k], L))
+                hold = (factor > 1.0) & (p * factor > spread(limits[k], L))
                 held = held | hold
                 c[GAIN + k] = select(forget & ~hold, p * (factor - 1.0), 0.0)
             for m in range(N):  # P + w e e' (Agee and Turner 1972)
@@ -103,7 +112,7 @@ def recursion(n_params, lanes, shared=False, wide=False):
                     w = w * (before / d)
         else:
             for k in range(N):
-                d, cap = c[D + k], spread(h[CAP + k], L)
+                d, cap = c[D + k], spread(limits[k], L)
                 grown, least = d * c[INFLATION + k], cap * GENTLE
                 hold = grown > maximum(d, cap)
                 first = k * (k - 1) // 2
@@ -111,7 +120,7 @@ def recursion(n_params, lanes, shared=False, wide=False):
                     for i in range(k):
                         u = c[U + first + i]
                         tilted = u * c[TILT + first + i]
-                        cap_i = spread(h[CAP + i], L)
+                        cap_i = spread(limits[i], L)
                         square, tilted = u * u, tilted * tilted
                         hold = hold | (tilted * grown > maximum(square * d, cap_i))
                         hold = hold | (tilted * least > maximum(square * least, cap_i))
@@ -133,10 +142,10 @@ def recursion(n_params, lanes, shared=False, wide=False):
         Z, of shape (n_signals, n_instants, n_runs, 1 if shared or lanes), holds the signals of
         which regressor k is that of ``columns[k]`` at ``lags[k]`` instants before; ``target`` the
         output, NaN where it gives no update. At each instant runs are taken in turn, and P forgets
-        once. ``inflate`` is 1 / lambda, of shape (1 or n_instants, 1 or n_params, lanes), from
-        instant ``offset`` on, and ``tilt`` sqrt(lambda_k / lambda_i) for i < k by columns (Eq. 20);
-        ``diagonal`` inflates the diagonal of P alone. A positive ``nominal`` memory horizon makes
-        the forgetting factor variable. ``state`` is laid out by ``layout``.
+        once. ``inflate`` is 1 / lambda, of shape (1 or n_instants, n_params if wide or 1, lanes),
+        from instant ``offset`` on; ``tilt`` sqrt(lambda_k / lambda_i) for i < k by columns (Eq.
+        20); ``diagonal`` inflates the diagonal of P alone. A positive ``nominal`` memory horizon
+        makes the forgetting factor variable. ``state`` is laid out by ``layout``.
 
         Outputs, which are left alone if of size 0, for each instant: theta; the factors U and D of
         P; those after forgetting and before the first update (one lane only); of each run the
@@ -146,8 +155,14 @@ def recursion(n_params, lanes, shared=False, wide=False):
         starts = np.empty(N, dtype=np.int64)
         for k in range(N):
             starts[k] = (columns[k] * n_instants - lags[k]) * n_runs * W
-        s, c = rows(N_HOT, L), rows(N_COLD, L)
-        q, h = rows(N_SHARED, W), rows(N_SHARED, W)
+        # s and q are what every instant needs, in registers if they can be: no other function gets
+        # them. c has the rest of the state, and copies for the function that takes care.
+        heap = np.empty(N_HEAP)
+        if FEW:
+            s, c = rows(N_HOT, L), rows(N_COLD, L)
+        else:
+            s, c = rows_of(heap, 0, L), rows_of(heap, COLD, L)
+        q, limits = rows(N_SHARED, W), rows(N_LIMITS, W)
         for i in range(SIZE):
             c[i] = load(state, i * L, L)
         for i in range(THETA + N):
@@ -246,11 +261,11 @@ def recursion(n_params, lanes, shared=False, wide=False):
                         for i in range(THETA):
                             c[i] = s[i]
                         for k in range(N):
-                            h[CAP + k] = q[CAP + k]
-                        h[EXCITED] = select(excited, 1.0, 0.0)
+                            limits[k] = q[CAP + k]
+                        limits[EXCITED] = select(excited, 1.0, 0.0)
                         if r == 0:
                             c[WAITING] = one
-                        forget_with_care(c, h, diagonal)
+                        forget_with_care(c, limits, diagonal)
                         for i in range(THETA):
                             s[i] = c[i]
                         forgot = every(c[WAITING] == 0.0)
@@ -333,7 +348,8 @@ def recursion(n_params, lanes, shared=False, wide=False):
             store(state, CAPS + k * L, spread(q[CAP + k], L))
 
     # Cached functions of one name from different processes would be mistaken for each other.
-    advance.__name__ = advance.__qualname__ = f"advance_{n_params}_{lanes}{'s' * shared}{'w' * wide}"
+    kind = "s" * shared + "w" * wide
+    advance.__name__ = advance.__qualname__ = f"advance_{n_params}_{lanes}{kind}"
     return njit(cache=True, nogil=True, error_model="numpy")(advance)
 
 

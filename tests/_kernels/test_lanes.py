@@ -47,7 +47,7 @@ def test_compiled_as_uncompiled(second):
     plain, compiled = np.zeros((2, 11, L))
     with np.errstate(divide="ignore"):
         wanted = arithmetic(a, b, plain)
-    assert njit(error_model="numpy")(arithmetic)(a, b, compiled) == wanted
+        assert njit(error_model="numpy")(arithmetic)(a, b, compiled) == wanted
     np.testing.assert_array_equal(compiled, plain)
 
 
