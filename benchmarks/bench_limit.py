@@ -24,7 +24,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from bench_recursion import FIRST, FORGETTING, LANES, NK, P0, Lanes, operator_data
+from bench_recursion import FIRST, FORGETTING, LANES, NK, P0, Lanes, aligned, operator_data
 from bench_simulate import cpu, timed
 
 from skhoid import _kernels
@@ -60,7 +60,7 @@ def of_c(
     """A call of the C loop, and the path it leaves."""
     function, path = getattr(library, name), _kernels.aligned((len(u), 4, LANES))
     function.restype = None
-    arrays = [np.ascontiguousarray(values) for values in (e, u, forgetting)]
+    arrays = [aligned(values) for values in (e, u, forgetting)]
     *signals, factors = [values.ctypes.data_as(ctypes.c_void_p) for values in arrays]
     out = path.ctypes.data_as(ctypes.c_void_p)
 

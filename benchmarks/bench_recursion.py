@@ -285,18 +285,25 @@ def largest(found: np.ndarray, wanted: np.ndarray) -> float:
     return float(np.abs(found - wanted).max())
 
 
+def aligned(values: np.ndarray) -> np.ndarray:
+    """A copy that begins at a cache line, as what the package makes for its lanes."""
+    copy = _kernels.aligned(values.shape)
+    copy[:] = values
+    return copy
+
+
 class Lanes:
     """Calls of the kernels from rest, lanes side by side, without the checks around them."""
 
     def __init__(self, X: np.ndarray, y: np.ndarray, forgetting: np.ndarray) -> None:
         """X and y of shape (n_rows, 1 or n_lanes), forgetting of shape (1 or 4, n_lanes)."""
-        X, y = np.ascontiguousarray(X), np.ascontiguousarray(y)
+        X, y = aligned(X), aligned(y)
         n, lanes = len(y), forgetting.shape[1]
         advance = _kernels.rls.recursion(4, lanes, X.shape[1] < lanes, len(forgetting) > 1)
         follow = _kernels.rls.free_runs(2, 4, lanes)
         state = RecursionState(np.zeros(4), P0 * np.eye(4), lanes).buffer
         rest = state.copy()
-        signals = np.stack([-y, X])[:, :, None]
+        signals = aligned(np.stack([-y, X]))[:, :, None]
         recording = np.stack([y[:, 0], X[:, 0]])
         columns, lags = np.array([0, 0, 1, 1]), np.array([1, 2, NK, NK + 1])
         inflate, tilt = kernel_arrays(forgetting[None])

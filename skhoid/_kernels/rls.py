@@ -192,24 +192,24 @@ def recursion(n_params, lanes, shared=False, wide=False):
             for r in range(n_runs):
                 row = (t * n_runs + r) * W
                 y = load(target, row, W)
-                usual = y == y
-                excited = ~everywhere(W)
+                taken = y == y
                 for k in range(N):
                     p = load(Z, starts[k] + row, W)
                     q[PHI + k] = p
-                    excited = excited | (p * p * HELD > q[POWER + k])
-                    usual = usual & (p == p) & (p != 0.0)
+                    taken = taken & (p == p) & (p != 0.0)
                 # What is usual in all lanes needs no masks: the same bits, in less time.
-                taken = usual & excited
-                easy = every(taken)
+                excited = taken & (q[PHI] * q[PHI] * HELD > q[POWER])
+                easy = every(excited)
                 if easy:
                     for k in range(N):
                         q[POWER + k] = q[POWER + k] * REMEMBERED
                         q[CAP + k] = minimum(q[CAP + k] * GROWTH, LARGEST)
                 else:
-                    taken = y == y
+                    taken, excited = y == y, ~everywhere(W)
                     for k in range(N):
-                        taken = taken & (q[PHI + k] == q[PHI + k])
+                        p = q[PHI + k]
+                        taken = taken & (p == p)
+                        excited = excited | (p * p * HELD > q[POWER + k])
                     y, excited = select(taken, y, 0.0), excited & taken
                     for k in range(N):
                         p = select(taken, q[PHI + k], 0.0)
