@@ -34,7 +34,7 @@ from .lanes import (
     store,
 )
 
-MANY = 16  # lanes; fewer are unrolled before they could be vectorised
+MANY = 16  # lanes: two of the widest vectors, so that one works while the other waits
 CHUNK = 256  # rows taken at a time in streaming
 
 HELD = 1e11  # D_k max(phi_k^2) up to which factor k is forgotten,
