@@ -1,6 +1,7 @@
 """Growth of fits in simulation with rows: an operator, and the search for what it lacks.
 
 cd benchmarks && python -m growth.greybox
+"""
 
 from __future__ import annotations
 
