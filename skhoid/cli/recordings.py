@@ -52,7 +52,7 @@ def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
         said[name] = option
     X, y = read_files(options, list(roles))
     of_columns = {column_of(X, name): role for name, role in roles.items()}
-    return X, y, of_columns, ", ".join(options.files)
+    return X, y, of_columns, names_of(options.files)
 
 
 def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:

@@ -41,10 +41,9 @@ class Store:
         self._open()
 
     def _open(self) -> None:
-        if self.folder.exists() and not self.folder.is_dir():
-            raise StudyFolderError(f"{self.folder} is a file; a study needs a folder.")
+        _check_folder(self.folder)
         manifest = self.folder / MANIFEST
-        if manifest.exists():
+        if os.path.lexists(manifest):
             there = read_manifest(self.folder) or {}
             if there != self.description:
                 apart = differing_parts(there, self.description)
@@ -65,7 +64,9 @@ class Store:
             text = json.dumps(self.description, indent=1)
             with written_whole(manifest, sync=True) as path:
                 path.write_text(text, encoding="utf-8")
-        (self.folder / BLOCKS).mkdir(exist_ok=True)
+        blocks = self.folder / BLOCKS
+        _check_folder(blocks)
+        blocks.mkdir(exist_ok=True)
 
     def finished(self) -> dict[int, pd.DataFrame]:
         """Blocks that are whole, by number; what is not is deleted."""
@@ -77,8 +78,19 @@ class Store:
                     path.unlink(missing_ok=True)
                 continue
             number = int(match[1])
+            if not path.is_file():
+                what = "a folder" if path.is_dir() else "no file, or a link that leads nowhere"
+                raise StudyFolderError(
+                    f"{path} is {what}, where a block of the study should be. Delete it, and the "
+                    "block is computed again."
+                )
             try:
                 found[number] = self._read(path, number)
+            except PermissionError as error:
+                raise StudyFolderError(
+                    f"{path} is a block of the study and may not be read. Change its permissions, "
+                    "or delete it, and it is computed again."
+                ) from error
             except Exception as error:
                 reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
                 warnings.warn(
@@ -110,14 +122,25 @@ class Store:
             self.parquet.write_table(arrow, path, write_page_checksum=True)
 
 
+def _check_folder(path: Path) -> None:
+    """Refuse what is there and is no folder that can be looked into."""
+    if not os.path.lexists(path):
+        return
+    if not path.is_dir():
+        what = "a link that leads nowhere" if path.is_symlink() else "a file"
+        raise StudyFolderError(f"{path} is {what}; a study needs a folder there.")
+    if not os.access(path, os.R_OK | os.W_OK | os.X_OK):
+        raise StudyFolderError(f"The folder {path} may not be read and written into.")
+
+
 def read_manifest(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
     """The description of the study that a folder belongs to; None if it has none."""
     manifest = Path(folder) / MANIFEST
-    if not manifest.exists():
+    if not os.path.lexists(manifest):
         return None
     try:
         found = json.loads(manifest.read_text(encoding="utf-8"))
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, OSError) as error:
         raise StudyFolderError(
             f"{manifest} cannot be read ({error}): the folder belongs to no study that is known. "
             "Take another folder, or delete this one."

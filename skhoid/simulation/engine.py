@@ -10,6 +10,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from .. import _kernels
+from .._machine import check_memory
 from ..effects.composition import Effects
 from ..exceptions import UnstableLoopError
 from ..human.variation import evaluate
@@ -60,6 +61,10 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
         )
     kept = _kept_run_in(task, options.keep_run_in)
     first = task.n_run_in - kept
+    check_memory(
+        5 * int(n_runs) * (n_total - first),  # error, output, x, remnant and target
+        f"The simulation of {n_runs} runs of {n_total - first} samples",
+    )
     given_noise = options.noise
     if given_noise is not None:
         given_noise = _given_noise(given_noise, int(n_runs), n_total)
