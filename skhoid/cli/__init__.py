@@ -107,6 +107,10 @@ def _nobody_reads() -> int:
 
 def _explain(error: Exception, options: argparse.Namespace) -> int:
     """Print an error in one line; returns the exit code."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _nobody_reads()
     text = " ".join(str(error).split())
     own = type(error).__module__.startswith("skhoid.")
     if isinstance(error, MemoryError):

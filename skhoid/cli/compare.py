@@ -18,7 +18,7 @@ from ..search.story import comparison_dict
 from .files import (
     check_plot_file,
     column_of,
-    named,
+    names_of,
     new_file,
     read_files,
     save_figures,
