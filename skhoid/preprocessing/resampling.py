@@ -21,7 +21,7 @@ from ..runs import (
     within_runs,
 )
 from ..runs.flat import refuse_flat
-from .gate import as_output
+from .gate import as_output, check_numbers
 
 LONGEST_BRIDGE = 3.0  # median steps; late samples of a jittery clock are no gap
 
@@ -66,6 +66,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
         raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
     time = time_in_seconds(index.get_level_values(TIME))
     others = [name for name in index.names if name != TIME]
+    check_numbers(X, "X")
     values = X.to_numpy(dtype=float)
     if y is not None:
         values = np.column_stack([values, as_output(y)])
