@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..preprocessing.gate import as_output, as_table, check_not_infinite, check_not_too_large, check_numbers
+from ..preprocessing.gate import (
+    as_output,
+    as_table,
+    check_not_infinite,
+    check_not_too_large,
+    check_numbers,
+)
 from ..runs import check_alignment, output_name, run_column
 from ..runs.roles import check_named, column_of_role, role_of
 

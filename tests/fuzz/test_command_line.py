@@ -34,7 +34,16 @@ HOSTILE = [
 ]  # fmt: skip
 FOR_LONG = {  # what each command takes so that it does not work for minutes
     "compare": ["model.joblib", "runs.csv", "--time", "time", "--run", "run"],
-    "diagnose": ["runs.csv", "--time", "time", "--run", "run", "--effects", "bias", "--no-pictures"],
+    "diagnose": [
+        "runs.csv",
+        "--time",
+        "time",
+        "--run",
+        "run",
+        "--effects",
+        "bias",
+        "--no-pictures",
+    ],
     "identify": ["runs.csv", "--time", "time", "--run", "run", "--no-pictures"],
     "report": ["runs.csv", "--time", "time", "--run", "run", "--effects", "none"],
     "simulate": ["--runs", "1", "--rate", "50", "--out", "new.csv"],

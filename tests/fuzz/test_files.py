@@ -14,10 +14,48 @@ from support.hostile import good
 
 from skhoid import read_runs, write_runs
 
-CELLS = ["0", "1", "-2.5", "1e3", "", "NaN", "nan", "NA", "inf", "-inf", "1,5", "1.000,5", "x", "1e400"]
-ODD_CELLS = ['"1"', '"', "#", "0x1F", "1_000", "\u221e", "\x00", " 3 ", "1;2", "\t", "'", "1d5", "9" * 400]
+CELLS = [
+    "0",
+    "1",
+    "-2.5",
+    "1e3",
+    "",
+    "NaN",
+    "nan",
+    "NA",
+    "inf",
+    "-inf",
+    "1,5",
+    "1.000,5",
+    "x",
+    "1e400",
+]
+ODD_CELLS = [
+    '"1"',
+    '"',
+    "#",
+    "0x1F",
+    "1_000",
+    "\u221e",
+    "\x00",
+    " 3 ",
+    "1;2",
+    "\t",
+    "'",
+    "1d5",
+    "9" * 400,
+]
 NUMBERS = st.floats(allow_nan=True, allow_infinity=False, width=64)
-ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-32", "latin-1", "cp1252", "utf-32-be"]
+ENCODINGS = [
+    "utf-8",
+    "utf-8-sig",
+    "utf-16",
+    "utf-16-le",
+    "utf-32",
+    "latin-1",
+    "cp1252",
+    "utf-32-be",
+]
 
 
 def check_read(path, **names):
@@ -73,10 +111,14 @@ def test_numbers_are_those_of_pandas(data):
     n = data.draw(st.integers(1, 8))
     columns = {name: data.draw(st.lists(NUMBERS, min_size=n, max_size=n)) for name in "eu"}
     frame = pd.DataFrame({"t": 0.01 * np.arange(n), **columns})
-    separator, decimal = data.draw(st.sampled_from([(",", "."), (";", "."), (";", ","), ("\t", ",")]))
+    separator, decimal = data.draw(
+        st.sampled_from([(",", "."), (";", "."), (";", ","), ("\t", ",")])
+    )
     quoting = data.draw(st.sampled_from([csv.QUOTE_MINIMAL, csv.QUOTE_ALL, csv.QUOTE_NONNUMERIC]))
     ends = data.draw(st.sampled_from(["\n", "\r\n"]))
-    text = frame.to_csv(index=False, sep=separator, decimal=decimal, quoting=quoting, lineterminator=ends)
+    text = frame.to_csv(
+        index=False, sep=separator, decimal=decimal, quoting=quoting, lineterminator=ends
+    )
     with TemporaryDirectory() as folder:
         path = Path(folder, "drawn.csv")
         path.write_bytes(text.encode(data.draw(st.sampled_from(ENCODINGS[:3]))))
@@ -140,7 +182,9 @@ def damaged(draw):
     if suffix == ".mat":  # SciPy's reader of version 5 ends Python where bytes inside are wrong
         return suffix, bytes(content[: draw(st.integers(0, len(content)))])
     for _ in range(draw(st.integers(1, 4))):
-        place = draw(st.integers(0, max(len(content) - 1, 0)) | st.integers(0, min(700, len(content))))
+        place = draw(
+            st.integers(0, max(len(content) - 1, 0)) | st.integers(0, min(700, len(content)))
+        )
         kind = draw(st.sampled_from(["change", "change", "cut", "remove", "insert", "zeros"]))
         some = draw(st.binary(min_size=1, max_size=8))
         if kind == "change":

@@ -19,7 +19,21 @@ from skhoid import (
     RunInTrimmer,
 )
 
-BAD_NUMBERS = [-1, 0, 0.5, float("nan"), float("inf"), "2", None, [], [1, 2], 10**9, 1e300, {}, True]
+BAD_NUMBERS = [
+    -1,
+    0,
+    0.5,
+    float("nan"),
+    float("inf"),
+    "2",
+    None,
+    [],
+    [1, 2],
+    10**9,
+    1e300,
+    {},
+    True,
+]
 GOOD: dict[type, dict[str, list]] = {
     ARXRegressor: {
         "na": [1, 2, 3],

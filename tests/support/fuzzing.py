@@ -20,9 +20,7 @@ from sklearn.utils._param_validation import InvalidParameterError
 import skhoid.exceptions
 
 MINUTES = float(os.environ.get("SKHOID_FUZZ_MINUTES", "1"))
-OURS = tuple(
-    getattr(skhoid.exceptions, name) for name in skhoid.exceptions.__all__
-)
+OURS = tuple(getattr(skhoid.exceptions, name) for name in skhoid.exceptions.__all__)
 WARNINGS = (
     *(cls for cls in OURS if issubclass(cls, Warning)),
     DataConversionWarning,  # scikit-learn's, of a y with one column

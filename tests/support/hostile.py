@@ -202,9 +202,7 @@ def _change_time(draw: Any, X: Any, y: Any) -> Any:
         "zero step": lambda: np.maximum(time, time[len(time) // 2]),
         "float32": lambda: time.astype("float32"),
     }.get(kind, lambda: time)()
-    index = pd.MultiIndex.from_arrays(
-        [X.index.get_level_values("run"), new], names=["run", "time"]
-    )
+    index = pd.MultiIndex.from_arrays([X.index.get_level_values("run"), new], names=["run", "time"])
     return _with_index(draw, X, y, index)
 
 
