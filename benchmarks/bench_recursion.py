@@ -31,6 +31,7 @@ from scipy.signal import lfilter
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 
 from skhoid import RecursiveARX, RecursiveARXCV, VAFScorer, _kernels, make_tracking_runs, run_labels
+from skhoid.arx.forgetting import kernel_arrays
 from skhoid.arx.rls import RecursionState
 
 N_ROWS, LANE_ROWS, PEER_ROWS = 65536, 8192, 1500
@@ -284,21 +285,30 @@ def largest(found: np.ndarray, wanted: np.ndarray) -> float:
     return float(np.abs(found - wanted).max())
 
 
+def aligned(values: np.ndarray) -> np.ndarray:
+    """A copy that begins at a cache line, as what the package makes for its lanes."""
+    copy = _kernels.aligned(values.shape)
+    copy[:] = values
+    return copy
+
+
 class Lanes:
     """Calls of the kernels from rest, lanes side by side, without the checks around them."""
 
     def __init__(self, X: np.ndarray, y: np.ndarray, forgetting: np.ndarray) -> None:
-        """X and y of shape (n_rows, 1 or n_lanes), forgetting of shape (n_lanes,)."""
-        n, lanes = len(y), len(forgetting)
-        advance = _kernels.rls.recursion(4, lanes)
+        """X and y of shape (n_rows, 1 or n_lanes), forgetting of shape (1 or 4, n_lanes)."""
+        X, y = aligned(X), aligned(y)
+        n, lanes = len(y), forgetting.shape[1]
+        advance = _kernels.rls.recursion(4, lanes, X.shape[1] < lanes, len(forgetting) > 1)
         follow = _kernels.rls.free_runs(2, 4, lanes)
         state = RecursionState(np.zeros(4), P0 * np.eye(4), lanes).buffer
         rest = state.copy()
-        signals = np.stack([-y, X])[:, :, None]
+        signals = aligned(np.stack([-y, X]))[:, :, None]
         recording = np.stack([y[:, 0], X[:, 0]])
         columns, lags = np.array([0, 0, 1, 1]), np.array([1, 2, NK, NK + 1])
-        inflate, tilt = 1 / forgetting[None, None], np.ones((1, 6, lanes))
-        path, none = np.zeros((n, 4, lanes)), np.empty((0, 0, 0))
+        inflate, tilt = kernel_arrays(forgetting[None])
+        path, none = _kernels.aligned((n, 4, lanes)), np.empty((0, 0, 0))
+        path[:FIRST] = 0.0
         out = np.zeros((n - FIRST, lanes))
         stretch, rows = (np.array([FIRST]), np.array([n]), np.array([0])), np.arange(n)
 
@@ -353,14 +363,14 @@ class Report:
 
 def speed_of_kernels(report: Report, X: np.ndarray, y: np.ndarray) -> tuple[float, np.ndarray]:
     """One run, lanes and free runs; ns per sample of a fit, and its path."""
-    n, one = LANE_ROWS, Lanes(X, y[:, None], np.array([FORGETTING]))
+    n, one = LANE_ROWS, Lanes(X, y[:, None], np.array([[FORGETTING]]))
     records = [operator_data(seed) for seed in range(LANES)]
     runs = Lanes(
         np.column_stack([e[:n, 0] for e, _ in records]),
         np.column_stack([u[:n] for _, u in records]),
-        np.full(LANES, FORGETTING),
+        np.full((1, LANES), FORGETTING),
     )
-    settings = Lanes(X[:n], y[:n, None], 1 - 0.5 ** np.arange(1, LANES + 1))
+    settings = Lanes(X[:n], y[:n, None], 1 - 0.5 ** np.arange(1, LANES + 1)[None])
     given, searched = from_zeros(), RecursiveARX(nk=NK, forgetting=FORGETTING, dt=0.01)
     phi, u = regressors(X, y)
     share = f"{LANES} {{}} side by side, a lane"

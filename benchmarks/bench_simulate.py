@@ -68,10 +68,11 @@ def kernel_calls(task: CompensatoryTask) -> dict[str, tuple[Callable[[], object]
     zero = np.zeros((n, 1))
 
     def alone() -> object:
-        return _kernels.loop.track_one(f_t, zero, blocks[1], *rest)
+        return _kernels.loop.tracker(1, False)(f_t, zero, blocks[1], *rest)
 
     def many(*widths: int) -> Callable[[], object]:
-        return lambda: [_kernels.loop.track_many(f_t, zero, blocks[w], *rest) for w in widths]
+        track = _kernels.loop.tracker(_kernels.loop.MANY, False)
+        return lambda: [track(f_t, zero, blocks[w], *rest) for w in widths]
 
     return {
         "kernel, 1 run": (alone, 1),

@@ -19,7 +19,7 @@ from bench_simulate import cpu
 
 from skhoid import _kernels
 from skhoid.arx.recursive_cv import HORIZONS
-from skhoid.arx.rls import RecursionState, recurse
+from skhoid.arx.rls import recurse
 from skhoid.montecarlo import MonteCarloStudy
 from skhoid.montecarlo.horizons import KEPT, candidate_delays, shifted
 from skhoid.montecarlo.vectorised import (
@@ -28,6 +28,7 @@ from skhoid.montecarlo.vectorised import (
     NO_FORGETTING,
     ORDERS,
     TRANSITION,
+    _begun,
     _inflation,
     delay_losses,
     least_squares,
@@ -81,10 +82,10 @@ def stages() -> dict[str, float]:
         signals = np.stack([-y[0, :end], x[0, 1 : end + 1]])[:, :, None, None]
         target = y[0, :end, None, None].copy()
         for form in FORMS:
-            inflation = _inflation(factors, form, lanes)
+            inflation = _inflation(tuple(factors.tolist()), form, lanes)
             begin = perf_counter()
             path = recurse(
-                RecursionState(theta0, np.eye(4), lanes), signals, target, ORDERS, NO_FORGETTING,
+                _begun(theta0, lanes), signals, target, ORDERS, NO_FORGETTING,
                 inflation=inflation, keep=("theta",),
             ).theta  # fmt: skip
             begin = timed(f"recursion, {form}", begin)

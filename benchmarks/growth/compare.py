@@ -28,7 +28,7 @@ def fitted(kind: str) -> Any:
 
 
 def compared(kind: str) -> Work:
-    return Work(lambda data: compare(fitted(kind), *data), seconds=60.0, memory=4.5)
+    return Work(lambda data: compare(fitted(kind), *data), seconds=60.0, memory=5.5)
 
 
 def recursive(data: Data) -> None:

@@ -1,4 +1,7 @@
-"""How fits in simulation grow with rows: an operator, and the search for what it lacks."""
+"""Growth of fits in simulation with rows: an operator, and the search for what it lacks.
+
+cd benchmarks && python -m growth.greybox
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ WORKS = {
         lambda data: OperatorRegressor().fit(*data), seconds=30.0, memory=4.0
     ),
     "EffectSearchCV": Work(
-        lambda data: EffectSearchCV(OperatorRegressor()).fit(*data), seconds=600.0, memory=8.0
+        lambda data: EffectSearchCV(OperatorRegressor()).fit(*data), seconds=600.0, memory=5.0
     ),
 }
 

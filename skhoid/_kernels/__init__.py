@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from importlib import import_module
 from typing import Any
 
@@ -21,3 +22,11 @@ def gate(array: Any, dtype: type = np.float64) -> np.ndarray:
         if flags.c_contiguous and flags.writeable and flags.aligned:
             return array
     return np.require(array, dtype=dtype, requirements=("C", "W", "A"))
+
+
+def aligned(shape: tuple[int, ...]) -> np.ndarray:
+    """Make an array without values that begins at a whole cache line, as wide vectors like it."""
+    size = math.prod(shape)
+    room = np.empty(size + 7)
+    first = -room.ctypes.data % 64 // 8
+    return room[first : first + size].reshape(shape)

@@ -21,6 +21,16 @@ N_PHYSICS = 9
 MANY = 8  # lanes
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def draw(generator, scale, white, run):
+    """Fill a column of ``white`` with normal numbers times ``scale``.
+
+    They are those of ``generator.standard_normal(n)``, in less than half the time.
+    """
+    for k in range(white.shape[0]):
+        white[k, run] = generator.standard_normal() * scale
+
+
 @njit(inline="always")
 def _remnant(r0, r1, r2, r3, q, third):
     n = q[6] * r0 + q[7] * r1

@@ -1,10 +1,11 @@
 """Recursive least squares, and free runs along its paths, several side by side.
 
 The covariance is kept as P = U D U', U unit upper triangular and D diagonal (Bierman 1977): it is
-symmetric and positive definite whatever the rounding. Loops over parameters have constant lengths
-and the lanes of a quantity lie side by side, so that the loop over lanes becomes vector
-instructions; :func:`recursion` and :func:`free_runs` compile for one number of parameters and
-lanes. No operation is reordered or fused: a lane gives the same bits alone and beside others.
+symmetric and positive definite whatever the rounding. :func:`recursion` computes on vectors of
+lanes, :func:`free_runs` in loops over them; both compile for one number of parameters and lanes.
+Nothing is reordered or fused but by :func:`~skhoid._kernels.lanes.fma`: a lane gives the same bits
+alone and beside others. Some loops over pairs skip what a shorter range would leave out: only loops
+of constant length are unrolled, and only then does the state of few parameters stay in registers.
 
 Factor k is not forgotten further where D_k max(phi_k^2) exceeds ``HELD`` (the bound on P of
 Salgado, Goodwin and Middleton 1988, taken in the factors), nor is anything where all regressors are
@@ -19,311 +20,344 @@ import numpy as np
 from numba import njit
 from numba.extending import register_jitable
 
-MANY = 16  # lanes; fewer are unrolled before they could be vectorised
+from .lanes import (
+    every,
+    everywhere,
+    fma,
+    load,
+    maximum,
+    minimum,
+    rows,
+    rows_of,
+    select,
+    spread,
+    store,
+)
+
+MANY = 16  # lanes: two of the widest vectors, so that one works while the other waits
 CHUNK = 256  # rows taken at a time in streaming
 
 HELD = 1e11  # D_k max(phi_k^2) up to which factor k is forgotten,
 CLIPPED = 1e3  # and this many times that, from which it is cut back
-STEEPEST = HELD**2  # U_ik^2 max(phi_i^2) / max(phi_k^2) up to which column k is tilted
+GENTLE = HELD**-2  # the inverse of U_ik^2 max(phi_i^2) / max(phi_k^2) up to which k is tilted
 LARGEST = 1e150  # D, whatever the power
 REMEMBERED = 1 - 2.0**-12  # of the largest square, at each instant with a regressor that is not 0
+GROWTH = 1 / REMEMBERED
 SHORTEST = 0.5  # variable forgetting factor
 TOO_LARGE = 1e40  # of data, as at the gate in preprocessing
 
 
 def layout(n_params):
     """Offsets of the quantities in a state buffer, in lanes."""
-    pairs = n_params * (n_params - 1) // 2
-    vectors = ["D", "theta", "power", "cap", "phi", "gain", "spare", "inflation"]
-    numbers = ["error", "alpha", "use", "forget", "now", "held_now"]
-    numbers += ["total", "updates", "held", "instants", "total_now", "updates_now"]
-    sizes = [pairs] + [n_params] * len(vectors) + [pairs] + [1] * len(numbers)
+    vectors = ["D", "theta", "power", "cap", "inflation"]
+    numbers = ["total", "updates", "held", "instants"]
+    sizes = [n_params * (n_params - 1) // 2] + [n_params] * len(vectors) + [1] * len(numbers)
     offsets = np.concatenate(([0], np.cumsum(sizes))).tolist()
-    return dict(zip(["U", *vectors, "tilt", *numbers, "size"], offsets, strict=True))
+    return dict(zip(["U", *vectors, *numbers, "size"], offsets, strict=True))
 
 
 @cache
-def recursion(n_params, lanes):
-    """Compile ``advance`` for a number of parameters and lanes."""
-    N, L = n_params, lanes
-    at = {name: offset * lanes for name, offset in layout(n_params).items()}
-    D, THETA, POWER, CAP = at["D"], at["theta"], at["power"], at["cap"]
-    PHI, GAIN, SPARE, ERROR, ALPHA = at["phi"], at["gain"], at["spare"], at["error"], at["alpha"]
-    USE, FORGET, INFLATION, TILT = at["use"], at["forget"], at["inflation"], at["tilt"]
+def recursion(n_params, lanes, shared=False, wide=False):
+    """Compile ``advance`` for a number of parameters and lanes.
+
+    Lanes may share their signals; ``wide`` forgetting has one factor for each parameter.
+    """
+    N, L, WIDE = n_params, lanes, wide
+    W = 1 if shared else lanes
+    at = layout(n_params)
+    U, D, THETA, INFLATION, SIZE = at["U"], at["D"], at["theta"], at["inflation"], at["size"]
     TOTAL, UPDATES, HELDS, INSTANTS = at["total"], at["updates"], at["held"], at["instants"]
-    TOTAL_NOW, UPDATES_NOW = at["total_now"], at["updates_now"]
-    NOW, HELD_NOW = at["now"], at["held_now"]
-    N_FACTORS = N * (N + 1) // 2
+    POWERS, CAPS = at["power"] * lanes, at["cap"] * lanes
+    PAIRS = N * (N - 1) // 2
+    TILT = SIZE
+    F, GAIN = TILT + PAIRS, TILT + PAIRS + N
+    ALPHA, PRODUCT, INVERSE, MOST = (THETA + k * N for k in range(1, 5))
+    F_NOW, GAIN_NOW = THETA + 5 * N, THETA + 6 * N
+    N_HOT, WAITING, N_COLD = THETA + 7 * N, GAIN + N, GAIN + N + 1
+    POWER, CAP, PHI, N_SHARED = 0, N, 2 * N, 3 * N
+    EXCITED, N_LIMITS = N, N + 1
+    FEW = N <= 16
+    N_HEAP = 0 if FEW else (N_HOT + N_COLD) * L
+    COLD = N_HOT * L
+
+    @register_jitable
+    def forget_with_care(c, limits, diagonal):
+        """Forget in the lanes that wait and are excited, and hold what would grow too large."""
+        forget = (c[WAITING] > 0.0) & spread(limits[EXCITED] > 0.0, L)
+        held = ~everywhere(L)
+        if diagonal:
+            for k in range(N):
+                p = c[D + k]
+                for i in range(k + 1, N):
+                    u = c[U + i * (i - 1) // 2 + k]
+                    p = p + u * u * c[D + i]
+                factor = c[INFLATION + k]
+                hold = (factor > 1.0) & (p * factor > spread(limits[k], L))
+                held = held | hold
+                c[GAIN + k] = select(forget & ~hold, p * (factor - 1.0), 0.0)
+            for m in range(N):  # P + w e e' (Agee and Turner 1972)
+                w = c[GAIN + m]
+                for i in range(m):
+                    c[F + i] = spread(0.0, L)
+                c[F + m] = spread(1.0, L)
+                for k in range(m, -1, -1):
+                    v, before = c[F + k], c[D + k]
+                    d = before + w * v * v
+                    c[D + k] = d
+                    for i in range(k):
+                        u = c[U + k * (k - 1) // 2 + i]
+                        rest = c[F + i] - v * u
+                        c[F + i] = rest
+                        c[U + k * (k - 1) // 2 + i] = u + w * v / d * rest
+                    w = w * (before / d)
+        else:
+            for k in range(N):
+                d, cap = c[D + k], spread(limits[k], L)
+                grown, least = d * c[INFLATION + k], cap * GENTLE
+                hold = grown > maximum(d, cap)
+                first = k * (k - 1) // 2
+                if WIDE:
+                    for i in range(k):
+                        u = c[U + first + i]
+                        tilted = u * c[TILT + first + i]
+                        cap_i = spread(limits[i], L)
+                        square, tilted = u * u, tilted * tilted
+                        hold = hold | (tilted * grown > maximum(square * d, cap_i))
+                        hold = hold | (tilted * least > maximum(square * least, cap_i))
+                    for i in range(k):
+                        u = c[U + first + i]
+                        c[U + first + i] = select(forget & ~hold, u * c[TILT + first + i], u)
+                held = held | hold
+                c[D + k] = select(forget & ~hold, grown, d)
+        c[HELDS] = c[HELDS] + select(forget & held, 1.0, 0.0)
+        c[INSTANTS] = c[INSTANTS] + select(forget, 1.0, 0.0)
+        c[WAITING] = select(forget, 0.0, c[WAITING])
 
     def advance(
-        Z, target, columns, lags, begin, end, inflate, tilt, offset, diagonal, nominal, s,
+        Z, target, columns, lags, begin, end, inflate, tilt, offset, diagonal, nominal, state,
         path, factors, priors, errors, alphas, used,
     ):  # fmt: skip
         """Advance recursions over the instants from ``begin`` to ``end``.
 
-        Z, of shape (n_signals, n_instants, n_runs, 1 or lanes), holds the signals of which
-        regressor k is that of ``columns[k]`` at ``lags[k]`` instants before; ``target`` the output,
-        NaN where it gives no update. At each instant runs are taken in turn, and P forgets once.
-        ``inflate`` is 1 / lambda, of shape (1 or n_instants, 1 or n_params, lanes), from instant
-        ``offset`` on, and ``tilt`` sqrt(lambda_k / lambda_i) for i < k by columns (Eq. 20);
-        ``diagonal`` inflates the diagonal of P alone. A positive ``nominal`` memory horizon makes
-        the forgetting factor variable. ``s`` is the state, see ``layout``.
+        Z, of shape (n_signals, n_instants, n_runs, 1 if shared or lanes), holds the signals of
+        which regressor k is that of ``columns[k]`` at ``lags[k]`` instants before; ``target`` the
+        output, NaN where it gives no update. At each instant runs are taken in turn, and P forgets
+        once. ``inflate`` is 1 / lambda, of shape (1 or n_instants, n_params if wide or 1, lanes),
+        from instant ``offset`` on; ``tilt`` sqrt(lambda_k / lambda_i) for i < k by columns (Eq.
+        20); ``diagonal`` inflates the diagonal of P alone. A positive ``nominal`` memory horizon
+        makes the forgetting factor variable. ``state`` is laid out by ``layout``.
 
         Outputs, which are left alone if of size 0, for each instant: theta; the factors U and D of
         P; those after forgetting and before the first update (one lane only); of each run the
         one-step error and 1 + phi' P phi, NaN without an update; the variable forgetting factor.
         """
-        n_runs, shared = Z.shape[2], Z.shape[3] == 1
-        wide = 1 if inflate.shape[1] > 1 else 0
-        apart = wide == 1 or diagonal
+        n_instants, n_runs = Z.shape[1], Z.shape[2]
+        starts = np.empty(N, dtype=np.int64)
+        for k in range(N):
+            starts[k] = (columns[k] * n_instants - lags[k]) * n_runs * W
+        # s and q are what every instant needs, in registers if they can be: no other function gets
+        # them. c has the rest of the state, and copies for the function that takes care.
+        heap = np.empty(N_HEAP)
+        if FEW:
+            s, c = rows(N_HOT, L), rows(N_COLD, L)
+        else:
+            s, c = rows_of(heap, 0, L), rows_of(heap, COLD, L)
+        q, limits = rows(N_SHARED, W), rows(N_LIMITS, W)
+        for i in range(SIZE):
+            c[i] = load(state, i * L, L)
+        for i in range(THETA + N):
+            s[i] = load(state, i * L, L)
+        for k in range(N):
+            q[POWER + k] = load(state, POWERS + k * L, W)
+            q[CAP + k] = load(state, CAPS + k * L, W)
+        one = spread(1.0, L)
+        plain = 0.0  # instants at which all lanes forgot in full
         for t in range(begin, end):
             if t == begin or inflate.shape[0] > 1:
                 now = 0 if inflate.shape[0] == 1 else t - offset
                 if nominal == 0.0:
                     for k in range(N):
-                        for j in range(L):
-                            s[INFLATION + k * L + j] = inflate[now, k * wide, j]
-                for i in range(N * (N - 1) // 2):
-                    for j in range(L):
-                        s[TILT + i * L + j] = tilt[now, i * wide, j] if wide == 1 else 1.0
-            pending = True
-            for j in range(L):
-                s[FORGET + j] = 1.0
-                s[TOTAL_NOW + j] = 0.0
-                s[UPDATES_NOW + j] = 0.0
+                        i = now * inflate.shape[1] + (k if WIDE else 0)
+                        c[INFLATION + k] = load(inflate, i * L, L)
+                if WIDE:
+                    for i in range(PAIRS):
+                        c[TILT + i] = load(tilt, (now * PAIRS + i) * L, L)
             if used.size > 0:
-                for j in range(L):
-                    used[t, j] = 1.0 / s[INFLATION + j]
+                store(used, t * L, one / c[INFLATION])
             if priors.size > 0:
-                for i in range(N_FACTORS):
-                    priors[t, i, 0] = s[i * L]
+                for i in range(THETA):
+                    store(priors, (t * THETA + i) * L, s[i])
+            pending = True
+            total, updates = spread(0.0, L), spread(0.0, L)
             for r in range(n_runs):
-                if shared:
-                    y = target[t, r, 0]
-                    known = y == y
+                row = (t * n_runs + r) * W
+                y = load(target, row, W)
+                taken = y == y
+                for k in range(N):
+                    p = load(Z, starts[k] + row, W)
+                    q[PHI + k] = p
+                    taken = taken & (p == p) & (p != 0.0)
+                # What is usual in all lanes needs no masks: the same bits, in less time.
+                excited = taken & (q[PHI] * q[PHI] * HELD > q[POWER])
+                easy = every(excited)
+                if easy:
                     for k in range(N):
-                        p = Z[columns[k], t - lags[k], r, 0]
-                        known = known and p == p
-                        s[PHI + k * L] = p
-                    if not known:
-                        if errors.size > 0:
-                            for j in range(L):
-                                errors[t, r, j] = np.nan
-                        if alphas.size > 0:
-                            for j in range(L):
-                                alphas[t, r, j] = np.nan
-                        continue
-                    excited = False
-                    for k in range(N):
-                        p = s[PHI + k * L]
-                        excited = excited or p * p * HELD > s[POWER + k * L]
-                    decay = REMEMBERED if excited else 1.0
-                    growth = 1.0 / REMEMBERED if excited else 1.0
-                    for k in range(N):
-                        p = s[PHI + k * L]
-                        power, cap = s[POWER + k * L], s[CAP + k * L]
-                        if p != 0.0:
-                            power *= decay
-                            cap = min(cap * growth, LARGEST)
-                        if p * p > power:
-                            power = p * p
-                            cap = min(HELD / power, LARGEST)
-                            for j in range(L):
-                                s[D + k * L + j] = min(s[D + k * L + j], CLIPPED * cap)
-                        s[POWER + k * L] = power
-                        for j in range(L):
-                            s[PHI + k * L + j] = p
-                            s[CAP + k * L + j] = cap
-                    for j in range(L):
-                        s[ERROR + j] = y
-                        s[USE + j] = 2.0 if excited else 1.0
+                        q[POWER + k] = q[POWER + k] * REMEMBERED
+                        q[CAP + k] = minimum(q[CAP + k] * GROWTH, LARGEST)
                 else:
+                    taken, excited = y == y, ~everywhere(W)
                     for k in range(N):
-                        for j in range(L):
-                            s[PHI + k * L + j] = Z[columns[k], t - lags[k], r, j]
-                    above = 0
-                    for j in range(L):
-                        y = target[t, r, j]
-                        known = y == y
-                        excited = False
+                        p = q[PHI + k]
+                        taken = taken & (p == p)
+                        excited = excited | (p * p * HELD > q[POWER + k])
+                    y, excited = select(taken, y, 0.0), excited & taken
+                    for k in range(N):
+                        p = select(taken, q[PHI + k], 0.0)
+                        moved = excited & (p != 0.0)
+                        q[PHI + k] = p
+                        q[POWER + k] = q[POWER + k] * select(moved, REMEMBERED, 1.0)
+                        q[CAP + k] = minimum(q[CAP + k] * select(moved, GROWTH, 1.0), LARGEST)
+                below = everywhere(W)
+                for k in range(N):
+                    below = below & (q[PHI + k] * q[PHI + k] <= q[POWER + k])
+                if not every(below):
+                    for k in range(N):
+                        square, d = q[PHI + k] * q[PHI + k], s[D + k]
+                        below = square <= q[POWER + k]
+                        cap = minimum(HELD / select(below, 1.0, square), LARGEST)
+                        cap = select(below, q[CAP + k], cap)
+                        clipped = minimum(d, spread(CLIPPED * cap, L))
+                        s[D + k] = select(spread(below, L), d, clipped)
+                        q[POWER + k], q[CAP + k] = maximum(square, q[POWER + k]), cap
+                forgot = False
+                if pending:
+                    fits = everywhere(L)
+                    if WIDE:
                         for k in range(N):
-                            p = s[PHI + k * L + j]
-                            known = known & (p == p)
-                            excited = excited | (p * p * HELD > s[POWER + k * L + j])
-                        use = 2.0 if excited else 1.0
-                        s[USE + j] = use if known else 0.0
-                        s[ERROR + j] = y if known else 0.0
-                        for k in range(N):
-                            p = s[PHI + k * L + j]
-                            p = p if known else 0.0
-                            moved = excited & (p != 0.0)
-                            power = s[POWER + k * L + j] * (REMEMBERED if moved else 1.0)
-                            growth = 1.0 / REMEMBERED if moved else 1.0
-                            s[PHI + k * L + j] = p
-                            s[POWER + k * L + j] = power
-                            s[CAP + k * L + j] = min(s[CAP + k * L + j] * growth, LARGEST)
-                            above |= p * p > power
-                    if above:
-                        for k in range(N):
-                            for j in range(L):
-                                p = s[PHI + k * L + j]
-                                if p * p > s[POWER + k * L + j]:
-                                    cap = min(HELD / (p * p), LARGEST)
-                                    s[POWER + k * L + j] = p * p
-                                    s[CAP + k * L + j] = cap
-                                    s[D + k * L + j] = min(s[D + k * L + j], CLIPPED * cap)
-                if pending and not apart:
-                    for j in range(L):
-                        forget = (s[FORGET + j] > 0.0) & (s[USE + j] > 1.0)
-                        s[FORGET + j] = 0.0 if forget else s[FORGET + j]
-                        s[INSTANTS + j] += 1.0 if forget else 0.0
-                        factor = s[INFLATION + j] if forget else 1.0
-                        held = 0.0
-                        for k in range(N):
-                            d = s[D + k * L + j]
-                            grown = d * factor
-                            hold = grown > max(d, s[CAP + k * L + j])
-                            held = 1.0 if hold else held
-                            s[D + k * L + j] = d if hold else grown
-                        s[HELDS + j] += held
-                elif pending:
-                    for j in range(L):
-                        forget = (s[FORGET + j] > 0.0) & (s[USE + j] > 1.0)
-                        s[FORGET + j] = 0.0 if forget else s[FORGET + j]
-                        s[INSTANTS + j] += 1.0 if forget else 0.0
-                        s[NOW + j] = 1.0 if forget else 0.0
-                        s[HELD_NOW + j] = 0.0
-                    if diagonal:
-                        for j in range(L):
-                            if s[NOW + j] == 0.0:
-                                continue
+                            grown = s[D + k] * c[INFLATION + k]
+                            s[MOST + k] = maximum(grown, spread(q[CAP + k], L) * GENTLE)
+                        for i in range(N):
+                            most = s[MOST + i]
                             for k in range(N):
-                                p = s[D + k * L + j]
-                                for i in range(k + 1, N):
-                                    u = s[(i * (i - 1) // 2 + k) * L + j]
-                                    p += u * u * s[D + i * L + j]
-                                factor = s[INFLATION + k * L + j]
-                                if factor > 1.0 and p * factor > s[CAP + k * L + j]:
-                                    s[HELD_NOW + j] = 1.0
-                                    factor = 1.0
-                                s[GAIN + k * L + j] = p * (factor - 1.0)
-                            for m in range(N):  # P + c e e' (Agee and Turner 1972)
-                                c = s[GAIN + m * L + j]
-                                for i in range(m + 1):
-                                    s[SPARE + i * L + j] = 1.0 if i == m else 0.0
-                                for k in range(m, -1, -1):
-                                    v = s[SPARE + k * L + j]
-                                    before = s[D + k * L + j]
-                                    d = before + c * v * v
-                                    s[D + k * L + j] = d
-                                    for i in range(k):
-                                        u = s[(k * (k - 1) // 2 + i) * L + j]
-                                        rest = s[SPARE + i * L + j] - v * u
-                                        s[SPARE + i * L + j] = rest
-                                        s[(k * (k - 1) // 2 + i) * L + j] = u + c * v / d * rest
-                                    c *= before / d
+                                if k <= i:
+                                    continue
+                                above = k * (k - 1) // 2 + i
+                                tilted = s[U + above] * c[TILT + above]
+                                most = fma(tilted * tilted, s[MOST + k], most)
+                            fits = fits & (most <= spread(q[CAP + i], L))
                     else:
-                        for j in range(L):
-                            for k in range(N):
-                                d = s[D + k * L + j]
-                                grown = d * s[INFLATION + k * L + j]
-                                cap = s[CAP + k * L + j]
-                                over = grown - max(d, cap)
-                                for i in range(N):
-                                    if i >= k:
-                                        continue
-                                    u = s[(k * (k - 1) // 2 + i) * L + j]
-                                    tilted = u * s[TILT + (k * (k - 1) // 2 + i) * L + j]
-                                    cap_i = s[CAP + i * L + j]
-                                    most = max(u * u * d, cap_i)
-                                    over = max(over, tilted * tilted * grown - most)
-                                    most = max(u * u * cap, STEEPEST * cap_i)
-                                    over = max(over, tilted * tilted * cap - most)
-                                move = (over <= 0.0) & (s[NOW + j] > 0.0)
-                                hold = (over > 0.0) & (s[NOW + j] > 0.0)
-                                s[HELD_NOW + j] = 1.0 if hold else s[HELD_NOW + j]
-                                s[D + k * L + j] = grown if move else d
-                                for i in range(N):
-                                    if i >= k:
-                                        continue
-                                    u = s[(k * (k - 1) // 2 + i) * L + j]
-                                    ratio = s[TILT + (k * (k - 1) // 2 + i) * L + j]
-                                    s[(k * (k - 1) // 2 + i) * L + j] = u * (ratio if move else 1.0)
-                    for j in range(L):
-                        s[HELDS + j] += s[HELD_NOW + j]
-                if pending and shared and s[FORGET] == 0.0:
+                        for k in range(N):
+                            grown = s[D + k] * c[INFLATION + k]
+                            fits = fits & (grown <= spread(q[CAP + k], L))
+                    forgot = every(fits) and easy and r == 0 and not diagonal
+                    if forgot:
+                        for k in range(N):
+                            s[D + k] = s[D + k] * c[INFLATION + k]
+                        if WIDE:
+                            for i in range(PAIRS):
+                                s[U + i] = s[U + i] * c[TILT + i]
+                        plain += 1.0
+                    else:
+                        for i in range(THETA):
+                            c[i] = s[i]
+                        for k in range(N):
+                            limits[k] = q[CAP + k]
+                        limits[EXCITED] = select(excited, 1.0, 0.0)
+                        if r == 0:
+                            c[WAITING] = one
+                        forget_with_care(c, limits, diagonal)
+                        for i in range(THETA):
+                            s[i] = c[i]
+                        forgot = every(c[WAITING] == 0.0)
+                if forgot:
                     pending = False
                     if priors.size > 0:
-                        for i in range(N_FACTORS):
-                            priors[t, i, 0] = s[i * L]
-                for j in range(L):
-                    e = s[ERROR + j]
-                    for k in range(N):
-                        e -= s[PHI + k * L + j] * s[THETA + k * L + j]
-                    alpha = 1.0
-                    inverse = 1.0
-                    for k in range(N):
-                        f = s[PHI + k * L + j]
-                        for i in range(k):
-                            f += s[(k * (k - 1) // 2 + i) * L + j] * s[PHI + i * L + j]
-                        d = s[D + k * L + j]
-                        g = d * f
-                        before = alpha
-                        alpha = before + f * g
-                        w = -f * inverse
-                        inverse = 1.0 / alpha
-                        s[D + k * L + j] = d * (before * inverse)
-                        s[GAIN + k * L + j] = g
-                        for i in range(k):
-                            u = s[(k * (k - 1) // 2 + i) * L + j]
-                            b = s[GAIN + i * L + j]
-                            s[(k * (k - 1) // 2 + i) * L + j] = u + b * w
-                            s[GAIN + i * L + j] = b + u * g
-                    gain = inverse * e
-                    for k in range(N):
-                        s[THETA + k * L + j] += s[GAIN + k * L + j] * gain
-                    s[TOTAL_NOW + j] += e * gain
-                    s[UPDATES_NOW + j] += 1.0 if s[USE + j] > 0.0 else 0.0
-                    s[ERROR + j] = e
-                    s[ALPHA + j] = alpha
+                        for i in range(THETA):
+                            store(priors, (t * THETA + i) * L, s[i])
+                e = spread(y, L)
+                alpha = one
+                for k in range(N):
+                    f = spread(q[PHI + k], L)
+                    e = fma(-f, s[THETA + k], e)
+                    for i in range(N):
+                        if i >= k:
+                            continue
+                        f = fma(s[U + k * (k - 1) // 2 + i], spread(q[PHI + i], L), f)
+                    g = s[D + k] * f
+                    alpha = fma(f, g, alpha)
+                    s[F_NOW + k], s[GAIN_NOW + k], s[ALPHA + k] = f, g, alpha
+                for first in range(0, N, 4):  # one division for four
+                    last = min(first + 4, N)
+                    product = one
+                    for k in range(first, last):
+                        s[PRODUCT + k] = product
+                        product = product * s[ALPHA + k]
+                    inverse = one / product
+                    for k in range(last - 1, first - 1, -1):
+                        s[INVERSE + k] = inverse * s[PRODUCT + k]
+                        inverse = inverse * s[ALPHA + k]
+                    if not every(product < LARGEST):
+                        for k in range(first, last):
+                            inverse = one / s[ALPHA + k]
+                            s[INVERSE + k] = select(product < LARGEST, s[INVERSE + k], inverse)
+                before, inverse = one, one
+                for k in range(N):
+                    w, g = -s[F_NOW + k] * inverse, s[GAIN_NOW + k]
+                    inverse = s[INVERSE + k]
+                    s[D + k] = s[D + k] * (before * inverse)
+                    before = s[ALPHA + k]
+                    for i in range(N):
+                        if i >= k:
+                            continue
+                        u, b = s[U + k * (k - 1) // 2 + i], s[GAIN_NOW + i]
+                        s[U + k * (k - 1) // 2 + i] = fma(b, w, u)
+                        s[GAIN_NOW + i] = fma(u, g, b)
+                gain = inverse * e
+                for k in range(N):
+                    s[THETA + k] = fma(s[GAIN_NOW + k], gain, s[THETA + k])
+                total = fma(e, gain, total)
+                updates = updates + select(spread(taken, L), 1.0, 0.0)
                 if errors.size > 0:
-                    for j in range(L):
-                        errors[t, r, j] = s[ERROR + j] if s[USE + j] > 0.0 else np.nan
+                    store(errors, (t * n_runs + r) * L, select(spread(taken, L), e, np.nan))
                 if alphas.size > 0:
-                    for j in range(L):
-                        alphas[t, r, j] = s[ALPHA + j] if s[USE + j] > 0.0 else np.nan
-            for j in range(L):
-                s[TOTAL + j] += s[TOTAL_NOW + j]
-                s[UPDATES + j] += s[UPDATES_NOW + j]
-                idle = (s[UPDATES_NOW + j] > 0.0) & (s[FORGET + j] > 0.0)
-                s[HELDS + j] += 1.0 if idle else 0.0
+                    store(alphas, (t * n_runs + r) * L, select(spread(taken, L), alpha, np.nan))
+            c[TOTAL] = c[TOTAL] + total
+            c[UPDATES] = c[UPDATES] + updates
+            if pending:
+                c[HELDS] = c[HELDS] + select(updates > 0.0, c[WAITING], 0.0)
             if nominal > 0.0:
-                for j in range(L):
-                    if s[UPDATES_NOW + j] > 0.0:
-                        mean = s[TOTAL + j] / s[UPDATES + j]
-                        latest = s[TOTAL_NOW + j] / s[UPDATES_NOW + j]
-                        factor = 1.0 - latest / (mean * nominal) if mean > 0.0 else 1.0
-                        for k in range(N):
-                            s[INFLATION + k * L + j] = 1.0 / max(factor, SHORTEST)
+                mean = c[TOTAL] / maximum(c[UPDATES], 1.0)
+                latest = total / maximum(updates, 1.0)
+                factor = select(mean > 0.0, 1.0 - latest / (mean * nominal), 1.0)
+                factor = one / maximum(factor, SHORTEST)
+                for k in range(N):
+                    c[INFLATION + k] = select(updates > 0.0, factor, c[INFLATION + k])
             if path.size > 0:
                 for k in range(N):
-                    for j in range(L):
-                        path[t, k, j] = s[THETA + k * L + j]
+                    store(path, (t * N + k) * L, s[THETA + k])
             if factors.size > 0:
-                for i in range(N_FACTORS):
-                    for j in range(L):
-                        factors[t, i, j] = s[i * L + j]
+                for i in range(THETA):
+                    store(factors, (t * THETA + i) * L, s[i])
+        c[INSTANTS] = c[INSTANTS] + plain
+        for i in range(THETA + N):
+            c[i] = s[i]
+        for i in range(SIZE):
+            store(state, i * L, c[i])
+        for k in range(N):
+            store(state, POWERS + k * L, spread(q[POWER + k], L))
+            store(state, CAPS + k * L, spread(q[CAP + k], L))
 
     # Cached functions of one name from different processes would be mistaken for each other.
-    advance.__name__ = advance.__qualname__ = f"advance_{n_params}_{lanes}"
+    kind = "s" * shared + "w" * wide
+    advance.__name__ = advance.__qualname__ = f"advance_{n_params}_{lanes}{kind}"
     return njit(cache=True, nogil=True, error_model="numpy")(advance)
 
 
 @cache
-def stream(n_params):
+def stream(n_params, wide=False):
     """Compile ``take`` for a number of parameters."""
     # Not the compiled function: a closure that holds one is cached anew by every process.
-    compiled = recursion(n_params, 1)
+    compiled = recursion(n_params, 1, wide=wide)
     advance = register_jitable(getattr(compiled, "py_func", compiled))
 
     def take(
@@ -365,7 +399,7 @@ def stream(n_params):
             done += m
         return True
 
-    take.__name__ = take.__qualname__ = f"take_{n_params}"
+    take.__name__ = take.__qualname__ = f"take_{n_params}{'w' * wide}"
     return njit(cache=True, nogil=True, error_model="numpy")(take)
 
 

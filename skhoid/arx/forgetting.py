@@ -120,7 +120,8 @@ def kernel_arrays(factors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """1 / λ and sqrt(λ_k / λ_i) for i < k by columns; λ is (n, 1 or n_params, lanes)."""
     pairs = [(i, k) for k in range(factors.shape[1]) for i in range(k)] or [(0, 0)]
     above, column = np.array(pairs).T
-    return 1.0 / factors, np.sqrt(factors[:, column] / factors[:, above])
+    ratios = np.sqrt(factors[:, column] / factors[:, above])
+    return 1.0 / factors, np.ascontiguousarray(ratios)
 
 
 def read_forgetting(

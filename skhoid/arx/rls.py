@@ -294,7 +294,7 @@ class Paths:
         }
         return cls(
             **{
-                name: np.empty(shape if name in keep else (0,) * len(shape))
+                name: _kernels.aligned(shape if name in keep else (0,) * len(shape))
                 for name, shape in shapes.items()
             }
         )
@@ -319,9 +319,10 @@ def recurse(
     """
     n_instants = signals.shape[1]
     paths = Paths.empty(n_instants, signals.shape[2], state, keep)
-    advance = _kernels.rls.recursion(state.n_params, state.lanes)
     columns, lags = kernel_regressors(orders)
     inflate, tilt = forgetting.arrays(state.lanes) if inflation is None else inflation
+    shared, wide = signals.shape[3] < state.lanes, inflate.shape[1] > 1
+    advance = _kernels.rls.recursion(state.n_params, state.lanes, shared, wide)
     first = min(orders.first_row, n_instants)
     before = {
         "theta": state.rows("theta"),
@@ -381,14 +382,13 @@ class RecursionPlan:
         lanes = 1 if self.smooth else _kernels.rls.MANY
         found: list[Recursion] = []
         for first in range(0, len(starts), lanes):
-            block = starts[first : first + lanes]
-            runs = slice(first, first + len(block))
-            signals = np.full((*data.signals.shape[:2], 1, lanes), np.nan)
-            target = np.full((len(data.instants), 1, lanes), np.nan)
-            signals[:, :, 0, : len(block)] = data.signals[:, :, runs, 0]
-            target[:, 0, : len(block)] = data.target[:, runs, 0]
-            idle = [block[0]] * (lanes - len(block))
-            found += self._run(signals, target, block + idle, len(block))
+            runs = [min(run, len(starts) - 1) for run in range(first, first + lanes)]
+            signals = _kernels.aligned((*data.signals.shape[:2], 1, lanes))
+            target = _kernels.aligned((len(data.instants), 1, lanes))
+            for of_runs, room in ((data.signals, signals), (data.target, target)):
+                np.take(of_runs[..., 0], runs, axis=-1, out=room[..., 0, :], mode="clip")
+            wanted = min(lanes, len(starts) - first)
+            found += self._run(signals, target, [starts[run] for run in runs], wanted)
         return found
 
     def _run(

@@ -110,7 +110,7 @@ class Stream:
 
     def take(self, X: np.ndarray, y: np.ndarray) -> bool:
         """Take rows that go on; False, and nothing done, if any is infinite."""
-        return _kernels.rls.stream(self.state.n_params)(
+        return _kernels.rls.stream(self.state.n_params, self._arrays[0].shape[1] > 1)(
             X,
             y,
             self._columns,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 import warnings
@@ -10,6 +11,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
+from .._machine import ended_by_sigterm
 from .options import with_one_element
 from .output import note
 from .parser import make_parser
@@ -33,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     exit_code : int
         0 on success, 2 on bad input, 1 on an error nobody expected, 130 when interrupted, 141
-        when nobody reads the output any more.
+        when nobody reads the output any more, 143 when terminated.
 
     Examples
     --------
@@ -41,18 +43,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     >>> main(["identify", "nothing-here.csv", "--time", "t"])  # says so on stderr
     2
     """
+    _open_streams()
     given = list(sys.argv[1:] if arguments is None else arguments)
     parser = make_parser()
     if not given:
         parser.print_help(sys.stderr)
         return BAD_INPUT
-    options = parser.parse_args(with_one_element(given))
-    options.command_line = given
-    if options.debug:
-        return _run(options)
+    options = argparse.Namespace()
     try:
-        with warnings.catch_warnings():
-            warnings.showwarning = _show_warning(options)
+        _parse(parser, given, options)
+        with ended_by_sigterm(), warnings.catch_warnings():
+            if not options.debug:
+                warnings.showwarning = _show_warning(options)
             code = _run(options)
             sys.stdout.flush()
             return code
@@ -65,7 +67,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _nobody_reads()
         raise
     except Exception as error:
+        if options.debug:
+            raise
         return _explain(error, options)
+
+
+def _parse(parser: argparse.ArgumentParser, given: list[str], options: argparse.Namespace) -> None:
+    """Parse the arguments; --help and --version print, and end, here."""
+    options.debug = False
+    try:
+        parser.parse_args(with_one_element(given), options)
+    except SystemExit:
+        sys.stdout.flush()  # argparse does not notice that nothing can be written
+        raise
+    options.command_line = given
+
+
+def _open_streams() -> None:
+    """Put nothing in the place of streams that were closed, and print names as they can be."""
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            # Takes the number of the closed one too, which else would be that of a file to write.
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -82,8 +107,15 @@ def _nobody_reads() -> int:
 
 def _explain(error: Exception, options: argparse.Namespace) -> int:
     """Print an error in one line; returns the exit code."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _nobody_reads()
     text = " ".join(str(error).split())
     own = type(error).__module__.startswith("skhoid.")
+    if isinstance(error, MemoryError):
+        print(f"skhoid: error: The memory does not suffice. {text}".rstrip(), file=sys.stderr)
+        return BAD_INPUT
     if not own and not isinstance(error, ValueError | OSError | ImportError):
         print(
             f"skhoid: unexpected error: {type(error).__name__}: {text} (run again with --debug to "
@@ -91,8 +123,8 @@ def _explain(error: Exception, options: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return UNEXPECTED
-    if isinstance(error, OSError) and error.strerror and error.filename:
-        text = f"{error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.strerror:
+        text = f"{error.filename or 'the output'}: {error.strerror}"
     print(f"skhoid: error: {reworded(text, options)}", file=sys.stderr)
     return BAD_INPUT
 

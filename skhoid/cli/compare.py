@@ -15,7 +15,15 @@ from ..diagnosis import Comparison
 from ..diagnosis import compare as compare_runs
 from ..pipelines import reach_model, unwrapped
 from ..search.story import comparison_dict
-from .files import check_plot_file, column_of, new_file, read_files, save_figures, without_screen
+from .files import (
+    check_plot_file,
+    column_of,
+    names_of,
+    new_file,
+    read_files,
+    save_figures,
+    without_screen,
+)
 from .options import pairs, refuse
 from .output import print_json, print_wrapped, say_files
 from .search_output import tables_of_comparison, write_report
@@ -49,7 +57,7 @@ def compare(options: argparse.Namespace) -> int:
         false_alarm=options.false_alarm,
         domain=options.domain,
     )
-    source = ", ".join(options.files)
+    source = names_of(options.files)
     page, pictures = None, []
     if options.out is not None and _is_page(options.out):
         page = options.out

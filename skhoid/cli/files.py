@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..io import read_runs
+from ..io._paths import shown
 from ..io._table import split_header
 from ..io.figures import save_figure
 from ..preprocessing import resample_runs
@@ -47,6 +48,11 @@ def read_files(options: argparse.Namespace, inputs: list[str]) -> tuple[Any, Any
     return X, y
 
 
+def names_of(files: Iterable[str]) -> str:
+    """Files as text that every output takes, also where their names are not UTF-8."""
+    return ", ".join(map(shown, files))
+
+
 def column_of(X: Any, asked: str) -> str:
     """Column of X that was asked for by its header, with its unit, or as a field of a struct."""
     name = asked if asked in X else split_header(asked)[0]
@@ -68,7 +74,7 @@ def new_file(name: str, overwrite: bool, *, new_folder: bool = False) -> Path:
     path = Path(name)
     if path.is_dir():
         raise ValueError(f"{path} is a folder; name a file in it.")
-    if path.exists() and not overwrite:
+    if os.path.lexists(path) and not overwrite:  # a link that leads nowhere, too
         raise ValueError(f"{path} exists; choose another name, or --overwrite.")
     if not new_folder and not path.parent.exists():
         raise ValueError(f"The folder {path.parent} of {path} does not exist.")

@@ -17,7 +17,7 @@ from ..diagnosis.identification import identify as identify_runs
 from ..io import load_human_tracking
 from ..summaries import counted
 from .arguments.identify import LONGEST_DELAY
-from .files import check_no_files, column_of, read_files, save_figures, without_screen
+from .files import check_no_files, column_of, names_of, read_files, save_figures, without_screen
 from .options import pairs, refuse
 from .output import WIDTH, print_json, say_files
 from .search_output import figure_folder
@@ -111,7 +111,7 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, s
             raise
         instruments = [column_of(X, name) for name in others]
         roles = {column_of(X, name): role for name, role in roles.items()}
-        return X, y, instruments, roles, ", ".join(options.files)
+        return X, y, instruments, roles, names_of(options.files)
     check_no_files(options)
     X, y = load_human_tracking("difficulty 80")
     return (

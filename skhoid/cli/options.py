@@ -4,15 +4,65 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Iterable
 from typing import Any
+
+MOST = 1_000_000  # of what is counted: runs, replications, subjects
+MOST_ORDERS = 100
+MOST_SAMPLES = 100_000  # of a delay
+MOST_WORKERS = 8 * (os.cpu_count() or 1)
 
 
 def at_least_one(text: str) -> int:
     """A whole number from 1 up."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number, at least 1; got {text!r}")
+    return _whole(text, 1, MOST)
+
+
+def order(text: str) -> int:
+    """An order of an ARX model."""
+    return _whole(text, 1, MOST_ORDERS)
+
+
+def samples(text: str) -> int:
+    """A delay in samples."""
+    return _whole(text, 0, MOST_SAMPLES)
+
+
+def count(text: str) -> int:
+    """A whole number from 0 up."""
+    return _whole(text, 0, MOST)
+
+
+def seed(text: str) -> int:
+    """A whole number from 0 up, however large."""
+    return _whole(text, 0, None)
+
+
+def workers(text: str) -> int:
+    """A number of workers, or -1 for all processors, -2 for all but one."""
+    if text.startswith("-"):
+        return -_whole(text[1:], 1, MOST_WORKERS)
+    return _whole(text, 1, MOST_WORKERS)
+
+
+def _whole(text: str, least: int, most: int | None) -> int:
+    # int() takes no more than 4,300 digits.
+    if not (text.isascii() and text.isdecimal() and len(text) < 100) or int(text) < least:
+        raise argparse.ArgumentTypeError(
+            f"must be a whole number, at least {least}; got {text[:40]!r}"
+        )
+    if most is not None and int(text) > most:
+        raise argparse.ArgumentTypeError(f"must be at most {most}; got {text!r}")
     return int(text)
+
+
+def probability(text: str) -> float:
+    """A number above 0 and below 1."""
+    number = _finite(text)
+    if not 0 < number < 1:
+        raise argparse.ArgumentTypeError(f"must be a number above 0 and below 1; got {text!r}")
+    return number
 
 
 def positive(text: str) -> float:

@@ -11,7 +11,7 @@ from ..greybox import OperatorRegressor
 from ..io import load_human_tracking
 from ..preprocessing import RunInTrimmer
 from .arguments.shared import OF_CORE
-from .files import check_no_files, column_of, read_files
+from .files import check_no_files, column_of, names_of, read_files
 from .options import pairs, refuse
 
 BUNDLED = ["phase-size 2b", "phase-size 2c", "phase-size 2d", "phase-size 2e"]
@@ -52,7 +52,7 @@ def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
         said[name] = option
     X, y = read_files(options, list(roles))
     of_columns = {column_of(X, name): role for name, role in roles.items()}
-    return X, y, of_columns, ", ".join(options.files)
+    return X, y, of_columns, names_of(options.files)
 
 
 def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:

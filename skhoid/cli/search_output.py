@@ -15,6 +15,7 @@ from ..effects import Effects
 from ..effects.catalogue import BY_NAME
 from ..human import ControlledElement, LinearElement
 from ..human.element_text import is_number
+from ..io._paths import shown
 from ..reporting import Report, report
 from ..search import EffectSearchCV
 from ..search.story import Story
@@ -131,7 +132,7 @@ def write_report(
     **more: Any,
 ) -> Report:
     """Make the report and write it."""
-    made_with = {"command": shlex.join(["skhoid", *options.command_line])}
+    made_with = {"command": shlex.join(["skhoid", *map(shown, options.command_line)])}
     if getattr(options, "seed", None) is not None:
         made_with["seed"] = str(options.seed)
     without_screen()

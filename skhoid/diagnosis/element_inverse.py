@@ -112,11 +112,11 @@ def triangle(tables: Iterable[np.ndarray]) -> tuple[np.ndarray, int]:
     That is R of their QR factorisation; least squares with it are those with the whole. Also the
     number of rows of the whole.
     """
-    R, n = None, 0
+    R: Any = None
+    n = 0
     for table in tables:
         n += len(table)
         R = np.linalg.qr(table if R is None else np.concatenate([R, table]), mode="r")
-    assert R is not None
     return R, n
 
 

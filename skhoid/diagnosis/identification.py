@@ -40,6 +40,7 @@ from ..runs.roles import columns_by_role, input_columns
 from ..runs.selection import run_labels
 from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_of_channels
 
+MOST_DELAYS = 2_000
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
 OPPOSED = -0.15  # correlation, below which a residual opposes what the prediction holds
@@ -295,6 +296,7 @@ def identify(
                 f"{least.seconds:.3g} s: {least.reason}. Allow a longer one, or a smaller "
                 f"least_delay.{_doubted(layout.dt * factor, longest_delay)}"
             )
+        _check_longest(longest_delay, longest - least.samples, layout)
         for how in ("one_step", "vaf"):
             search = DelaySearchCV(
                 pipeline, nk=range(least.samples, longest + 1), criterion=how, scoring=scorer
@@ -451,6 +453,21 @@ def _spare(model: Any, least: LeastDelay) -> float:
     if not least.closed or least.domain != "human":
         return np.inf
     return float(_loop_delay(model, least) - least.samples)
+
+
+def _check_longest(longest_delay: float, n_candidates: int, layout: RunLayout) -> None:
+    """Refuse delays that no run can show, and more of them than one would wait for."""
+    shortest = float(np.diff(layout.run_starts).min()) * layout.dt
+    if longest_delay > shortest / 2:
+        raise ValueError(
+            f"The longest delay to try, {longest_delay:g} s, is more than half of the shortest "
+            f"run, {shortest:.3g} s. Allow a shorter one."
+        )
+    if n_candidates > MOST_DELAYS:
+        raise ValueError(
+            f"Up to {longest_delay:g} s there are {n_candidates} delays to try, a sample apart, "
+            f"and at most {MOST_DELAYS} are tried. Allow a shorter one, or decimate."
+        )
 
 
 def _doubted(dt: float, longest_delay: float) -> str:

@@ -108,8 +108,8 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         settling=estimator.settling,
     )
     if given is not None:
-        element = given_element(given, record_of_some(record) or record)
-        record = replace(record, controlled_element=element)
+        some = record_of_some(record) or record
+        record = replace(record, controlled_element=given_element(given, some))
     spec = estimator._simulated_core()
     record = spec.core.on(record)
     initial = getattr(estimator, "initial", None)
@@ -117,8 +117,8 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     check_rows(record, len(spec.core.parameters), grid, estimator.settling)
     check_moving(record, thinned[:, estimator._columns[0]], error, output_name)
     if given is None:
-        element = estimate_element(record_of_some(record) or record)
-        record = replace(record, controlled_element=element)
+        some = record_of_some(record) or record
+        record = replace(record, controlled_element=estimate_element(some))
     element = record.controlled_element
     estimator.controlled_element_ = None if element is None else simplest(element)
     units = estimator._units

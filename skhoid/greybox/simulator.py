@@ -87,7 +87,7 @@ class Simulator:
         ]
         self._theta: np.ndarray | None = None
         self._states: list[StageSignals] = []
-        self._output: np.ndarray | None = None
+        self._whole: np.ndarray | None = None
 
     @cached_property
     def _parts(self) -> list[tuple[slice, Any]]:
@@ -99,7 +99,7 @@ class Simulator:
     def _part(self, few: Record) -> Any:
         """The same simulator, with the same bounds, on a few of the runs."""
         part = copy.copy(self)
-        part.record, part._theta, part._states, part._output = few, None, [], None
+        part.record, part._theta, part._states, part._whole = few, None, [], None
         part._stages = part._build()
         return part
 
@@ -219,10 +219,10 @@ class Simulator:
     def run(self, theta: np.ndarray) -> np.ndarray:
         """Output for parameters, of shape (n_samples, n_runs); its stages are kept."""
         if self._theta is not None and np.array_equal(theta, self._theta):
-            return self._states[-1].output if self._output is None else self._output
+            return self._states[-1].output if self._whole is None else self._whole
         if self._parts:
-            self._theta, self._output = theta.copy(), self._of_parts(theta)
-            return self._output
+            self._theta, self._whole = theta.copy(), self._of_parts(theta)
+            return self._whole
         begin = 0
         if self._theta is not None:
             changed = np.flatnonzero(theta != self._theta)

@@ -14,11 +14,11 @@ from .jumps import searched
 from .model import Model
 from .simulator import Simulator
 
-MOST_ROWS = 200_000  # up to which all runs are taken
+MOST_ROWS = 200_000  # known samples, up to which all runs are taken
 SIZES = (0.04, 0.013, 0.004)  # steps of a pattern search, relative
 
 
-def some_runs(record: Record, most: int = MOST_ROWS) -> np.ndarray | None:
+def some_runs(record: Record, most: int) -> np.ndarray | None:
     """Columns spread evenly over a record, which together have at most so many known samples.
 
     At least two; None where all have no more.
@@ -34,8 +34,8 @@ def some_runs(record: Record, most: int = MOST_ROWS) -> np.ndarray | None:
 
 
 def record_of_some(record: Record) -> Record | None:
-    """The record of :func:`some_runs`; None where these are all."""
-    columns = some_runs(record)
+    """The record of some runs with ``MOST_ROWS``; None where these are all."""
+    columns = some_runs(record, MOST_ROWS)
     return None if columns is None else record.part(columns, 1)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from ._table import FileTable, one_by_one, require
 
 __all__ = ["read_mat"]
 
+_MOST_NAMES = 100_000  # of links that lead to each other there is no end
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # "" is a file that h5py wrote, not MATLAB.
 _NUMERIC_CLASSES = {"", "double", "single", "logical"} | {
@@ -25,7 +27,8 @@ _OBJECT = (
     "iddata d: u = d.InputData; y = d.OutputData; t = d.SamplingInstants; save(file, 'u', 'y', 't')"
     ", one vector per channel."
 )
-_STRUCT = "is a struct: ask for one of its fields by a dotted path, such as {}."
+_IS_STRUCT = "is a struct:"
+_STRUCT = _IS_STRUCT + " ask for one of its fields by a dotted path, such as {}."
 _STRUCT_ARRAY = "is a struct array: save one plain variable per channel, one column per run."
 _CELL = "is a cell array: save one plain variable per channel, one column per run."
 _FUNCTION = "is a function handle, not data."
@@ -108,7 +111,7 @@ def _read_hdf5(path: Path) -> FileTable:
     unreadable: dict[str, str] = {}
     try:
         with h5py.File(path, "r") as file:
-            _list_group(h5py, file, "", places, unreadable)
+            _list_hdf5(h5py, file, places, unreadable)
     except OSError as error:
         raise ValueError(f"{path} cannot be read as a MATLAB 7.3 file: {error}") from error
     names = list(places)
@@ -119,7 +122,12 @@ def _read_hdf5(path: Path) -> FileTable:
             if dataset.attrs.get("MATLAB_empty", 0):
                 # An empty array is stored as its shape.
                 return np.empty(0)
-            values = dataset[()]
+            try:
+                values = dataset[()]
+            except OSError as error:
+                raise ValueError(
+                    f"The variable {names[position]!r} of {path} is damaged: {error}"
+                ) from error
         if values.dtype.names == ("real", "imag"):
             values = values["real"] + 1j * values["imag"]
         # MATLAB stores by columns and HDF5 by rows, so the axes come reversed.
@@ -128,31 +136,53 @@ def _read_hdf5(path: Path) -> FileTable:
     return FileTable(path, names, one_by_one(load), unreadable=unreadable, kind="variable")
 
 
-def _list_group(
-    h5py: Any, group: Any, prefix: str, places: dict[str, str], unreadable: dict[str, str]
-) -> None:
-    for key, item in group.items():
-        # MATLAB keeps the content of cells and objects in #refs# and #subsystem#.
-        if key.startswith("#"):
-            continue
-        name = f"{prefix}{key}"
-        is_group = isinstance(item, h5py.Group)
-        matlab_class = item.attrs.get("MATLAB_class", b"")
-        if isinstance(matlab_class, bytes):
-            matlab_class = matlab_class.decode()
-        if "MATLAB_sparse" in item.attrs:
-            unreadable[name] = f"is sparse: save full({name})."
-        elif "MATLAB_object_decode" in item.attrs:
-            unreadable[name] = _OBJECT
-        elif is_group and matlab_class in ("", "struct"):
-            unreadable[name] = _STRUCT.format(f"{name}.{next(iter(item), 'field')}")
-            _list_group(h5py, item, f"{name}.", places, unreadable)
-        elif matlab_class in _NOT_NUMBERS:
-            unreadable[name] = _NOT_NUMBERS[matlab_class]
-        elif is_group or matlab_class not in _NUMERIC_CLASSES:
-            unreadable[name] = _OBJECT
-        elif item.dtype.kind == "O":
-            # The fields of a struct array are references, without a class of their own.
-            unreadable[name] = _STRUCT_ARRAY
-        else:
-            places[name] = item.name
+def _list_hdf5(h5py: Any, file: Any, places: dict[str, str], unreadable: dict[str, str]) -> None:
+    """List what a file holds, shallow names first; links may lead anywhere, back too."""
+    waiting = deque([("", "", file, frozenset([_identity(h5py, file)]))])
+    while waiting and len(places) + len(unreadable) < _MOST_NAMES:
+        prefix, route, group, above = waiting.popleft()
+        for key in group:
+            # MATLAB keeps the content of cells and objects in #refs# and #subsystem#.
+            if key.startswith("#"):
+                continue
+            name, place = f"{prefix}{key}", f"{route}/{key}"
+            try:
+                item = group[key]
+                what = _not_numbers(h5py, name, item)
+            except (KeyError, OSError, RuntimeError) as error:
+                unreadable[name] = f"is broken, or a link that leads nowhere: {error.args[0]}."
+                continue
+            if what is None:
+                places[name] = place
+                continue
+            unreadable[name] = what
+            if isinstance(item, h5py.Group) and what.startswith(_IS_STRUCT):
+                itself = _identity(h5py, item)
+                if itself not in above:
+                    waiting.append((f"{name}.", place, item, above | {itself}))
+
+
+def _identity(h5py: Any, group: Any) -> tuple[int, int]:
+    """What two names of one group have in common."""
+    info = h5py.h5o.get_info(group.id)
+    return info.fileno, info.addr
+
+
+def _not_numbers(h5py: Any, name: str, item: Any) -> str | None:
+    """What an object of a file is in place of numbers; None if it holds numbers."""
+    is_group = isinstance(item, h5py.Group)
+    matlab_class = item.attrs.get("MATLAB_class", b"")
+    if isinstance(matlab_class, bytes):
+        matlab_class = matlab_class.decode()
+    if "MATLAB_sparse" in item.attrs:
+        return f"is sparse: save full({name})."
+    if "MATLAB_object_decode" in item.attrs:
+        return _OBJECT
+    if is_group and matlab_class in ("", "struct"):
+        return _STRUCT.format(f"{name}.{next(iter(item), 'field')}")
+    if matlab_class in _NOT_NUMBERS:
+        return _NOT_NUMBERS[matlab_class]
+    if is_group or matlab_class not in _NUMERIC_CLASSES or not isinstance(item, h5py.Dataset):
+        return _OBJECT
+    # The fields of a struct array are references, without a class of their own.
+    return _STRUCT_ARRAY if item.dtype.kind == "O" else None

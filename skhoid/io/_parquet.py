@@ -30,7 +30,10 @@ def read_parquet(path: Path) -> FileTable:
         raise ValueError(f"{path} cannot be read as Parquet: {error}") from error
     stored = empty.attrs.get("units")
     units = {str(key): str(unit) for key, unit in stored.items()} if stored else {}
-    names = [str(name) for name in [*empty.index.names, *empty.columns] if name is not None]
+    stored_index = (schema.pandas_metadata or {}).get("index_columns", [])
+    regular = [level["name"] for level in stored_index if isinstance(level, dict)]
+    levels = [*empty.index.names, *regular]
+    names = [str(name) for name in [*levels, *empty.columns] if name is not None]
 
     def load(numbers: Sequence[int], labels: int | None) -> Columns:
         with path.open("rb") as raw, parquet.ParquetFile(raw) as file:

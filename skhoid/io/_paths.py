@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Paths", "expand_paths"]
+__all__ = ["Paths", "expand_paths", "shown"]
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
@@ -20,6 +20,11 @@ def expand_paths(paths: Paths) -> list[Path]:
     if not items:
         raise ValueError("paths is empty: name at least one file or glob pattern.")
     return [path for item in items for path in _expand(item)]
+
+
+def shown(name: str | os.PathLike[str]) -> str:
+    r"""A file name that can be written: what is no UTF-8 in it becomes ``\xff``."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
 def _expand(item: Any) -> list[Path]:

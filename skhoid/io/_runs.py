@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..runs import RUN
+from ._paths import shown
 from ._table import FileTable, as_numbers, split_header
 
 __all__ = ["FileRuns", "runs_of"]
@@ -84,7 +85,7 @@ def runs_of(
     if labels is None or run is None:
         if labels is not None:
             _check_one_run(table, labels)
-        stem = table.path.stem
+        stem = shown(table.path.stem)
         names = [stem] if n_runs == 1 else [f"{stem}-{k + 1}" for k in range(n_runs)]
         each = (
             np.tile(time[:, 0], n_runs) if time.shape[1] < n_runs else time.reshape(-1, order="F")

@@ -48,11 +48,11 @@ def read_csv(path: Path) -> FileTable:
 def _sheet(text: Text) -> Sheet:
     """Read the header of a file, and make sure that rows follow."""
     with text.open() as file:
-        for blank, first in enumerate(file):
-            if first.strip():
-                break
-        else:
-            raise ValueError(f"{text.path} is empty.")
+        blank = 0
+        while not (first := file.readline()).strip():
+            blank += 1
+            if not first:
+                raise ValueError(f"{text.path} is empty.")
         separator = next((sign for sign in "\t;" if sign in first), ",")
         rows = csv.reader(
             itertools.chain([first], file), delimiter=separator, skipinitialspace=True

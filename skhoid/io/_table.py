@@ -46,8 +46,9 @@ def require(module: str, what: str) -> Any:
 class FileTable:
     """The columns (or MATLAB variables) of one file, read when asked for.
 
-    ``names`` may repeat; ``load`` takes positions in it, and that of a column of labels. ``unreadable`` says of a name what it
-    is instead of numbers, and ``note`` is added to the error about a name that is not there.
+    ``names`` may repeat; ``load`` takes positions in it, and that of a column of labels.
+    ``unreadable`` says of a name what it is instead of numbers, and ``note`` is added to the error
+    about a name that is not there.
     """
 
     path: Path

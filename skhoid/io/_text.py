@@ -16,12 +16,12 @@ _MARKS = {  # the marks of UTF-32 begin with those of UTF-16
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
-# Which of the first four bytes are 0, where no mark is and a text begins with two of ASCII.
-_ZEROS = {
-    (True, True, True, False): "utf-32-be",
-    (False, True, True, True): "utf-32-le",
-    (True, False, True, False): "utf-16-be",
-    (False, True, False, True): "utf-16-le",
+# Which of the first four bytes are not 0, where no mark is and a text begins in ASCII.
+_BYTES = {
+    "0001": "utf-32-be",
+    "1000": "utf-32-le",
+    "0101": "utf-16-be",
+    "1010": "utf-16-le",
 }
 
 
@@ -50,7 +50,7 @@ def survey(path: Path) -> Text:
     with path.open("rb") as file:
         head = file.read(4)
         wide = next((name for mark, name in _MARKS.items() if head.startswith(mark)), None)
-        wide = wide or _ZEROS.get(tuple(byte == 0 for byte in head))
+        wide = wide or _BYTES.get("".join("01"[byte > 0] for byte in head))
         decoder = codecs.getincrementaldecoder(wide or "utf-8")()
         file.seek(0)
         counts = dict.fromkeys(b'\n\r",.', 0)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ._table import require
-from .whole import written_whole
+from .whole import failing_as, written_whole
 
 __all__ = ["TABLE_FORMATS", "check_table_format", "write_tables"]
 
@@ -39,8 +39,9 @@ def write_tables(tables: Mapping[str, pd.DataFrame], folder: str | Path) -> list
     paths = [folder / name for name in tables]
     with ExitStack() as moves:
         parts = [moves.enter_context(written_whole(path)) for path in paths]
-        for table, part in zip(tables.values(), parts, strict=True):
-            _write(_plain(table), part)
+        for table, path, part in zip(tables.values(), paths, parts, strict=True):
+            with failing_as(path):
+                _write(_plain(table), part)
     return paths
 
 

@@ -8,17 +8,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from secrets import token_hex
 
-__all__ = ["is_left_over", "written_whole"]
+__all__ = ["failing_as", "is_left_over", "written_whole"]
 
 
 @contextmanager
 def written_whole(path: str | Path, *, sync: bool = False) -> Iterator[Path]:
     """Give a hidden name beside ``path`` to write to, and move what was written to ``path``.
 
-    After an error ``path`` is as it was, and nothing is left beside it. With ``sync`` the file is
-    on the disk before it is moved.
+    After an error ``path`` is as it was, and nothing is left beside it. A symbolic link is
+    followed: its target is replaced. With ``sync`` the file is on the disk before it is moved.
     """
-    path = Path(path)
+    path = Path(os.path.realpath(path))
+    if path.is_symlink():
+        raise OSError(f"{path} is a link that leads to itself.")
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder; name a file in it.")
     if path.exists() and not path.is_file():
@@ -26,13 +28,26 @@ def written_whole(path: str | Path, *, sync: bool = False) -> Iterator[Path]:
     # Writers look at the last ending, or at two (.csv.gz).
     aside = path.with_name(f".{token_hex(8)}.tmp{''.join(path.suffixes[-2:])}")
     try:
-        yield aside
-        if sync:
-            with open(aside, "rb+") as file:
-                os.fsync(file.fileno())
-        aside.replace(path)
+        with failing_as(path):
+            yield aside
+            if sync:
+                with open(aside, "rb+") as file:
+                    os.fsync(file.fileno())
+            aside.replace(path)
     finally:
         aside.unlink(missing_ok=True)
+
+
+@contextmanager
+def failing_as(path: Path) -> Iterator[None]:
+    """Let errors of the disk name the file that was to be, in place of none or the hidden one."""
+    try:
+        yield
+    except OSError as error:
+        named = error.filename is not None and not is_left_over(Path(error.filename))
+        if named or error.errno is None:
+            raise
+        raise OSError(error.errno, os.strerror(error.errno), os.fspath(path)) from error
 
 
 def is_left_over(path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -34,7 +35,7 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
         ``.mat`` (version 5) has one matrix for each channel, with a column for each run, and a
         vector ``time``; its runs must share their times, and lose their labels.
     overwrite : bool, default=False
-        Replace a file that exists.
+        Replace a file that exists. A symbolic link exists wherever it leads, and is followed.
 
     Returns
     -------
@@ -69,7 +70,7 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
         raise ValueError(
             f"{path} has the extension {path.suffix!r}; skhoid writes {', '.join(_WRITERS)}."
         )
-    if path.exists() and not overwrite:
+    if os.path.lexists(path) and not overwrite:  # a link that leads nowhere, too
         raise FileExistsError(f"{path} exists. Choose another name, or overwrite=True.")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"The folder {path.parent} of {path} does not exist.")

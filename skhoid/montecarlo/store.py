@@ -41,10 +41,9 @@ class Store:
         self._open()
 
     def _open(self) -> None:
-        if self.folder.exists() and not self.folder.is_dir():
-            raise StudyFolderError(f"{self.folder} is a file; a study needs a folder.")
+        _check_folder(self.folder)
         manifest = self.folder / MANIFEST
-        if manifest.exists():
+        if os.path.lexists(manifest):
             there = read_manifest(self.folder) or {}
             if there != self.description:
                 apart = differing_parts(there, self.description)
@@ -65,7 +64,9 @@ class Store:
             text = json.dumps(self.description, indent=1)
             with written_whole(manifest, sync=True) as path:
                 path.write_text(text, encoding="utf-8")
-        (self.folder / BLOCKS).mkdir(exist_ok=True)
+        blocks = self.folder / BLOCKS
+        _check_folder(blocks)
+        blocks.mkdir(exist_ok=True)
 
     def finished(self) -> dict[int, pd.DataFrame]:
         """Blocks that are whole, by number; what is not is deleted."""
@@ -77,8 +78,19 @@ class Store:
                     path.unlink(missing_ok=True)
                 continue
             number = int(match[1])
+            if not path.is_file():
+                what = "a folder" if path.is_dir() else "no file, or a link that leads nowhere"
+                raise StudyFolderError(
+                    f"{path} is {what}, where a block of the study should be. Delete it, and the "
+                    "block is computed again."
+                )
             try:
                 found[number] = self._read(path, number)
+            except PermissionError as error:
+                raise StudyFolderError(
+                    f"{path} is a block of the study and may not be read. Change its permissions, "
+                    "or delete it, and it is computed again."
+                ) from error
             except Exception as error:
                 reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
                 warnings.warn(
@@ -110,14 +122,25 @@ class Store:
             self.parquet.write_table(arrow, path, write_page_checksum=True)
 
 
+def _check_folder(path: Path) -> None:
+    """Refuse what is there and is no folder that can be looked into."""
+    if not os.path.lexists(path):
+        return
+    if not path.is_dir():
+        what = "a link that leads nowhere" if path.is_symlink() else "a file"
+        raise StudyFolderError(f"{path} is {what}; a study needs a folder there.")
+    if not os.access(path, os.R_OK | os.W_OK | os.X_OK):
+        raise StudyFolderError(f"The folder {path} may not be read and written into.")
+
+
 def read_manifest(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
     """The description of the study that a folder belongs to; None if it has none."""
     manifest = Path(folder) / MANIFEST
-    if not manifest.exists():
+    if not os.path.lexists(manifest):
         return None
     try:
         found = json.loads(manifest.read_text(encoding="utf-8"))
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, OSError) as error:
         raise StudyFolderError(
             f"{manifest} cannot be read ({error}): the folder belongs to no study that is known. "
             "Take another folder, or delete this one."
@@ -141,24 +164,22 @@ def _uniform(column: pd.Series) -> pd.Series:
     kind = getattr(column.dtype, "kind", "O") if isinstance(column.dtype, np.dtype) else "O"
     if kind in "bif":
         return pd.Series(column.to_numpy(dtype={"b": bool, "i": np.int64, "f": np.float64}[kind]))
-    missing = column.isna().to_numpy()
-    kinds = {type(value) for value in column.to_numpy(dtype=object)[~missing]}
+    missing, values = column.isna().to_numpy(), column.to_numpy(dtype=object)
+    kinds = {type(value) for value in values[~missing]}
     if not kinds:
         is_number = pd.api.types.is_numeric_dtype(column.dtype)
         return pd.Series(np.full(missing.size, np.nan if is_number else None))
     if all(issubclass(kind, NUMBERS) for kind in kinds):
         if all(issubclass(kind, (bool, np.bool_)) for kind in kinds) and not missing.any():
             return pd.Series(column.to_numpy(dtype=bool))
-        values = column.to_numpy(dtype=object)
         whole = all(issubclass(kind, (int, np.integer)) and kind is not bool for kind in kinds)
         if whole and not missing.any() and abs(max(values, key=abs)) < 2**63:
             return pd.Series(values.astype(np.int64))
         return pd.Series(column.to_numpy(dtype=float, na_value=np.nan))
-    texts = [
-        None if gone else value if isinstance(value, str) else str(value)
-        for gone, value in zip(missing, column, strict=True)
-    ]
-    return pd.Series(np.array(texts, dtype=object), dtype=object)
+    if not all(issubclass(kind, str) for kind in kinds):
+        texts = [value if isinstance(value, str) else str(value) for value in values]
+        values = np.array(texts, dtype=object)
+    return pd.Series(np.where(missing, None, values), dtype=object)
 
 
 def checksum(table: pd.DataFrame) -> str:

@@ -8,6 +8,8 @@ of single runs. Signals have one run a row and no missing values.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -221,10 +223,10 @@ def trade_off(
     for first in range(0, factors.size, lanes):
         some = slice(first, min(first + lanes, factors.size))
         for form, name in enumerate(forms):
+            inflation = _inflation(tuple(factors[some].tolist()), name, lanes)
             path = recurse(
-                RecursionState(theta0, np.eye(N_PARAMS), lanes), signals, target, ORDERS,
-                NO_FORGETTING,
-                inflation=_inflation(factors[some], name, lanes), keep=("theta",),
+                _begun(theta0, lanes), signals, target, ORDERS, NO_FORGETTING,
+                inflation=inflation, keep=("theta",),
             ).theta  # fmt: skip
             lost = follow(e, u, path, begin, end, BOUND)
             found = 100 * (1 - lost / power[:, None])
@@ -235,11 +237,26 @@ def trade_off(
 NO_FORGETTING = Forgetting(np.ones((1, 1)))  # stands in for the factors of the lanes
 
 
-def _inflation(factors: np.ndarray, form: str, lanes: int) -> tuple[np.ndarray, np.ndarray]:
+def _begun(theta0: np.ndarray, lanes: int) -> RecursionState:
+    """A recursion before its first row, with P0 = I."""
+    state = copy(_model(lanes))
+    state.buffer = state.buffer.copy()
+    state.rows("theta")[:] = theta0[:, None]
+    return state
+
+
+@cache
+def _model(lanes: int) -> RecursionState:
+    """What recursions are copied from: to factor P0 for each takes longer than many rows."""
+    return RecursionState(np.zeros(N_PARAMS), np.eye(N_PARAMS), lanes)
+
+
+@lru_cache(maxsize=8)
+def _inflation(factors: tuple[float, ...], form: str, lanes: int) -> tuple[np.ndarray, np.ndarray]:
     """The kernel's arrays of forgetting, one factor a lane; lanes left over forget nothing."""
     first = FIRST_FORGOTTEN[form]
     by_parameter = np.ones((1, N_PARAMS if first else 1, lanes))
-    by_parameter[0, first:, : factors.size] = factors
+    by_parameter[0, first:, : len(factors)] = factors
     return kernel_arrays(by_parameter)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import make_interp_spline
 
+from .._machine import check_memory
 from ..exceptions import IrregularSamplingError, RunIndexError
 from ..runs import (
     TIME,
@@ -86,6 +87,8 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     grid_step = dt if dt is not None else snap(float(np.nanmedian(typical)))
     longest = LONGEST_BRIDGE * np.repeat(typical, np.diff(run_starts))[1:]
     starts = np.union1d(run_starts, np.flatnonzero(within & (step > longest)) + 1)
+    n_rows = float((time[starts[1:] - 1] - time[starts[:-1]]).sum()) / grid_step
+    check_memory(2 * n_rows * values.shape[1], f"A grid of dt = {grid_step:g} s")
     pieces: list[np.ndarray] = []
     times: list[np.ndarray] = []
     origin: list[np.ndarray] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,8 @@ def _ticks(time: np.ndarray, starts: np.ndarray) -> tuple[pd.Index, np.ndarray]:
     lengths = np.diff(starts)
     longest = int(np.argmax(lengths))
     clock = time[starts[longest] : starts[longest + 1]].copy()
-    begins = zip(starts[:-1], starts[1:], strict=True)
-    if _increases(clock) and all(np.array_equal(time[a:b], clock[: b - a]) for a, b in begins):
+    pairs = pairwise(starts)
+    if _increases(clock) and all(np.array_equal(time[a:b], clock[: b - a]) for a, b in pairs):
         ticks = np.arange(clock.size, dtype=np.min_scalar_type(-clock.size))
         return pd.Index(clock), np.concatenate([ticks[:length] for length in lengths])
     found = pd.Categorical(time)

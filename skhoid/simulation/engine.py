@@ -10,6 +10,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from .. import _kernels
+from .._machine import check_memory
 from ..effects.composition import Effects
 from ..exceptions import UnstableLoopError
 from ..human.variation import evaluate
@@ -60,6 +61,10 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
         )
     kept = _kept_run_in(task, options.keep_run_in)
     first = task.n_run_in - kept
+    check_memory(
+        5 * int(n_runs) * (n_total - first),  # error, output, x, remnant and target
+        f"The simulation of {n_runs} runs of {n_total - first} samples",
+    )
     given_noise = options.noise
     if given_noise is not None:
         given_noise = _given_noise(given_noise, int(n_runs), n_total)
@@ -76,15 +81,14 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
         if remnant is None:
             white = np.zeros((n_total, len(runs)))
         else:
-            if given_noise is None:
-                samples = np.empty((len(runs), n_total))
-                for row, run in zip(samples, runs, strict=True):
-                    number = options.first_run + run
-                    _generator(entropy, options.stream, number).standard_normal(out=row)
-            else:
-                samples = given_noise[runs.start : runs.stop]
             white = np.empty((n_total, len(runs)))
-            np.multiply(samples.T, np.sqrt(rate), out=white)  # unit intensity: variance 1 / dt
+            scale = np.sqrt(rate)  # unit intensity: variance 1 / dt
+            if given_noise is None:
+                for column, run in enumerate(runs):
+                    generator = _generator(entropy, options.stream, options.first_run + run)
+                    _kernels.loop.draw(generator, scale, white, column)
+            else:
+                np.multiply(given_noise[runs.start : runs.stop].T, scale, out=white)
         f_t, f_d = (
             _drawn_forcing(task, name, entropy, runs, options.first_run)
             if shared is None
@@ -144,7 +148,9 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
     time = np.arange(-kept, task.n_samples) / rate
     n_drawn = len(blocks) if drawn else 1
     f_t, f_d = np.concatenate(targets[:n_drawn]), np.concatenate(disturbances[:n_drawn])
-    e, u, x, n = signals if n_distinct == n_runs else np.repeat(signals, n_runs, axis=1)
+    if n_distinct != n_runs:
+        signals = np.repeat(signals, int(n_runs), axis=1)
+    e, u, x, n = signals
     return TrackingRecord(time=time, e=e, u=u, x=x, n=n, f_t=f_t, f_d=f_d)
 
 

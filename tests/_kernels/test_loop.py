@@ -33,6 +33,7 @@ from skhoid import (
     Remnant,
     Sigmoid,
     Step,
+    _kernels,
     make_tracking_runs,
     vaf_score,
 )
@@ -207,6 +208,18 @@ def tasks(draw):
 @given(tasks(), st.integers(0, 2**31), st.booleans(), st.sampled_from([0, 1, 7]))
 def test_any_task(task, seed, open_loop, run):
     assert_twin(task, seed=seed, open_loop=open_loop, run=run)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_is_that_of_numpy(seed):
+    """Bit for bit, far enough for the rare numbers of the tails."""
+    n = 20_000
+    white = np.zeros((n, 3))
+    _kernels.loop.draw(np.random.default_rng(seed), 10.0, white, 1)
+    expected = 10.0 * np.random.default_rng(seed).standard_normal(n)
+    np.testing.assert_array_equal(white[:, 1], expected)
+    assert np.abs(expected).max() > 36.6  # beyond the last of NumPy's 256 layers
+    assert not white[:, [0, 2]].any()
 
 
 # Independent computations

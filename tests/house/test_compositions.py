@@ -23,7 +23,7 @@ MODEL = ARXRegressor(nk=3)
 
 @pytest.mark.parametrize("model", [MODEL, RecursiveARX(nk=3), OperatorRegressor()])
 def test_rows_drawn_from_a_table_are_refused(model):
-    with pytest.raises(RunIndexError, match=r"contiguous|backwards|twice|increas"):
+    with pytest.raises(RunIndexError, match=r"contiguous|backwards|twice|increasing"):
         model.fit(*resample(X, Y, random_state=0))
     drawn = np.sort(np.random.default_rng(0).choice(300, 200))  # of one run, and put in order
     with pytest.raises(RunIndexError, match="time"):

@@ -1,5 +1,6 @@
 """Files that are whole or not there."""
 
+import errno
 import os
 
 import pandas as pd
@@ -7,6 +8,8 @@ import pytest
 
 from skhoid.io.tables import write_tables
 from skhoid.io.whole import is_left_over, written_whole
+
+LINKS = pytest.mark.skipif(os.name == "nt", reason="Windows lets not everyone make links")
 
 
 @pytest.mark.parametrize("sync", [False, True])
@@ -68,3 +71,58 @@ def test_what_is_no_ordinary_file_is_not_replaced(tmp_path):
     with pytest.raises(OSError, match="no ordinary file"), written_whole(pipe):
         pass
     assert pipe.is_fifo()
+
+
+@LINKS
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_is_followed(tmp_path, there):
+    (tmp_path / "data").mkdir()
+    target, link = tmp_path / "data" / "real.csv", tmp_path / "link.csv"
+    link.symlink_to("data/real.csv")
+    if there:
+        target.write_text("old")
+    with written_whole(link) as aside:
+        assert aside.parent == target.parent
+        aside.write_text("new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+    assert not target.is_symlink()
+
+
+@LINKS
+def test_a_link_to_itself_is_refused(tmp_path):
+    link = tmp_path / "link.csv"
+    link.symlink_to("link.csv")
+    with pytest.raises(OSError, match=r"link\.csv"), written_whole(link):
+        pass
+    assert link.is_symlink()
+
+
+@pytest.mark.parametrize("names_aside", [True, False])
+def test_a_full_disk_names_the_file(tmp_path, names_aside):
+    path = tmp_path / "runs.csv"
+    path.write_text("precious")
+
+    def fail():
+        with written_whole(path) as aside:
+            aside.write_text("half")
+            raise OSError(errno.ENOSPC, "full", *([str(aside)] if names_aside else []))
+
+    with pytest.raises(OSError, match="No space left") as caught:
+        fail()
+    assert caught.value.filename == str(path)
+    assert path.read_text() == "precious"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_of_several_tables_the_one_that_failed_is_named(tmp_path, monkeypatch):
+    def full(table, path, **_):
+        if "b" in table:
+            raise OSError(errno.ENOSPC, "full")
+
+    monkeypatch.setattr(pd.DataFrame, "to_csv", full)
+    tables = {f"{name}.tsv": pd.DataFrame({name: [1.0]}) for name in "abc"}
+    with pytest.raises(OSError, match="No space left") as caught:
+        write_tables(tables, tmp_path)
+    assert caught.value.filename == str(tmp_path / "b.tsv")
+    assert list(tmp_path.iterdir()) == []

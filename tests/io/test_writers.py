@@ -1,5 +1,7 @@
 """Runs written to files come back as they were, and no file is ever half-written."""
 
+import os
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -92,3 +94,16 @@ def test_names_that_matlab_loses_are_refused(runs, tmp_path, name):
         write_runs(X.rename(columns={"x": name}), y, tmp_path / "runs.mat")
     with pytest.raises(TypeError, match="must be a DataFrame"):
         write_runs(X.to_numpy(), y, tmp_path / "runs.mat")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows lets not everyone make links")
+def test_a_link_that_leads_nowhere_is_there(runs, tmp_path):
+    X, y = runs
+    link = tmp_path / "link.csv"
+    link.symlink_to("real.csv")
+    with pytest.raises(FileExistsError, match=r"link\.csv exists"):
+        write_runs(X, y, link)
+    assert not (tmp_path / "real.csv").exists()
+    write_runs(X, y, link, overwrite=True)
+    assert link.is_symlink()
+    assert (tmp_path / "real.csv").is_file()

@@ -231,3 +231,38 @@ def test_without_pyarrow(tmp_path, monkeypatch, computed):
     assert computed == []
     assert not (tmp_path / "study").exists()
     assert len(study().run()) == 12
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "said"),
+    [
+        ("blocks/block-000001.parquet", "folder", "is a folder, where a block"),
+        ("blocks/block-000001.parquet", "link", "a link that leads nowhere, where a block"),
+        ("blocks", "file", "blocks is a file; a study needs a folder there"),
+        ("blocks", "link", "blocks is a link that leads nowhere"),
+        ("study.json", "folder", "study.json cannot be read"),
+        ("study.json", "link", "study.json cannot be read"),
+        ("", "link", "is a link that leads nowhere; a study needs a folder"),
+    ],
+)
+def test_what_is_no_file_or_folder_of_a_study(folder, name, kind, said):
+    path = folder / name
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "link":
+        path.symlink_to("nowhere")
+    else:
+        path.write_text("precious")
+    with pytest.raises(StudyFolderError, match=said):
+        study().run(folder)
+
+
+def test_a_block_that_may_not_be_read(folder, monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")  # root may read everything
+
+    monkeypatch.setattr("pyarrow.parquet.read_table", refuse)
+    with pytest.raises(StudyFolderError, match=r"block-000000\.parquet .*may not be read"):
+        study().run(folder)
+    assert len(list((folder / "blocks").iterdir())) == 6

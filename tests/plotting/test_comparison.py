@@ -266,28 +266,6 @@ def test_time_shows_shares_and_ratios(found):
     np.testing.assert_array_equal(display.line_.get_ydata()[1::2], together["ratio"])
 
 
-def test_time_draws_a_band_and_the_worst_of_many_runs(found):
-    table = found.by_time
-    one = table[table["run"] == "2"].assign(exceeds=False)
-    rng = np.random.default_rng(0)
-    many = [
-        one.assign(run=f"r{k}", ratio=rng.uniform(0.5, 1.5, len(one)), exceeds=k in (4, 70))
-        for k in range(80)
-    ]
-    many[4]["ratio"], many[70]["ratio"] = 3.0, 0.1  # the last holds less than chance
-    display = ResidualTimeDisplay(
-        by_time=pd.concat([all_runs(table), *many], ignore_index=True), tests=found.tests
-    ).plot()
-    assert list(display.runs_) == ["r4"]
-    (band,) = [c for c in display.axes_[1].collections if c.get_label() == "90 % of single runs"]
-    ratios = np.array([part["ratio"] for part in many])
-    drawn = band.get_paths()[0].vertices
-    at = drawn[:, 0] == one["start"].iloc[0]
-    np.testing.assert_allclose(
-        [drawn[at, 1].min(), drawn[at, 1].max()], np.quantile(ratios[:, 0], [0.05, 0.95])
-    )
-
-
 def test_time_is_red_where_what_repeats_is_beyond_chance(found):
     share = found.by_time["share"]
     table = repeating(

@@ -13,7 +13,7 @@ from support.loop_twin import (
     whole,
 )
 
-from skhoid import CompensatoryTask, ControlledElement, HumanOperator, Remnant, _kernels
+from skhoid import CompensatoryTask, ControlledElement, HumanOperator, Remnant, Sigmoid, _kernels
 from skhoid.simulation.physics import operator_response, physics_rows
 
 # Symmetries
@@ -112,6 +112,13 @@ def test_a_neighbour_that_is_loud_changes_no_bit():
     assert np.abs(other.u[3]).max() > 1e3 * np.abs(one.u[3]).max()
 
 
+def test_runs_without_remnant_are_those_of_a_silent_one():
+    task = short_task(remnant=None)
+    silent = short_task(remnant=Remnant(order=2, gain=0.0))
+    assert_records_equal(whole(task, 9), whole(silent, 9, random_state=0))
+    assert np.ptp(whole(task, 2, random_phases=True, random_state=0).f_d, axis=0).max() > 0
+
+
 def test_noise_gives_the_runs_of_a_random_state():
     """Run i draws from SeedSequence(random_state, spawn_key=(0, i)): a promise, once released."""
     task = short_task()
@@ -156,11 +163,15 @@ def test_open_loop_remnant_does_not_go_round():
     assert np.abs(closed.e - free.e).max() > 0.1
 
 
+@pytest.mark.parametrize("order", [2, 3, "nm"])
 @pytest.mark.parametrize("kind", ["varying", "constant", "arx"])
-def test_one_lane_and_eight_give_the_same_bits(kind):
-    task = short_task()
+def test_one_lane_and_eight_give_the_same_bits(kind, order):
+    """With the third and fourth state of the remnant filter, and without where they are zero."""
+    remnant = Remnant(order=order, gain=Sigmoid(0.02, 0.04, rate=4.0, time=0.8))
+    task = short_task(remnant=remnant)
     if kind != "varying":
-        task = CompensatoryTask(remnant=Remnant(gain=0.02), duration=2.0, run_in=0.5)
+        remnant = Remnant(order=order, gain=0.02)
+        task = CompensatoryTask(remnant=remnant, duration=2.0, run_in=0.5)
     if kind == "arx":
         task = replace(task, operator=fitted_arx(), controlled_element=ControlledElement(1.0, 6.0))
     rng = np.random.default_rng(0)
@@ -170,12 +181,13 @@ def test_one_lane_and_eight_give_the_same_bits(kind):
         *physics_rows(task), task.remnant.filter_coefficients(), *operator_response(task).arguments,
         0.01, 1.0, 20, 1e9,
     )  # fmt: skip
-    many, lost = _kernels.loop.track_many(f_t, f_d, white, *rest)
+    has_third = order == 3
+    many, lost = _kernels.loop.tracker(8, has_third)(f_t, f_d, white, *rest)
     assert many.shape == (4, n - 20, 8)
     np.testing.assert_array_equal(lost, np.full(8, -1))
     for j in range(8):
         columns = (np.ascontiguousarray(signal[:, [j]]) for signal in (f_t, f_d, white))
-        one, _ = _kernels.loop.track_one(*columns, *rest)
+        one, _ = _kernels.loop.tracker(1, True)(*columns, *rest)
         np.testing.assert_array_equal(one[..., 0], many[..., j])
     assert np.abs(many).max() > 0.1
 
@@ -204,6 +216,6 @@ def test_kernels_have_one_compiled_signature():
         for n_runs in (1, 3):
             for random_phases in (False, True):
                 task.simulate(n_runs, random_state=np.int64(0), random_phases=random_phases)
-    for kernel in (_kernels.loop.track_one, _kernels.loop.track_many):
+    for kernel in (_kernels.loop.tracker(1, False), _kernels.loop.tracker(8, False)):
         if hasattr(kernel, "signatures"):  # not under NUMBA_DISABLE_JIT=1
             assert len(kernel.signatures) <= 1

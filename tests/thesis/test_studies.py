@@ -99,6 +99,16 @@ def test_gain_and_overfit():
     np.testing.assert_array_equal(endless["lambda"], endless["Lambda"])
 
 
+def test_runs_without_remnant_have_one_trade_off():
+    """Computed for one replication, and found in the rows of all."""
+    options = {"conditions": ["C4"], "memory_horizons": [64, np.inf], "n_validation": 2}
+    many, one = (forgetting_study(n, intensities=[0.0], **options).table for n in (3, 1))
+    for replication, rows in many.groupby("replication"):
+        rows = rows.assign(replication=0).reset_index(drop=True)
+        pd.testing.assert_frame_equal(rows, one, check_exact=True, obj=f"replication {replication}")
+    assert np.ptp(many["vaf_validation"].to_numpy()) > 1
+
+
 def test_paths_begin_and_end_near_batch_models():
     found = path_study(6, intensities=[0.0, 0.15])
     table = found.table

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..commands import add_command
+from ..options import probability
 from .shared import add_channel_options, add_file_options, add_output_options
 
 EXAMPLES = """\
@@ -51,7 +52,13 @@ def add_compare(commands: Any) -> None:
         choices=["human", "machine"],
         help="whose words the findings use (default: by the model and the channels)",
     )
-    add("--false-alarm", type=float, default=0.01, metavar="P", help="of each test (default: 0.01)")
+    add(
+        "--false-alarm",
+        type=probability,
+        default=0.01,
+        metavar="P",
+        help="of each test (default: 0.01)",
+    )
     add("--out", metavar="FILE", help="draw the page of panels into this image file")
     add("--overwrite", action="store_true", help="replace that FILE if it exists")
     add_output_options(add)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..commands import add_command
-from ..options import at_least_one
+from ..options import at_least_one, not_negative, seed
 from .names import HIDDEN
 from .shared import add_output_options, add_plot_options, add_search_options
 
@@ -37,8 +37,8 @@ def add_demo(commands: Any) -> None:
         help=f"hidden in the person: none, or of {', '.join(HIDDEN)} (default: dead_zone bias)",
     )
     add("--runs", type=at_least_one, default=4, metavar="N", help="number of runs (default: 4)")
-    add("--remnant", type=float, default=0.1, metavar="P", help="P_n (default: 0.1)")
-    add("--seed", type=int, default=0, metavar="N", help="of the simulation (default: 0)")
+    add("--remnant", type=not_negative, default=0.1, metavar="P", help="P_n (default: 0.1)")
+    add("--seed", type=seed, default=0, metavar="N", help="of the simulation (default: 0)")
     add_search_options(add)
     add_plot_options(add, "skhoid-demo")
     add("--no-report", action="store_true", help="do not write report.html into that folder")

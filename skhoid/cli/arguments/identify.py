@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..commands import add_command
-from ..options import at_least_one, not_negative, positive
+from ..options import at_least_one, not_negative, order, positive, samples
 from .shared import (
     add_file_options,
     add_lost_control,
@@ -82,11 +82,17 @@ def add_identify(commands: Any) -> None:
         help="which delay to go on with (default: one_step); both are printed",
     )
     several = "; one number, or one per input"
-    add("--nk", type=int, nargs="+", metavar="N", help=f"delay in samples, not searched{several}")
-    add("--na", type=int, metavar="N", help="order, not searched (nb: 2, or as given)")
+    add(
+        "--nk",
+        type=samples,
+        nargs="+",
+        metavar="N",
+        help=f"delay in samples, not searched{several}",
+    )
+    add("--na", type=order, metavar="N", help="order, not searched (nb: 2, or as given)")
     add(
         "--nb",
-        type=int,
+        type=order,
         nargs="+",
         metavar="N",
         help=f"order, not searched (na: 2, or as given){several}",

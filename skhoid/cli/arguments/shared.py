@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..options import not_negative, positive
+from ..options import count, not_negative, order, positive, samples
 
 OF_CORE = {"operator": ["delay"], "arx": ["na", "nb", "nk"]}
 MAX_EFFECTS = 4
@@ -88,9 +88,9 @@ def add_recording_options(add: Callable[..., Any]) -> None:
     add(
         "--delay", type=not_negative, metavar="S", help="delay of the operator (default: estimated)"
     )
-    add("--na", type=int, metavar="N", help="order of the ARX core (default: 2)")
-    add("--nb", type=int, metavar="N", help="order of the ARX core (default: 2)")
-    add("--nk", type=int, metavar="N", help="delay of the ARX core in samples (default: found)")
+    add("--na", type=order, metavar="N", help="order of the ARX core (default: 2)")
+    add("--nb", type=order, metavar="N", help="order of the ARX core (default: 2)")
+    add("--nk", type=samples, metavar="N", help="delay of the ARX core in samples (default: found)")
     add(
         "--display",
         choices=["compensatory", "pursuit", "preview"],
@@ -118,7 +118,7 @@ def add_lost_control(add: Callable[..., Any]) -> None:
 def add_search_options(add: Callable[..., Any], more: str = "") -> None:
     """Options of the search."""
     add("--effects", nargs="+", metavar="ID", help=f"effects to search for (default: all{more})")
-    add("--max-effects", type=int, metavar="N", help=f"to add at most (default: {MAX_EFFECTS})")
+    add("--max-effects", type=count, metavar="N", help=f"to add at most (default: {MAX_EFFECTS})")
     add_lost_control(add)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..commands import add_command
-from ..options import at_least_one, positive
+from ..options import at_least_one, not_negative, positive, seed
 from .shared import add_output_options
 
 EXAMPLES = """\
@@ -29,13 +29,19 @@ def add_simulate(commands: Any) -> None:
     add = command.add_argument
     add("--condition", default="C1", metavar="C", help="C1 to C6 (Table III; default: C1)")
     add("--runs", type=at_least_one, default=5, metavar="N", help="number of runs (default: 5)")
-    add("--remnant", type=float, default=0.0, metavar="P", help="P_n, such as 0.15 (default: 0)")
+    add(
+        "--remnant",
+        type=not_negative,
+        default=0.0,
+        metavar="P",
+        help="P_n, such as 0.15 (default: 0)",
+    )
     add("--remnant-order", metavar="M", help="1, 2, 3, 4 or nm (default: 2)")
     add("--channels", nargs="+", default=["e"], metavar="NAME", help="e, x, f_t, dist (default: e)")
     add("--rate", type=positive, default=100.0, metavar="HZ", help="sampling rate (default: 100)")
     add("--random-phases", action="store_true", help="new phases of the target in each run")
     add("--open-loop", action="store_true", help="remnant does not go round the loop")
-    add("--seed", type=int, metavar="N", help="the same number gives the same runs")
+    add("--seed", type=seed, metavar="N", help="the same number gives the same runs")
     add("--out", required=True, metavar="FILE", help=".csv, .tsv, .parquet or .mat")
     add("--overwrite", action="store_true", help="replace files that exist")
     add("--picture", metavar="FILE", help="draw the first run, with the spread of the others")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..commands import add_command
-from ..options import at_least_one, positive
+from ..options import at_least_one, not_negative, positive, seed, workers
 from .shared import add_file_options, add_output_options, add_table_format
 
 EXAMPLES = """\
@@ -42,7 +42,7 @@ def add_study(commands: Any) -> None:
     add("--replications", type=at_least_one, metavar="M", help="runs of each cell (default: 100)")
     add("--validation", type=at_least_one, metavar="V", help="validation runs (default: 10)")
     add("--conditions", nargs="+", metavar="C", help="such as C1 C4")
-    add("--intensities", nargs="+", type=float, metavar="P", help="P_n, such as 0 0.15")
+    add("--intensities", nargs="+", type=not_negative, metavar="P", help="P_n, such as 0 0.15")
     add("--orders", nargs="+", metavar="M", help="of the remnant filter: 1 2 3 4 nm")
     add("--rate", type=positive, metavar="HZ", help="of recommend (default: 100)")
     add("--gains", choices=["table", "tuned"], help="K_n: Table G.1, or found (default: table)")
@@ -51,8 +51,8 @@ def add_study(commands: Any) -> None:
     add("--last", type=at_least_one, metavar="N", help="runs used (default: 5)")
     add("--input", metavar="NAME", help="input channel of files (default: e)")
     add("--measurement-time", type=positive, metavar="S", help="keep the end of runs of files")
-    add("--seed", type=int, metavar="N", help="of the simulation (default: 0)")
-    add("--jobs", type=int, metavar="N", help="workers (default: 1; -1: all processors)")
+    add("--seed", type=seed, metavar="N", help="of the simulation (default: 0)")
+    add("--jobs", type=workers, metavar="N", help="workers (default: 1; -1: all processors)")
     add("--out", metavar="FOLDER", help="keep blocks, tables and plots in FOLDER/NAME")
     add("--no-pictures", action="store_true", help="draw nothing")
     add_table_format(add, TABLES)

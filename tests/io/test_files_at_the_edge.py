@@ -1,0 +1,119 @@
+"""Files that are damaged, or of an encoding or structure that few have."""
+
+import h5py
+import numpy as np
+import pytest
+
+from skhoid.io import read_runs, write_runs
+
+T = np.arange(3.0)
+ROLES = {"inputs": "e", "output": "u", "time": "t"}
+ROWS = "t,e,u\n0,1,2\n1,3,4\n"
+
+
+@pytest.mark.parametrize("n_rows", [2, 40_000], ids=["small", "above 128 kB"])
+@pytest.mark.parametrize(
+    ("before", "line"), [("", 1), ("t,e,u\n", 2), ("t,e,u\n0,1,2\n" + 'a,"b\nc",2\n', 5)]
+)
+def test_a_quote_that_is_not_closed(tmp_path, before, line, n_rows):
+    path = tmp_path / "run.csv"
+    path.write_text(before + '0,"1,2\n' + "1,1,2\n" * n_rows)
+    with pytest.raises(ValueError, match=rf"run.csv .*a quote .* in line {line} is closed nowhere"):
+        read_runs(path, **ROLES)
+
+
+def test_a_cell_of_many_lines_is_cut_in_the_error(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text('t,e,u\n0,"1,2\n' + "1,1,2\n" * 10_000 + '0,1",2\n')
+    with pytest.raises(ValueError, match=r"'e' of .*run.csv is not numeric: row 1") as caught:
+        read_runs(path, **ROLES)
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("mark", ["", "\ufeff"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "utf-16-be", "utf-32-le", "utf-32-be"])
+def test_encodings(tmp_path, encoding, mark):
+    path = tmp_path / "run.csv"
+    path.write_bytes((mark + ROWS.replace("e,", "e [°],")).encode(encoding))
+    X, _ = read_runs(path, **ROLES)
+    assert X["e"].to_list() == [1.0, 3.0]
+    assert X.attrs["units"] == {"e": "°"}
+
+
+def test_zero_bytes_and_broken_encodings(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_bytes(ROWS.encode() + bytes(100))
+    with pytest.raises(ValueError, match=r"run.csv has a zero byte in line 4"):
+        read_runs(path, **ROLES)
+    path.write_bytes(ROWS.encode("utf-16-le") + b"\x00\xd8,\x00")
+    with pytest.raises(ValueError, match=r"begins as UTF-16-LE text and does not go on so"):
+        read_runs(path, **ROLES)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
+def test_names_that_are_not_utf_8(tmp_path, suffix, runs_of_any):
+    path = tmp_path / f"r\udcff{suffix}"
+    try:
+        path.touch()
+    except (OSError, UnicodeEncodeError):
+        pytest.skip("this file system has no such names")
+    X, y = runs_of_any
+    write_runs(X, y, path, overwrite=True)
+    again, _ = read_runs(path, inputs="e", output="u", time="time")
+    assert again.index.get_level_values("run")[0] == r"r\xff"
+
+
+@pytest.fixture
+def runs_of_any(tmp_path):
+    (tmp_path / "one").mkdir()
+    path = tmp_path / "one" / "run.csv"
+    path.write_text(ROWS)
+    return read_runs(path, **ROLES)
+
+
+@pytest.mark.parametrize(("labels", "refused"), [("01", True), ("11", False)])
+@pytest.mark.parametrize("header", ["run", "Run"])
+def test_runs_are_not_taken_for_one(tmp_path, labels, refused, header):
+    path = tmp_path / "all.csv"
+    path.write_text(f"{header},t,e,u\n{labels[0]},0,1,2\n{labels[1]},1,3,4\n")
+    if not refused:
+        assert len(read_runs(path, **ROLES)[0]) == 2
+        return
+    with pytest.raises(ValueError, match=f"'{header}' of .*all.csv has 2 labels.*run='{header}'"):
+        read_runs(path, **ROLES)
+    assert len(read_runs(path, run=header, **ROLES)[0]) == 2
+
+
+@pytest.fixture
+def linked(tmp_path):
+    """An HDF5 file whose links lead nowhere, elsewhere, in circles, and far down."""
+    with h5py.File(tmp_path / "other.h5", "w") as other:
+        other["v"] = T[None]
+    with h5py.File(tmp_path / "run.mat", "w") as file:
+        for name in "teu":
+            file[name] = T[None]
+        file["dangling"] = h5py.SoftLink("/nowhere")
+        file["elsewhere"] = h5py.ExternalLink("other.h5", "/v")
+        file["gone"] = h5py.ExternalLink("no.h5", "/v")
+        file["circle"] = h5py.SoftLink("/circle")
+        group = file.create_group("g")
+        group["itself"], group["up"] = h5py.SoftLink("/g"), file["/"]
+        group["x"] = T[None]
+        for number in range(6):
+            for other_number in range(6):
+                file[f"s{number}/to{other_number}"] = h5py.SoftLink(f"/s{other_number}")
+        deep = file.create_group("/".join("d" * 1200))
+        deep["z"] = T[None]
+    return tmp_path / "run.mat"
+
+
+@pytest.mark.parametrize("name", ["e", "elsewhere", "g.x", ".".join("d" * 1200) + ".z"])
+def test_what_is_whole_is_read(linked, name):
+    X, _ = read_runs(linked, inputs=name, output="u", time="t")
+    assert X.iloc[:, 0].to_list() == T.tolist()
+
+
+@pytest.mark.parametrize("name", ["dangling", "gone", "circle"])
+def test_what_leads_nowhere_is_said(linked, name):
+    with pytest.raises(ValueError, match=rf"run.mat, '{name}' is broken, or a link that leads"):
+        read_runs(linked, inputs=name, output="u", time="t")

@@ -1,0 +1,125 @@
+"""What ends, and how, when the process is told to."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from skhoid._machine import check_memory, ended_by_sigterm
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has other signals")
+
+STUDY = """
+import os, sys, time
+from pathlib import Path
+from skhoid import MonteCarloStudy
+
+
+def slow(data):
+    Path(sys.argv[1], str(os.getpid())).touch()
+    time.sleep(0.2)
+    return 1.0
+
+
+if __name__ == "__main__":
+    short = {"duration": 5.12, "run_in": 2.0, "remnant_gain": 0.02}
+    study = MonteCarloStudy(slow, {"condition": ["C1"]}, 4000, simulation=short, block_size=1)
+    study.run(n_jobs=2)
+"""
+
+
+def test_sigterm_becomes_an_exit_and_the_handler_goes():
+    with pytest.raises(SystemExit) as stop, ended_by_sigterm():
+        os.kill(os.getpid(), signal.SIGTERM)
+    assert stop.value.code == 143
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_handler_of_the_users_stays():
+    seen = []
+    before = signal.signal(signal.SIGTERM, lambda *_: seen.append(1))
+    try:
+        with ended_by_sigterm():
+            os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert seen == [1]
+
+
+def test_other_threads_are_left_alone():
+    done = []
+
+    def work():
+        with ended_by_sigterm():
+            done.append(1)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert done == [1]
+
+
+def test_more_than_the_machine_has_is_refused():
+    check_memory(1e3, "A little")
+    with pytest.raises(ValueError, match=r"Too much would take .* GiB of memory, and the machine"):
+        check_memory(1e18, "Too much")
+
+
+def runs_on(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return True
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, -signal.SIGINT)]
+)
+def test_a_study_that_is_stopped_leaves_no_workers(tmp_path, number, code):
+    script, pids = tmp_path / "study.py", tmp_path / "pids"
+    script.write_text(STUDY)
+    pids.mkdir()
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(pids)], stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    try:
+        until = time.monotonic() + 120
+        while len(list(pids.iterdir())) < 2 and time.monotonic() < until:
+            time.sleep(0.05)
+        workers = [int(path.name) for path in pids.iterdir()]
+        assert len(workers) == 2
+        process.send_signal(number)
+        assert process.wait(30) == code
+        until = time.monotonic() + 10
+        while any(map(runs_on, workers)) and time.monotonic() < until:
+            time.sleep(0.05)
+        assert not any(map(runs_on, workers))
+    finally:
+        os.killpg(process.pid, signal.SIGKILL) if process.poll() is None else None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_the_command_line_ends(tmp_path, number, code):
+    words = [sys.executable, "-m", "skhoid", "study", "fig13", "--replications", "5000"]
+    words += ["--out", str(tmp_path)]
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    try:
+        until = time.monotonic() + 120
+        while not list(tmp_path.glob("**/study.json")) and time.monotonic() < until:
+            time.sleep(0.05)
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+        assert (process.returncode, said) == (code, "")
+    finally:
+        process.kill()
