@@ -73,6 +73,9 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
         values = np.column_stack([values, as_output(y)])
     if others:
         codes, labels = pd.factorize(index.droplevel(TIME))
+        if (codes < 0).any():
+            row = int(np.flatnonzero(codes < 0)[0])
+            raise RunIndexError(f"Row {row} has no label in the index level {others[0]!r} (NaN).")
         run_starts = contiguous_runs(codes, list(labels))
     else:
         labels, run_starts = [0], np.array([0, len(index)])

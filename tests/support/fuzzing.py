@@ -105,7 +105,7 @@ def undocumented(error: Exception) -> str | None:
     text = str(error)
     if len(text) < 20:
         return "The message is too short to help"
-    if RAW.search(text):
+    if RAW.search(text) and "cannot be read as" not in text:  # of a file, in its reader's words
         return "The message is that of another library"
     place = traceback.extract_tb(error.__traceback__)[-1]
     if not re.search(r"[/\\](skhoid|sklearn)[/\\]", place.filename):
