@@ -36,6 +36,8 @@ def as_output(
     """Values of an output, one per row: masked ones as NaN; ``warn`` of a column vector."""
     if isinstance(y, pd.DataFrame):
         _check_columns(y, what)
+    elif isinstance(y, np.ndarray) and y.dtype.kind == "V":
+        raise TypeError(f"{what} is an array of {y.dtype}, not of numbers: pass one of its fields.")
     values = column_or_1d(unmasked(y), warn=warn)
     if values.dtype.kind not in "iufb":
         check_numbers(pd.DataFrame({output_name(y): values}), what)
@@ -115,8 +117,8 @@ def _check_columns(X: pd.DataFrame, what: str = "X") -> None:
     if not X.columns.is_unique:
         twice = X.columns[X.columns.duplicated()][0]
         raise ValueError(
-            f"{int((X.columns == twice).sum())} columns of {what} are called {twice!r}; give each its "
-            "own name."
+            f"{int((X.columns == twice).sum())} columns of {what} are called {twice!r}; give each "
+            "its own name."
         )
 
 
@@ -126,6 +128,8 @@ def _refuse_container(X: Any) -> None:
         instead = "pandas.DataFrame(X)"
     elif library == "pyarrow":
         instead = "X.to_pandas()"
+    elif isinstance(X, np.ndarray) and X.dtype.kind == "V":  # structured, or bytes without a type
+        instead = "pandas.DataFrame(X), or a plain array of numbers"
     elif library == "polars" and hasattr(X, "collect"):
         instead = "X.collect()"
     else:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy.interpolate import make_interp_spline
+from sklearn.utils.validation import check_consistent_length
 
 from .._machine import check_memory
 from ..exceptions import IrregularSamplingError, RunIndexError
@@ -70,7 +71,9 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     check_numbers(X, "X")
     values = X.to_numpy(dtype=float)
     if y is not None:
-        values = np.column_stack([values, as_output(y)])
+        output = as_output(y)
+        check_consistent_length(X, output)
+        values = np.column_stack([values, output])
     if others:
         codes, labels = pd.factorize(index.droplevel(TIME))
         if (codes < 0).any():

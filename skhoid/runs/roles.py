@@ -134,6 +134,8 @@ def input_columns(
         positions.append(position)
     if len(set(positions)) < len(positions):
         raise ValueError(f"{what} names a column twice: {wanted}.")
+    if run_position in positions:
+        raise ValueError(f"{what} names {names[run_position]!r}, which is the run column (run=).")
     return positions
 
 

@@ -42,7 +42,7 @@ def test_stream(recording, model, data):
     for part in data.draw(st.lists(st.slices(10), max_size=5)):
         try:
             rows, outputs = X[part], y[part]
-        except (TypeError, KeyError):
+        except (TypeError, KeyError, IndexError):
             continue
         known = getattr(model, "coef_", None)
         _, error = outcome(model.partial_fit, rows, outputs)

@@ -1,7 +1,6 @@
 """Files as they may be: what pandas reads is read, all else is refused by the file's name."""
 
 import csv
-import io
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -67,7 +66,7 @@ def check_read(path, **names):
     X, y = found
     assert list(X.index.names) == ["run", "time"]
     assert len(X) == len(y)
-    assert (X.dtypes == float).all()
+    assert {dtype.name for dtype in X.dtypes} == {"float64"}
     assert y.dtype == float
     return X, y
 
@@ -78,8 +77,9 @@ def tables(draw):
     separator = draw(st.sampled_from([",", ";", "\t", " ", "|"]))
     header = draw(
         st.sampled_from(
-            [["t", "e", "u"], ["t [ms]", "e [deg]", "u"], ["t", "e"], ["e", "e", "u"], ["0", "1", "2"],
-             ["t", "e", "u", ""], ["# t", "e", "u"], [" t", "e ", "u"], ['"t"', '"e"', '"u"']]
+            [["t", "e", "u"], ["t [ms]", "e [deg]", "u"], ["t", "e"], ["e", "e", "u"],
+             ["0", "1", "2"], ["t", "e", "u", ""], ["# t", "e", "u"], [" t", "e ", "u"],
+             ['"t"', '"e"', '"u"']]
         )
     )  # fmt: skip
     cells = st.sampled_from(CELLS) | st.sampled_from(ODD_CELLS) | st.floats().map(repr)
@@ -89,7 +89,7 @@ def tables(draw):
         if not draw(st.integers(0, 3)):
             row = draw(st.lists(cells, max_size=5))
         lines.append(separator.join(row))
-    odd = st.sampled_from(["", "# comment", "   ", ",,,", "deg;deg;deg", '"', "\x00", "a" * 10**5])
+    odd = st.sampled_from(["", "# no", "   ", ",,,", "deg;deg;deg", '"', "\x00", "a" * 10**5])
     for line in draw(st.lists(odd, max_size=2)):
         lines.insert(draw(st.integers(0, len(lines))), line)
     return draw(st.sampled_from(["\n", "\n", "\r\n", "\r"])).join(lines) + draw(
@@ -97,7 +97,11 @@ def tables(draw):
     )
 
 
-@fuzz(text=tables() | st.text(), encoding=st.sampled_from(ENCODINGS), suffix=st.sampled_from([".csv", ".tsv", ".txt"]))  # fmt: skip
+@fuzz(
+    text=tables() | st.text(),
+    encoding=st.sampled_from(ENCODINGS),
+    suffix=st.sampled_from([".csv", ".tsv", ".txt"]),
+)
 def test_text(text, encoding, suffix):
     with TemporaryDirectory() as folder:
         path = Path(folder, f"drawn{suffix}")
@@ -107,7 +111,7 @@ def test_text(text, encoding, suffix):
 
 
 @fuzz(data=st.data())
-def test_numbers_are_those_of_pandas(data):
+def test_numbers_that_pandas_wrote(data):
     n = data.draw(st.integers(1, 8))
     columns = {name: data.draw(st.lists(NUMBERS, min_size=n, max_size=n)) for name in "eu"}
     frame = pd.DataFrame({"t": 0.01 * np.arange(n), **columns})
@@ -123,11 +127,8 @@ def test_numbers_are_those_of_pandas(data):
         path = Path(folder, "drawn.csv")
         path.write_bytes(text.encode(data.draw(st.sampled_from(ENCODINGS[:3]))))
         X, y = check_read(path, inputs="e", output="u", time="t")
-    read = pd.read_csv(
-        io.StringIO(text), sep=separator, decimal=decimal, float_precision="round_trip"
-    )
-    np.testing.assert_array_equal(X["e"], read["e"])
-    np.testing.assert_array_equal(y, read["u"])
+    np.testing.assert_array_equal(X["e"], frame["e"])
+    np.testing.assert_array_equal(y, frame["u"])
 
 
 @fuzz(recording=good(min_runs=1), suffix=st.sampled_from([".csv", ".tsv", ".parquet", ".mat"]))

@@ -137,7 +137,7 @@ def _objects(draw: Any, X: Any, y: Any) -> Any:
     X = X.astype(object)
     odd = draw(st.sampled_from(["1,5", "", None, pd.NA, [1], {}, "nan", 1j, pd.NaT, object, b"1"]))
     for row in _some(draw, len(X)):
-        X.iat[row, draw(st.integers(0, X.shape[1] - 1))] = odd
+        X.iloc[row, draw(st.integers(0, X.shape[1] - 1))] = odd
     return X, y
 
 
@@ -176,8 +176,8 @@ def _change_time(draw: Any, X: Any, y: Any) -> Any:
     time = X.index.get_level_values("time").to_numpy().copy()
     kind = draw(
         st.sampled_from(
-            ["ms", "datetime", "timedelta", "text", "nan", "inf", "late", "early", "still", "jitter",
-             "shaken", "object", "int", "zoned", "nat", "far", "float32", "zero step"]
+            ["ms", "datetime", "timedelta", "text", "nan", "inf", "late", "early", "still",
+             "jitter", "shaken", "object", "int", "zoned", "nat", "far", "float32", "zero step"]
         )
     )  # fmt: skip
     rng = np.random.default_rng(0)
