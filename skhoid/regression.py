@@ -16,7 +16,7 @@ from ._sklearn import FittedDisplay
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows, warn_of_unscored
 from .preprocessing.base import read_table
-from .preprocessing.gate import DOUBLE, as_output, check_not_too_small
+from .preprocessing.gate import DOUBLE, as_output, check_not_infinite, check_not_too_small
 from .preprocessing.grid import ModelGrid
 from .runs import (
     DecimationMark,
@@ -88,12 +88,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         check_alignment(X, y)
         output = as_output(y, warn=True, dtypes=dtypes)
         check_consistent_length(X, output)
-        if np.isinf(output).any():
-            row = int(np.flatnonzero(np.isinf(output))[0])
-            raise ValueError(
-                "Input y contains infinity or a value too large for dtype('float64'), first in "
-                f"row {row}. Mark missing measurements by NaN."
-            )
+        check_not_infinite(output, "y")
         return output
 
     def _channel_names(self, positions: list[int]) -> list[str]:

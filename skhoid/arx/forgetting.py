@@ -53,17 +53,14 @@ def forgetting_factor(
     if memory_time is not None:
         if dt is None or not dt > 0:
             raise ValueError(f"memory_time needs the sampling time dt in s; got dt={dt!r}.")
-        memory_horizon = np.asarray(memory_time, dtype=float) / dt
+    given = memory_horizon if memory_time is None else memory_time
     try:
-        horizon = np.asarray(memory_horizon, dtype=float)
+        horizon = np.asarray(given, dtype=float) / (1.0 if memory_time is None else dt)
     except (TypeError, ValueError):
-        raise ValueError(
-            f"A memory horizon is a number, or one per parameter; got {memory_horizon!r}."
-        ) from None
+        raise ValueError(f"A memory is a number, or one per parameter; got {given!r}.") from None
     if not (horizon > 1).all():
         raise ValueError(
-            "A memory horizon must be longer than one sample; got "
-            f"{np.asarray(memory_horizon).tolist()!r} samples."
+            f"A memory horizon must be longer than one sample; got {horizon.tolist()!r} samples."
         )
     forgetting = 1.0 - 1.0 / horizon
     return float(forgetting) if forgetting.ndim == 0 else forgetting

@@ -379,12 +379,15 @@ class RecursiveARX(PartialFit):
         return np.unique(at[at < len(instants)])
 
     def _reset_times(self) -> np.ndarray:
-        times = np.atleast_1d(np.asarray([] if self.reset_times is None else self.reset_times))
-        if times.ndim != 1 or not np.isfinite(times.astype(np.float64)).all():
-            raise ValueError(
-                f"reset_times are times in the run, in seconds; got {self.reset_times!r}."
-            )
-        return np.unique(times.astype(np.float64))
+        given = [] if self.reset_times is None else self.reset_times
+        refusal = f"reset_times are times in the run, in seconds; got {given!r}."
+        try:
+            times = np.atleast_1d(np.asarray(given, dtype=np.float64))
+        except (TypeError, ValueError) as error:
+            raise ValueError(refusal) from error
+        if times.ndim != 1 or not np.isfinite(times).all():
+            raise ValueError(refusal)
+        return np.unique(times)
 
     def _set_forgetting(self, forgetting: Forgetting, variable: Any) -> None:
         self._forgetting = forgetting

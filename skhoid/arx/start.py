@@ -27,12 +27,16 @@ def start_of(
     if isinstance(init, str):
         theta0 = np.zeros(n_params)
     else:
-        theta0 = np.array(init, dtype=np.float64)
+        refusal = (
+            f"init is 'ols', 'zeros' or theta0: {n_params} finite numbers for "
+            f"{', '.join(names)}; got {init!r}."
+        )
+        try:
+            theta0 = np.array(init, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ValueError(refusal) from error
         if theta0.shape != (n_params,) or not np.isfinite(theta0).all():
-            raise ValueError(
-                f"init is 'ols', 'zeros' or theta0: {n_params} finite numbers for "
-                f"{', '.join(names)}; got {init!r}."
-            )
+            raise ValueError(refusal)
     power = np.ones(n_params)
     if table is not None:
         power = np.mean(table[:, :-1] ** 2, axis=0)

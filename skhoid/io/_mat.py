@@ -12,7 +12,7 @@ from scipy import io as scipy_io
 from scipy import sparse
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
-from ._table import FileTable, one_by_one, require
+from ._table import FileTable, one_by_one, read_as, require
 
 __all__ = ["read_mat"]
 
@@ -48,14 +48,10 @@ def read_mat(path: Path) -> FileTable:
 
 
 def _read_v5(path: Path) -> FileTable:
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), read_as(path, "a MATLAB file"):
         # Objects all carry the name "None" for SciPy < 1.18; they are reported below.
         warnings.simplefilter("ignore", scipy_io.matlab.MatReadWarning)
-        try:
-            content = scipy_io.loadmat(path)
-        # A damaged file makes SciPy fail in as many ways as there are fields in it.
-        except Exception as error:
-            raise ValueError(f"{path} cannot be read as a MATLAB file: {error}") from error
+        content = scipy_io.loadmat(path)
     arrays: dict[str, np.ndarray] = {}
     unreadable: dict[str, str] = {}
     note = ""
@@ -109,25 +105,18 @@ def _read_hdf5(path: Path) -> FileTable:
     h5py = require("h5py", f"Reading the MATLAB 7.3 file {path}")
     places: dict[str, str] = {}
     unreadable: dict[str, str] = {}
-    try:
-        with h5py.File(path, "r") as file:
-            _list_hdf5(h5py, file, places, unreadable)
-    except OSError as error:
-        raise ValueError(f"{path} cannot be read as a MATLAB 7.3 file: {error}") from error
+    with read_as(path, "a MATLAB 7.3 file"), h5py.File(path, "r") as file:
+        _list_hdf5(h5py, file, places, unreadable)
     names = list(places)
 
     def load(position: int) -> np.ndarray:
-        with h5py.File(path, "r") as file:
+        part = f"a MATLAB 7.3 file, at its variable {names[position]!r}"
+        with read_as(path, part), h5py.File(path, "r") as file:
             dataset = file[places[names[position]]]
             if dataset.attrs.get("MATLAB_empty", 0):
                 # An empty array is stored as its shape.
                 return np.empty(0)
-            try:
-                values = dataset[()]
-            except OSError as error:
-                raise ValueError(
-                    f"The variable {names[position]!r} of {path} is damaged: {error}"
-                ) from error
+            values = dataset[()]
         if values.dtype.names == ("real", "imag"):
             values = values["real"] + 1j * values["imag"]
         # MATLAB stores by columns and HDF5 by rows, so the axes come reversed.

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from ._blocks import Block, gathered
-from ._table import Columns, FileTable, coded, require
+from ._table import Columns, FileTable, coded, read_as, require
 
 __all__ = ["read_parquet"]
 
@@ -21,22 +21,27 @@ def read_parquet(path: Path) -> FileTable:
     """Read a Parquet file; the named levels of a stored row index count as columns."""
     require("pyarrow", f"Reading the Parquet file {path}")
     parquet = importlib.import_module("pyarrow.parquet")
-    try:
-        # PyArrow opens no files whose names are not UTF-8.
-        with path.open("rb") as raw, parquet.ParquetFile(raw) as file:
-            schema, n_rows = file.schema_arrow, file.metadata.num_rows
-            empty = schema.empty_table().to_pandas()
-    except (ValueError, OSError) as error:
-        raise ValueError(f"{path} cannot be read as Parquet: {error}") from error
-    stored = empty.attrs.get("units")
-    units = {str(key): str(unit) for key, unit in stored.items()} if stored else {}
-    stored_index = (schema.pandas_metadata or {}).get("index_columns", [])
-    regular = [level["name"] for level in stored_index if isinstance(level, dict)]
-    levels = [*empty.index.names, *regular]
+    # PyArrow opens no files whose names are not UTF-8.
+    with (
+        read_as(path, "Parquet"),
+        path.open("rb") as raw,
+        parquet.ParquetFile(raw) as file,
+    ):
+        schema, n_rows = file.schema_arrow, file.metadata.num_rows
+        empty = schema.empty_table().to_pandas()
+        stored = empty.attrs.get("units")
+        units = {str(key): str(unit) for key, unit in stored.items()} if stored else {}
+        stored_index = (schema.pandas_metadata or {}).get("index_columns", [])
+        regular = [level["name"] for level in stored_index if isinstance(level, dict)]
+        levels = [*empty.index.names, *regular]
     names = [str(name) for name in [*levels, *empty.columns] if name is not None]
 
     def load(numbers: Sequence[int], labels: int | None) -> Columns:
-        with path.open("rb") as raw, parquet.ParquetFile(raw) as file:
+        with (
+            read_as(path, "Parquet"),
+            path.open("rb") as raw,
+            parquet.ParquetFile(raw) as file,
+        ):
             stored = [names[position] for position in numbers]
             plain = list(dict.fromkeys(name for name in stored if _is_plain(schema, name)))
             label = None if labels is None else names[labels]

@@ -6,7 +6,8 @@ import difflib
 import importlib
 import re
 import reprlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-__all__ = ["Columns", "FileTable", "as_numbers", "coded", "one_by_one", "require", "split_header"]
+__all__ = [
+    "Columns",
+    "FileTable",
+    "as_numbers",
+    "coded",
+    "one_by_one",
+    "read_as",
+    "require",
+    "split_header",
+]
 
 # A bracket is a unit; a parenthesis only if it holds a letter or a unit sign, not in "e (2)".
 _HEADER = re.compile(
@@ -40,6 +50,17 @@ def require(module: str, what: str) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         raise ImportError(f'{what} needs the package {module}: pip install "skhoid[io]"') from error
+
+
+@contextmanager
+def read_as(path: Path, kind: str) -> Iterator[None]:
+    """Name the file at which a library fails: damaged ones make it fail in many ways."""
+    try:
+        yield
+    except (ImportError, MemoryError):
+        raise
+    except Exception as error:
+        raise ValueError(f"{path} cannot be read as {kind}: {error}") from error
 
 
 @dataclass

@@ -55,17 +55,20 @@ def survey(path: Path) -> Text:
         file.seek(0)
         counts = dict.fromkeys(b'\n\r",.', 0)
         is_ascii = is_utf8 = True
-        while chunk := file.read(_CHUNK):
+        ended = False
+        while not ended:
+            chunk = file.read(_CHUNK)
+            ended = not chunk  # a last call tells whether the last character is whole
             try:
                 if wide:
-                    chunk = decoder.decode(chunk).encode("utf-8")
+                    chunk = decoder.decode(chunk, final=ended).encode("utf-8")
                 elif is_utf8 and not (is_ascii := is_ascii and chunk.isascii()):
-                    decoder.decode(chunk)
+                    decoder.decode(chunk, final=ended)
             except UnicodeDecodeError as error:
                 if wide:
                     raise ValueError(
-                        f"{path} begins as {wide.upper()} text and does not go on so ({error}). "
-                        "Save it as UTF-8."
+                        f"{path} begins as {wide.upper()} text and does not go on so "
+                        f"({error.reason}). Save it as UTF-8."
                     ) from error
                 # Western European Windows: what spreadsheets write for the degree sign in "e [°]".
                 is_utf8 = False

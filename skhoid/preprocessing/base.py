@@ -70,7 +70,10 @@ def read_table(
                 X = X.copy(deep=False)
                 X.isetitem(position, layout.run_of(np.arange(len(X))))
         check_numbers(X, "X")
-    values = validate_data(estimator, X, reset=reset, dtype=dtypes, ensure_all_finite="allow-nan")
+    with np.errstate(invalid="ignore"):  # scikit-learn sums infinities of both signs
+        values = validate_data(
+            estimator, X, reset=reset, dtype=dtypes, ensure_all_finite="allow-nan"
+        )
     check_not_too_large(values, "X", names)
     if layout is None:
         refuse_flat(X, dt=estimator.dt, run=estimator.run)  # values have lost their names

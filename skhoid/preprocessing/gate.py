@@ -34,6 +34,10 @@ def as_output(
     y: Any, what: str = "y", *, warn: bool = False, dtypes: tuple[type, ...] = DOUBLE
 ) -> np.ndarray:
     """Values of an output, one per row: masked ones as NaN; ``warn`` of a column vector."""
+    if isinstance(y, pd.DataFrame):
+        _check_columns(y, what)
+    elif isinstance(y, np.ndarray) and y.dtype.kind == "V":
+        raise TypeError(f"{what} is an array of {y.dtype}, not of numbers: pass one of its fields.")
     values = column_or_1d(unmasked(y), warn=warn)
     if values.dtype.kind not in "iufb":
         check_numbers(pd.DataFrame({output_name(y): values}), what)
@@ -65,6 +69,17 @@ def check_not_too_large(values: np.ndarray, what: str, names: list[Any] | None =
         )
 
 
+def check_not_infinite(values: np.ndarray, what: str, names: list[Any] | None = None) -> None:
+    """Refuse infinite values."""
+    table = values if values.ndim == 2 else values[:, None]
+    bad = np.argwhere(np.isinf(table))
+    if bad.size:
+        raise ValueError(
+            f"Input {_place(what, names, bad[0, 1])} contains infinity or a value too large for "
+            f"dtype('float64'), first in row {bad[0, 0]}. Mark missing values by NaN."
+        )
+
+
 def check_not_too_small(values: np.ndarray, what: str, names: list[Any] | None = None) -> None:
     """Refuse signals that are next to zero throughout, other than zero itself."""
     if (_sizes(values[:FIRST]) >= SMALLEST).all():
@@ -80,7 +95,7 @@ def check_not_too_small(values: np.ndarray, what: str, names: list[Any] | None =
 
 def _sizes(values: np.ndarray) -> np.ndarray:
     """Largest size in each column, NaN where nothing is known."""
-    table = values.reshape(len(values), -1)
+    table = values if values.ndim == 2 else values[:, None]
     if not table.size:
         return np.zeros(table.shape[1])
     sizes = np.fmax(np.fmax.reduce(table, axis=0), -np.fmin.reduce(table, axis=0))
@@ -93,8 +108,8 @@ def _place(what: str, names: list[Any] | None, column: int) -> str:
     return f"Column {int(column) if names is None else names[column]!r} of X"
 
 
-def _check_columns(X: pd.DataFrame) -> None:
-    if X.shape[1] == 0:
+def _check_columns(X: pd.DataFrame, what: str = "X") -> None:
+    if X.shape[1] == 0 and what == "X":
         raise ValueError(
             "X has no columns (0 feature(s), while a minimum of 1 is required): there is no "
             "channel to answer."
@@ -102,8 +117,8 @@ def _check_columns(X: pd.DataFrame) -> None:
     if not X.columns.is_unique:
         twice = X.columns[X.columns.duplicated()][0]
         raise ValueError(
-            f"{int((X.columns == twice).sum())} columns of X are called {twice!r}; give each its "
-            "own name."
+            f"{int((X.columns == twice).sum())} columns of {what} are called {twice!r}; give each "
+            "its own name."
         )
 
 
@@ -113,6 +128,8 @@ def _refuse_container(X: Any) -> None:
         instead = "pandas.DataFrame(X)"
     elif library == "pyarrow":
         instead = "X.to_pandas()"
+    elif isinstance(X, np.ndarray) and X.dtype.kind == "V":  # structured, or bytes without a type
+        instead = "pandas.DataFrame(X), or a plain array of numbers"
     elif library == "polars" and hasattr(X, "collect"):
         instead = "X.collect()"
     else:
@@ -135,11 +152,23 @@ def check_numbers(table: pd.DataFrame, what: str) -> None:
                 f"Complex data not supported: {where} is complex; give its "
                 "real and imaginary parts as two columns."
             )
+        if dtype.kind in "mM":
+            raise ValueError(f"The {where} holds times: give them as numbers, or another column.")
         if dtype.kind in "OSUT":
-            bad = pd.to_numeric(column, errors="coerce").isna() & column.notna()
-            if bad.any():
-                row = int(np.flatnonzero(bad)[0])
+            try:
+                column.to_numpy(dtype=np.float64)
+            except (TypeError, ValueError, OverflowError) as error:
+                row = next(i for i, entry in enumerate(column) if not _reads_as_number(entry))
                 raise ValueError(
                     f"The {where} holds {column.iloc[row]!r} in row {row}, which is not "
                     "a number. Use another column, or mark missing values by NaN."
-                )
+                ) from error
+
+
+def _reads_as_number(entry: Any) -> bool:
+    """Whether NumPy makes a float of an entry of a column; None is NaN."""
+    try:
+        np.array([entry], dtype=object).astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return np.ndim(entry) == 0

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy.interpolate import make_interp_spline
+from sklearn.utils.validation import check_consistent_length
 
 from .._machine import check_memory
 from ..exceptions import IrregularSamplingError, RunIndexError
@@ -22,7 +23,7 @@ from ..runs import (
     within_runs,
 )
 from ..runs.flat import refuse_flat
-from .gate import as_output
+from .gate import as_output, check_numbers
 
 LONGEST_BRIDGE = 3.0  # median steps; late samples of a jittery clock are no gap
 
@@ -67,11 +68,17 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
         raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
     time = time_in_seconds(index.get_level_values(TIME))
     others = [name for name in index.names if name != TIME]
+    check_numbers(X, "X")
     values = X.to_numpy(dtype=float)
     if y is not None:
-        values = np.column_stack([values, as_output(y)])
+        output = as_output(y)
+        check_consistent_length(X, output)
+        values = np.column_stack([values, output])
     if others:
         codes, labels = pd.factorize(index.droplevel(TIME))
+        if (codes < 0).any():
+            row = int(np.flatnonzero(codes < 0)[0])
+            raise RunIndexError(f"Row {row} has no label in the index level {others[0]!r} (NaN).")
         run_starts = contiguous_runs(codes, list(labels))
     else:
         labels, run_starts = [0], np.array([0, len(index)])

@@ -92,7 +92,7 @@ def check_channels(
     """
     X = as_table(X)
     if len(X) == 0:
-        raise RunIndexError("X has no rows.")
+        raise RunIndexError("X has no rows: there is nothing to check.")
     recording = read_recording(X, y, dt, run)
     findings = check_rates(recording)
     for check in (

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..preprocessing.gate import check_numbers
+from ..preprocessing.gate import check_not_infinite, check_not_too_large, check_numbers
 from ..runs import RunLayout, read_layout, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_error, with_target
 
@@ -146,6 +146,8 @@ def control_in(
         column = pd.DataFrame({name: np.asarray(values)})
         check_numbers(column, "X")
         channels[role] = column[name].to_numpy(dtype=float)
+        check_not_infinite(channels[role], "X", [name])
+        check_not_too_large(channels[role], "X", [name])
     judged = None if layout.trimmed is None else ~layout.trimmed
     return control_check(layout, channels, judged)
 

@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..preprocessing.gate import as_output, as_table, check_numbers
+from ..preprocessing.gate import (
+    as_output,
+    as_table,
+    check_not_infinite,
+    check_not_too_large,
+    check_numbers,
+)
 from ..runs import check_alignment, output_name, run_column
 from ..runs.roles import check_named, column_of_role, role_of
 
@@ -31,6 +37,8 @@ class NamedSignals:
         check_numbers(frame, "X")
         self.channels = list(frame.columns)
         self.numbers = frame.to_numpy(dtype=float)
+        check_not_infinite(self.numbers, "X", self.channels)
+        check_not_too_large(self.numbers, "X", self.channels)
         self.output = None if y is None else _numbers(y, len(frame))
         self.units = {**getattr(X, "attrs", {}).get("units", {})}
         self.units |= getattr(y, "attrs", {}).get("units", {})
@@ -50,4 +58,5 @@ def _numbers(y: Any, n_rows: int) -> np.ndarray:
     output = as_output(y)
     if output.size != n_rows:
         raise ValueError(f"y has {output.size} values and X has {n_rows} rows.")
+    check_not_infinite(output, "y")
     return output

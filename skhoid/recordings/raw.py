@@ -68,10 +68,7 @@ def read_recording(X: Any, y: Any, dt: float | None, run: Any) -> RawRecording:
     except IrregularSamplingError:
         labels, starts, time = _raw_clock(X, run)
     signals = NamedSignals(X, y, run=run_column)
-    numbers = signals.numbers
-    if not np.isfinite(numbers).all():
-        numbers = np.where(np.isfinite(numbers), numbers, np.nan)
-    values = {name: numbers[:, i] for i, name in enumerate(signals.channels)}
+    values = {name: signals.numbers[:, i] for i, name in enumerate(signals.channels)}
     output = None
     if signals.output is not None:
         output = signals.output_name

@@ -202,6 +202,8 @@ def within_runs(run_starts: np.ndarray) -> np.ndarray:
 
 def contiguous_runs(codes: np.ndarray, labels: list[Any]) -> np.ndarray:
     """Offsets of the runs, whose codes are numbered in order of appearance."""
+    if not codes.size:
+        return np.array([0, 0])
     change = np.flatnonzero(codes[1:] != codes[:-1]) + 1
     if change.size + 1 > len(labels):
         back = change[np.flatnonzero(codes[change] < codes[change - 1])[0]]
@@ -213,7 +215,7 @@ def contiguous_runs(codes: np.ndarray, labels: list[Any]) -> np.ndarray:
             "Cross-validation must not shuffle rows: use LeaveOneGroupOut or GroupKFold with "
             "groups=run_labels(X)."
         )
-    return np.concatenate(([0], change, [codes.size])) if codes.size else np.array([0, 0])
+    return np.concatenate(([0], change, [codes.size]))
 
 
 def _layout_from_multiindex(
@@ -360,7 +362,7 @@ def _cut_at_jumps(
             "runs with an index of levels 'run' and 'time', or with a run column and run=; "
             "if the index means nothing, call X.reset_index(drop=True)."
         )
-    if step.size and np.median(step[within]) == 1:
+    if within.any() and np.median(step[within]) == 1:
         first = np.repeat(sample[run_starts[:-1]], np.diff(run_starts))
         return _cut(run_starts, within & (step > 1)), sample - first
     return run_starts, number

@@ -121,7 +121,7 @@ def input_columns(
                 f"them, which is no signal by its name. Name those that are: {what}=[...]."
             )
         return chosen
-    wanted = [inputs] if isinstance(inputs, (str, int, np.integer)) else list(inputs)
+    wanted = list(inputs) if np.iterable(inputs) and not isinstance(inputs, str) else [inputs]
     if not wanted:
         raise ValueError(f"{what} is empty; name at least one column, or None for the default.")
     positions = []
@@ -134,6 +134,8 @@ def input_columns(
         positions.append(position)
     if len(set(positions)) < len(positions):
         raise ValueError(f"{what} names a column twice: {wanted}.")
+    if run_position in positions:
+        raise ValueError(f"{what} names {names[run_position]!r}, which is the run column (run=).")
     return positions
 
 

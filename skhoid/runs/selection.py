@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.utils.validation import check_consistent_length
 
 from ..exceptions import PooledRunsWarning, RunIndexError
 from .alignment import check_alignment
@@ -172,4 +173,6 @@ def select_runs(
     check_alignment(X, y)
     if y is None:
         return X[rows]
-    return X[rows], y[rows]
+    output = y if hasattr(y, "shape") else np.asarray(y)
+    check_consistent_length(X, output)
+    return X[rows], output[rows]

@@ -12,6 +12,7 @@ LONGEST = 600  # lines
 ELSEWHERE = {
     "house": "rules of the whole house",
     "facts": "the thesis's numbers",
+    "fuzz": "hostile input for all public doors",
     "browser": "what only a real browser shows",
 }
 SOURCES = sorted(p for top in (TESTS, PACKAGE) for p in top.rglob("*.py"))

@@ -300,3 +300,20 @@ def opaque(name, class_name):
         + element(14, matrix)
     )
     return element(14, body)
+
+
+def test_a_damaged_page_of_a_parquet_file(tmp_path):
+    path = tmp_path / "run1.parquet"
+    pd.DataFrame({"t": [0.0, 0.01], "e": [1.5, 2.5], "u": [0.5, 0.25]}).to_parquet(path)
+    content = bytearray(path.read_bytes())
+    content[4:60] = b"\xff" * 56  # the first page; the schema stands at the end
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match="run1.parquet cannot be read as Parquet"):
+        read_runs(path, inputs="e", output="u", time="t")
+
+
+def test_a_text_that_ends_inside_a_character(tmp_path):
+    path = tmp_path / "run1.csv"
+    path.write_bytes("t,e,u\n0,1,2\n0.01,1,2\nÚ".encode("cp1252"))
+    with pytest.raises(ValueError, match="run1.csv"):
+        read_runs(path, inputs="e", output="u", time="t")

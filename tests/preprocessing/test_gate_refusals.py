@@ -1,0 +1,90 @@
+"""What the fuzz suite found at the gate, as plain cases."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhoid import (
+    ARXRegressor,
+    OperatorRegressor,
+    RecursiveARX,
+    check_channels,
+    lost_control,
+    performance_scores,
+    resample_runs,
+    select_runs,
+)
+from skhoid.exceptions import IrregularSamplingError, RunIndexError
+
+INDEX = pd.MultiIndex.from_product([["a", "b"], 0.02 * np.arange(60)], names=["run", "time"])
+RNG = np.random.default_rng(0)
+X = pd.DataFrame(RNG.standard_normal((120, 3)), columns=["e", "x", "f_t"], index=INDEX)
+Y = X["e"].rolling(3, min_periods=1).mean().rename("u")
+
+
+@pytest.mark.parametrize("entry", [[1], pd.NaT, pd.NA, object, "1,5", "", 1j])
+def test_an_entry_that_is_no_number_is_named(entry):
+    table = X.astype(object)
+    table.iloc[3, 1] = entry
+    for call in (ARXRegressor().fit, check_channels, resample_runs):
+        with pytest.raises(ValueError, match=r"column 'x' of X holds .* in row 3"):
+            call(table, Y)
+
+
+def test_times_are_no_channel():
+    table = X.assign(x=pd.to_timedelta(np.arange(120), unit="s"))
+    with pytest.raises(ValueError, match="column 'x' of X holds times"):
+        ARXRegressor().fit(table, Y)
+
+
+def test_infinities_of_both_signs():
+    with pytest.raises(ValueError, match="Input X contains infinity"):
+        ARXRegressor().fit(X.assign(e=np.where(X["e"] > 0, np.inf, -np.inf)), Y)
+    endless = Y.where(Y < 1, np.inf)
+    row = int(np.flatnonzero(np.isinf(endless))[0])
+    for call in (ARXRegressor().fit, check_channels, performance_scores):
+        with pytest.raises(ValueError, match=f"Input y contains infinity .* in row {row}"):
+            call(X, endless)
+    with pytest.raises(ValueError, match="Input Column 'f_t' of X contains infinity"):
+        lost_control(X.assign(f_t=-np.inf))
+
+
+def test_an_output_of_no_or_other_rows():
+    for call in (ARXRegressor().fit, resample_runs, lambda X, y: select_runs(X, y, last=1)):
+        with pytest.raises(ValueError, match="inconsistent numbers of samples"):
+            call(X, Y[:0])
+    assert len(select_runs(X, list(Y), last=1)[1]) == 60
+
+
+def test_an_output_that_names_a_column_twice():
+    with pytest.raises(ValueError, match="2 columns of y are called 'u'"):
+        ARXRegressor().fit(X, pd.concat([Y, Y], axis=1))
+
+
+def test_structured_arrays():
+    with pytest.raises(TypeError, match=r"pass pandas.DataFrame\(X\)"):
+        ARXRegressor().fit(np.rec.fromarrays([X["e"], X["x"]]), Y.to_numpy())
+    with pytest.raises(TypeError, match="pass one of its fields"):
+        ARXRegressor().fit(X.to_numpy(), np.rec.fromarrays([Y]))
+
+
+@pytest.mark.parametrize("model", [ARXRegressor, OperatorRegressor])
+def test_the_run_column_is_no_input(model):
+    with pytest.raises(ValueError, match="names 'e', which is the run column"):
+        model(inputs=["e"], run=0).fit(X, Y)
+
+
+@pytest.mark.parametrize("name", ["inputs", "init", "reset_times", "memory_time"])
+@pytest.mark.parametrize("value", ["no such word", {}])
+def test_options_that_are_no_numbers(name, value):
+    with pytest.raises((ValueError, TypeError), match=rf"{name}|memory is a number"):
+        RecursiveARX(**{"inputs": [0], name: value}).fit(X, Y)
+
+
+def test_resampling_needs_the_labels_of_all_runs():
+    labels = ["a"] * 60 + [None] * 60
+    index = pd.MultiIndex.from_arrays([labels, INDEX.get_level_values("time")], names=INDEX.names)
+    with pytest.raises(RunIndexError, match="Row 60 has no label"):
+        resample_runs(X.set_axis(index))
+    with pytest.raises(IrregularSamplingError, match="at least two rows"):
+        resample_runs(X[:0])
