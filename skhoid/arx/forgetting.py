@@ -50,17 +50,17 @@ def forgetting_factor(
             "Give either memory_horizon (N0, samples) or memory_time (T0, s); got "
             f"{memory_horizon!r} and {memory_time!r}."
         )
-    if memory_time is not None:
-        if dt is None or not dt > 0:
-            raise ValueError(f"memory_time needs the sampling time dt in s; got dt={dt!r}.")
+    if memory_time is not None and (dt is None or not dt > 0):
+        raise ValueError(f"memory_time needs the sampling time dt in s; got dt={dt!r}.")
     given = memory_horizon if memory_time is None else memory_time
     try:
         horizon = np.asarray(given, dtype=float) / (1.0 if memory_time is None else dt)
     except (TypeError, ValueError):
         raise ValueError(f"A memory is a number, or one per parameter; got {given!r}.") from None
     if not (horizon > 1).all():
+        samples = np.asarray(given).tolist() if memory_time is None else horizon.tolist()
         raise ValueError(
-            f"A memory horizon must be longer than one sample; got {horizon.tolist()!r} samples."
+            f"A memory horizon must be longer than one sample; got {samples!r} samples."
         )
     forgetting = 1.0 - 1.0 / horizon
     return float(forgetting) if forgetting.ndim == 0 else forgetting

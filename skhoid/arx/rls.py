@@ -118,7 +118,7 @@ class RecursionData:
         known &= ~np.isnan(self.output) & ~np.isnan(self.inputs).any(axis=1)
         starts = np.full(instants.n_runs, number[-1])
         np.minimum.at(starts, instants.run[known], number[known])
-        n_window = window_rows(seconds, instants.dt)
+        n_window = min(window_rows(seconds, instants.dt), len(number))
         left = np.clip(starts[of_run] + n_window - number[begin], 0, end - begin)
         chosen = np.ones(begin.size, dtype=bool) if runs is None else np.isin(of_run, runs)
         return regressors(

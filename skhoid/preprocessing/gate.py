@@ -58,7 +58,8 @@ def unmasked(data: Any) -> Any:
 
 def check_not_too_large(values: np.ndarray, what: str, names: list[Any] | None = None) -> None:
     """Refuse finite values that are too large to compute with."""
-    if not values.size or max(values.max(), -values.min()) <= LARGEST:  # NaN is told by column
+    # float: the limit is none of float32, and -128 has no opposite in int8. NaN is told by column.
+    if not values.size or max(float(values.max()), -float(values.min())) <= LARGEST:
         return
     sizes = _sizes(values)
     bad = np.flatnonzero((sizes > LARGEST) & (sizes < np.inf))

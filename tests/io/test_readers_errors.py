@@ -308,12 +308,12 @@ def test_a_damaged_page_of_a_parquet_file(tmp_path):
     content = bytearray(path.read_bytes())
     content[4:60] = b"\xff" * 56  # the first page; the schema stands at the end
     path.write_bytes(content)
-    with pytest.raises(ValueError, match="run1.parquet cannot be read as Parquet"):
+    with pytest.raises(ValueError, match=r"run1\.parquet cannot be read as Parquet"):
         read_runs(path, inputs="e", output="u", time="t")
 
 
 def test_a_text_that_ends_inside_a_character(tmp_path):
     path = tmp_path / "run1.csv"
     path.write_bytes("t,e,u\n0,1,2\n0.01,1,2\nÚ".encode("cp1252"))
-    with pytest.raises(ValueError, match="run1.csv"):
+    with pytest.raises(ValueError, match=r"run1\.csv"):
         read_runs(path, inputs="e", output="u", time="t")

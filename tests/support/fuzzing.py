@@ -43,6 +43,7 @@ RAW = re.compile(
     r"Length mismatch|truth value|positional argument|codec can't|zero-size array|"
     r"list index|need at least one array|could not convert string"
 )
+IN_A_FILE = re.compile("cannot be read as|is broken, or")  # with what the file's reader says
 
 _seconds = 60.0
 
@@ -108,7 +109,7 @@ def undocumented(error: Exception) -> str | None:
     text = str(error)
     if len(text) < 20:
         return "The message is too short to help"
-    if RAW.search(text) and "cannot be read as" not in text:  # of a file, in its reader's words
+    if RAW.search(text) and not IN_A_FILE.search(text):
         return "The message is that of another library"
     place = traceback.extract_tb(error.__traceback__)[-1]
     if not re.search(r"[/\\](skhoid|sklearn)[/\\]", place.filename):

@@ -71,7 +71,15 @@ def recordings(draw: Any) -> Recording:
     for fault in draw(st.lists(st.sampled_from(sorted(FAULTS)), max_size=3, unique=True)):
         try:
             X, y = FAULTS[fault](draw, recording.X, recording.y)
-        except (AttributeError, TypeError, ValueError, IndexError, KeyError, OverflowError):
+        except (
+            AttributeError,
+            TypeError,
+            ValueError,
+            IndexError,
+            KeyError,
+            OverflowError,
+            RuntimeWarning,
+        ):
             continue  # what pandas does not do to what was already done
         recording = Recording(X, y, (*recording.faults, fault))
     return recording
@@ -312,7 +320,7 @@ def arrays(draw: Any) -> Recording:
     for fault in faults:
         try:
             X, y = CONTAINERS[fault](draw, X, y)
-        except (AttributeError, TypeError, ValueError, IndexError, KeyError):
+        except (AttributeError, TypeError, ValueError, IndexError, KeyError, RuntimeWarning):
             continue
     return Recording(X, y, tuple(faults))
 
