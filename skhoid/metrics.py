@@ -128,7 +128,7 @@ def warn_of_unscored(layout: RunLayout, y: np.ndarray, keep: np.ndarray) -> None
     if empty.any() and (known & keep).any():
         names = [repr(layout.labels[i]) for i in np.flatnonzero(empty)]
         warnings.warn(
-            f"Run {', '.join(names)} of y is NaN in all rows, and not scored.",
+            f"y is NaN in all rows of run {', '.join(names)}: not scored.",
             MissingDataWarning,
             stacklevel=3,
         )

@@ -264,7 +264,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
-            self.baseline_ = _estimator(model, prepared, found.steps[0].parent)
+            self.baseline_ = _estimator(model, prepared, found.path.steps[0].plain)
             self._conclude(verdict)
             self.left_out_ = control.table
             self._tell_searched(prepared, some)
@@ -296,7 +296,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         of_all = search.record is prepared.record
 
         def numbers(search: Search, prepared: Prepared, path: Path) -> tuple[SearchNumbers, Any]:
-            best = _estimator(model, prepared, path.model)
+            best = _estimator(model, prepared, path.model if path.added else path.steps[0].plain)
             all_runs = None if of_all else AllRuns(prepared.record, held)
             return numbers_of(search, path, best, prepared, measured, all_runs), best
 

@@ -250,6 +250,12 @@ class Path:
         return [effect.name for _, effect in self.model.effects]
 
     @property
+    def added(self) -> list[str]:
+        """Names of effects that the model did not have before."""
+        before = self.steps[0].parent.effects.names
+        return [name for name in self.model.effects.names if name not in before]
+
+    @property
     def core(self) -> dict[str, float]:
         """Parameters of the core before any effect was added."""
         return {n: v for n, v in self.steps[0].plain.values().items() if "__" not in n}
@@ -349,7 +355,7 @@ def ordered(model: Model, names: Sequence[str]) -> Model:
 def follow(search: Search, first: SearchStep, start: Candidate | None, most: int) -> Path:
     """Add ``start`` and then the best of each step."""
     if start is None or start.model is None:
-        return Path([first], search.judged(first.plain, []).parent)  # whatever was tried
+        return Path([first], first.parent)
     return follow_from(search, Path([first], start.model), most)
 
 

@@ -81,7 +81,6 @@ def numbers_of(
     record = search.record
     assert record.y is not None
     steps = walked(search, path, all_runs)
-    before = path.steps[0].parent.effects.names
     left = leftovers(path.model, search.folds, search.loop)
     noises, others = noises_in(record.y - path.model.output, record, search.noises)
     left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
@@ -94,7 +93,7 @@ def numbers_of(
     return SearchNumbers(
         path=path,
         steps=steps,
-        added=[n for n in path.model.effects.names if n not in before],
+        added=path.added,
         left=left,
         noises=noises,
         ceiling=ceiling,

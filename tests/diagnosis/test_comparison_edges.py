@@ -11,6 +11,7 @@ from support.hidden_effects import Effects, LinearTruth, Oracle
 
 from skhoid import (
     ARXRegressor,
+    MissingDataWarning,
     compare,
 )
 
@@ -178,7 +179,8 @@ def test_all_runs_but_one_missing(simulated):
     X, y, truth = simulated
     y = y.copy()
     y.loc[[1, 3]] = np.nan
-    comparison = compare(Oracle(truth.u_without_remnant), X, y)
+    with pytest.warns(MissingDataWarning, match="all rows of run 1, 3: not scored"):
+        comparison = compare(Oracle(truth.u_without_remnant), X, y)
     said(comparison)
     assert comparison.by_run["vaf"].notna().tolist() == [False, True, False]
     assert comparison.by_run["target"].tolist() == [-1, 0, -1]

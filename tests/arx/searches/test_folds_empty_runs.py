@@ -100,7 +100,7 @@ def test_a_fit_and_its_score_are_those_without_the_run(model, data, channel):
     for scored, of_all in ((fitted.score, score), (lambda *d: VAFScorer()(fitted, *d), vaf)):
         found, warning = told(scored, *data)
         np.testing.assert_allclose(found, of_all, rtol=1e-12)
-        assert "run 2, " in warning or "Run 2 of y is NaN in all rows, and not scored" in warning
+        assert "run 2, " in warning or "y is NaN in all rows of run 2: not scored" in warning
 
 
 @pytest.fixture(scope="module")
