@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from hypothesis import strategies as st
 
+ODD = (RuntimeWarning, NotImplementedError)  # of NumPy and pyarrow at odd casts
 LENGTHS = st.sampled_from([1, 2, 3, 4, 5, 8, 13, 40, 41, 100, 150])
 NAMES = ["e", "x", "f_t", "motion_roll", "dist", "u", "error [deg]", "run", "time", "", "a b", 0, 1]
 ODD_NAMES = [None, float("nan"), ("e", "deg"), 1.5, True, b"e", "\x00", "e\n", "λ"]
@@ -317,10 +318,10 @@ def arrays(draw: Any) -> Recording:
     recording = draw(good())
     X, y = recording.X.to_numpy(), recording.y.to_numpy()
     faults = draw(st.lists(st.sampled_from(sorted(CONTAINERS)), max_size=2, unique=True))
-    for fault in faults:
+    for fault in sorted(faults, key="container".__eq__):  # what it makes is no array
         try:
             X, y = CONTAINERS[fault](draw, X, y)
-        except (AttributeError, TypeError, ValueError, IndexError, KeyError, RuntimeWarning):
+        except (AttributeError, TypeError, ValueError, IndexError, KeyError, *ODD):
             continue
     return Recording(X, y, tuple(faults))
 
