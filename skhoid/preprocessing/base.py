@@ -69,6 +69,7 @@ def read_table(
             if X.dtypes.iloc[position].kind not in "iufb":
                 X = X.copy(deep=False)
                 X.isetitem(position, layout.run_of(np.arange(len(X))))
+    if frame:
         check_numbers(X, "X")
     with np.errstate(invalid="ignore"):  # scikit-learn sums infinities of both signs
         values = validate_data(
