@@ -70,6 +70,11 @@ def test_more_than_the_machine_has_is_refused():
         check_memory(1e18, "Too much")
 
 
+def interruptible():
+    """Take SIGINT, which a shell in the background makes its children ignore."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def runs_on(pid):
     try:
         os.kill(pid, 0)
@@ -90,7 +95,10 @@ def test_a_study_that_is_stopped_leaves_no_workers(tmp_path, number, code):
     script.write_text(STUDY)
     pids.mkdir()
     process = subprocess.Popen(
-        [sys.executable, str(script), str(pids)], stderr=subprocess.DEVNULL, start_new_session=True
+        [sys.executable, str(script), str(pids)],
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        preexec_fn=interruptible,
     )
     try:
         until = time.monotonic() + 120
@@ -113,7 +121,13 @@ def test_a_study_that_is_stopped_leaves_no_workers(tmp_path, number, code):
 def test_the_command_line_ends(tmp_path, number, code):
     words = [sys.executable, "-m", "skhoid", "study", "fig13", "--replications", "5000"]
     words += ["--out", str(tmp_path)]
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=interruptible,
+    )
     try:
         until = time.monotonic() + 120
         while not list(tmp_path.glob("**/study.json")) and time.monotonic() < until:
