@@ -72,9 +72,7 @@ def test_groups_keep_persons_together_in_all_runs(data):
     )
     model = OperatorRegressor(settling=1.0)
     prepared = model.prepare(X, y)
-    folds, held = search._folds(
-        prepared, prepared.known, {"groups": person}, np.array([0, 3, 5])
-    )
+    folds, held = search._folds(prepared, prepared.known, {"groups": person}, np.array([0, 3, 5]))
     assert [fold.test.any(axis=0).tolist() for fold in folds] == [
         [True, False, False],
         [False, True, True],
