@@ -373,7 +373,8 @@ def _slower(recording: RawRecording) -> Iterator[Finding]:
     """Channels that were recorded at a lower rate than the table's."""
     for name, values in recording.values.items():
         largest = np.nanmax(np.abs(values), initial=0.0)
-        single = np.array_equal(values, values.astype(np.float32), equal_nan=True)
+        with np.errstate(over="ignore"):  # what has no single precision is infinite there
+            single = np.array_equal(values, values.astype(np.float32), equal_nan=True)
         rounding = 4 * np.finfo(np.float32 if single else np.float64).eps * largest
         for order, tolerance, how in ((1, 0.0, "held"), (2, rounding, "interpolated")):
             changes = [

@@ -458,3 +458,8 @@ def test_copies_are_found_block_by_block_as_in_the_whole(rows, monkeypatch):
     monkeypatch.setattr(channels, "BLOCK", rows)
     found = channels._shifted_correlations(recording, ["a", "b", "c"])
     np.testing.assert_allclose(found, whole, atol=1e-12)
+
+
+def test_values_beyond_single_precision():
+    phi, _ = smooth()
+    assert names(check_channels(table(1, e=1e39 * phi))) == names(check_channels(table(1, e=phi)))
