@@ -65,7 +65,12 @@ def _least_squares(table: np.ndarray, scale: np.ndarray, names: list[str]) -> np
 
 
 def _given_P0(p0: Any, n_params: int) -> np.ndarray:
-    given = np.asarray(p0, dtype=np.float64)
+    try:
+        given = np.asarray(p0, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"p0 is a number, {n_params} numbers or a matrix of them; got {p0!r}."
+        ) from error
     P0 = given
     if given.ndim == 0:
         P0 = given * np.eye(n_params)

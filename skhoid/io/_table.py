@@ -148,6 +148,14 @@ def coded(labels: Any) -> tuple[np.ndarray, list[Any]]:
     return codes, pd.Index(found).tolist()
 
 
+def _float_of(cell: Any) -> float:
+    """A cell as a number, infinite if it is too large; NaN if it is none."""
+    try:
+        return float(str(cell))
+    except ValueError:
+        return np.nan
+
+
 def as_numbers(values: Any, where: str) -> np.ndarray:
     """Float64 array of a column, or an error that names the first value that is no number."""
     series = values if isinstance(values, pd.Series) else None
@@ -166,7 +174,10 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
             return np.asarray(values, dtype=np.float64)
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
     text = pd.Series(np.asarray(values).ravel(), dtype=object) if series is None else series
-    numbers = pd.to_numeric(text, errors="coerce")
+    try:
+        numbers = pd.to_numeric(text, errors="coerce")
+    except OverflowError:  # an integer of more than 308 digits
+        numbers = text.map(_float_of).astype(np.float64)
     bad = np.flatnonzero(numbers.isna().to_numpy() & text.notna().to_numpy())
     if bad.size:
         advice = "Leave a cell empty, or write NaN, where nothing was measured."

@@ -317,3 +317,10 @@ def test_a_text_that_ends_inside_a_character(tmp_path):
     path.write_bytes("t,e,u\n0,1,2\n0.01,1,2\nÚ".encode("cp1252"))
     with pytest.raises(ValueError, match=r"run1\.csv"):
         read_runs(path, inputs="e", output="u", time="t")
+
+
+def test_a_number_of_many_digits_is_infinite(tmp_path):
+    path = tmp_path / "long.csv"
+    path.write_text(f"t,e,u\n0.0,0,0\n0.1,{'9' * 400},1\nx,1,2\n")
+    with pytest.raises(ValueError, match="is not numeric: row 3"):
+        read_runs(path, inputs="e", output="u", time="t")

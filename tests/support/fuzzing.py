@@ -21,6 +21,7 @@ from sklearn.utils._param_validation import InvalidParameterError
 import skhoid.exceptions
 
 MINUTES = float(os.environ.get("SKHOID_FUZZ_MINUTES", "1"))
+BATCHES = int(os.environ.get("SKHOID_FUZZ_BATCHES", "0"))  # of each test, in place of the time
 SEED = int(os.environ.get("SKHOID_FUZZ_SEED", "0"))
 OURS = tuple(getattr(skhoid.exceptions, name) for name in skhoid.exceptions.__all__)
 WARNINGS = (
@@ -59,7 +60,7 @@ def fuzz(batch: int = 25, **strategies: Any) -> Callable:
 
     Hypothesis has no limit of time, and takes a test that stops by the clock for a flaky one: it is
     called for one small batch after another. Batch k is that of the seed ``SEED`` + k, so that runs
-    of one seed draw the same, a longer one more.
+    of one seed draw the same, a longer one more, and runs of so many ``BATCHES`` exactly the same.
     """
 
     def decorate(test: Callable) -> Callable:
@@ -74,9 +75,9 @@ def fuzz(batch: int = 25, **strategies: Any) -> Callable:
         @functools.wraps(drawing)
         def run(**fixtures: Any) -> None:
             end = time.monotonic() + _seconds
-            for number in itertools.count(SEED):
-                seed(number)(drawing)(**fixtures)
-                if time.monotonic() > end:
+            for number in itertools.count():
+                seed(SEED + number)(drawing)(**fixtures)
+                if number + 1 >= BATCHES if BATCHES else time.monotonic() > end:
                     break
 
         return run
