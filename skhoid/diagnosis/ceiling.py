@@ -11,7 +11,7 @@ from scipy.signal import resample
 from scipy.stats import norm
 
 from ..exceptions import python_only
-from .coherent import coherent_part, lagged, on_lines, response_to_target, tap_spacing
+from .coherent import coherent_part, lagged_from_rest, on_lines, response_to_target, tap_spacing
 from .noise_density import NoiseDensity, noise_density
 from .repeats import Group
 from .run_signals import Signals
@@ -264,9 +264,9 @@ def _answered(
     shapes = legvander(time, order)[:, min(order, 1) :].T
     n = taps.size * len(shapes)
     g, V, A = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
-    delayed = [_varying(lagged(signal, taps), shapes) for signal in e]
+    delayed = [_varying(lagged_from_rest(signal, taps), shapes) for signal in e]
     for k in range(group.n_runs):
-        Z = _varying(lagged(instrument[k], taps), shapes)
+        Z = _varying(lagged_from_rest(instrument[k], taps), shapes)
         g += Z.T @ r[k]
         A += Z.T @ delayed[k]
         V += noise.covariance(Z, signals.layout.time[group.rows[k]])

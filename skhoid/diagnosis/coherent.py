@@ -33,7 +33,7 @@ class TargetResponse:
         target = target - target.mean()
         step = tap_spacing(target[None], dt)
         taps = step * np.arange(min(N_TAPS, target.size // (8 * step)))
-        past = np.column_stack([lagged(target, taps), np.ones(target.size)])
+        past = np.column_stack([lagged_from_rest(target, taps), np.ones(target.size)])
         values = np.column_stack(list(signals.values()))
         found = np.linalg.lstsq(past, values, rcond=RANK)[0]
         return cls(taps, dict(zip(signals, found.T, strict=True)))
@@ -79,7 +79,7 @@ def on_lines(values: np.ndarray, group: Group) -> np.ndarray:
     return fft.irfft(kept, group.n_samples, axis=-1)
 
 
-def lagged(signal: np.ndarray, taps: np.ndarray) -> np.ndarray:
+def lagged_from_rest(signal: np.ndarray, taps: np.ndarray) -> np.ndarray:
     """Columns signal(t - lag), zero before the signal begins."""
     out = np.zeros((taps.size, signal.size))
     for row, lag in zip(out, taps, strict=True):

@@ -88,7 +88,7 @@ class _Columns:
     def clock(self) -> Any:
         """The column of times, if there is one."""
         for kind, name, values in self._called(CLOCKS):
-            if kind == TIME or _ticks(values):
+            if kind == TIME or _advances_evenly(values):
                 return name
         return None
 
@@ -137,7 +137,7 @@ class _Columns:
         return f"{text}.set_index({levels if len(levels) > 1 else levels[0]!r})"
 
 
-def _ticks(values: np.ndarray) -> bool:
+def _advances_evenly(values: np.ndarray) -> bool:
     """Whether values advance by equal steps, but where runs begin anew."""
     if values.dtype.kind not in "iuf" or values.size < 3:
         return False

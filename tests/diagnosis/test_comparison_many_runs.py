@@ -117,7 +117,7 @@ def test_response_to_the_target_is_least_squares():
     signals = read_signals(Halved(), X, y, run_in=0.0)
     target = X["f_t"].to_numpy()[:N]
     taps = signals.target_responses[0].taps
-    past = np.column_stack([coherent.lagged(target - target.mean(), taps), np.ones(N)])
+    past = np.column_stack([coherent.lagged_from_rest(target - target.mean(), taps), np.ones(N)])
     for name in ("y", "residual", "predicted"):
         values = signals.named(name)[:N]
         expected = past @ np.linalg.lstsq(past, values, rcond=None)[0]
