@@ -16,8 +16,15 @@ from ._sklearn import FittedDisplay
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows, warn_of_unscored
 from .preprocessing.base import read_table
-from .preprocessing.gate import DOUBLE, as_output, check_not_infinite, check_not_too_small
+from .preprocessing.gate import (
+    AS_GIVEN,
+    DOUBLE,
+    as_output,
+    check_not_infinite,
+    check_not_too_small,
+)
 from .preprocessing.grid import ModelGrid
+from .preprocessing.held_inputs import HeldInputs
 from .runs import (
     DecimationMark,
     RunLayout,
@@ -64,11 +71,9 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         """The same, from initial states that fit an output on the grid."""
         return self._free_run(grid, values)
 
-    def _read_X(
-        self, X: Any, *, reset: bool, dtypes: tuple[type, ...] = DOUBLE
-    ) -> tuple[ModelGrid, np.ndarray]:
-        """Read the layout and all columns of X, checked."""
-        layout, values = read_table(self, X, reset=reset, dtypes=dtypes)
+    def _read_X(self, X: Any, *, reset: bool) -> tuple[ModelGrid, np.ndarray]:
+        """Read the layout and all columns of X, checked, in single precision if they are so."""
+        layout, values = read_table(self, X, reset=reset, dtypes=AS_GIVEN)
         if reset:
             self._mark = layout.mark
         elif layout.mark != self._mark:
@@ -95,13 +100,15 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         return [f"x{p}" if self._names is None else str(self._names[p]) for p in positions]
 
     def _read_data(
-        self, X: Any, y: Any, needs: str = "inputs", dtypes: tuple[type, ...] = DOUBLE
+        self, X: Any, y: Any, needs: str = "inputs", *, in_parts: bool = False
     ) -> DataToFit:
         """Read data to fit, without the runs in which a channel it ``needs`` was never recorded.
 
-        Those are the ``"inputs"``, or ``"all"`` channels; ``"nothing"`` leaves out no run.
+        Those are the ``"inputs"``, or ``"all"`` channels; ``"nothing"`` leaves out no run. Inputs
+        and output are of 64 bits, but for a fit that reads them ``in_parts``.
         """
-        grid, values = self._read_X(X, reset=True, dtypes=dtypes)
+        dtypes = AS_GIVEN if in_parts else DOUBLE
+        grid, values = self._read_X(X, reset=True)
         warn_of_pooled(X)
         output = self._read_y(X, y, dtypes)
         if needs != "nothing":
@@ -132,8 +139,9 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
                 stacklevel=4,
             )
         thinned = grid.thin_inputs(values)
-        whole = self._columns == list(range(values.shape[1]))
-        inputs = thinned if whole else thinned[:, self._columns]
+        inputs = _columns_of(thinned, self._columns)
+        if inputs.dtype not in dtypes:
+            inputs = inputs.astype(np.float64)
         thin = grid.thin_output(output)
         return DataToFit(grid, inputs, thin, thinned, values, ~np.isnan(output))
 
@@ -180,32 +188,27 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
 
     def _hold(
-        self, grid: ModelGrid, inputs: np.ndarray, names: list[str] | None = None
-    ) -> np.ndarray:
-        """Inputs whose NaN hold the last value, and are zero before the first."""
-        missing = np.isnan(inputs)
-        if not missing.any():
-            return inputs
-        inputs = inputs.copy()
-        held = np.zeros(inputs.shape, dtype=bool)
-        for a, b in segments(grid):
-            part, gaps = inputs[a:b], missing[a:b]
-            last = np.maximum.accumulate(np.where(gaps, -1, np.arange(b - a)[:, None]), axis=0)
-            part[:] = np.where(last >= 0, np.take_along_axis(part, np.maximum(last, 0), 0), 0.0)
-            # Rows before the first value only lack a past (DelayShift), unless none ever comes.
-            held[a:b] = gaps & ((last >= 0) | gaps.all(axis=0))
-        if held.any():
-            rows = np.flatnonzero(held.any(axis=1))
-            first = grid.full_row(int(rows[0]))
-            named = [(names or self.inputs_)[i] for i in np.flatnonzero(held.any(axis=0))]
+        self,
+        grid: ModelGrid,
+        values: np.ndarray,
+        columns: list[int] | None = None,
+        names: list[str] | None = None,
+    ) -> HeldInputs:
+        """Inputs on the grid whose NaN hold the last value; ``columns`` of values, or all."""
+        columns = list(range(values.shape[1])) if columns is None else columns
+        held = HeldInputs(values, columns, segments(grid))
+        counting = {i: gaps.rows[gaps.counts] for i, gaps in held.gaps.items() if gaps.counts.any()}
+        if counting:
+            rows = np.unique(np.concatenate(list(counting.values())))
+            named = [(names or self.inputs_)[i] for i in counting]
             warnings.warn(
                 f"{rows.size} rows of the inputs {named} are NaN, first "
-                f"{grid.layout.where(first)}; the simulation holds the last value there, or zero "
-                "where there is none.",
+                f"{grid.layout.where(grid.full_row(int(rows[0])))}; the simulation holds the last "
+                "value there, or zero where there is none.",
                 MissingDataWarning,
                 stacklevel=4,
             )
-        return inputs
+        return held
 
     def predict(self, X: Any) -> np.ndarray:
         """Simulate the output from the inputs alone (free run).
@@ -324,8 +327,15 @@ def units_of(data: Any) -> dict[str, str]:
 
 def segments(grid: ModelGrid) -> list[tuple[int, int]]:
     """Begin and end of runs, cut at gaps but not at the end of a run-in."""
-    begin = np.unique(grid.past)
-    return list(pairwise([*begin.tolist(), int(grid.end[-1])]))
+    return list(pairwise([*np.unique(grid.past).tolist(), *grid.end[-1:].tolist()]))
+
+
+def _columns_of(table: np.ndarray, columns: list[int]) -> np.ndarray:
+    """Some columns of a table, as a view where they are evenly apart."""
+    steps = np.diff(columns)
+    if len(columns) and (steps == steps[:1]).all() and (steps > 0).all():
+        return table[:, columns[0] : columns[-1] + 1 : int(steps[0]) if steps.size else 1]
+    return table[:, columns]
 
 
 def still(what: str, values: np.ndarray) -> str | None:

@@ -70,20 +70,18 @@ def free_runs(X, first, a, b, lags, constant, bound, out):
 
 
 @njit(cache=True, nogil=True)
-def predict_ahead(y, X, begin, end, theta, at, na, nb, nk, horizon, bound):
+def predict_ahead(known, X, low, begin, end, past, theta, at, na, nb, nk, horizon, bound, out):
     """Predict each row from outputs measured ``horizon`` samples before it, and from all inputs.
 
-    Outputs and inputs before a stretch are zero. A missing output is replaced by its one-step
-    prediction.
+    Outputs and inputs before ``past`` are zero. A missing output is replaced by its one-step
+    prediction in ``known``. ``X`` and ``at`` are those from row ``low`` on.
     """
-    known = y.copy()
-    out = np.zeros(y.size)
     free = np.zeros(horizon)
     constant = na + nb.sum()
     for s in range(begin.size):
-        first = begin[s]
-        for t in range(first, end[s]):
-            now = at[t]
+        first = past[s]
+        for t in range(begin[s], end[s]):
+            now = at[t - low]
             start = max(first, t - horizon + 1)
             # A missing output needs its own one-step prediction, before the longer one.
             twice = start < t and np.isnan(known[t])
@@ -97,7 +95,7 @@ def predict_ahead(y, X, begin, end, theta, at, na, nb, nk, horizon, bound):
                         for k in range(nb[j]):
                             row = r - nk[j] - k
                             if row >= first:
-                                value += theta[now, entry] * X[row, j]
+                                value += theta[now, entry] * X[row - low, j]
                             entry += 1
                     for i in range(na):
                         row = r - 1 - i
@@ -111,4 +109,3 @@ def predict_ahead(y, X, begin, end, theta, at, na, nb, nk, horizon, bound):
             out[t] = free[t - start]
             if np.isnan(known[t]):
                 known[t] = one_step
-    return out

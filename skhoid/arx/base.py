@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from .. import _kernels
 from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import vaf_of_rows
 from ..preprocessing.grid import ModelGrid
+from ..preprocessing.held_inputs import BLOCK, HeldInputs
 from ..regression import RunRegressor, segments
 from .orders import Orders, regressors
 from .transfer import transfer_function
@@ -104,8 +106,8 @@ class BaseARX(RunRegressor):
             self.orders_, self.coef_, self.dt_, self.inputs_, self._output_name, backend
         )
 
-    def _held_inputs(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        return self._hold(grid, grid.thin_inputs(values)[:, self._columns])
+    def _held_inputs(self, grid: ModelGrid, values: np.ndarray) -> HeldInputs:
+        return self._hold(grid, grid.thin_inputs(values), self._columns)
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         return self._simulate(grid, self._held_inputs(grid, values))
@@ -113,7 +115,7 @@ class BaseARX(RunRegressor):
     def _simulate(
         self,
         grid: ModelGrid,
-        inputs: np.ndarray,
+        inputs: HeldInputs,
         y0: np.ndarray | None = None,
         held: bool = False,
         most: int | None = None,
@@ -124,32 +126,35 @@ class BaseARX(RunRegressor):
         return free_run_output(inputs, stretches, self.orders_, *self._parameters(grid), y0, held)
 
     def _from_fitted_states(
-        self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, held: bool
+        self, grid: ModelGrid, inputs: HeldInputs, output: np.ndarray, held: bool
     ) -> np.ndarray:
         """Free run on the grid whose outputs before each stretch fit a measured output best."""
         free = self._simulate(grid, inputs, held=held)
         na = self.orders_.na
         if na == 0:
             return free
-        responses = np.empty((free.size, na))
-        rest = np.zeros_like(inputs)
         theta, at = self._parameters(grid)
         if self.orders_.intercept:  # beside a large one the response to 1 would be rounded away
             theta = np.column_stack([theta[:, :-1], np.zeros(len(theta))])
-        stretches = (grid.begin, grid.end, grid.past)
-        for lag in range(na):
-            y0 = np.zeros((grid.begin.size, na))
-            y0[:, lag] = 1.0
-            responses[:, lag] = free_run_output(rest, stretches, self.orders_, theta, at, y0)
+        first = np.zeros(1, dtype=np.int64)
         for begin, end in zip(grid.begin, grid.end, strict=True):
-            known = np.flatnonzero(~np.isnan(output[begin:end])) + begin
-            fitted = np.linalg.lstsq(responses[known], output[known] - free[known], rcond=None)[0]
-            free[begin:end] += responses[begin:end] @ fitted
+            rest = np.broadcast_to(0.0, (end - begin, inputs.shape[1]))
+            stretch = (first, first + end - begin, first)
+            responses = np.column_stack(
+                [
+                    free_run_output(rest, stretch, self.orders_, theta, at[begin:end], one[None])
+                    for one in np.eye(na)
+                ]
+            )
+            known = np.flatnonzero(~np.isnan(output[begin:end]))
+            wrong = output[begin:end][known] - free[begin:end][known]
+            fitted = np.linalg.lstsq(responses[known], wrong, rcond=None)[0]
+            free[begin:end] += responses @ fitted
         return free
 
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
         """Sets of parameters, and which of them each row of the grid has."""
-        return self.coef_[None], np.zeros(grid.n_rows, dtype=np.int64)
+        return self.coef_[None], np.broadcast_to(np.int64(0), grid.n_rows)
 
     def _parameters_before(self, grid: ModelGrid, horizon: int) -> tuple[np.ndarray, np.ndarray]:
         """The same, as they were known ``horizon`` rows before."""
@@ -224,15 +229,22 @@ class BaseARX(RunRegressor):
     ) -> np.ndarray:
         """Predictions on the grid, from all columns of X at full rate."""
         begin, end = np.array(segments(grid)).T
-        return _kernels.arx.predict_ahead(
-            _kernels.gate(output),
-            _kernels.gate(self._held_inputs(grid, values)),
-            _kernels.gate(begin, np.int64),
-            _kernels.gate(end, np.int64),
-            *_as_kernels_take(self.orders_, *self._parameters_before(grid, horizon)),
-            horizon,
-            BOUND,
-        )
+        theta, at = self._parameters_before(grid, horizon)
+        inputs, orders = self._held_inputs(grid, values), self.orders_
+        known, ahead = np.array(output, dtype=np.float64), np.zeros(output.size)
+        for part in _parts(begin, end, begin, orders.first_row + horizon):
+            _kernels.arx.predict_ahead(
+                known,
+                _kernels.gate(inputs[part.low : part.high]),
+                part.low,
+                *(_kernels.gate(e, np.int64) for e in (part.begin, part.end)),
+                _kernels.gate(begin[part.stretches], np.int64),
+                *_as_kernels_take(orders, theta, at[part.low : part.high]),
+                horizon,
+                BOUND,
+                ahead,
+            )
+        return ahead
 
     def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
         """One-step errors on the grid; NaN where lags are not known or nothing was measured."""
@@ -266,7 +278,7 @@ class BaseARX(RunRegressor):
 
 
 def free_run_output(
-    inputs: np.ndarray,
+    inputs: HeldInputs | np.ndarray,
     stretches: tuple[np.ndarray, np.ndarray, np.ndarray],
     orders: Orders,
     theta: np.ndarray,
@@ -279,16 +291,55 @@ def free_run_output(
     Row t has the parameters ``theta[at[t]]``. Inputs before a stretch are zero, or ``held`` as in
     its first row.
     """
+    na = orders.na
     if y0 is None:
-        y0 = np.zeros((stretches[0].size, max(orders.na, 1)))
-    return _kernels.arx.free_run(
-        _kernels.gate(inputs),
-        *(_kernels.gate(edge, np.int64) for edge in stretches),
-        *_as_kernels_take(orders, theta, at),
-        _kernels.gate(y0),
-        BOUND,
-        held,
-    )
+        y0 = np.zeros((stretches[0].size, max(na, 1)))
+    out = np.zeros(inputs.shape[0])
+    for part in _parts(*stretches, orders.first_row):
+        initial = y0[part.stretches].astype(np.float64)
+        begun = part.begin[0] - stretches[0][part.stretches][0]
+        if begun:  # the first one goes on from the part before
+            before = out[part.begin[0] - min(begun, na) : part.begin[0]][::-1]
+            initial[0] = np.r_[before, initial[0]][: initial.shape[1]]
+        out[part.rows] = _kernels.arx.free_run(
+            _kernels.gate(inputs[part.low : part.high]),
+            *(_kernels.gate(e - part.low, np.int64) for e in (part.begin, part.end, part.past)),
+            *_as_kernels_take(orders, theta, at[part.low : part.high]),
+            _kernels.gate(initial),
+            BOUND,
+            held,
+        )[part.rows.start - part.low :]
+    return out
+
+
+class _Part(NamedTuple):
+    """Stretches, or pieces of them, in some rows; inputs and parameters from ``low`` on count."""
+
+    rows: slice
+    low: int
+    stretches: slice
+    begin: np.ndarray
+    end: np.ndarray
+    past: np.ndarray
+
+    @property
+    def high(self) -> int:
+        return int(self.rows.stop)
+
+
+def _parts(begin: np.ndarray, end: np.ndarray, past: np.ndarray, reach: int) -> Iterator[_Part]:
+    """Cut stretches into blocks of rows, which look back so many rows."""
+    for first in range(0, int(end.max(initial=0)), BLOCK):
+        stop = min(first + BLOCK, int(end[-1]))
+        some = slice(
+            int(np.searchsorted(end, first, side="right")), int(np.searchsorted(begin, stop))
+        )
+        if some.start == some.stop:
+            continue
+        begins, ends = np.maximum(begin[some], first), np.minimum(end[some], stop)
+        pasts = np.maximum(past[some], begins - reach)
+        low = min(first, int(pasts[0]))
+        yield _Part(slice(first, stop), low, some, begins, ends, pasts)
 
 
 def _as_kernels_take(orders: Orders, theta: np.ndarray, at: np.ndarray) -> tuple[Any, ...]:

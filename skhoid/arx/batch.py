@@ -17,7 +17,6 @@ from ..greybox.fitting import RemnantModel
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared, SimulatedCore
 from ..human import ELEMENT
-from ..preprocessing.gate import AS_GIVEN, DOUBLE
 from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
 from .base import BaseARX
@@ -272,10 +271,8 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         if with_effects and self.method == "iv":
             raise ValueError(NO_EFFECTS_BY_INSTRUMENTS)
         estimated = SimulationError.estimated if with_effects else EQUATION_ERROR[self.method]
-        # Least squares reads rows in parts; all else takes whole columns of 64 bits.
-        in_parts = self.method == "ols" and not with_effects
         needs = "all" if with_effects else "inputs"
-        data = self._read_data(X, y, needs, AS_GIVEN if in_parts else DOUBLE)
+        data = self._read_data(X, y, needs, in_parts=self.method != "iv")
         self._strategy: Strategy = estimated(self, data)
         return self
 

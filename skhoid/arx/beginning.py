@@ -12,6 +12,7 @@ from ..exceptions import MissingDataWarning
 from ..greybox.cores import held_level
 from ..greybox.initial import ESTIMATE, REST, pays
 from ..preprocessing.grid import ModelGrid
+from ..preprocessing.held_inputs import HeldInputs
 
 if TYPE_CHECKING:
     from .batch import ARXRegressor
@@ -44,21 +45,23 @@ class Beginning:
         if model.initial is None:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", MissingDataWarning)  # the fit has said so
-                inputs = model._hold(grid, inputs)
+                held_inputs = model._hold(grid, inputs)
             first = measured_rows(grid, FIRST) & known
             left = [
-                float(((output[first] - way._free(model, grid, inputs, FIRST)[first]) ** 2).sum())
+                float(
+                    ((output[first] - way._free(model, grid, held_inputs, FIRST)[first]) ** 2).sum()
+                )
                 for way in (cls(None, held, levels) for held in (False, True))
             ]
             held = pays(left[0], left[1], measured)
         model.initial_ = ESTIMATE if held else REST
         return cls(ESTIMATE if held else model.initial, held, levels)
 
-    def free_run(self, model: ARXRegressor, grid: ModelGrid, inputs: np.ndarray) -> np.ndarray:
+    def free_run(self, model: ARXRegressor, grid: ModelGrid, inputs: HeldInputs) -> np.ndarray:
         return self._free(model, grid, inputs)
 
     def _free(
-        self, model: ARXRegressor, grid: ModelGrid, inputs: np.ndarray, most: int | None = None
+        self, model: ARXRegressor, grid: ModelGrid, inputs: HeldInputs, most: int | None = None
     ) -> np.ndarray:
         if not self.held:
             return model._simulate(grid, inputs, most=most)
@@ -70,27 +73,26 @@ class Beginning:
         return model._simulate(grid, inputs, y0, held=True, most=most)
 
     def run_from(
-        self, model: ARXRegressor, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray
+        self, model: ARXRegressor, grid: ModelGrid, inputs: HeldInputs, output: np.ndarray
     ) -> np.ndarray:
         """Free run whose initial states fit the output, where the output shows them."""
         free = self._free(model, grid, inputs)
-        if self.initial == REST or not np.abs(free).max() < RUN_AWAY:
+        if self.initial == REST or not max(free.max(), -free.min()) < RUN_AWAY:
             return free
         if self.initial == ESTIMATE:
             return model._from_fitted_states(grid, inputs, output, held=True)
-        known = measured_rows(grid) & ~np.isnan(output)
-        wrong = np.where(known, output - free, 0.0) ** 2
-        doubtful = [
-            slice(begin, end)
-            for begin, end in zip(grid.begin, grid.end, strict=True)
-            if pays(float(wrong[begin:end].sum()), 0.0, output[begin:end][known[begin:end]])
-        ]
-        if not doubtful:
-            return free
-        fitted = model._from_fitted_states(grid, inputs, output, held=True)
-        left = np.where(known, output - fitted, 0.0) ** 2
-        for rows in doubtful:  # each judged alone: the others must not change its prediction
-            if pays(float(wrong[rows].sum()), float(left[rows].sum()), output[rows][known[rows]]):
+        fitted = None
+        stretches = zip(grid.begin, grid.end, grid.measured, strict=True)
+        for rows in (slice(begin, end) for begin, end, counts in stretches if counts):
+            known = ~np.isnan(output[rows])
+            y = output[rows][known]
+            rest = float(((y - free[rows][known]) ** 2).sum())
+            if not pays(rest, 0.0, y):
+                continue
+            if fitted is None:
+                fitted = model._from_fitted_states(grid, inputs, output, held=True)
+            # Each is judged alone: the others must not change its prediction.
+            if pays(rest, float(((y - fitted[rows][known]) ** 2).sum()), y):
                 free[rows] = fitted[rows]
         return free
 

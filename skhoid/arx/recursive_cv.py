@@ -337,7 +337,7 @@ class _HorizonScores:
         n_rows = data.inputs.shape[0]
         self.signals = np.ones((data.signals.shape[0], n_rows))
         self.signals[0] = np.where(self.keep, y, np.nan) if self.sums_suffice else np.nan
-        inputs = search._hold(data.grid, data.inputs)
+        inputs = search._hold(data.grid, data.inputs)[:]
         self.signals[1 : 1 + inputs.shape[1]] = inputs.T
         power = np.where(self.keep, y, 0.0) ** 2
         n_runs = data.instants.n_runs

@@ -12,6 +12,7 @@ from .. import _kernels
 from ..runs.roles import EXACT, OTHER
 from .core_kind import CoreKind
 from .dimension import RoleName
+from .row_channels import RowChannels
 
 if TYPE_CHECKING:
     from ..human.linear_element import LinearElement
@@ -33,8 +34,8 @@ class Record:
         Sampling time in seconds.
     t : ndarray of shape (n_samples, 1 or n_runs)
         Time in the run, in seconds.
-    channels : dict of str to ndarray of shape (n_samples, n_runs)
-        All channels, by name.
+    channels : mapping of str to ndarray of shape (n_samples, n_runs)
+        All channels, by name; those of very many runs are read when they are asked for.
     roles : dict of str to str
         Role of each channel; ``""`` for those without.
     inputs : tuple of str
@@ -91,35 +92,38 @@ class Record:
     def part(self, runs: np.ndarray, thin: int) -> Record:
         """Some of the runs, keeping every ``thin``-th sample."""
 
-        def taken(values: np.ndarray) -> np.ndarray:
-            some = values if values.shape[1] == 1 < self.n_runs else values[:, runs]
-            return np.ascontiguousarray(some[::thin])
+        def thinned(values: np.ndarray) -> np.ndarray:
+            return np.ascontiguousarray(values[::thin])
 
         return replace(
             self,
             dt=self.dt * thin,
-            t=taken(self.t),
-            channels={name: taken(values) for name, values in self.channels.items()},
-            known=taken(self.known),
-            y=None if self.y is None else taken(self.y),
+            t=thinned(self.t if self.t.shape[1] == 1 < self.n_runs else self.t[:, runs]),
+            channels={name: thinned(values) for name, values in self._channels_of(runs).items()},
+            known=thinned(self.known[:, runs]),
+            y=None if self.y is None else thinned(self.y[:, runs]),
             prediction=None,
             _derived={},
         )
 
+    def _channels_of(self, runs: slice | np.ndarray) -> Mapping[str, np.ndarray]:
+        if isinstance(self.channels, RowChannels):
+            return self.channels.of_runs(runs)
+        return {
+            name: values if values.shape[1] == 1 < self.n_runs else values[:, runs]
+            for name, values in self.channels.items()
+        }
+
     def few_runs(self) -> list[slice]:
         """Columns of a few runs at a time, of a large record; none of one that is small."""
-        n, runs = self.known.shape
-        width = max(1, CACHED // max(n, 1))
-        if n * runs <= LARGE or runs <= width:
-            return []
-        return [slice(first, min(first + width, runs)) for first in range(0, runs, width)]
+        return few_runs(*self.known.shape)
 
     def columns(self, columns: slice) -> Record:
         """Some of the runs, as views."""
         return replace(
             self,
             t=self.t if self.t.shape[1] == 1 else self.t[:, columns],
-            channels={name: values[:, columns] for name, values in self.channels.items()},
+            channels=self._channels_of(columns),
             known=self.known[:, columns],
             y=None if self.y is None else self.y[:, columns],
             prediction=None,
@@ -182,7 +186,8 @@ class Record:
         if name == "u":
             values = self.y if self.y is not None else np.zeros_like(self.known, dtype=float)
         else:
-            values = self.input if name == "e" else self.channels[name]
+            channels, name = self.channels, self.inputs[0] if name == "e" else name
+            values = channels.read(name) if isinstance(channels, RowChannels) else channels[name]
         return float(np.std(values[self.known])) or 1.0
 
     def rate(self, name: str) -> np.ndarray:
@@ -213,6 +218,14 @@ class Record:
         if key not in self._derived:
             self._derived[key] = compute()
         return self._derived[key]
+
+
+def few_runs(n_samples: int, n_runs: int) -> list[slice]:
+    """Columns of a few runs at a time, of a large record; none of one that is small."""
+    width = max(1, CACHED // max(n_samples, 1))
+    if n_samples * n_runs <= LARGE or n_runs <= width:
+        return []
+    return [slice(first, min(first + width, n_runs)) for first in range(0, n_runs, width)]
 
 
 def differentiated(signal: np.ndarray, dt: float) -> np.ndarray:

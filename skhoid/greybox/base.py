@@ -70,7 +70,7 @@ class Simulation:
     ) -> tuple[Record, SegmentColumns]:
         """Data to predict as a record."""
         names = estimator._channel_names(self.channels)
-        held = estimator._hold(grid, grid.thin_inputs(values)[:, self.channels], names)
+        held = estimator._hold(grid, grid.thin_inputs(values), self.channels, names)
         element = estimator.controlled_element_
         return build_record(
             grid,
@@ -165,7 +165,7 @@ class SimulatedModelMixin:
         prepared : Prepared
             The runs side by side as a record, and the core to simulate on them.
         """
-        return prepared_for(self, self._read_data(X, y, "all"))  # type: ignore[attr-defined]
+        return prepared_for(self, self._read_data(X, y, "all", in_parts=True))  # type: ignore[attr-defined]
 
     def first_fit(self, prepared: Prepared) -> Model:
         """Fit the core with the effects that the model has, by the error of simulation alone.
@@ -260,7 +260,7 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
         -------
         self : estimator
         """
-        prepared = prepared_for(self, self._read_data(X, y, "all"))
+        prepared = prepared_for(self, self._read_data(X, y, "all", in_parts=True))
         model = self.first_fit(prepared)
         self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
         return self

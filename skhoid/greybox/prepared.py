@@ -96,7 +96,7 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
     roles = dict(zip(names, found.values(), strict=True))
     error, output_name = estimator.inputs_[0], estimator._output_name
     roles[error] = "e"
-    held = estimator._hold(grid, thinned[:, channels], names)
+    held = estimator._hold(grid, thinned, channels, names)
     given = estimator.controlled_element
     record, sides = build_record(
         grid,

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
-from ..effects.record import LARGE, Record
+from ..effects.record import LARGE, Record, few_runs
+from ..effects.row_channels import RowChannels
 from ..human import LinearElement
 from ..preprocessing.grid import ModelGrid
+from ..preprocessing.held_inputs import HeldInputs
 from ..regression import segments
-from ..runs.roles import EXACT, target_is_sum, with_target
+from ..runs.roles import EXACT, target_is_sum
 
 
 @dataclass(frozen=True)
@@ -31,14 +34,15 @@ class SegmentColumns:
     def length(self) -> int:
         return int((self.end - self.begin).max())
 
-    def beside(self, rows: np.ndarray, fill: Any = 0.0) -> np.ndarray:
+    def beside(self, rows: np.ndarray, fill: Any = 0.0, dtype: Any = None) -> np.ndarray:
         """Values of rows as an array of shape (length, n_columns).
 
         The runs of a large table lie one after the other in memory, so that a few of them are a
         piece of it.
         """
         shape = (self.length, self.begin.size)
-        out = np.full(shape, fill, dtype=rows.dtype, order="F" if np.prod(shape) > LARGE else "C")
+        order: Literal["C", "F"] = "F" if np.prod(shape) > LARGE else "C"
+        out = np.full(shape, fill, dtype=rows.dtype if dtype is None else dtype, order=order)
         for j, (a, b) in enumerate(zip(self.begin, self.end, strict=True)):
             out[: b - a, j] = rows[a:b]
         return out
@@ -54,7 +58,7 @@ class SegmentColumns:
 def build_record(
     grid: ModelGrid,
     names: Sequence[str],
-    values: np.ndarray,
+    values: HeldInputs,
     roles: Mapping[str, str],
     inputs: Sequence[str],
     *,
@@ -62,29 +66,18 @@ def build_record(
     settling: float = 0.0,
     controlled_element: LinearElement | None = None,
 ) -> tuple[Record, SegmentColumns]:
-    """Put the rows of a grid side by side; NaN inputs must have been replaced before."""
+    """Put the rows of a grid side by side."""
     columns = SegmentColumns.of(grid)
-    channels = {n: columns.beside(values[:, i]) for i, n in enumerate(names)}
-    roles = dict(roles)
-    by_role = {role: channels[name] for name, role in roles.items() if role in EXACT}
-    if target_is_sum(by_role):
-        channels["f_t"] = with_target(by_role)["f_t"]
-        roles["f_t"] = "f_t"
-    time = grid.layout.time if grid.rows is None else grid.layout.time[grid.rows]
-    t = columns.beside(time)
-    for j, (a, b) in enumerate(zip(columns.begin, columns.end, strict=True)):
-        t[b - a :, j] = t[b - a - 1, j] + grid.dt * np.arange(1, columns.length - (b - a) + 1)
-    if np.ptp(t, axis=1).max() < 0.5 * grid.dt:
-        t = np.ascontiguousarray(t[:, :1])
     known = measured(grid, columns, output)
+    channels, roles = _channels(columns, names, values, dict(roles))
     y = None
     if output is not None:
-        y = columns.beside(np.nan_to_num(output))
+        y = np.nan_to_num(columns.beside(output, dtype=np.float64), copy=False)
         for j, (a, b) in enumerate(zip(columns.begin, columns.end, strict=True)):
             known[: min(round(settling / grid.dt), (b - a) // 4), j] = False
     record = Record(
         dt=grid.dt,
-        t=t,
+        t=_times(columns, grid),
         channels=channels,
         roles=roles,
         inputs=tuple(inputs),
@@ -93,6 +86,48 @@ def build_record(
         controlled_element=controlled_element,
     )
     return record, columns
+
+
+def _channels(
+    columns: SegmentColumns, names: Sequence[str], values: HeldInputs, roles: dict[str, str]
+) -> tuple[Mapping[str, np.ndarray], dict[str, str]]:
+    """All channels, with the target where it is the sum of two, and their roles."""
+    of_role = {role: name for name, role in roles.items() if role in EXACT}
+    sums = {}
+    if target_is_sum(of_role):
+        sums, roles = {"f_t": (of_role["e"], of_role["x"])}, {**roles, "f_t": "f_t"}
+    channels = RowChannels(
+        {name: partial(values.column, i) for i, name in enumerate(names)},
+        columns.begin,
+        columns.end,
+        columns.length,
+        sums,
+    )
+    few = few_runs(columns.length, columns.begin.size)
+    return channels if few else {n: np.ascontiguousarray(channels[n]) for n in channels}, roles
+
+
+def _times(columns: SegmentColumns, grid: ModelGrid) -> np.ndarray:
+    """Time in the runs, in one column where they share it; it goes on behind short ones."""
+    time = grid.layout.time if grid.rows is None else grid.layout.time[grid.rows]
+    more = grid.dt * np.arange(1, columns.length + 1)
+    runs = list(zip(columns.begin.tolist(), columns.end.tolist(), strict=True))
+
+    def of_run(a: int, b: int) -> np.ndarray:
+        return np.concatenate([time[a:b], time[b - 1] + more[: columns.length - (b - a)]])
+
+    first = of_run(*runs[0])
+    low, high = first.copy(), first.copy()
+    for run in runs[1:]:
+        here = of_run(*run)
+        np.minimum(low, here, out=low)
+        np.maximum(high, here, out=high)
+    if (high - low).max() < 0.5 * grid.dt:
+        return first[:, None]
+    t = columns.beside(time)
+    for j, run in enumerate(runs):
+        t[:, j] = of_run(*run)
+    return t
 
 
 def measured(grid: ModelGrid, columns: SegmentColumns, output: np.ndarray | None) -> np.ndarray:

@@ -72,10 +72,11 @@ def run_free(X, stretches, orders, theta, past=None, y0=None):
 def run_ahead(y, X, stretches, orders, theta, horizon):
     a, b, intercept = orders.split(theta)
     begin, end = edges(stretches)
-    found = _kernels.arx.predict_ahead(
-        _kernels.gate(y), _kernels.gate(X), begin, end, theta[None].copy(),
+    found = np.zeros(len(X))
+    _kernels.arx.predict_ahead(
+        np.array(y), _kernels.gate(X), 0, begin, end, begin, theta[None].copy(),
         np.zeros(len(X), dtype=np.int64), orders.na,
-        np.array(orders.nb), np.array(orders.nk), horizon, BOUND,
+        np.array(orders.nb), np.array(orders.nk), horizon, BOUND, found,
     )  # fmt: skip
     twin = naive.predict_ahead(
         y, X, stretches, a, unpadded(orders, b), orders.nk, intercept, horizon

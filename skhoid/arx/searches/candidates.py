@@ -14,8 +14,8 @@ from sklearn.pipeline import Pipeline
 from ...exceptions import ShortRunError
 from ...pipelines import final_step
 from ...preprocessing.base import RowPreservingTransformer
-from ...preprocessing.gate import AS_GIVEN
 from ...preprocessing.grid import ModelGrid
+from ...preprocessing.held_inputs import HeldInputs
 from ..base import BaseARX, check_lengths, check_row_count, longest_stretches
 from ..batch import ARXRegressor
 from ..least_squares import Triangle, solutions
@@ -70,14 +70,14 @@ class CandidateTable:
                 "The search needs an ARX model, or a pipeline that ends in one; got "
                 f"{type(self._model).__name__}."
             )
-        data = self._model._read_data(X, y, dtypes=AS_GIVEN)
+        data = self._model._read_data(X, y, in_parts=True)
         self.grid, self._raw_inputs, self.output = data.grid, data.inputs, data.output
         self.known = data.known
         self.dt = self.grid.dt
         self.n_runs = len(self.grid.layout.labels)
 
     @cached_property
-    def inputs(self) -> np.ndarray:
+    def inputs(self) -> HeldInputs:
         """Inputs to simulate from."""
         return self._model._hold(self.grid, self._raw_inputs)
 
