@@ -95,11 +95,14 @@ class Record:
         def thinned(values: np.ndarray) -> np.ndarray:
             return np.ascontiguousarray(values[::thin])
 
+        channels = self._channels_of(runs)
         return replace(
             self,
             dt=self.dt * thin,
             t=thinned(self.t if self.t.shape[1] == 1 < self.n_runs else self.t[:, runs]),
-            channels={name: thinned(values) for name, values in self._channels_of(runs).items()},
+            channels=channels.thinned(thin)
+            if isinstance(channels, RowChannels)
+            else {name: thinned(values) for name, values in channels.items()},
             known=thinned(self.known[:, runs]),
             y=None if self.y is None else thinned(self.y[:, runs]),
             prediction=None,
@@ -113,6 +116,12 @@ class Record:
             name: values if values.shape[1] == 1 < self.n_runs else values[:, runs]
             for name, values in self.channels.items()
         }
+
+    def changed(self, channels: Mapping[str, np.ndarray]) -> Record:
+        """The record with other values of some channels."""
+        many = self.channels if isinstance(self.channels, RowChannels) else None
+        new = {**self.channels, **channels} if many is None else many.changed(channels)
+        return replace(self, channels=new, _derived={})
 
     def few_runs(self) -> list[slice]:
         """Columns of a few runs at a time, of a large record; none of one that is small."""
@@ -129,6 +138,11 @@ class Record:
             prediction=None,
             _derived=self.once(("columns", columns.start), dict),
         )
+
+    def forget(self) -> None:
+        """Keep no channel that can be read again."""
+        if isinstance(self.channels, RowChannels):
+            self.channels.found.clear()
 
     def beginning(self, seconds: float) -> Record:
         """The first seconds of the runs."""

@@ -3,56 +3,76 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 
+@dataclass(frozen=True, eq=False)
 class RowChannels(Mapping[str, np.ndarray]):
     """Channels of runs side by side that are put together when they are asked for.
 
     ``rows`` gives some rows of each channel, ``begin`` and ``end`` are the first and the last + 1
     of the runs, and ``length`` is the number of samples of the record. ``sums`` are channels that
-    are the sum of two others. What was asked for is kept; a part of the runs has its own.
+    are the sum of two others. Of the samples every ``step``-th is taken; 0 takes all, with those
+    of a run one after the other. ``given`` are channels with other values. What was ``found`` is
+    kept; a part of the runs has its own, and other processes get a plain dict.
     """
 
-    def __init__(
-        self,
-        rows: Mapping[str, Callable[[slice], np.ndarray]],
-        begin: np.ndarray,
-        end: np.ndarray,
-        length: int,
-        sums: Mapping[str, tuple[str, str]],
-    ) -> None:
-        self._rows, self._sums = rows, sums
-        self._begin, self._end, self._length = begin, end, length
-        self._found: dict[str, np.ndarray] = {}
+    rows: Mapping[str, Callable[[slice], np.ndarray]]
+    begin: np.ndarray
+    end: np.ndarray
+    length: int
+    sums: Mapping[str, tuple[str, str]]
+    step: int = 0
+    given: Mapping[str, np.ndarray] = field(default_factory=dict)
+    found: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[str]:
-        yield from dict.fromkeys([*self._rows, *self._sums])
+        yield from dict.fromkeys([*self.rows, *self.sums])
 
     def __contains__(self, name: object) -> bool:
-        return name in self._rows or name in self._sums
+        return name in self.rows or name in self.sums
 
     def __len__(self) -> int:
-        return len({*self._rows, *self._sums})
+        return len({*self.rows, *self.sums})
 
     def __getitem__(self, name: str) -> np.ndarray:
-        if name not in self._found:
-            self._found[name] = self.read(name)
-        return self._found[name]
+        if name not in self.found:
+            self.found[name] = self.read(name)
+        return self.found[name]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)
 
     def read(self, name: str) -> np.ndarray:
         """The same, and nothing is kept of it."""
-        if name in self._sums:
-            one, other = self._sums[name]
-            return self.read(one) + self.read(other)
-        rows = self._rows[name]
-        out = np.zeros((self._length, self._begin.size), order="F")
-        for j, (a, b) in enumerate(zip(self._begin.tolist(), self._end.tolist(), strict=True)):
+        if name in self.given:
+            return self.given[name]
+        one, *other = self.sums.get(name, (name,))
+        out = self._beside(one)
+        for more in other:
+            out += self._beside(more)
+        return np.ascontiguousarray(out[:: self.step]) if self.step else out
+
+    def _beside(self, name: str) -> np.ndarray:
+        rows = self.rows[name]
+        out = np.zeros((self.length, self.begin.size), order="F")
+        for j, (a, b) in enumerate(zip(self.begin.tolist(), self.end.tolist(), strict=True)):
             out[: b - a, j] = rows(slice(a, b))
         return out
 
     def of_runs(self, runs: slice | np.ndarray) -> RowChannels:
         """The channels of some of the runs."""
-        begin, end = self._begin[runs], self._end[runs]
-        return RowChannels(self._rows, begin, end, self._length, self._sums)
+        given = {name: values[:, runs] for name, values in self.given.items()}
+        return replace(self, begin=self.begin[runs], end=self.end[runs], given=given, found={})
+
+    def thinned(self, step: int) -> RowChannels:
+        """The channels at every ``step``-th sample."""
+        given = {n: np.ascontiguousarray(values[::step]) for n, values in self.given.items()}
+        return replace(self, step=max(self.step, 1) * step, given=given, found={})
+
+    def changed(self, channels: Mapping[str, np.ndarray]) -> RowChannels:
+        """The same with other values of some channels."""
+        return replace(self, given={**self.given, **channels}, found={})

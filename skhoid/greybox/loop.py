@@ -270,12 +270,12 @@ def motions(signal: np.ndarray, dt: float) -> list[np.ndarray]:
 
 def moved_with(record: Record, error: np.ndarray, follow: dict[str, np.ndarray]) -> Record:
     """The record with another error, and with what moves then."""
-    channels = {**record.channels, record.inputs[0]: error}
+    channels = {record.inputs[0]: error}
     moved = motions(record.input - error, record.dt) if len(follow) > 1 else [record.input - error]
     for name, shares in follow.items():
         change = sum(share * signal for share, signal in zip(shares, moved, strict=False))
         channels[name] = record.channels[name] + change
-    return replace(record, channels=channels, _derived={})
+    return record.changed(channels)
 
 
 def filtered(signal: np.ndarray, response: np.ndarray | None) -> np.ndarray:

@@ -71,8 +71,7 @@ class Scan:
         if against is not None:
             dead = round(record.ahead / record.dt) if np.isfinite(record.ahead) else 0
             x = x - np.concatenate([against[dead:], np.zeros_like(against[:dead])])
-        inputs = {**record.channels, record.inputs[0]: x}
-        simulator = Simulator(core, Effects([]), replace(record, channels=inputs))
+        simulator = Simulator(core, Effects([]), record.changed({record.inputs[0]: x}))
         found = []
         for theta in core.starts_for(record, x):
             values = dict(zip(simulator.names, theta.tolist(), strict=True))

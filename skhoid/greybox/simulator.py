@@ -90,10 +90,11 @@ class Simulator:
         self._whole: np.ndarray | None = None
 
     @cached_property
-    def _few_runs(self) -> list[slice]:
-        """Columns that are simulated at a time; none where all are."""
-        together = not all(effect.runs_apart for _, effect in self.effects)
-        return [] if together else self.record.few_runs()
+    def _parts(self) -> list[tuple[slice, Any]]:
+        if not all(effect.runs_apart for _, effect in self.effects):
+            return []
+        few_at_a_time = self.record.few_runs()
+        return [(columns, self._part(self.record.columns(columns))) for columns in few_at_a_time]
 
     def _part(self, few: Record) -> Any:
         """The same simulator, with the same bounds, on a few of the runs."""
@@ -104,10 +105,12 @@ class Simulator:
 
     def parts(self) -> Iterator[tuple[slice, Any]]:
         """Simulators of a few runs each, with their columns; of a small record itself."""
-        if not self._few_runs:
+        if not self._parts:
             yield slice(None), self
-        for columns in self._few_runs:
-            yield columns, self._part(self.record.columns(columns))
+        for columns, part in self._parts:
+            yield columns, part
+            part._theta, part._states = None, []
+            part.record.forget()
 
     def __reduce__(self) -> tuple:
         return Simulator, (self.core, self.effects, self.record)
@@ -218,7 +221,7 @@ class Simulator:
         """Output for parameters, of shape (n_samples, n_runs); its stages are kept."""
         if self._theta is not None and np.array_equal(theta, self._theta):
             return self._states[-1].output if self._whole is None else self._whole
-        if self._few_runs:
+        if self._parts:
             self._theta, self._whole = theta.copy(), self._of_parts(theta)
             return self._whole
         begin = 0
@@ -242,7 +245,7 @@ class Simulator:
         assert self._theta is not None
         theta = self._theta.copy()
         theta[position] = value
-        if self._few_runs:
+        if self._parts:
             return self._of_parts(theta)
         begin = self._begins[position]
         state = self._states[begin]
@@ -253,7 +256,7 @@ class Simulator:
     @property
     def last_state(self) -> StageSignals:
         """Signals of the last run."""
-        if not self._few_runs:
+        if not self._parts:
             return self._states[-1]
         state = self._start()
         for stage in self._stages:

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-BLOCK = 100_000  # rows
+BLOCK = 100_000  # values, or rows of a channel
 
 
 class HeldInputs:
     """Columns on a grid, in which NaN hold the last value, and are zero before the first.
 
-    Rows are read when they are asked for, by a slice or by their numbers, as 64-bit floats: a
-    table of single precision, or one that lies in a file, is never copied whole. ``stretches``
-    are first rows and last rows + 1 of what belongs together.
+    Rows are read when they are asked for, by a slice or by their numbers: a table of single
+    precision, or one that lies in a file, is never copied whole. ``stretches`` are first rows and
+    last rows + 1 of what belongs together.
     """
 
     def __init__(
@@ -28,20 +28,23 @@ class HeldInputs:
         self.shape = (len(values), len(self.columns))
         begin, end = np.array(stretches).reshape(-1, 2).T
         found: dict[int, list[np.ndarray]] = {}
-        for a in range(0, len(values), BLOCK):
-            missing = np.isnan(values[a : a + BLOCK])[:, self.columns]
+        block = max(1, BLOCK // max(values.shape[1], 1))
+        for a in range(0, len(values), block):
+            missing = np.isnan(values[a : a + block])[:, self.columns]
             for i in np.flatnonzero(missing.any(axis=0)).tolist():
                 found.setdefault(i, []).append(a + np.flatnonzero(missing[:, i]))
         self.gaps = {i: _Gaps.of(np.concatenate(rows), begin, end) for i, rows in found.items()}
 
     def __getitem__(self, rows: Any) -> np.ndarray:
-        return np.stack([self.column(i, rows) for i in range(self.shape[1])], axis=-1)
+        columns = [self.column(i, rows) for i in range(self.shape[1])]
+        return np.stack(columns, axis=-1, dtype=np.float64)
 
     def column(self, position: int, rows: Any) -> np.ndarray:
-        """Values of one of the columns."""
+        """Values of one of the columns, in its precision; maybe a view."""
         column = self.columns[position]
-        found = self.values[rows, column].astype(np.float64)
+        found = self.values[rows, column]
         if position in self.gaps:
+            found = found.copy()
             missing, last, _ = self.gaps[position]
             holes = np.flatnonzero(np.isnan(found))
             if isinstance(rows, slice):

@@ -1,0 +1,109 @@
+"""Tables of single precision, and those in files, are read a part at a time and never copied."""
+
+import tracemalloc
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhoid import (
+    ARXRegressor,
+    MissingDataWarning,
+    OperatorRegressor,
+    RecursiveARX,
+    make_tracking_runs,
+)
+
+WIDE = 60  # columns, of which a model takes one or two
+MODELS = {
+    "arx": ARXRegressor(2, 2, 7, inputs=["e"]),
+    "arx, all": ARXRegressor(2, 2, 7, inputs=["e", "x"]),
+    "recursive": RecursiveARX(2, 2, 7, inputs=["e"], memory_time=5.0),
+    "operator": OperatorRegressor(),
+    "effect": ARXRegressor(2, 2, 7, inputs=["e"], effects=["dead_zone"]),
+}
+
+
+@pytest.fixture(scope="module")
+def data():
+    X, y = make_tracking_runs(
+        "C1", n_runs=4, duration=20.48, sampling_rate=50, channels=["e", "x", "f_t"],
+        remnant_intensity=0.1, random_state=0,
+    )  # fmt: skip
+    X.iloc[[100, 101, 700], 0] = np.nan
+    return X.astype(np.float32), y.astype(np.float32)
+
+
+@pytest.fixture(params=["few", "many"])
+def size(request, monkeypatch):
+    """Runs simulated all at once, or a few at a time."""
+    if request.param == "many":
+        for module in ("effects.record", "greybox.side_by_side"):
+            monkeypatch.setattr(f"skhoid.{module}.LARGE", 2500)
+        monkeypatch.setattr("skhoid.effects.record.CACHED", 2100)
+
+
+def answers(model, X, y):
+    fitted = model.fit(X, y)
+    yield "estimates", fitted.coef_ if hasattr(fitted, "coef_") else fitted.parameters_["value"]
+    yield "predict", fitted.predict(X)
+    yield "score", fitted.score(X, y)
+    if hasattr(fitted, "predict_ahead"):
+        yield "ahead", fitted.predict_ahead(X, y, 3)
+
+
+@pytest.mark.usefixtures("size")
+@pytest.mark.parametrize("name", MODELS)
+def test_they_give_the_bits_of_the_same_values_in_double(name, data):
+    X, y = data
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MissingDataWarning)
+        double = dict(answers(MODELS[name], X.astype(np.float64), y.astype(np.float64)))
+        for what, found in answers(MODELS[name], X, y):
+            np.testing.assert_array_equal(found, double[what], err_msg=what)
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory):
+    """Runs in a file with many more channels, as a frame that does not copy it."""
+    X, y = make_tracking_runs(
+        "C1", n_runs=40, duration=40.96, channels=["e", "x"], remnant_intensity=0.1, random_state=1
+    )
+    path = tmp_path_factory.mktemp("mapped") / "channels"
+    table = np.memmap(path, np.float32, "w+", shape=(len(X), WIDE))
+    table[:] = np.random.default_rng(0).standard_normal((1, WIDE))
+    table[:, 0], table[:, 7] = X["e"], X["x"]
+    table.flush()
+    names = [f"c{i}" for i in range(WIDE)]
+    names[0], names[7] = "e", "x"
+    table = np.memmap(path, np.float32, "r", shape=(len(X), WIDE))
+    frame = pd.DataFrame(table, index=X.index, columns=names, copy=False)
+    assert np.shares_memory(frame.to_numpy(), table)
+    return frame, y
+
+
+def peak(call, *args):
+    tracemalloc.start()
+    try:
+        call(*args)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("call", ["fit", "predict", "score", "predict_ahead"])
+@pytest.mark.parametrize("name", ["arx", "recursive", "operator"])
+def test_a_mapped_file_is_not_copied(name, call, mapped):
+    X, y = mapped
+    model = MODELS[name]
+    if not hasattr(model, call):
+        pytest.skip("it makes no such prediction")
+    few = X.index.get_level_values("run") <= 2
+    model = model.fit(X[few], y[few])
+    args = (X,) if call == "predict" else (X, y)
+    getattr(model, call)(*(part[few] for part in args))  # which compiles and imports
+    most = (
+        {"operator": 0.9, "recursive": 0.7}.get(name, 0.3) if call == "fit" else 0.4
+    )  # what they compute with
+    assert peak(getattr(model, call), *args) < most * X.to_numpy().nbytes
