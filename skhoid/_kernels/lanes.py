@@ -4,13 +4,13 @@ In compiled code a vector is one of LLVM's, which become the widest instructions
 whatever the loop around them; uncompiled it is a NumPy array. Operators work lane by lane, as
 :func:`fma` does: nothing is reordered or fused but what is written so, and a lane gives the same
 bits beside any others. Vectors are never changed in place. A mask is a vector of truth values.
-
-Compiled kernels are stored by their own file: remove ``__pycache__`` after a change in this one.
 """
 
 from __future__ import annotations
 
 import operator
+import zlib
+from pathlib import Path
 
 import numpy as np
 from llvmlite import ir
@@ -18,6 +18,10 @@ from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import lower_builtin, models, register_model, type_callable
+
+# Compiled kernels are stored for as long as their own file does not change. Those with vectors bear
+# this number in their names, so that they are compiled anew when this file does.
+VERSION = zlib.crc32(Path(__file__).read_bytes())
 
 
 def load(array, at, lanes):

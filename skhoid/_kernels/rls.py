@@ -21,6 +21,7 @@ from numba import njit
 from numba.extending import register_jitable
 
 from .lanes import (
+    VERSION,
     every,
     everywhere,
     fma,
@@ -349,7 +350,7 @@ def recursion(n_params, lanes, shared=False, wide=False):
 
     # Cached functions of one name from different processes would be mistaken for each other.
     kind = "s" * shared + "w" * wide
-    advance.__name__ = advance.__qualname__ = f"advance_{n_params}_{lanes}{kind}"
+    advance.__name__ = advance.__qualname__ = f"advance_{n_params}_{lanes}{kind}_{VERSION}"
     return njit(cache=True, nogil=True, error_model="numpy")(advance)
 
 
@@ -399,7 +400,7 @@ def stream(n_params, wide=False):
             done += m
         return True
 
-    take.__name__ = take.__qualname__ = f"take_{n_params}{'w' * wide}"
+    take.__name__ = take.__qualname__ = f"take_{n_params}{'w' * wide}_{VERSION}"
     return njit(cache=True, nogil=True, error_model="numpy")(take)
 
 

@@ -1,9 +1,15 @@
 """Vectors of lanes, compiled, against the NumPy arrays that they are uncompiled."""
 
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numba import njit
 
+from skhoid import _kernels
 from skhoid._kernels.lanes import (
     every,
     everywhere,
@@ -64,3 +70,25 @@ def test_fma_rounds_once():
     assert (plain == 0.0).all()
     if hasattr(njit(product), "signatures"):  # not under NUMBA_DISABLE_JIT=1
         assert (out == 2.0**-60).all()
+
+
+def test_kernels_with_vectors_are_compiled_anew_when_these_change(tmp_path):
+    """Numba stores them by their own file alone, which stays the same."""
+    copied = tmp_path / "kernels"
+    shutil.copytree(
+        Path(_kernels.__file__).parent, copied, ignore=shutil.ignore_patterns("__pycache__")
+    )
+    code = "import kernels.rls as r; print(r.recursion(2, 1).__name__, r.stream(2).__name__)"
+
+    def names():
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
+        )
+        return set(done.stdout.split())
+
+    before = names()
+    assert len(before) == 2
+    assert names() == before
+    with (copied / "lanes.py").open("a", encoding="utf-8") as file:
+        file.write("\n# A change.\n")
+    assert not names() & before
