@@ -1,4 +1,7 @@
-"""Private names of scikit-learn, which no other file imports."""
+"""Private names and habits of scikit-learn, which no other file knows."""
+
+import sys
+from typing import Any
 
 from sklearn.base import _fit_context as fit_context
 from sklearn.exceptions import NotFittedError
@@ -13,6 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 
 __all__ = [
     "BaseComposition",
+    "CoefficientsOfLags",
     "FittedDisplay",
     "HasMethods",
     "Interval",
@@ -43,3 +47,34 @@ class FittedDisplay:
         except NotFittedError:
             return diagram
         return diagram + self._found_html()
+
+
+class CoefficientsOfLags:
+    """The attribute ``coef_`` of a model, refused to selection by importance.
+
+    That takes it for one number per column of X, and scikit-learn has no tag by which a model could
+    say that it is not: who asks has to be looked at. ``_one_per_column`` says that it is.
+    """
+
+    def __get__(self, model: Any, owner: Any = None) -> Any:
+        if model is None:
+            return self
+        found = vars(model).get("coef_")
+        if found is None:
+            raise AttributeError(f"{type(model).__name__!r} object has no attribute 'coef_'")
+        asking = sys._getframe(1).f_globals.get("__name__", "")
+        if asking.startswith("sklearn.feature_selection") and not model._one_per_column:
+            first = ", ".join(model.parameter_names_[:4])
+            raise TypeError(
+                f"coef_ of {type(model).__name__} has one number per lag ({first}, ...), and "
+                "selection by importance needs one per column of X. Compare sets of inputs instead: "
+                'GridSearchCV(model, {"inputs": [["e"], ["e", "x"]]}, scoring=VAFScorer(), '
+                "cv=LeaveOneGroupOut()), fitted with groups=run_labels(X)."
+            )
+        return found
+
+    def __set__(self, model: Any, value: Any) -> None:
+        vars(model)["coef_"] = value
+
+    def __delete__(self, model: Any) -> None:
+        del vars(model)["coef_"]

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import _kernels
+from .._sklearn import CoefficientsOfLags
 from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import vaf_of_rows
 from ..preprocessing.grid import ModelGrid
@@ -32,6 +33,8 @@ class BaseARX(RunRegressor):
     dt: float | None
     run: Any
     n_rows_missing_: int
+
+    coef_: Any = CoefficientsOfLags()
 
     def _set_orders(self, grid: ModelGrid) -> None:
         self.orders_ = Orders.of(
@@ -105,6 +108,12 @@ class BaseARX(RunRegressor):
         return transfer_function(
             self.orders_, self.coef_, self.dt_, self.inputs_, self._output_name, backend
         )
+
+    @property
+    def _one_per_column(self) -> bool:
+        """Whether ``coef_`` has one entry for each column of X."""
+        plain = self.orders_.na == 0 and not self.orders_.intercept and set(self.orders_.nb) == {1}
+        return plain and self._columns == list(range(self.n_features_in_))
 
     def _held_inputs(self, grid: ModelGrid, values: np.ndarray) -> HeldInputs:
         return self._hold(grid, grid.thin_inputs(values), self._columns)

@@ -1,7 +1,10 @@
 """scikit-learn's tools that do not pass runs on, or take coef_ for one number per column."""
 
+import pickle
+
 import numpy as np
 import pytest
+from sklearn.base import clone
 from sklearn.ensemble import AdaBoostRegressor, BaggingRegressor, StackingRegressor, VotingRegressor
 from sklearn.feature_selection import RFE, SelectFromModel
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
@@ -55,12 +58,19 @@ def test_stacking_and_voting_pass_runs_on():
     np.testing.assert_array_equal(stacked.fit(X, Y).transform(X)[:, 0], expected)
 
 
-@pytest.mark.parametrize("model", [MODEL, RecursiveARX(nk=3)])
+@pytest.mark.parametrize("model", [MODEL, RecursiveARX(nk=3), ARXRegressor(1, 1, 3, inputs=["e"])])
 def test_selection_by_importance_does_not_take_lags_for_columns(model):
-    with pytest.raises(IndexError):
-        RFE(model).fit(X.to_numpy(), Y.to_numpy())
-    with pytest.raises(IndexError):
+    told = r"one number per lag \(a1, .*b0, .*\), and selection by importance needs one per column"
+    with pytest.raises(TypeError, match=told):
         SelectFromModel(model).fit(X, Y).transform(X)
+    bare = clone(model).set_params(inputs=[0])
+    with pytest.raises(TypeError, match=told):
+        RFE(bare).fit(X.to_numpy(), Y.to_numpy())
+    fitted = clone(model).fit(X, Y)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(fitted)).coef_, fitted.coef_)
+    assert not hasattr(clone(model), "coef_")
+    selected = SelectFromModel(model, importance_getter=lambda fitted: fitted.coef_[:2])
+    assert selected.fit(X, Y).transform(X).shape[1] > 0
 
 
 @pytest.mark.parametrize("model", [OperatorRegressor(), DelaySearchCV(nk=[2, 3])])
