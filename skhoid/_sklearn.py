@@ -67,7 +67,7 @@ class CoefficientsOfLags:
             first = ", ".join(model.parameter_names_[:4])
             raise TypeError(
                 f"coef_ of {type(model).__name__} has one number per lag ({first}, ...), and "
-                "selection by importance needs one per column of X. Compare sets of inputs instead: "
+                "selection by importance needs one per column of X. Compare sets of inputs: "
                 'GridSearchCV(model, {"inputs": [["e"], ["e", "x"]]}, scoring=VAFScorer(), '
                 "cv=LeaveOneGroupOut()), fitted with groups=run_labels(X)."
             )
