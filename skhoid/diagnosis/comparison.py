@@ -509,4 +509,5 @@ def _traces(signals: Signals) -> pd.DataFrame:
         "one_step": signals.one_step,
         "scored": signals.scored,
     }
-    return pd.DataFrame(columns | signals.channels, index=signals.index)
+    channels = {role: np.asarray(values) for role, values in signals.channels.items()}
+    return pd.DataFrame(columns | channels, index=signals.index)

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.utils import check_array
 
 from ..arx.batch import ARXRegressor
 from ..arx.least_delay import LeastDelay, least_delay_of
@@ -26,6 +27,8 @@ from ..exceptions import MissingDataWarning
 from ..metrics import VAF_FLOOR, VAFScorer, scored_rows, vaf_of_rows
 from ..pipelines import trimmed_rows
 from ..preprocessing import Decimator, RunInTrimmer
+from ..preprocessing.columns import as_column
+from ..preprocessing.gate import AS_GIVEN
 from ..recordings.loss_of_control import (
     CHOICES,
     KEEP,
@@ -383,9 +386,10 @@ class _Measured:
         if choice.lost_control not in CHOICES:
             raise ValueError(f"lost_control is 'leave_out' or 'keep'; got {choice.lost_control!r}.")
         of_role = columns_by_role(list(X.columns), choice.roles)
-        channels = {role: X.iloc[:, i].to_numpy(dtype=float) for role, i in of_role.items()}
+        channels = {role: as_column(X.iloc[:, i]) for role, i in of_role.items()}
         inputs = input_columns(list(X.columns), X.shape[1], choice.inputs, None, choice.roles)
-        unfed = rows_of_runs(layout, empty_runs(layout, X.to_numpy(dtype=float), inputs))
+        needed = check_array(X.iloc[:, inputs], dtype=AS_GIVEN, ensure_all_finite=False)
+        unfed = rows_of_runs(layout, empty_runs(layout, needed, list(range(len(inputs)))))
         control = ControlCheck()
         if choice.lost_control != KEEP and choice.domain != "machine":
             control = control_check(layout, channels, scored_rows(layout, run_in, None))

@@ -19,6 +19,7 @@ from ..exceptions import MissingDataWarning, ShortRunError, python_only
 from ..metrics import scored_rows, scored_signals, warn_of_unscored
 from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import as_fitted
+from ..preprocessing.columns import as_column
 from ..preprocessing.gate import as_output, as_table, check_numbers
 from ..recordings.loss_of_control import ControlCheck, control_check
 from ..regression import units_of
@@ -349,7 +350,7 @@ def _channels(
         name = names[position]
         column = pd.DataFrame({name: columns[name]}, copy=False)
         check_numbers(column, "X")
-        values = column[name].to_numpy(dtype=float)
+        values = as_column(column[name])
         if np.isinf(values).any():
             row = int(np.flatnonzero(np.isinf(values))[0])
             raise ValueError(

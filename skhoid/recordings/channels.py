@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..exceptions import RunIndexError
+from ..preprocessing.columns import SingleColumn
 from ..preprocessing.gate import as_table
 from ..runs import GAP, JITTER_TOLERANCE, snap
 from ..runs.roles import of_person
@@ -374,7 +375,9 @@ def _slower(recording: RawRecording) -> Iterator[Finding]:
     for name, values in recording.values.items():
         largest = np.nanmax(np.abs(values), initial=0.0)
         with np.errstate(over="ignore"):  # what has no single precision is infinite there
-            single = np.array_equal(values, values.astype(np.float32), equal_nan=True)
+            single = isinstance(values, SingleColumn) or np.array_equal(
+                values, values.astype(np.float32), equal_nan=True
+            )
         rounding = 4 * np.finfo(np.float32 if single else np.float64).eps * largest
         for order, tolerance, how in ((1, 0.0, "held"), (2, rounding, "interpolated")):
             changes = [

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..preprocessing.columns import as_column
 from ..preprocessing.gate import check_not_infinite, check_not_too_large, check_numbers
 from ..runs import RunLayout, read_layout, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_error, with_target
@@ -142,12 +143,11 @@ def control_in(
     channels = {}
     for role, position in columns_by_role(others, roles).items():
         name = others[position]
-        values = X[name] if hasattr(X, "columns") else np.asarray(X)[:, name]
-        column = pd.DataFrame({name: np.asarray(values)})
-        check_numbers(column, "X")
-        channels[role] = column[name].to_numpy(dtype=float)
-        check_not_infinite(channels[role], "X", [name])
-        check_not_too_large(channels[role], "X", [name])
+        given = np.asarray(X[name] if hasattr(X, "columns") else np.asarray(X)[:, name])
+        check_numbers(pd.DataFrame({name: given}, copy=False), "X")
+        channels[role] = as_column(given)
+        check_not_infinite(given, "X", [name])
+        check_not_too_large(given, "X", [name])
     judged = None if layout.trimmed is None else ~layout.trimmed
     return control_check(layout, channels, judged)
 

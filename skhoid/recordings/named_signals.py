@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..preprocessing.columns import as_column
 from ..preprocessing.gate import (
     as_output,
     as_table,
@@ -36,9 +37,10 @@ class NamedSignals:
             frame = frame.loc[:, np.arange(len(names)) != run_column(names, run)]
         check_numbers(frame, "X")
         self.channels = list(frame.columns)
-        self.numbers = frame.to_numpy(dtype=float)
-        check_not_infinite(self.numbers, "X", self.channels)
-        check_not_too_large(self.numbers, "X", self.channels)
+        self.columns = [as_column(frame.iloc[:, i]) for i in range(frame.shape[1])]
+        for name, (_, column) in zip(self.channels, frame.items(), strict=True):
+            check_not_infinite(column.to_numpy(), "X", [name])
+            check_not_too_large(column.to_numpy(), "X", [name])
         self.output = None if y is None else _numbers(y, len(frame))
         self.units = {**getattr(X, "attrs", {}).get("units", {})}
         self.units |= getattr(y, "attrs", {}).get("units", {})
@@ -48,7 +50,7 @@ class NamedSignals:
         """Values and unit of the signal with a role; None where there is none."""
         found = column_of_role(self.channels, role, self._roles)
         if found is not None:
-            return self.numbers[:, found], self.units.get(self.channels[found])
+            return self.columns[found], self.units.get(self.channels[found])
         if self.output is not None and role_of(self.output_name, self._roles) == role:
             return self.output, self.units.get(self.output_name)
         return None, None

@@ -32,7 +32,7 @@ class RawRecording:
     ``segments`` are the stretches of rows between gaps; ``dt`` is the median step.
     """
 
-    values: dict[Any, np.ndarray]
+    values: dict[Any, Any]
     output: Any
     signals: NamedSignals
     labels: list[str]
@@ -68,7 +68,7 @@ def read_recording(X: Any, y: Any, dt: float | None, run: Any) -> RawRecording:
     except IrregularSamplingError:
         labels, starts, time = _raw_clock(X, run)
     signals = NamedSignals(X, y, run=run_column)
-    values = {name: signals.numbers[:, i] for i, name in enumerate(signals.channels)}
+    values = dict(zip(signals.channels, signals.columns, strict=True))
     output = None
     if signals.output is not None:
         output = signals.output_name

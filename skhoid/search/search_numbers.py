@@ -132,7 +132,7 @@ def gap_of(
         measured=measured,
         free_run=model.free_run(prepared),
         trimmed=np.zeros(layout.n_rows, dtype=bool),
-        columns=dict(zip(prepared.names, np.ascontiguousarray(prepared.table.T), strict=True)),
+        columns=dict(zip(prepared.names, prepared.table.T, strict=True)),
         roles=model.get_params(deep=False).get("roles"),
         output="u",
         units={},

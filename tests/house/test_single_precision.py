@@ -9,11 +9,17 @@ import pytest
 
 from skhoid import (
     ARXRegressor,
+    EffectSearchCV,
     MissingDataWarning,
     OperatorRegressor,
     RecursiveARX,
+    check_channels,
+    compare,
+    lost_control,
     make_tracking_runs,
+    performance_scores,
 )
+from skhoid.diagnosis.identification import ModelChoice, identify
 
 WIDE = 60  # columns, of which a model takes one or two
 MODELS = {
@@ -64,6 +70,50 @@ def test_they_give_the_bits_of_the_same_values_in_double(name, data):
             np.testing.assert_array_equal(found, double[what], err_msg=what)
 
 
+def assert_equal(found, expected):
+    if isinstance(found, pd.DataFrame):
+        pd.testing.assert_frame_equal(found, expected, check_exact=True)
+    elif isinstance(found, list):
+        assert [str(one) for one in found] == [str(one) for one in expected]
+    else:
+        np.testing.assert_equal(found, expected)
+
+
+@pytest.mark.parametrize("channels", [["e", "x", "f_t"], ["e", "x"], ["e"]])
+@pytest.mark.parametrize("container", ["frame", "array"])
+def test_comparison_and_checks_give_the_same_too(channels, container, data):
+    X, y = data
+    X = X[channels]
+    model = ARXRegressor(2, 2, 7, inputs=[0], dt=0.02)
+    options = {}
+    if container == "array":
+        X, y = X.to_numpy()[:1024], y.to_numpy()[:1024]
+        options = {"roles": dict(enumerate(channels)), "dt": 0.02}
+    double = X.astype(np.float64), y.astype(np.float64)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MissingDataWarning)
+        model.fit(*double)
+        found, expected = (vars(compare(model, *data, **options)) for data in ((X, y), double))
+        for name, value in found.items():
+            assert_equal(value, expected[name])
+        assert_equal(lost_control(X, **options), lost_control(double[0], **options))
+        scores = [performance_scores(*data, windows="T_m", **options) for data in ((X, y), double)]
+        assert_equal(*scores)
+        dt = options.get("dt")
+        assert_equal(check_channels(X, y, dt=dt), check_channels(*double, dt=dt))
+
+
+@pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+def test_identification_and_search_give_the_same_too(data):
+    X, y = data
+    double = X.astype(np.float64), y.astype(np.float64)
+    found, expected = (identify(*given, ModelChoice()) for given in ((X, y), double))
+    for one, other in zip(found.models, expected.models, strict=True):
+        np.testing.assert_array_equal(one.model.coef_, other.model.coef_)
+    search = EffectSearchCV(OperatorRegressor(), effects=["dead_zone"])
+    assert_equal(search.fit(X, y).ranking_, search.fit(*double).ranking_)
+
+
 @pytest.fixture(scope="module")
 def mapped(tmp_path_factory):
     """Runs in a file with many more channels, as a frame that does not copy it."""
@@ -107,3 +157,22 @@ def test_a_mapped_file_is_not_copied(name, call, mapped):
         {"operator": 0.9, "recursive": 0.7}.get(name, 0.3) if call == "fit" else 0.4
     )  # what they compute with
     assert peak(getattr(model, call), *args) < most * X.to_numpy().nbytes
+
+
+@pytest.mark.parametrize("call", [compare, check_channels, lost_control, performance_scores])
+def test_a_mapped_file_is_compared_without_a_copy(call, mapped):
+    """What they compute with is that of the few channels with a role, in double precision."""
+    rows = 12 * 4096
+    X, y = (part.iloc[:rows] for part in mapped)
+    assert np.shares_memory(X.to_numpy(), mapped[0].to_numpy())
+
+    def peak_of(X):
+        model = [MODELS["arx"].fit(X[:8192], y[:8192])] if call is compare else []
+        outputs = [] if call is lost_control else [y]
+        call(*model, X[:8192], *(part[:8192] for part in outputs))
+        return peak(call, *model, X, *outputs)
+
+    # All channels are checked, but one after the other.
+    channels = X.columns if call is check_channels else ["e", "x"]
+    copied = X.to_numpy().nbytes
+    assert peak_of(X) < peak_of(X[channels].astype(np.float64)) + 0.1 * copied
