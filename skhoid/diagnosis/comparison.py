@@ -505,9 +505,16 @@ def _traces(signals: Signals) -> pd.DataFrame:
     columns = {
         "measured": signals.y,
         "predicted": signals.free_run,
-        "residual": signals.y - signals.free_run,
+        "residual": None,
         "one_step": signals.one_step,
-        "scored": signals.scored,
+        **signals.channels,
     }
-    channels = {role: np.asarray(values) for role, values in signals.channels.items()}
-    return pd.DataFrame(columns | channels, index=signals.index)
+    table = np.empty((len(columns), len(signals.y)))  # nothing else takes room beside it
+    for into, values in zip(table, columns.values(), strict=True):
+        if values is None:
+            np.subtract(signals.y, signals.free_run, out=into)
+        else:
+            into[:] = values
+    traces = pd.DataFrame(table.T, index=signals.index, columns=list(columns), copy=False)
+    traces.insert(4, "scored", signals.scored.copy())
+    return traces
