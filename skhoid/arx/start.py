@@ -10,6 +10,7 @@ import numpy as np
 from ..exceptions import PoorExcitationWarning
 from .least_squares import Triangle
 
+LARGEST_P0, SMALLEST_P0 = 1e100, 1e-100  # with data of any size, products stay finite
 WORTH = {"ols": 1.0, "given": 1e-4}  # of P0 by default, in samples of mean power
 
 
@@ -87,4 +88,11 @@ def _given_P0(p0: Any, n_params: int) -> np.ndarray:
         or np.linalg.eigvalsh(P0 / np.outer(scale, scale))[0] <= 0
     ):
         raise ValueError(f"p0 must make a symmetric positive definite P0; got {p0!r}.")
+    sizes = np.diag(P0)
+    if not (SMALLEST_P0 < sizes.min() and sizes.max() < LARGEST_P0):
+        raise ValueError(
+            f"p0 makes variances from {sizes.min():g} to {sizes.max():g}, which cannot be computed "
+            f"with: they lie between {SMALLEST_P0:g} and {LARGEST_P0:g}. To say that nothing is "
+            "known, 1e4 times the expected variances does; or p0=None."
+        )
     return P0

@@ -22,7 +22,7 @@ from ..runs import (
     run_time_index,
 )
 from ..runs.flat import refuse_flat
-from .gate import DOUBLE, as_table, check_not_too_large, check_numbers
+from .gate import DOUBLE, as_table, check_not_too_large, check_numbers, refuse_objects
 
 
 def keep_parameters(estimator: Any) -> None:
@@ -71,10 +71,14 @@ def read_table(
                 X.isetitem(position, layout.run_of(np.arange(len(X))))
     if frame:
         check_numbers(X, "X")
-    with np.errstate(invalid="ignore"):  # scikit-learn sums infinities of both signs
-        values = validate_data(
-            estimator, X, reset=reset, dtype=dtypes, ensure_all_finite="allow-nan"
-        )
+    try:
+        with np.errstate(invalid="ignore"):  # scikit-learn sums infinities of both signs
+            values = validate_data(
+                estimator, X, reset=reset, dtype=dtypes, ensure_all_finite="allow-nan"
+            )
+    except (TypeError, ValueError, OverflowError) as error:
+        refuse_objects(X, error)
+        raise
     check_not_too_large(values, "X", names)
     if layout is None:
         refuse_flat(X, dt=estimator.dt, run=estimator.run)  # values have lost their names

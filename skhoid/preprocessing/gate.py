@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from typing import Any
 
 import numpy as np
@@ -163,6 +164,31 @@ def check_numbers(table: pd.DataFrame, what: str) -> None:
                 raise ValueError(
                     f"The {where} holds {column.iloc[row]!r} in row {row}, which is not "
                     "a number. Use another column, or mark missing values by NaN."
+                ) from error
+
+
+def refuse_objects(X: Any, error: Exception) -> None:
+    """Name what a table without names of columns holds in place of numbers, if it is that."""
+    if hasattr(X, "dtype") and X.dtype.kind not in "OSU":
+        return
+    try:
+        rows = [list(row) for row in X]
+    except TypeError:
+        return
+    for number, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            raise ValueError(
+                f"Row {number} of X holds {len(row)} values and row 0 holds {len(rows[0])}: give "
+                "each the same number, NaN where one is missing."
+            ) from error
+        for position, entry in enumerate(row):
+            nested = isinstance(entry, (list, tuple, np.ndarray))
+            if "inhomogeneous" in str(error) if nested else not _reads_as_number(entry):
+                kind = TypeError if isinstance(error, TypeError) else ValueError
+                raise kind(
+                    f"Row {number} of X holds {reprlib.repr(entry)} in column {position}; each "
+                    "argument must be a string of a number, or a number. Mark missing values by "
+                    "NaN."
                 ) from error
 
 

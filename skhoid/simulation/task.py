@@ -23,6 +23,7 @@ from .tracking_record import TrackingRecord
 from .with_effects import RUN_IN, check_effects
 
 RUN_IN_WINDOWS = 7
+MOST_SAMPLES = 1e15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +119,11 @@ class CompensatoryTask:
             raise ValueError(
                 "CompensatoryTask: transport is 'held', 'interpolated' or None; got "
                 f"{self.transport!r}."
+            )
+        if not (self.duration + (self.run_in or 0.0)) * self.sampling_rate < MOST_SAMPLES:
+            raise ValueError(
+                f"CompensatoryTask: {self.duration:g} s at {self.sampling_rate:g} Hz, with the "
+                "run-in, are more samples than any machine holds."
             )
         if self.n_samples < 2:
             raise ValueError(

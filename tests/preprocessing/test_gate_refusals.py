@@ -1,11 +1,14 @@
 """What the fuzz suite found at the gate, as plain cases."""
 
+import datetime
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from skhoid import (
     ARXRegressor,
+    DelayShift,
     OperatorRegressor,
     RecursiveARX,
     check_channels,
@@ -29,6 +32,33 @@ def test_an_entry_that_is_no_number_is_named(entry):
     for call in (ARXRegressor().fit, check_channels, resample_runs):
         with pytest.raises(ValueError, match=r"column 'x' of X holds .* in row 3"):
             call(table, Y)
+
+
+@pytest.mark.parametrize(
+    ("entry", "error", "said"),
+    [
+        (
+            datetime.datetime(2026, 1, 1),
+            TypeError,
+            r"Row 3 of X holds datetime.* in column 1; each",
+        ),
+        ({}, TypeError, r"Row 3 of X holds \{\} in column 1; each argument"),
+        (10**400, ValueError, "Row 3 of X holds 1000.* in column 1; each argument"),
+        ("one", ValueError, "Row 3 of X holds 'one' in column 1; each argument"),
+        ([1.0, 2.0], ValueError, r"Row 3 of X holds \[1.0, 2.0\] in column 1; each argument"),
+    ],
+)
+def test_an_entry_of_an_array_that_is_no_number_is_named(entry, error, said):
+    table = X.to_numpy().tolist()
+    table[3][1] = entry
+    for model in (ARXRegressor(dt=0.02), DelayShift(0.1, dt=0.02)):
+        with pytest.raises(error, match=said):
+            model.fit(table, list(Y))
+
+
+def test_rows_of_different_lengths():
+    with pytest.raises(ValueError, match="Row 2 of X holds 1 values and row 0 holds 2"):
+        ARXRegressor().fit([[1.0, 2.0], [1.0, 2.0], [3.0]], [1.0, 2.0, 3.0])
 
 
 def test_times_are_no_channel():

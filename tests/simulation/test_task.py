@@ -62,6 +62,8 @@ def test_task_at_an_instant():
         ({"display": "pursuite"}, "display is 'compensatory', 'pursuit', .*got 'pursuite'"),
         ({"transport": "hold"}, "transport is 'held', 'interpolated' or None; got 'hold'"),
         ({"duration": 0.005}, "0.005 s at 100.0 Hz are fewer than two samples"),
+        ({"sampling_rate": 1e308}, "81.92 s at 1e\\+308 Hz, with the run-in, are more samples"),
+        ({"run_in": 1e300}, "are more samples than any machine holds"),
         ({"duration": 0.2, "run_in": 0.05}, "delay tau_e = 0.28 s is longer than the run of 0.2"),
         (
             {"operator": HumanOperator(tau_e=0.285), "transport": "held"},

@@ -15,7 +15,7 @@ NAMES = ["e", "x", "f_t", "motion_roll", "dist", "u", "error [deg]", "run", "tim
 ODD_NAMES = [None, float("nan"), ("e", "deg"), 1.5, True, b"e", "\x00", "e\n", "λ"]
 
 
-@dataclass
+@dataclass(repr=False)  # hypothesis shows the fields of others
 class Recording:
     """Channels and output, and whether anything was done to them."""
 
@@ -27,7 +27,11 @@ class Recording:
         X, y = self.X, self.y
         index = X.index[:4].tolist() if isinstance(X, pd.DataFrame) else None
         kinds = dict(zip(X.columns, X.dtypes, strict=True)) if index is not None else ""
-        return f"Recording(faults={self.faults}, index={index}, columns={kinds},\nX=\n{X}\ny=\n{y})"
+        try:
+            values = f"{X}\ny=\n{y}"
+        except TypeError:  # pandas does not write frames of bytes without a type
+            values = f"{np.asarray(X)}\ny=\n{np.asarray(y)}"
+        return f"Recording(faults={self.faults}, index={index}, columns={kinds},\nX=\n{values})"
 
 
 def filtered(rng: np.random.Generator, e: np.ndarray, noise: float) -> np.ndarray:

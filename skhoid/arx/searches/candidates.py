@@ -134,6 +134,8 @@ class CandidateTable:
             for _, rows in self._blocks(run)
             if rows.size
         ]
+        if not known:
+            check_row_count(0, 1, self.grid)
         return float(np.min(known)), float(np.max(known))
 
     def triangles(self, training: list[RunRows]) -> tuple[list[Triangle], Triangle]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import reprlib
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Any, NamedTuple
@@ -109,7 +111,32 @@ class SplitsRuns:
 def _splitter(cv: Any, several: bool = True) -> Any:
     if cv is None:
         return LeaveOneGroupOut()
-    return GroupKFold(int(cv)) if isinstance(cv, Integral) and several else check_cv(cv)
+    if isinstance(cv, Integral) and several:
+        return GroupKFold(int(cv))
+    if isinstance(cv, Iterable) and not isinstance(cv, str):
+        cv = list(cv)
+        for split in cv:
+            if isinstance(split, str) or not np.iterable(split) or len(tuple(split)) != 2:
+                raise ValueError(
+                    f"cv holds {reprlib.repr(split)}, which is no pair (training rows, test rows); "
+                    "give pairs, a number of folds, or a splitter such as LeaveOneGroupOut()."
+                )
+    return check_cv(cv)
+
+
+def _rows_of(part: Any, n_rows: int) -> np.ndarray:
+    """Rows of one side of a split, checked."""
+    rows = np.asarray(part)
+    if not rows.size:
+        return np.zeros(0, dtype=np.int64)
+    mask = rows.dtype.kind == "b" and rows.shape == (n_rows,)
+    numbers = rows.dtype.kind in "iu" and rows.ndim == 1
+    if not (mask or (numbers and -n_rows <= rows.min() and rows.max() < n_rows)):
+        raise ValueError(
+            f"A split of cv holds {reprlib.repr(part)}: rows are whole numbers from 0 to "
+            f"{n_rows - 1}, or a mask of them."
+        )
+    return rows
 
 
 def folds_of(
@@ -151,7 +178,8 @@ def folds_of(
             # Splitters that do not use groups say so; the runs are offered to all alike.
             warnings.filterwarnings("ignore", message="The groups parameter is ignored")
             found = splitter.split(rows[:, None], np.zeros(rows.size), **{**routed, "groups": kept})
-            folds = [Fold(*(RunRows.of(rows[part], starts) for part in split)) for split in found]
+            parts = [[rows[_rows_of(part, rows.size)] for part in split] for split in found]
+        folds = [Fold(*(RunRows.of(part, starts) for part in split)) for split in parts]
         cut = [
             layout.labels[run]
             for fold in folds
