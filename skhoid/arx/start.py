@@ -89,7 +89,7 @@ def _given_P0(p0: Any, n_params: int) -> np.ndarray:
     ):
         raise ValueError(f"p0 must make a symmetric positive definite P0; got {p0!r}.")
     sizes = np.diag(P0)
-    if not (SMALLEST_P0 < sizes.min() and sizes.max() < LARGEST_P0):
+    if not (sizes.min() > SMALLEST_P0 and sizes.max() < LARGEST_P0):
         raise ValueError(
             f"p0 makes variances from {sizes.min():g} to {sizes.max():g}, which cannot be computed "
             f"with: they lie between {SMALLEST_P0:g} and {LARGEST_P0:g}. To say that nothing is "

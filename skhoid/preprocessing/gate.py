@@ -168,8 +168,9 @@ def check_numbers(table: pd.DataFrame, what: str) -> None:
 
 
 def refuse_objects(X: Any, error: Exception) -> None:
-    """Name what a table without names of columns holds in place of numbers, if it is that."""
-    if hasattr(X, "dtype") and X.dtype.kind not in "OSU":
+    """Name what an array or a list holds in place of numbers, if it is that."""
+    listed = isinstance(X, (list, tuple))
+    if not (listed or (isinstance(X, np.ndarray) and X.dtype.kind in "OSU")):
         return
     try:
         rows = [list(row) for row in X]
