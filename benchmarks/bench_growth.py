@@ -1,12 +1,12 @@
 """How time and memory grow: of the work on a record with its rows, and of a study with its sizes.
 
     pip install -e ".[io]"
-    python benchmarks/bench_growth.py                              # half an hour
+    python benchmarks/bench_growth.py                              # half an hour, 2 GB of disk
     python benchmarks/bench_growth.py --largest 1e6 --share 0.25   # to try
 
-Work on a record, of 100,000 to 10 million rows in runs of 10,000, is in the parts of the folder
-``growth``, each of which runs alone too (``python -m growth.compare``, in this folder). Its time
-may grow with the rows to the power 1.1.
+Work on a record or its file, of 100,000 to 10 million rows in runs of 10,000, is in the parts of
+the folder ``growth``, each of which runs alone too (``python -m growth.compare``, in this folder).
+Its time may grow with the rows to the power 1.1.
 
 Studies: one process. Each row is a fresh Python, the fastest of three that take turns with those
 of the other sizes; memory is the peak of its resident set above that of a study of a single data
@@ -26,7 +26,7 @@ import sys
 import time
 
 from bench_simulate import cpu
-from growth import arx_searches, compare, greybox
+from growth import arx_searches, compare, greybox, reading
 from growth.harness import table
 
 FACTORS = (1, 2, 4)
@@ -87,6 +87,7 @@ def main() -> int:
         "growth.arx_searches": arx_searches.WORKS,
         "growth.greybox": greybox.WORKS,
         "growth.compare": compare.WORKS,
+        "growth.reading": reading.WORKS,
     }.items():
         missed += table(name, works, given.largest)
     print(f"\na study of one data set: {floor['peak']:.0f} MB\n")
