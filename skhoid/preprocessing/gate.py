@@ -52,9 +52,10 @@ def unmasked(data: Any) -> Any:
     """Data with NaN where a mask says that nothing was measured."""
     if not isinstance(data, np.ma.MaskedArray):
         return data
-    if np.ma.is_masked(data):
-        return np.ma.filled(data.astype(np.float64), np.nan)
-    return data.data
+    if not np.ma.is_masked(data):
+        return data.data
+    kind = np.float64 if data.dtype.kind in "iufb" else object  # which is refused by name
+    return np.ma.filled(data.astype(kind), np.nan)
 
 
 def check_not_too_large(values: np.ndarray, what: str, names: list[Any] | None = None) -> None:

@@ -56,6 +56,14 @@ def test_an_entry_of_an_array_that_is_no_number_is_named(entry, error, said):
             model.fit(table, list(Y))
 
 
+@pytest.mark.parametrize("entry", [1j, "one", np.datetime64("2026-01-01", "s")])
+def test_masked_arrays_of_something_else_are_refused(entry):
+    values = np.ma.masked_array([[entry]] * 9, mask=[[True]] + 8 * [[False]])
+    for model in (ARXRegressor(), RecursiveARX(inputs=[0])):
+        with pytest.raises((TypeError, ValueError), match="Row 1 of X holds"):
+            model.fit(values, np.arange(9.0))
+
+
 def test_rows_of_different_lengths():
     with pytest.raises(ValueError, match="Row 2 of X holds 1 values and row 0 holds 2"):
         ARXRegressor().fit([[1.0, 2.0], [1.0, 2.0], [3.0]], [1.0, 2.0, 3.0])

@@ -113,6 +113,9 @@ def undocumented(error: Exception) -> str | None:
     if RAW.search(text) and not IN_A_FILE.search(text):
         return "The message is that of another library"
     place = traceback.extract_tb(error.__traceback__)[-1]
+    if "joblib" in place.filename and error.__cause__ is not None:  # raised by a worker
+        told = re.findall(r'File "(.*)", line (\d+), in .*\n', str(error.__cause__))
+        place = traceback.FrameSummary(told[-1][0], int(told[-1][1]), "")
     if not re.search(r"[/\\](skhoid|sklearn)[/\\]", place.filename):
         return f"Raised in {place.filename}:{place.lineno}"
     if not linecache.getline(place.filename, place.lineno or 0).strip().startswith("raise"):
