@@ -15,7 +15,7 @@ NAMES = ["e", "x", "f_t", "motion_roll", "dist", "u", "error [deg]", "run", "tim
 ODD_NAMES = [None, float("nan"), ("e", "deg"), 1.5, True, b"e", "\x00", "e\n", "λ"]
 
 
-@dataclass(repr=False)  # hypothesis shows the fields of others
+@dataclass
 class Recording:
     """Channels and output, and whether anything was done to them."""
 
@@ -27,11 +27,7 @@ class Recording:
         X, y = self.X, self.y
         index = X.index[:4].tolist() if isinstance(X, pd.DataFrame) else None
         kinds = dict(zip(X.columns, X.dtypes, strict=True)) if index is not None else ""
-        try:
-            values = f"{X}\ny=\n{y}"
-        except TypeError:  # pandas does not write frames of bytes without a type
-            values = f"{np.asarray(X)}\ny=\n{np.asarray(y)}"
-        return f"Recording(faults={self.faults}, index={index}, columns={kinds},\nX=\n{values})"
+        return f"Recording(faults={self.faults}, index={index}, columns={kinds},\nX=\n{X}\ny=\n{y})"
 
 
 def filtered(rng: np.random.Generator, e: np.ndarray, noise: float) -> np.ndarray:
@@ -372,6 +368,11 @@ def _shape(draw: Any, X: Any, y: Any) -> Any:
     return new, y[: len(new)] if kind == "rows" else y
 
 
+def _shown(X: np.ndarray) -> np.ndarray:
+    """What pandas can write into a message: not bytes without a type."""
+    return X.astype(object) if X.dtype.kind == "V" else X
+
+
 def _container(draw: Any, X: Any, y: Any) -> Any:
     import pyarrow as pa
     import scipy.sparse
@@ -385,8 +386,8 @@ def _container(draw: Any, X: Any, y: Any) -> Any:
                 lambda X: np.ma.masked_array(X, mask=True),
                 lambda X: pa.table({f"c{k}": X[:, k] for k in range(X.shape[1])}),
                 scipy.sparse.csr_array,
-                lambda X: pd.DataFrame(X),
-                lambda X: pd.Series(X[:, 0]),
+                lambda X: pd.DataFrame(_shown(X)),
+                lambda X: pd.Series(_shown(X)[:, 0]),
                 lambda X: dict(enumerate(X.T)),
                 lambda X: np.rec.fromarrays(list(X.T)),
                 memoryview,
