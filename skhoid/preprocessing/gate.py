@@ -131,6 +131,8 @@ def _refuse_container(X: Any) -> None:
         instead = "pandas.DataFrame(X)"
     elif library == "pyarrow":
         instead = "X.to_pandas()"
+    elif isinstance(X, pd.Series):
+        instead = "X.to_frame()"
     elif isinstance(X, np.ndarray) and X.dtype.kind == "V":  # structured, or bytes without a type
         instead = "pandas.DataFrame(X), or a plain array of numbers"
     elif library == "polars" and hasattr(X, "collect"):
@@ -173,11 +175,7 @@ def refuse_objects(X: Any, error: Exception) -> None:
     listed = isinstance(X, (list, tuple))
     if not (listed or (isinstance(X, np.ndarray) and X.dtype.kind in "OSU")):
         return
-    try:
-        rows = [list(row) for row in X]
-    except TypeError:
-        return
-    for number, row in enumerate(rows):
+    for number, row in enumerate(rows := [_entries(row) for row in X]):
         if len(row) != len(rows[0]):
             raise ValueError(
                 f"Row {number} of X holds {len(row)} values and row 0 holds {len(rows[0])}: give "
@@ -192,6 +190,10 @@ def refuse_objects(X: Any, error: Exception) -> None:
                     "argument must be a string of a number, or a number. Mark missing values by "
                     "NaN."
                 ) from error
+
+
+def _entries(row: Any) -> list[Any]:
+    return list(row) if isinstance(row, (list, tuple, np.ndarray)) else [row]
 
 
 def _reads_as_number(entry: Any) -> bool:

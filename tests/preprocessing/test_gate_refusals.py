@@ -64,6 +64,18 @@ def test_masked_arrays_of_something_else_are_refused(entry):
             model.fit(values, np.arange(9.0))
 
 
+@pytest.mark.parametrize("bare", [pd.Series([b"a", 1.0]), pd.Series([1.0, 2.0, 3.0])])
+def test_a_series_is_no_table(bare):
+    for call in (ARXRegressor().fit, RecursiveARX().partial_fit):
+        with pytest.raises(TypeError, match=r"X is a Series.*pass X.to_frame\(\)"):
+            call(bare, np.ones(len(bare)))
+
+
+def test_a_row_of_an_entry_alone():
+    with pytest.raises(ValueError, match="Row 1 of X holds 'two' in column 0"):
+        ARXRegressor().fit(["1", "two", "3"], [1.0, 2.0, 3.0])
+
+
 def test_rows_of_different_lengths():
     with pytest.raises(ValueError, match="Row 2 of X holds 1 values and row 0 holds 2"):
         ARXRegressor().fit([[1.0, 2.0], [1.0, 2.0], [3.0]], [1.0, 2.0, 3.0])

@@ -340,7 +340,7 @@ def _strided(draw: Any, X: Any, y: Any) -> Any:
 def _put_array(draw: Any, X: Any, y: Any) -> Any:
     value = draw(st.sampled_from([np.nan, np.nan, np.inf, 1e41, 1e-310]))
     rows = _some(draw, len(X))
-    X, y = X.copy(), y.copy()
+    X, y = (part.astype(float) if part.dtype.kind in "iu" else part.copy() for part in (X, y))
     if draw(st.booleans()):
         y[rows] = value
     else:
