@@ -266,6 +266,13 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
             If rows, runs or time break the data convention.
         ValueError
             If an effect does not apply to the data, with the reason.
+
+        Warns
+        -----
+        MissingDataWarning
+            With the number of rows that are NaN.
+        sklearn.exceptions.ConvergenceWarning
+            If ``method="iv"`` still moves after 20 rounds.
         """
         with_effects = len(Effects.of(self.effects)) > 0
         if with_effects and self.method == "iv":

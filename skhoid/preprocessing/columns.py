@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .gate import check_not_infinite, check_not_too_large
+
 TESTS = (np.isnan, np.isinf, np.isfinite)  # which are the same in single precision
 
 
@@ -18,6 +20,15 @@ def as_column(values: Any) -> Any:
     if given.dtype == np.float64:
         return given
     return np.asarray(values, dtype=np.float64)
+
+
+def checked_column(values: Any, name: Any) -> Any:
+    """The same of a column of X, whose values must be finite or NaN, and not too large."""
+    column = as_column(values)
+    given = column.values if isinstance(column, SingleColumn) else column
+    check_not_infinite(given, "X", [name])
+    check_not_too_large(given, "X", [name])
+    return column
 
 
 class SingleColumn(np.lib.mixins.NDArrayOperatorsMixin):

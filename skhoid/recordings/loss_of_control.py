@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..preprocessing.columns import as_column
-from ..preprocessing.gate import check_not_infinite, check_not_too_large, check_numbers
+from ..preprocessing.columns import checked_column
+from ..preprocessing.gate import check_numbers
 from ..runs import RunLayout, read_layout, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_error, with_target
 
@@ -145,9 +145,7 @@ def control_in(
         name = others[position]
         given = np.asarray(X[name] if hasattr(X, "columns") else np.asarray(X)[:, name])
         check_numbers(pd.DataFrame({name: given}, copy=False), "X")
-        channels[role] = as_column(given)
-        check_not_infinite(given, "X", [name])
-        check_not_too_large(given, "X", [name])
+        channels[role] = checked_column(given, name)
     judged = None if layout.trimmed is None else ~layout.trimmed
     return control_check(layout, channels, judged)
 

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..preprocessing.columns import as_column
+from ..preprocessing.columns import checked_column
 from ..preprocessing.gate import (
     as_output,
     as_table,
     check_not_infinite,
-    check_not_too_large,
     check_numbers,
 )
 from ..runs import check_alignment, output_name, run_column
@@ -37,10 +36,7 @@ class NamedSignals:
             frame = frame.loc[:, np.arange(len(names)) != run_column(names, run)]
         check_numbers(frame, "X")
         self.channels = list(frame.columns)
-        self.columns = [as_column(frame.iloc[:, i]) for i in range(frame.shape[1])]
-        for name, (_, column) in zip(self.channels, frame.items(), strict=True):
-            check_not_infinite(column.to_numpy(), "X", [name])
-            check_not_too_large(column.to_numpy(), "X", [name])
+        self.columns = [checked_column(column, name) for name, column in frame.items()]
         self.output = None if y is None else _numbers(y, len(frame))
         self.units = {**getattr(X, "attrs", {}).get("units", {})}
         self.units |= getattr(y, "attrs", {}).get("units", {})

@@ -87,6 +87,14 @@ def test_times_are_no_channel():
         ARXRegressor().fit(table, Y)
 
 
+@pytest.mark.parametrize("kind", [object, str, "Int64", "boolean"])
+def test_numbers_of_other_kinds_are_checked_too(kind):
+    table = X.round().astype("int64").astype(kind) if kind != "boolean" else (X > 0).astype(kind)
+    for call in (check_channels, performance_scores):
+        call(table, Y, **({"windows": "T_m"} if call is performance_scores else {}))
+    assert len(lost_control(table)) == 0
+
+
 def test_infinities_of_both_signs():
     with pytest.raises(ValueError, match="Input X contains infinity"):
         ARXRegressor().fit(X.assign(e=np.where(X["e"] > 0, np.inf, -np.inf)), Y)

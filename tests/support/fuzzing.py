@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, seed, settings
-from sklearn.exceptions import DataConversionWarning, NotFittedError
+from sklearn.exceptions import ConvergenceWarning, DataConversionWarning, NotFittedError
 from sklearn.utils._param_validation import InvalidParameterError
 
 import skhoid.exceptions
@@ -27,6 +27,7 @@ OURS = tuple(getattr(skhoid.exceptions, name) for name in skhoid.exceptions.__al
 WARNINGS = (
     *(cls for cls in OURS if issubclass(cls, Warning)),
     DataConversionWarning,  # scikit-learn's, of a y with one column
+    ConvergenceWarning,  # with which we say so of instruments
 )
 ERRORS = tuple(cls for cls in OURS if not issubclass(cls, Warning))
 PLAIN = (
