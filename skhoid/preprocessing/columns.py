@@ -25,7 +25,7 @@ def as_column(values: Any) -> Any:
 def checked_column(values: Any, name: Any) -> Any:
     """The same of a column of X, whose values must be finite or NaN, and not too large."""
     column = as_column(values)
-    given = column.values if isinstance(column, SingleColumn) else column
+    given = column.given if isinstance(column, SingleColumn) else column
     check_not_infinite(given, "X", [name])
     check_not_too_large(given, "X", [name])
     return column
@@ -37,21 +37,21 @@ class SingleColumn(np.lib.mixins.NDArrayOperatorsMixin):
     So is what is computed of the whole. It may lie in a file.
     """
 
-    def __init__(self, values: np.ndarray) -> None:
-        self.values = values
-        self.shape, self.size, self.ndim = values.shape, values.size, values.ndim
+    def __init__(self, given: np.ndarray) -> None:
+        self.given = given
+        self.shape, self.size, self.ndim = given.shape, given.size, given.ndim
 
     def __len__(self) -> int:
-        return len(self.values)
+        return len(self.given)
 
     def __getitem__(self, rows: Any) -> Any:
-        return self.values[rows].astype(np.float64)
+        return self.given[rows].astype(np.float64)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        return self.values.astype(np.float64 if dtype is None else dtype)
+        return self.given.astype(np.float64 if dtype is None else dtype)
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if ufunc in TESTS:
-            return ufunc(self.values, **options)
+            return ufunc(self.given, **options)
         taken = [np.asarray(one) if one.__class__ is SingleColumn else one for one in inputs]
         return getattr(ufunc, method)(*taken, **options)

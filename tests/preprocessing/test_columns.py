@@ -13,7 +13,7 @@ VALUES = np.array([0.1, np.nan, -3.5, 1e-40, np.inf, 7.7], np.float32)
 def test_a_column_of_single_precision_computes_in_double(given):
     column, twin = as_column(given), VALUES.astype(np.float64)
     assert isinstance(column, SingleColumn)
-    assert np.shares_memory(column.values, np.asarray(given))
+    assert np.shares_memory(column.given, np.asarray(given))
     assert (len(column), column.size, column.shape, column.ndim) == (6, 6, (6,), 1)
     for rows in (slice(1, 4), np.array([[5, 0], [2, 2]]), np.isfinite(twin), 3):
         np.testing.assert_array_equal(column[rows], twin[rows])
