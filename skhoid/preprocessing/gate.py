@@ -126,13 +126,13 @@ def _check_columns(X: pd.DataFrame, what: str = "X") -> None:
 
 
 def _refuse_container(X: Any) -> None:
+    if isinstance(X, pd.Series):
+        raise ValueError("X is a Series, and a 2-dimensional table is read: pass X.to_frame().")
     library = type(X).__module__.partition(".")[0]
     if isinstance(X, dict) and not issparse(X):  # scikit-learn refuses sparse ones, some dicts
         instead = "pandas.DataFrame(X)"
     elif library == "pyarrow":
         instead = "X.to_pandas()"
-    elif isinstance(X, pd.Series):
-        instead = "X.to_frame()"
     elif isinstance(X, np.ndarray) and X.dtype.kind == "V":  # structured, or bytes without a type
         instead = "pandas.DataFrame(X), or a plain array of numbers"
     elif library == "polars" and hasattr(X, "collect"):

@@ -15,6 +15,7 @@ from ..runs import (
     TIME,
     check_increasing,
     contiguous_runs,
+    numbered,
     read_layout,
     run_name,
     time_in_seconds,
@@ -95,12 +96,11 @@ def _raw_clock(X: pd.DataFrame, run: Any) -> tuple[list[Any], np.ndarray, np.nda
     time = time_in_seconds(X.index.get_level_values(TIME))
     keys = [name for name in X.index.names if name != TIME]
     if keys:
-        codes, unique = pd.factorize(X.index.droplevel(TIME))
+        codes, labels = numbered(X.index.droplevel(TIME), "the index")
     elif run is not None:
-        codes, unique = pd.factorize(X[run])
+        codes, labels = numbered(X[run].to_numpy(), f"column {run!r}")
     else:
-        codes, unique = np.zeros(len(X), dtype=int), pd.Index([0])
-    labels = list(unique)
+        codes, labels = np.zeros(len(X), dtype=int), [0]
     starts = contiguous_runs(codes, labels)
     check_increasing(time, np.diff(time), within_runs(starts), starts, labels)
     return labels, starts, time

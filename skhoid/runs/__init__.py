@@ -16,6 +16,7 @@ from .index import run_index
 from .layout import (
     RunLayout,
     contiguous_runs,
+    numbered,
     read_layout,
     run_name,
     run_time_index,
@@ -41,6 +42,7 @@ __all__ = [
     "mark_decimated",
     "mark_run_column",
     "mark_run_in",
+    "numbered",
     "output_name",
     "read_layout",
     "run_column",

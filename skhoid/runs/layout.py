@@ -9,6 +9,7 @@ levels such as ``subject`` and ``condition``) or, for arrays and plain frames, i
 from __future__ import annotations
 
 import warnings
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -186,11 +187,23 @@ def _runs_of_column(X: Any, run: Any, n_rows: int) -> tuple[np.ndarray, list[Any
     else:
         array = np.asarray(X)
         values = array[:, run_column(list(range(array.shape[1])), run)]
-    codes, labels = pd.factorize(values)
+    codes, labels = numbered(values, f"column {run!r}")
+    return contiguous_runs(codes, labels), labels
+
+
+def numbered(values: Any, where: str) -> tuple[np.ndarray, list[Any]]:
+    """Numbers of labels in order of appearance, and the labels, checked."""
+    try:
+        codes, labels = pd.factorize(values)
+    except TypeError as error:
+        row = next(i for i, label in enumerate(values) if not isinstance(label, Hashable))
+        raise RunIndexError(
+            f"The run label in {where} is {values[row]!r} in row {row}: labels are numbers or text."
+        ) from error
     if np.any(codes < 0):
         row = int(np.flatnonzero(codes < 0)[0])
-        raise RunIndexError(f"The run label in column {run!r} is missing in row {row}.")
-    return contiguous_runs(codes, list(labels)), list(labels)
+        raise RunIndexError(f"The run label in {where} is missing in row {row}.")
+    return codes, list(labels)
 
 
 def within_runs(run_starts: np.ndarray) -> np.ndarray:

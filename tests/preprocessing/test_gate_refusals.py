@@ -67,7 +67,7 @@ def test_masked_arrays_of_something_else_are_refused(entry):
 @pytest.mark.parametrize("bare", [pd.Series([b"a", 1.0]), pd.Series([1.0, 2.0, 3.0])])
 def test_a_series_is_no_table(bare):
     for call in (ARXRegressor().fit, RecursiveARX().partial_fit):
-        with pytest.raises(TypeError, match=r"X is a Series.*pass X.to_frame\(\)"):
+        with pytest.raises(ValueError, match=r"X is a Series.*pass X.to_frame\(\)"):
             call(bare, np.ones(len(bare)))
 
 
@@ -93,6 +93,21 @@ def test_numbers_of_other_kinds_are_checked_too(kind):
     for call in (check_channels, performance_scores):
         call(table, Y, **({"windows": "T_m"} if call is performance_scores else {}))
     assert len(lost_control(table)) == 0
+
+
+def test_labels_that_are_none():
+    table = X.reset_index(drop=True).assign(run=[[1]] * 60 + [2] * 60)
+    for call in (
+        ARXRegressor(run="run", dt=0.02).fit,
+        lambda X, y: check_channels(X, y, run="run"),
+    ):
+        with pytest.raises(
+            RunIndexError, match=r"column 'run' is \[1\] in row 0: labels are numbers"
+        ):
+            call(table, Y.to_numpy())
+    table["run"] = [1.0] * 60 + [np.nan] * 60
+    with pytest.raises(RunIndexError, match="column 'run' is missing in row 60"):
+        ARXRegressor(run="run", dt=0.02).fit(table, Y.to_numpy())
 
 
 def test_infinities_of_both_signs():

@@ -239,7 +239,10 @@ def _checked_groups(X: Any, layout: RunLayout, groups: Any) -> np.ndarray | None
             f"groups has the shape {given.shape} and X has {layout.n_rows} rows: give one group "
             'for each row, such as run_labels(X, level="subject").'
         )
-    numbers, found = pd.factorize(given, sort=True)
+    try:
+        numbers, found = pd.factorize(given, sort=True)
+    except TypeError as error:
+        raise ValueError("groups holds labels that are neither numbers nor text.") from error
     labels = found.tolist()
     if (numbers < 0).any():
         raise ValueError(f"groups has no label in {layout.where(int(np.argmin(numbers)))}.")
