@@ -20,6 +20,8 @@ from .rls import RecursionState, window_rows
 from .start import needs_data, start_of
 from .streaming import Clock, Piece, Stream, first_rows
 
+MOST_ROWS_BACK, MOST_PARAMETERS = 1_000_000, 1_000  # for which a stream keeps rows and squares
+
 OF_RUNS = (  # attributes that describe recorded runs
     "coef_path_",
     "time_path_",
@@ -170,6 +172,12 @@ class PartialFit(BaseARX):
             raise ValueError(
                 f"The stream began with {self.orders_} and now has {orders}. Orders are read "
                 "when a stream begins: call fit, or begin another with sklearn.base.clone."
+            )
+        if orders.first_row > MOST_ROWS_BACK or orders.n_params > MOST_PARAMETERS:
+            raise ValueError(
+                f"{orders.n_params} parameters with lags that reach {orders.first_row} samples "
+                f"back are too many to stream: at most {MOST_PARAMETERS}, and {MOST_ROWS_BACK} "
+                "samples. Use fewer lags na and nb, or a smaller delay nk (in samples)."
             )
         self.orders_ = orders
         self.parameter_names_ = orders.parameter_names(self.inputs_)

@@ -22,7 +22,7 @@ from ..runs import (
     run_time_index,
 )
 from ..runs.flat import refuse_flat
-from .gate import DOUBLE, as_table, check_not_too_large, check_numbers, refuse_objects
+from .gate import DOUBLE, as_table, check_not_too_large, check_numbers, refuse_objects, without_text
 
 
 def keep_parameters(estimator: Any) -> None:
@@ -71,6 +71,7 @@ def read_table(
                 X.isetitem(position, layout.run_of(np.arange(len(X))))
     if frame:
         check_numbers(X, "X")
+        X = without_text(X)
     try:
         with np.errstate(invalid="ignore"):  # scikit-learn sums infinities of both signs
             values = validate_data(

@@ -170,6 +170,17 @@ def check_numbers(table: pd.DataFrame, what: str) -> None:
                 ) from error
 
 
+def without_text(table: pd.DataFrame) -> pd.DataFrame:
+    """A table whose columns of text, which was checked to be numbers, are such, NaN if missing."""
+    texts = [i for i, dtype in enumerate(table.dtypes) if isinstance(dtype, pd.StringDtype)]
+    if texts:
+        table = table.copy(deep=False)
+        for i in texts:
+            column = table.iloc[:, i].to_numpy(dtype=np.float64, na_value=np.nan)
+            table.isetitem(i, column)
+    return table
+
+
 def refuse_objects(X: Any, error: Exception) -> None:
     """Name what an array or a list holds in place of numbers, if it is that."""
     listed = isinstance(X, (list, tuple))

@@ -17,7 +17,7 @@ from skhoid import (
     resample_runs,
     select_runs,
 )
-from skhoid.exceptions import IrregularSamplingError, RunIndexError
+from skhoid.exceptions import IrregularSamplingError, MissingDataWarning, RunIndexError
 
 INDEX = pd.MultiIndex.from_product([["a", "b"], 0.02 * np.arange(60)], names=["run", "time"])
 RNG = np.random.default_rng(0)
@@ -93,6 +93,19 @@ def test_numbers_of_other_kinds_are_checked_too(kind):
     for call in (check_channels, performance_scores):
         call(table, Y, **({"windows": "T_m"} if call is performance_scores else {}))
     assert len(lost_control(table)) == 0
+
+
+@pytest.mark.parametrize("kind", ["string", "string[pyarrow]"])
+def test_text_with_a_gap_is_a_number_with_a_gap(kind):
+    text = X.assign(e=X["e"].astype(str).astype(kind))
+    text.iloc[7, 0] = pd.NA
+    numbers = X.copy()
+    numbers.iloc[7, 0] = np.nan
+    with pytest.warns(MissingDataWarning):
+        found, expected = (ARXRegressor().fit(table, Y).coef_ for table in (text, numbers))
+    np.testing.assert_array_equal(found, expected)
+    shifted = [DelayShift(0.1).fit_transform(table)["e"] for table in (text, numbers)]
+    pd.testing.assert_series_equal(*shifted)
 
 
 def test_labels_that_are_none():
