@@ -310,6 +310,8 @@ def loop_of(record: Record, settling: float = 3.0) -> Loop | None:
     if record.core == CoreKind.ARX:
         return None
     begin = round(settling / record.dt)
+    if begin >= len(record.known):  # it is never closed
+        return None
     missing = ~record.known[begin:] & (record.y[begin:] == 0.0)
     after = np.cumsum(record.known[::-1], axis=0)[::-1][begin:] > 0
     if (missing & after).mean() > MISSING:

@@ -184,7 +184,7 @@ def without_text(table: pd.DataFrame) -> pd.DataFrame:
 def refuse_objects(X: Any, error: Exception) -> None:
     """Name what an array or a list holds in place of numbers, if it is that."""
     listed = isinstance(X, (list, tuple))
-    if not (listed or (isinstance(X, np.ndarray) and X.dtype.kind in "OSU")):
+    if not (listed or (isinstance(X, np.ndarray) and X.ndim > 0 and X.dtype.kind in "OSU")):
         return
     for number, row in enumerate(rows := [_entries(row) for row in X]):
         if len(row) != len(rows[0]):

@@ -269,6 +269,7 @@ def test_loop_is_known_where_all_of_it_is():
     assert loop.begin == 100
     np.testing.assert_array_equal(loop.a, [1, -1])
     assert loop_of(without(record, controlled_element=None)) is None
+    assert loop_of(record, settling=20.0) is None  # as long as the runs
     assert loop_of(without(record, y=None)) is None
     assert loop_of(without(record, roles={"e": "f_t", "x": "x", "f_t": ""})) is None
     assert loop_of(without(record, core=CoreKind.ARX)) is None

@@ -76,6 +76,12 @@ def test_a_row_of_an_entry_alone():
         ARXRegressor().fit(["1", "two", "3"], [1.0, 2.0, 3.0])
 
 
+def test_a_number_is_no_table():
+    for bare in (np.array(1.0), np.array(1.0, dtype=object)):
+        with pytest.raises(ValueError, match="Expected 2D array"):
+            ARXRegressor().fit(bare, [1.0])
+
+
 def test_rows_of_different_lengths():
     with pytest.raises(ValueError, match="Row 2 of X holds 1 values and row 0 holds 2"):
         ARXRegressor().fit([[1.0, 2.0], [1.0, 2.0], [3.0]], [1.0, 2.0, 3.0])
