@@ -6,8 +6,11 @@ cd benchmarks && python -m growth.compare
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from functools import cache
 from typing import Any
+
+import numpy as np
 
 from growth.harness import DELAY, DT, Data, Work, main, make_data
 from skhoid import ARXRegressor, OperatorRegressor, RecursiveARX, compare
@@ -31,12 +34,17 @@ def compared(kind: str) -> Work:
     return Work(lambda data: compare(fitted(kind), *data), seconds=60.0, memory=5.5)
 
 
+def single(rows: int) -> Data:
+    return make_data(rows, dtype=np.float32)
+
+
 def recursive(data: Data) -> None:
     RecursiveARX(na=2, nb=2, nk=DELAY + 1).fit(*data).predict(data.X)
 
 
 WORKS = {
     "compare, ARX": compared("arx"),
+    "compare, ARX, float32": replace(compared("arx"), make=single, seconds=None, memory=9.0),
     "compare, RecursiveARX": compared("recursive"),
     "compare, OperatorRegressor": compared("operator"),
     "RecursiveARX fit and predict": Work(recursive),

@@ -7,13 +7,23 @@ from __future__ import annotations
 
 import sys
 
-from growth.harness import Work, main
+import numpy as np
+
+from growth.harness import Data, Work, main, make_data
 from skhoid import EffectSearchCV, OperatorRegressor
 
+
+def operator(data: Data) -> None:
+    OperatorRegressor().fit(*data)
+
+
+def single(rows: int) -> Data:
+    return make_data(rows, dtype=np.float32)
+
+
 WORKS = {
-    "OperatorRegressor": Work(
-        lambda data: OperatorRegressor().fit(*data), seconds=30.0, memory=4.0
-    ),
+    "OperatorRegressor": Work(operator, seconds=30.0, memory=4.0),
+    "OperatorRegressor, float32": Work(operator, memory=7.0, make=single),
     "EffectSearchCV": Work(
         lambda data: EffectSearchCV(OperatorRegressor()).fit(*data), seconds=600.0, memory=5.0
     ),
