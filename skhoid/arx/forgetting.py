@@ -179,7 +179,7 @@ def _evaluated(function: Callable[[np.ndarray], Any], time: np.ndarray, n_params
     """λ of a function; a shape (n_params,) is refused, as it may also mean that many instants."""
     try:
         values = np.asarray(function(time.copy()), dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, ArithmeticError, LookupError) as error:
         raise ValueError(
             f"The function forgetting(t) failed for the array t of {time.size} times ({error}). It "
             "gets all times at once: choose between values with np.where, not if."
@@ -195,7 +195,10 @@ def _evaluated(function: Callable[[np.ndarray], Any], time: np.ndarray, n_params
 
 def _in_shape(values: Any, n_instants: int, n_params: int, what: str) -> np.ndarray:
     """λ in the shape (1 or n_instants, 1 or n_params), checked."""
-    factors = np.asarray(values, dtype=np.float64)
+    try:
+        factors = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{what} is a number, or numbers; got {values!r}.") from error
     if factors.ndim == 0:
         shaped = factors.reshape(1, 1)
     elif factors.shape == (n_params,):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -212,7 +212,7 @@ class RecursiveARXCV(SplitsRuns, RecursiveARX):
     def _settings(self, data: RecursionData) -> list[Forgetting]:
         entries: tuple[Any, ...] = HORIZONS
         if self.memory_horizons is not None:
-            if isinstance(self.memory_horizons, Real):
+            if not np.iterable(self.memory_horizons):
                 raise ValueError(
                     f"memory_horizons is a sequence of horizons; got {self.memory_horizons!r}."
                 )

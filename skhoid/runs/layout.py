@@ -33,6 +33,7 @@ from .marks import DecimationMark, is_mark, read_marks
 from .roles import of_person, run_column
 
 SLOW = 2.0  # s a row, at which nobody steers
+LONGEST_DT = 1e100  # s, with which times are still computed
 
 
 @dataclass(frozen=True)
@@ -129,8 +130,10 @@ def read_layout(
     IrregularSamplingError
         Steps that deviate by more than 10 % from the sampling time and are not gaps.
     """
-    if dt is not None and not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt is the sampling time in seconds and must be positive; got {dt!r}.")
+    if dt is not None:
+        if not 0 < dt < LONGEST_DT:
+            raise ValueError(f"dt is the sampling time in seconds, a positive number; got {dt!r}.")
+        dt = float(dt)
     index = getattr(X, "index", None)
     if not isinstance(index, pd.Index):
         index = None

@@ -110,7 +110,7 @@ def input_columns(
     check_named(names, roles)
     run_position = None if run is None else run_column(names, run)
     if inputs is None:
-        errors = columns_of_role(names, "e", roles)
+        errors = [i for i in columns_of_role(names, "e", roles) if i != run_position]
         chosen = errors or [i for i in range(n_columns) if i != run_position]
         if not chosen:
             raise ValueError(f"X has no channel, only the run column {run!r}.")
@@ -152,8 +152,14 @@ def run_column(names: list[Any], run: Any) -> int:
 
 def _position(names: list[Any], column: Any) -> int | None:
     """Position of a column given by its name, or by its position where all names are text."""
-    if column in names:
-        return names.index(column)
+    try:
+        hash(column)
+    except TypeError:
+        return None
+    # By hash: some objects cannot be asked whether they are equal.
+    positions = {name: i for i, name in reversed(list(enumerate(names)))}
+    if column in positions:
+        return positions[column]
     whole = isinstance(column, (int, np.integer)) and not isinstance(column, bool)
     named = all(isinstance(name, str) for name in names) or names == list(range(len(names)))
     if whole and named and -len(names) <= column < len(names):

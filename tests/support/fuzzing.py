@@ -45,7 +45,7 @@ RAW = re.compile(
     r"Length mismatch|truth value|positional argument|codec can't|zero-size array|"
     r"list index|need at least one array|could not convert string"
 )
-IN_A_FILE = re.compile("cannot be read as|is broken, or")  # with what the file's reader says
+QUOTED = re.compile("cannot be read as|is broken, or|failed for the array")  # what others say
 
 _seconds = 60.0
 
@@ -111,13 +111,13 @@ def undocumented(error: Exception) -> str | None:
     text = str(error)
     if len(text) < 20:
         return "The message is too short to help"
-    if RAW.search(text) and not IN_A_FILE.search(text):
+    if RAW.search(text) and not QUOTED.search(text):
         return "The message is that of another library"
     place = traceback.extract_tb(error.__traceback__)[-1]
     if "joblib" in place.filename and error.__cause__ is not None:  # raised by a worker
         told = re.findall(r'File "(.*)", line (\d+), in .*\n', str(error.__cause__))
         place = traceback.FrameSummary(told[-1][0], int(told[-1][1]), "")
-    if not re.search(r"[/\\](skhoid|sklearn)[/\\]", place.filename):
+    if not re.search(r"[/\\](skhoid|sklearn|joblib)[/\\]", place.filename):
         return f"Raised in {place.filename}:{place.lineno}"
     if not linecache.getline(place.filename, place.lineno or 0).strip().startswith("raise"):
         return f"Not raised on purpose, in {place.filename}:{place.lineno}"

@@ -21,6 +21,7 @@ from .candidates import CandidateTable, as_candidate, has_fast_path, with_orders
 from .text import highest, lowest, standard_error_over_folds
 from .validation import Validation
 
+MOST_WINDOWS = 1_000_000
 N_CANDIDATES = 50
 
 
@@ -280,7 +281,13 @@ class DelaySearchCV(BestModel):
         step = self.step if self.step is not None else self.window / 4
         first, last = table.time_span()
         last += self.dt_
-        n_windows = int(np.floor((last - first - self.window) / step + 1e-6)) + 1
+        n_windows = np.floor((last - first - self.window) / step + 1e-6) + 1
+        if n_windows > MOST_WINDOWS:
+            raise ValueError(
+                f"window={self.window:g} s with step={step:g} s makes {n_windows:.3g} windows; "
+                f"at most {MOST_WINDOWS} are looked at. Give a longer window= or step=, in seconds."
+            )
+        n_windows = int(n_windows)
         if n_windows < 1:
             raise ValueError(
                 f"window={self.window:g} s is longer than the {last - first:g} s of data that "
