@@ -14,6 +14,15 @@ from skhoid._machine import check_memory, ended_by_sigterm
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has other signals")
 
+SEARCH = """
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+
+if __name__ == "__main__":
+    data = make_tracking_runs(
+        "C1", n_runs=12, channels=["e", "x", "f_t"], remnant_intensity=0.2, random_state=0
+    )
+    EffectSearchCV(OperatorRegressor(), n_jobs=2).fit(*data)
+"""
 STUDY = """
 import os, sys, time
 from pathlib import Path
@@ -106,6 +115,43 @@ def test_a_study_that_is_stopped_leaves_no_workers(tmp_path, number, code):
             time.sleep(0.05)
         workers = [int(path.name) for path in pids.iterdir()]
         assert len(workers) == 2
+        process.send_signal(number)
+        assert process.wait(30) == code
+        until = time.monotonic() + 10
+        while any(map(runs_on, workers)) and time.monotonic() < until:
+            time.sleep(0.05)
+        assert not any(map(runs_on, workers))
+    finally:
+        os.killpg(process.pid, signal.SIGKILL) if process.poll() is None else None
+
+
+def workers_of(pid):
+    """Child processes of joblib that compute."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    words = {int(child): Path(f"/proc/{child}/cmdline").read_bytes() for child in children}
+    return [child for child, line in words.items() if b"popen_loky" in line]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="workers are looked up in /proc")
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, -signal.SIGINT)]
+)
+def test_a_search_that_is_stopped_leaves_no_workers(tmp_path, number, code):
+    script = tmp_path / "search.py"
+    script.write_text(SEARCH)
+    process = subprocess.Popen(
+        [sys.executable, str(script)],
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        preexec_fn=interruptible,
+    )
+    try:
+        until = time.monotonic() + 120
+        while len(workers := workers_of(process.pid)) < 2 and time.monotonic() < until:
+            time.sleep(0.05)
+        assert len(workers) == 2
+        time.sleep(1.0)  # some of the work is under way
         process.send_signal(number)
         assert process.wait(30) == code
         until = time.monotonic() + 10
