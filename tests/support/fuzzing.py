@@ -81,6 +81,7 @@ def fuzz(batch: int = 25, **strategies: Any) -> Callable:
                 if number + 1 >= BATCHES if BATCHES else time.monotonic() > end:
                     break
 
+        run.draws = True  # type: ignore[attr-defined]
         return run
 
     return decorate
