@@ -6,5 +6,6 @@ from support.fuzzing import share
 
 
 def pytest_collection_finish(session):
-    tests = [item for item in session.items if getattr(item.function, "draws", False)]
+    functions = [getattr(item, "function", None) for item in session.items]  # doctests have none
+    tests = [function for function in functions if getattr(function, "draws", False)]
     share(len(tests), int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
