@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections import deque
 from pathlib import Path
@@ -12,6 +13,7 @@ from scipy import io as scipy_io
 from scipy import sparse
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
+from .._machine import check_memory
 from ._table import FileTable, one_by_one, read_as, require
 
 __all__ = ["read_mat"]
@@ -52,7 +54,7 @@ def _read_v5(path: Path) -> FileTable:
         # Objects all carry the name "None" for SciPy < 1.18; they are reported below.
         warnings.simplefilter("ignore", scipy_io.matlab.MatReadWarning)
         content = scipy_io.loadmat(path)
-    arrays: dict[str, np.ndarray] = {}
+    arrays: dict[str, Any] = {}  # sparse ones too
     unreadable: dict[str, str] = {}
     note = ""
     for name, value in content.items():
@@ -65,25 +67,32 @@ def _read_v5(path: Path) -> FileTable:
         elif not name.startswith("__"):
             _flatten(name, value, arrays, unreadable)
     names = list(arrays)
+
+    def load(position: int) -> np.ndarray:
+        values = arrays[names[position]]
+        if sparse.issparse(values):
+            what = f"The sparse variable {names[position]!r} of {path}, with its zeros,"
+            check_memory(math.prod(values.shape), what)
+            values = values.toarray()
+        return values
+
     return FileTable(
         path,
         names,
-        one_by_one(lambda position: arrays[names[position]]),
+        one_by_one(load),
         unreadable=unreadable,
         note=note,
         kind="variable",
     )
 
 
-def _flatten(
-    name: str, value: Any, arrays: dict[str, np.ndarray], unreadable: dict[str, str]
-) -> None:
+def _flatten(name: str, value: Any, arrays: dict[str, Any], unreadable: dict[str, str]) -> None:
     if isinstance(value, MatlabOpaque | MatlabObject):
         unreadable[name] = _OBJECT
     elif isinstance(value, MatlabFunction):
         unreadable[name] = _FUNCTION
     elif sparse.issparse(value):
-        arrays[name] = value.toarray()
+        arrays[name] = value
     elif value.dtype.names:
         if value.size != 1:
             unreadable[name] = _STRUCT_ARRAY

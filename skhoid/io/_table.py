@@ -57,8 +57,13 @@ def read_as(path: Path, kind: str) -> Iterator[None]:
     """Name the file at which a library fails: damaged ones make it fail in many ways."""
     try:
         yield
-    except (ImportError, MemoryError):
+    except ImportError:
         raise
+    except MemoryError as error:  # it has no text
+        raise ValueError(
+            f"{path} cannot be read as {kind}: what it says it holds takes more memory than there "
+            f"is. Either it is damaged, or its runs have to be stored in several files."
+        ) from error
     except Exception as error:
         raise ValueError(f"{path} cannot be read as {kind}: {error}") from error
 

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 from scipy.io.matlab import MatlabFunction, MatlabObject
+from scipy.sparse import csc_array
 
 from skhoid.io import read_runs
 
@@ -324,3 +325,14 @@ def test_a_number_of_many_digits_is_infinite(tmp_path):
     path.write_text(f"t,e,u\n0.0,0,0\n0.1,{'9' * 400},1\nx,1,2\n")
     with pytest.raises(ValueError, match="is not numeric: row 3"):
         read_runs(path, inputs="e", output="u", time="t")
+
+
+def test_what_a_file_says_it_holds_takes_more_memory_than_there_is(tmp_path):
+    path = tmp_path / "run.mat"
+    rows, columns = 2**31 - 1, 2**20
+    path.write_bytes(struct.pack("<5i", 0, rows, columns, 0, 2) + b"e\0" + bytes(80))  # version 4
+    fails(r"run\.mat cannot be read as a MATLAB file: .*more memory than there is.*damaged", path)
+    path = write_mat(tmp_path, COLUMNS | {"u": csc_array((rows, 2**16))})
+    fails(r"The sparse variable 'u' of .*run\.mat, with its zeros, would take .* GiB", path)
+    write_mat(tmp_path, COLUMNS | {"other": csc_array((rows, 2**16))})
+    assert read_runs(path, **ROLES)[0]["e"].to_list() == [1.0, 2.0, 3.0]
