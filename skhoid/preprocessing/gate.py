@@ -27,6 +27,7 @@ def as_table(X: Any) -> Any:
         _check_columns(X)
         sparse = {n: t.subtype for n, t in X.dtypes.items() if isinstance(t, pd.SparseDtype)}
         return X.astype(sparse) if sparse else X
+    X = _unwrapped(X)
     _refuse_container(X)
     return unmasked(X)
 
@@ -35,6 +36,7 @@ def as_output(
     y: Any, what: str = "y", *, warn: bool = False, dtypes: tuple[type, ...] = DOUBLE
 ) -> np.ndarray:
     """Values of an output, one per row: masked ones as NaN; ``warn`` of a column vector."""
+    y = _unwrapped(y)
     if isinstance(y, pd.DataFrame):
         _check_columns(y, what)
     elif isinstance(y, np.ndarray) and y.dtype.kind == "V":
@@ -46,6 +48,11 @@ def as_output(
         values = values.astype(np.float64)
     check_not_too_large(values, what)
     return values
+
+
+def _unwrapped(data: Any) -> Any:
+    """The array that a memoryview shows."""
+    return np.asarray(data) if isinstance(data, memoryview) else data
 
 
 def unmasked(data: Any) -> Any:

@@ -158,6 +158,16 @@ def test_structured_arrays():
         ARXRegressor().fit(np.rec.fromarrays([X["e"], X["x"]]), Y.to_numpy())
     with pytest.raises(TypeError, match="pass one of its fields"):
         ARXRegressor().fit(X.to_numpy(), np.rec.fromarrays([Y]))
+    shown = memoryview(X.to_numpy().astype("V8"))
+    with pytest.raises(TypeError, match=r"pass pandas.DataFrame\(X\), or a plain array"):
+        ARXRegressor().fit(shown, Y.to_numpy())
+    with pytest.raises(TypeError, match="pass one of its fields"):
+        ARXRegressor().fit(X.to_numpy(), shown)
+
+
+def test_memoryviews_are_read():
+    model = ARXRegressor().fit(memoryview(X.to_numpy()), memoryview(Y.to_numpy()))
+    np.testing.assert_array_equal(model.coef_, ARXRegressor().fit(X.to_numpy(), Y.to_numpy()).coef_)
 
 
 @pytest.mark.parametrize("model", [ARXRegressor, OperatorRegressor])
