@@ -219,18 +219,20 @@ class _Search:
             columns.append(-table.integral_of_x)
         regressors = np.stack(columns, 1) if columns else np.zeros((target.size, 0))
         moved = table.seen(regressors)
-        solved, *_ = np.linalg.lstsq(moved, target, rcond=None)
+        size = np.linalg.norm(moved, axis=0)  # the columns have units of their own
+        size = np.where(size > 0, size, 1.0)
+        moved = moved / size
+        solved = np.linalg.lstsq(moved, target, rcond=None)[0] / size
         error = target - regressors @ solved
-        inverse = np.linalg.pinv(moved.T @ moved)
         scores = np.zeros((int(table.piece[-1]) + 1, len(solved)))
         np.add.at(scores, table.piece, moved * error[:, None])
-        covariance = inverse @ (scores.T @ scores) @ inverse
+        spread = scores @ np.linalg.pinv(moved.T @ moved, hermitian=True)
         left, all_of_it = table.seen(error), table.seen(table.x)
         constants = np.array([*known, *solved])
         return ElementEstimate(
             element=form.element(constants),
             constants=constants,
-            sd=np.array([0.0 for _ in known] + list(np.sqrt(np.diag(covariance)))),
+            sd=np.array([0.0 for _ in known] + list(np.linalg.norm(spread, axis=0) / size)),
             unexplained=float(left @ left) / max(float(all_of_it @ all_of_it), 1e-300),
             instruments=table.instruments is not None,
             disturbance=self.disturbance,
