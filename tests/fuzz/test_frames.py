@@ -26,7 +26,7 @@ def check_untouched(recording, copies):
         elif isinstance(given, pd.Series):
             pd.testing.assert_series_equal(given, copy, check_exact=True)
         else:
-            np.testing.assert_array_equal(given, copy)
+            np.testing.assert_equal(np.asarray(given).tolist(), np.asarray(copy).tolist())
 
 
 def check_fitted(model, X):
