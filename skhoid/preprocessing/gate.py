@@ -43,7 +43,9 @@ def as_output(
         raise TypeError(f"{what} is an array of {y.dtype}, not of numbers: pass one of its fields.")
     values = column_or_1d(unmasked(y), warn=warn)
     if values.dtype.kind not in "iufb":
-        check_numbers(pd.DataFrame({output_name(y): values}), what)
+        table = pd.DataFrame({output_name(y): values})
+        check_numbers(table, what)
+        values = without_text(table).iloc[:, 0].to_numpy(np.float64)
     if values.dtype not in dtypes:
         values = values.astype(np.float64)
     check_not_too_large(values, what)

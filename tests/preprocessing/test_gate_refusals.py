@@ -112,6 +112,11 @@ def test_text_with_a_gap_is_a_number_with_a_gap(kind):
     np.testing.assert_array_equal(found, expected)
     shifted = [DelayShift(0.1).fit_transform(table)["e"] for table in (text, numbers)]
     pd.testing.assert_series_equal(*shifted)
+    output = Y.astype(str).astype(kind)
+    output.iloc[7] = pd.NA
+    with pytest.warns(MissingDataWarning):
+        found, expected = (ARXRegressor().fit(X, y).coef_ for y in (output, output.astype(float)))
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_labels_that_are_none():

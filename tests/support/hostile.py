@@ -73,6 +73,7 @@ def recordings(draw: Any) -> Recording:
         try:
             X, y = FAULTS[fault](draw, recording.X, recording.y)
         except (
+            AssertionError,
             AttributeError,
             TypeError,
             ValueError,
