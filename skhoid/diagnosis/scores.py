@@ -109,6 +109,8 @@ def performance_scores(
     S2       0.30  0.21  0.41  0.34
     """
     layout = read_layout(X, dt=dt, run=run)
+    if layout.time.size == 0:
+        raise RunIndexError("X has no rows: there is nothing to score.")
     if layout.mark is not None:
         raise RunIndexError(
             "X comes from a Decimator, which has filtered it and not y. Score the recording itself."

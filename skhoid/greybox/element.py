@@ -22,6 +22,7 @@ PIECE = 20.0  # s; every piece has a start of its own, so that integrals forget 
 PIECE_ROWS = 1200  # at least, on slow clocks
 LAGS = np.linspace(0.0, 0.3, 13)  # of the instruments, in pieces
 ROWS = 160  # of a piece that count: integrals are smooth
+ROUNDING = 1e-13  # of x, below which nothing is left of it but a parabola
 WEAK = 0.05  # share of u's integral that the target must move to be an instrument
 SIMPLER = 0.6  # of the error of one constant, above which a second is not worth it
 EXACT = 1e-6  # share of the power, below which nothing is left for a second constant
@@ -136,6 +137,8 @@ class _Table:
         if not blocks:
             return None
         rows = np.concatenate(blocks)
+        if np.abs(rows[:, 3]).max() <= ROUNDING * np.nanmax(np.abs(x)):
+            return None  # it rests, or moves as if nothing moved it
         instruments = None
         if target is not None:
             size = np.sqrt((rows[:, 5:] ** 2).mean(axis=0))

@@ -25,8 +25,7 @@ def as_table(X: Any) -> Any:
     """Channels as a frame or an array that NumPy reads: masked values as NaN, sparse ones dense."""
     if isinstance(X, pd.DataFrame):
         _check_columns(X)
-        sparse = {n: t.subtype for n, t in X.dtypes.items() if isinstance(t, pd.SparseDtype)}
-        return X.astype(sparse) if sparse else X
+        return _dense(X)
     X = _unwrapped(X)
     _refuse_container(X)
     return unmasked(X)
@@ -39,6 +38,7 @@ def as_output(
     y = _unwrapped(y)
     if isinstance(y, pd.DataFrame):
         _check_columns(y, what)
+        y = _dense(y)
     elif isinstance(y, np.ndarray) and y.dtype.kind == "V":
         raise TypeError(f"{what} is an array of {y.dtype}, not of numbers: pass one of its fields.")
     values = column_or_1d(unmasked(y), warn=warn)
@@ -50,6 +50,11 @@ def as_output(
         values = values.astype(np.float64)
     check_not_too_large(values, what)
     return values
+
+
+def _dense(table: pd.DataFrame) -> pd.DataFrame:
+    sparse = {n: t.subtype for n, t in table.dtypes.items() if isinstance(t, pd.SparseDtype)}
+    return table.astype(sparse) if sparse else table
 
 
 def _unwrapped(data: Any) -> Any:

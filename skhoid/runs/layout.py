@@ -321,7 +321,7 @@ def _layout_from_time(
         typical = dt or fallback_dt
         if typical is None:
             raise IrregularSamplingError(
-                "The sampling time cannot be read from the index: every run has one row. Give it "
+                "The sampling time cannot be read from the index: no run has two rows. Give it "
                 "as dt= (in seconds)."
             )
     starts = _cut(run_starts, within & (step > GAP * typical))

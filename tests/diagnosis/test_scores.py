@@ -218,6 +218,8 @@ def test_errors_say_what_to_do():
         performance_scores(X, y)
     with pytest.raises(ShortRunError, match=r"no row in the window \(30\.0, 40\.0\)"):
         performance_scores(X, y, (30, 40))
+    with pytest.raises(RunIndexError, match="X has no rows: there is nothing to score"):
+        performance_scores(X[:0], y[:0], dt=0.01)
     with pytest.raises(ShortRunError, match="another change="):
         performance_scores(*sines(), "tran", change=75.0)
     with pytest.raises(ValueError, match=r"begins before it ends; got 'middle'"):

@@ -89,6 +89,14 @@ def test_what_does_not_answer_the_output_has_no_element():
     assert element_estimate(without(record, "x")) is None
 
 
+@pytest.mark.parametrize("x", [2.0, 1e-30, "parabola"])
+def test_what_rests_has_no_element(x):
+    record = tracked("1/s", runs=2)
+    at_rest = record.t**2 - 1e3 if x == "parabola" else x
+    channels = {"e": record.channels["e"], "x": np.zeros_like(record.y) + at_rest}
+    assert element_estimate(replace(record, channels=channels, roles={"e": "e", "x": "x"})) is None
+
+
 @pytest.mark.parametrize("direct", [False, True])
 def test_a_given_element_gets_the_timing_of_the_data(direct):
     record = without(tracked("1/(s(s+1))", direct=direct, runs=2), "dist")

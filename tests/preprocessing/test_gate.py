@@ -9,6 +9,7 @@ import polars as pl
 import pyarrow as pa
 import pytest
 from sklearn.base import clone
+from sklearn.exceptions import DataConversionWarning
 
 from skhoid import (
     ARXRegressor,
@@ -134,6 +135,14 @@ def test_containers_that_are_read(same):
     np.testing.assert_array_equal(other.predict(same), model.predict(FRAME))
     if isinstance(same, pd.DataFrame):
         assert compare(model, same, OUTPUT).vaf == compare(model, FRAME, OUTPUT).vaf
+
+
+@pytest.mark.parametrize("fill", [0.0, np.nan])
+def test_sparse_outputs(fill):
+    table = pd.DataFrame({"u": OUTPUT}).astype(pd.SparseDtype(float, fill))
+    with pytest.warns(DataConversionWarning):
+        found = ARXRegressor(nk=15).fit(FRAME, table).coef_
+    np.testing.assert_array_equal(found, ARXRegressor(nk=15).fit(FRAME, OUTPUT).coef_)
 
 
 TWICE = FRAME.set_axis(["e", "x", "x"], axis=1)

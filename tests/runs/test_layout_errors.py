@@ -213,7 +213,7 @@ ERRORS = {
     "runs of one row": (
         lambda: fit(X.iloc[[0, 120, 240]], Y.iloc[[0, 120, 240]]),
         IrregularSamplingError,
-        ["every run has one row", "dt="],
+        ["no run has two rows", "dt="],
     ),
     "one row": (
         lambda: fit(X.to_numpy()[:1], Y.to_numpy()[:1]),
