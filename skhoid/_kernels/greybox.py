@@ -119,6 +119,9 @@ def held_linearly(omega, zeta, dt):
         growth = np.exp(mean * dt)
         cosine = growth * np.cosh(root * dt).real
         sine *= growth
+        if root.real * dt > 300.0:  # a large overdamped one between slow samples: 0 times inf
+            cosine = np.exp((mean + root.real) * dt) / 2
+            sine = cosine / root.real
         # phi = cosine I + sine (M - mean I)
         p0, p1 = cosine + sine * mean, sine
         p2, p3 = -sine * square, cosine - sine * mean

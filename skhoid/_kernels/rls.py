@@ -348,9 +348,11 @@ def recursion(n_params, lanes, shared=False, wide=False):
             store(state, POWERS + k * L, spread(q[POWER + k], L))
             store(state, CAPS + k * L, spread(q[CAP + k], L))
 
-    # Cached functions of one name from different processes would be mistaken for each other.
-    kind = "s" * shared + "w" * wide
-    advance.__name__ = advance.__qualname__ = f"advance_{n_params}_{lanes}{kind}_{VERSION}"
+    # Cached functions of one name from different processes would be mistaken for each other, also
+    # those that others call.
+    kind = f"{n_params}_{lanes}{'s' * shared}{'w' * wide}_{VERSION}"
+    advance.__name__ = advance.__qualname__ = f"advance_{kind}"
+    forget_with_care.__name__ = forget_with_care.__qualname__ = f"forget_with_care_{kind}"
     return njit(cache=True, nogil=True, error_model="numpy")(advance)
 
 

@@ -17,6 +17,7 @@ from ..runs import (
     WHOLE,
     check_alignment,
     check_increasing,
+    check_levels,
     contiguous_runs,
     snap,
     time_in_seconds,
@@ -66,6 +67,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     if TIME not in index.names:
         refuse_flat(X, dt=None, run=None)
         raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
+    check_levels(index)
     time = time_in_seconds(index.get_level_values(TIME))
     others = [name for name in index.names if name != TIME]
     check_numbers(X, "X")

@@ -15,6 +15,7 @@ from .clock import (
 from .index import run_index
 from .layout import (
     RunLayout,
+    check_levels,
     contiguous_runs,
     numbered,
     read_layout,
@@ -37,6 +38,7 @@ __all__ = [
     "RunLayout",
     "check_alignment",
     "check_increasing",
+    "check_levels",
     "contiguous_runs",
     "input_columns",
     "mark_decimated",

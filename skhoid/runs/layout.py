@@ -234,6 +234,17 @@ def contiguous_runs(codes: np.ndarray, labels: list[Any]) -> np.ndarray:
     return np.concatenate(([0], change, [codes.size]))
 
 
+def check_levels(index: pd.Index) -> None:
+    """Refuse levels that share a name: what is asked for by name would be either."""
+    names = list(index.names)
+    twice = next((name for name in names if names.count(name) > 1), RUN)
+    if names.count(twice) > 1:
+        raise RunIndexError(
+            f"{names.count(twice)} levels of the row index of X are called {twice!r}: give each "
+            "its own name, X.index = X.index.set_names([...])."
+        )
+
+
 def _layout_from_multiindex(
     index: pd.MultiIndex, dt: float | None, fallback_dt: float | None
 ) -> RunLayout:
@@ -245,6 +256,7 @@ def _layout_from_multiindex(
             "X.index = X.index.set_names([...]) or build the index with "
             "X.set_index(['run', 'time'])."
         )
+    check_levels(index)
     marks = read_marks(index)
     keys = [i for i, name in enumerate(names) if name != TIME and not is_mark(str(name))]
     codes: Any = 0

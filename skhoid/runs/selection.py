@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_consistent_length
 from ..exceptions import PooledRunsWarning, RunIndexError
 from .alignment import check_alignment
 from .clock import RUN, TIME
-from .layout import read_layout, run_name
+from .layout import check_levels, read_layout, run_name
 from .marks import is_mark
 
 
@@ -46,6 +46,7 @@ def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarr
         if index is None or level not in index.names:
             found = list(index.names) if isinstance(index, pd.Index) else None
             raise RunIndexError(f"X has no index level {level!r}; its levels are {found}.")
+        check_levels(index)
         return index.get_level_values(level).to_numpy()
     layout = read_layout(X, run=run)
     labels = layout.labels

@@ -75,6 +75,19 @@ def test_matrices_of_the_neuromuscular_system_are_its_exponential(omega, zeta, d
         np.testing.assert_allclose(got, expected, rtol=1e-9, atol=tolerance)
 
 
+@given(omega=st.floats(0.5, 1e3), zeta=st.floats(1.2, 3.0), dt=st.floats(1.0, 1e4))
+def test_matrices_of_an_overdamped_system_between_slow_samples(omega, zeta, dt):
+    found = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)[0]
+    p0, p1, p2, p3, position, _, _, _, next_position, *_ = found
+    assert np.isfinite(found).all()
+    # Where position and output are 1 they stay so; the companion is 2 zeta omega there.
+    at_rest = p0 + 2 * zeta * omega * p1 + position + next_position
+    assert at_rest == pytest.approx(1.0, abs=1e-9)
+    poles = omega * (-zeta + np.sqrt(zeta**2 - 1) * np.array([1.0, -1.0]))
+    np.testing.assert_allclose(p0 + p3, np.exp(poles * dt).sum(), rtol=1e-6, atol=1e-300)
+    np.testing.assert_allclose(-omega * omega * p1, p2, rtol=1e-12)
+
+
 @pytest.mark.parametrize("zeta", [0.35, 1.0, 2.0])
 def test_second_order_is_the_linear_system_of_scipy(zeta):
     omega, dt = 11.25, 0.01

@@ -20,6 +20,7 @@ from skhoid import (
     RunInTrimmer,
     ShortRunError,
     VAFScorer,
+    resample_runs,
     run_labels,
     sampling_time,
     select_runs,
@@ -204,6 +205,19 @@ ERRORS = {
     ),
     "levels of other names": (
         lambda: fit(X.rename_axis(["Run", "t"]), Y.array), RunIndexError, ["['Run', 't']"]
+    ),
+    "levels of one name": (
+        lambda: fit(
+            pd.concat({"a": X}).rename_axis(["time", "run", "time"]),
+            Y.array,
+        ),
+        RunIndexError,
+        ["2 levels of the row index of X are called 'time'", "set_names"],
+    ),
+    "levels of one name, resampled": (
+        lambda: resample_runs(X.rename_axis(["time", "time"])),
+        RunIndexError,
+        ["2 levels of the row index of X are called 'time'", "set_names"],
     ),
     "run label missing": (
         lambda: fit(with_levels(X, run=np.where(RUN == 1, np.nan, RUN)), Y.array),
