@@ -100,7 +100,7 @@ def work(name: str, run: Callable[[File], None] = read, seconds: float | None = 
     return Work(
         run,
         seconds=seconds,
-        memory=2.5,
+        memory=2.5 if name.endswith(".csv") else 3.0,
         make=lambda rows: written(name, rows),
         size=lambda file: SIZE * file.rows,
     )
