@@ -227,7 +227,7 @@ ERRORS = {
     "runs of one row": (
         lambda: fit(X.iloc[[0, 120, 240]], Y.iloc[[0, 120, 240]]),
         IrregularSamplingError,
-        ["no run has two rows", "dt="],
+        ["no run has more than one row", "dt="],
     ),
     "one row": (
         lambda: fit(X.to_numpy()[:1], Y.to_numpy()[:1]),
