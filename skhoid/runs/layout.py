@@ -333,8 +333,8 @@ def _layout_from_time(
         typical = dt or fallback_dt
         if typical is None:
             raise IrregularSamplingError(
-                "The sampling time cannot be read from the index: no run has more than one row. Give it "
-                "as dt= (in seconds)."
+                "The sampling time cannot be read from the index: no run has more than one row. "
+                "Give it as dt= (in seconds)."
             )
     starts = _cut(run_starts, within & (step > GAP * typical))
     regular = step[within & (step <= GAP * typical)]
