@@ -1,13 +1,15 @@
 """Private names and habits of scikit-learn, which no other file knows."""
 
 import sys
-from typing import Any
+from collections.abc import Callable, Mapping
+from numbers import Integral, Real
+from typing import Any, TypeVar
 
 from sklearn.base import _fit_context as fit_context
 from sklearn.exceptions import NotFittedError
 from sklearn.utils import _safe_indexing as safe_indexing
 from sklearn.utils import estimator_html_repr
-from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions, validate_params
 from sklearn.utils._set_output import _get_output_config
 from sklearn.utils.metadata_routing import _raise_for_params as raise_for_params
 from sklearn.utils.metadata_routing import _routing_enabled as routing_enabled
@@ -15,18 +17,38 @@ from sklearn.utils.metaestimators import _BaseComposition as BaseComposition
 from sklearn.utils.validation import check_is_fitted
 
 __all__ = [
+    "COUNT",
+    "DT",
+    "ROLES",
+    "RUN_IN",
+    "WINDOW",
     "BaseComposition",
     "CoefficientsOfLags",
     "FittedDisplay",
     "HasMethods",
     "Interval",
     "StrOptions",
+    "checked",
     "fit_context",
     "output_container",
     "raise_for_params",
     "routing_enabled",
     "safe_indexing",
 ]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+# Constraints that functions have in common.
+COUNT = [Interval(Integral, 1, None, closed="left"), None]
+DT = [Interval(Real, 0, None, closed="neither"), None]
+ROLES = [Mapping, None]
+RUN_IN = [Interval(Real, 0, None, closed="left"), None]
+WINDOW = [tuple, list, None]
+
+
+def checked(**constraints: list) -> Callable[[F], F]:
+    """Check the parameters of a public function, as those of estimators are checked in ``fit``."""
+    return validate_params(constraints, prefer_skip_nested_validation=False)
 
 
 def output_container(transformer: object) -> str:

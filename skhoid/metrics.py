@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
+from ._sklearn import DT, RUN_IN, WINDOW, StrOptions, checked
 from .exceptions import MissingDataWarning
 from .pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from .preprocessing.gate import as_output, unmasked
@@ -20,6 +21,15 @@ __all__ = ["VAF_FLOOR", "VAFScorer", "vaf_score"]
 VAF_FLOOR = -1000.0  # percent; what an unstable simulation scores, so that means stay finite
 
 
+@checked(
+    y_true=["array-like"],
+    y_pred=["array-like"],
+    run_in=RUN_IN,
+    window=WINDOW,
+    average=[StrOptions({"pooled", "mean"}), None],
+    centered=["boolean"],
+    dt=DT,
+)
 def vaf_score(
     y_true: Any,
     y_pred: Any,
@@ -110,10 +120,21 @@ def scored_rows(layout: RunLayout, run_in: float | None, window: Any) -> np.ndar
     if layout.trimmed is not None:
         keep &= ~layout.trimmed
     if window is not None:
-        start, stop = window
+        start, stop = _edges(window)
         slack = 1e-6 * layout.dt
         keep &= (layout.time >= start - slack) & (layout.time < stop - slack)
     return keep
+
+
+def _edges(window: Any) -> tuple[float, float]:
+    """Start and stop of a window in seconds."""
+    try:
+        start, stop = map(float, window)
+    except (TypeError, ValueError):
+        start = stop = np.nan
+    if not start < stop:
+        raise ValueError(f"window must be (start, stop) in seconds, start first; got {window!r}.")
+    return start, stop
 
 
 def warn_of_unscored(layout: RunLayout, y: np.ndarray, keep: np.ndarray) -> None:

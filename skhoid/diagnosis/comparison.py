@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
+from .._sklearn import DT, ROLES, RUN_IN, HasMethods, Interval, StrOptions, checked
 from ..metrics import vaf_of_rows
 from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
@@ -213,6 +216,15 @@ class Comparison:
         return ComparisonDisplay.from_comparison(self, ax=ax)
 
 
+@checked(
+    model=[HasMethods("predict")],
+    repeats=[bool, Mapping, Sequence, None],
+    roles=ROLES,
+    run_in=RUN_IN,
+    false_alarm=[Interval(Real, 1e-12, 0.5, closed="left")],
+    domain=[StrOptions({*WORDS}), None],
+    dt=DT,
+)
 def compare(
     model: Any,
     X: Any,
@@ -252,7 +264,7 @@ def compare(
         Leave out this many seconds at the start of each run.
     false_alarm : float, default=0.01
         Rate at which each test, and each table as a whole, says that something exceeds chance
-        when nothing is missing.
+        when nothing is missing; from 1e-12 to 0.5.
     domain : {"human", "machine"} or None, default=None
         Whose words the findings use, and how soon an answer can come: a person's not within
         0.1 s. None means a person where the model is an OperatorRegressor, or where there are an
@@ -298,10 +310,6 @@ def compare(
     >>> bool(comparison.vaf < comparison.noise_ceiling)
     True
     """
-    if not 0 < false_alarm < 0.5:
-        raise ValueError(f"false_alarm is a rate between 0 and 0.5; got {false_alarm!r}.")
-    if domain not in (None, *WORDS):
-        raise ValueError(f"domain is 'human', 'machine' or None; got {domain!r}.")
     options = {"roles": roles, "run_in": run_in, "dt": dt, "run": run}
     signals = read_signals(model, X, y, repeats=repeats, **options)
     fitted = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal.windows import tukey
 from scipy.stats import chi2, norm
 
+from .._sklearn import DT, ROLES, RUN_IN, HasMethods, checked
 from ..summaries import counted
 from .ceiling import Ceiling, noise_ceiling
 from .repeats import Group
@@ -156,6 +158,13 @@ class RemnantEstimate:
         return "\n".join(lines)
 
 
+@checked(
+    model=[HasMethods("predict")],
+    repeats=[bool, Mapping, Sequence, None],
+    roles=ROLES,
+    run_in=RUN_IN,
+    dt=DT,
+)
 def remnant_estimate(
     model: Any,
     X: Any,

@@ -157,8 +157,6 @@ def read_signals(
     measured = as_output(y)
     check_consistent_length(X, y)
     check_alignment(X, y)
-    if run_in is not None and not run_in >= 0:
-        raise ValueError(f"run_in is a time in seconds, at least 0; got {run_in!r}.")
     layout = raw_layout(model, X, dt=dt, run=run)
     predicted, fed = prediction_from(model, X, y)
     if predicted.size != measured.size:

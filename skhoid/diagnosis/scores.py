@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from .._sklearn import DT, ROLES, checked
 from ..exceptions import RunIndexError, ShortRunError
 from ..recordings.named_signals import NamedSignals
 from ..runs import RUN, TIME, WHOLE, RunLayout, read_layout
@@ -20,6 +22,12 @@ NAMED = ("T_m", "ini", "tran", "fin")
 Window = str | tuple[float, float]
 
 
+@checked(
+    windows=[str, Mapping, tuple, list, np.ndarray],
+    change=[Real, None],
+    roles=ROLES,
+    dt=DT,
+)
 def performance_scores(
     X: Any,
     y: Any,

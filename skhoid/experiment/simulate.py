@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
+from .._machine import check_memory
 from ..runs import RUN, TIME
 from ..simulation.conditions import known_name
 from ..simulation.engine import entropy_of
@@ -127,6 +129,11 @@ def simulate_experiment(
     recording = _recording(sampling_rate, duration, run_in, transition_time)
     names = _conditions(conditions)
     _check_numbers(subjects, runs, remnant_intensity)
+    n_samples = (recording.run_in + recording.duration) * recording.sampling_rate
+    check_memory(
+        5 * n_samples * runs * subjects * len(names),  # four signals and the time
+        f"The signals of {subjects} subjects with {runs} runs in each condition",
+    )
     entropy = entropy_of(random_state)
     sessions = Parallel(n_jobs=n_jobs, prefer="threads")(
         delayed(_session)(number, names, runs, recording, entropy, remnant_intensity)
@@ -138,7 +145,7 @@ def simulate_experiment(
 
 def _check_numbers(subjects: Any, runs: Any, remnant_intensity: float | None) -> None:
     for what, number in (("subjects", subjects), ("runs", runs)):
-        if isinstance(number, bool) or int(number) != number or number < 1:
+        if isinstance(number, bool) or not isinstance(number, Integral) or number < 1:
             raise ValueError(f"{what} is a whole number, at least 1; got {number!r}.")
     if remnant_intensity is not None and not 0 <= remnant_intensity < 1:
         raise ValueError(

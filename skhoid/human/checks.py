@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
+
+
+def as_floats(value: Any, what: str) -> np.ndarray:
+    """A number, or some, as an array; anything else is refused by name."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(f"{what} must hold numbers; got {value!r}.") from None
 
 
 def check_finite(owner: Any, *names: str) -> None:
     """Raise unless these attributes are finite numbers."""
     for name in names:
         value = getattr(owner, name)
-        if isinstance(value, (str, bool)) or not np.isscalar(value) or not np.isfinite(value):
+        number = isinstance(value, Real) and not isinstance(value, bool)
+        if not (number and -np.inf < value < np.inf):
             raise ValueError(
                 f"{type(owner).__name__}: {name} must be a finite number; got {value!r}."
             )

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from math import comb, factorial
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
+from .._sklearn import HasMethods, Interval, checked
 from ..runs import whole_samples
 from .operator import HumanOperator
-from .variation import evaluate
+from .variation import evaluate, instants_of
 
 SERIES = 1e-2  # below this angle in rad, sin(x)/x by its series, which does not cancel
 
 
+@checked(
+    operator=[HasMethods("gains")],
+    t=[Real, "array-like"],
+    dt=[Interval(Real, 0, 1e100, closed="neither")],
+)
 def zoh_parameters(operator: HumanOperator, dt: float, t: Any = 0.0) -> np.ndarray:
     """ARX parameters of an operator without delay, under zero-order hold.
 
@@ -55,8 +62,7 @@ def zoh_parameters(operator: HumanOperator, dt: float, t: Any = 0.0) -> np.ndarr
     >>> zoh_parameters(HumanOperator(K_e=0.09, T_L=0.4), dt=0.01).round(4)
     array([-1.9121,  0.9243,  0.0443, -0.0432])
     """
-    check_dt(dt)
-    instants = np.asarray(t, dtype=float)
+    instants = instants_of(t)
     K_e, K_edot = operator.gains(instants)
     # Constant dynamics are discretised once, however many instants there are.
     omega_nm, zeta_nm = (

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import warnings
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
+from .._sklearn import HasMethods, checked
+from .variation import instants_of
+
 # The grid only brackets the crossing; gains of operators are smooth on this scale.
 GRID = np.linspace(np.log(1e-3), np.log(1e3), 400)
 
 
+@checked(
+    operator=[HasMethods("frequency_response")],
+    controlled_element=[HasMethods("frequency_response")],
+    t=[Real, "array-like"],
+)
 def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any, Any]:
     """Crossover frequency and phase margin of operator and controlled element.
 
@@ -52,7 +61,7 @@ def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any
     >>> round(omega_c, 3), round(phase_margin, 2)
     (1.563, 76.67)
     """
-    instants = np.atleast_1d(np.asarray(t, dtype=float))
+    instants = np.atleast_1d(instants_of(t))
     found = np.array([_at(operator, controlled_element, float(instant)) for instant in instants])
     found = found.reshape(-1, 2)
     n_lost = int(np.isnan(found[:, 0]).sum())

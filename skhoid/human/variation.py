@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from .checks import check_finite, check_positive
+from .checks import as_floats, check_finite, check_positive
 
 INSTANTS = ("time", "start", "end")  # parameters of transitions that are times
 SATURATED = 40.0  # exp(-40) is below rounding
@@ -265,13 +265,23 @@ class Product:
         return span_of_changes(self.first, self.second)
 
 
+def instants_of(t: Any) -> np.ndarray:
+    """Instants in s, one or some, as an array."""
+    instants = as_floats(t, "t")
+    if instants.ndim > 1:
+        raise ValueError(
+            f"t is an instant in s, or an array of shape (n_instants,); got {instants.shape}."
+        )
+    return instants
+
+
 def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
     """Values at the instants ``t`` (s) of a number or a function of time."""
     if not callable(parameter):
         return np.full(t.shape, float(parameter))
     try:
         return np.broadcast_to(np.asarray(parameter(t), dtype=float), t.shape)
-    except (TypeError, ValueError) as error:
+    except Exception as error:
         raise ValueError(
             f"The function of time {parameter!r} must take an array of instants in s and return as "
             f"many numbers, or one; with {t.size} instants it failed: {error}"

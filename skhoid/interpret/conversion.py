@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from .._sklearn import Interval, StrOptions, checked
+from ..human.checks import as_floats
 from ..human.discretisation import check_dt
 from .channel import ARXChannel
 from .operator_fit import NAMES, fit_operator
@@ -17,6 +20,11 @@ UNITS = {"K_e": "", "T_L": "s", "K_edot": "s", "tau_e": "s", "omega_nm": "rad/s"
 STEP = 1e-30  # of complex-step derivatives, which have no rounding to balance
 
 
+@checked(
+    theta=["array-like"],
+    dt=[Interval(Real, 1e-100, 1e100, closed="neither")],
+    covariance=["array-like", None],
+)
 def arx_to_operator(
     theta: Any, dt: float, covariance: Any = None
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:
@@ -67,7 +75,7 @@ def arx_to_operator(
     {'K_e': 0.07, 'T_L': 1.2, 'K_edot': 0.084, 'omega_nm': 11.25, 'zeta_nm': 0.35}
     """
     check_dt(dt)
-    theta = np.asarray(theta, dtype=float)
+    theta = as_floats(theta, "theta")
     if theta.ndim == 0 or theta.shape[-1] != 4:
         raise ValueError(
             f"theta must have the shape (..., 4), [a_1, a_2, b_0, b_1]; got {theta.shape}."
@@ -79,7 +87,7 @@ def arx_to_operator(
     physics = _inverse_hold(theta, dt)
     variances = np.full(physics.shape, np.nan)
     if covariance is not None:
-        covariance = np.asarray(covariance, dtype=float)
+        covariance = as_floats(covariance, "covariance")
         if covariance.shape[-2:] != (4, 4):
             raise ValueError(f"covariance must have the shape (..., 4, 4); got {covariance.shape}.")
         steps = STEP * 1j * np.eye(4)
@@ -108,6 +116,11 @@ def _inverse_hold(theta: np.ndarray, dt: float) -> np.ndarray:
     return np.stack(physics, axis=-1)
 
 
+@checked(
+    method=[StrOptions({"poles", "fit"})],
+    input=[str, Integral, None],
+    pade_order=[Interval(Integral, 0, None, closed="left"), None],
+)
 def operator_parameters(
     model: Any,
     *,
@@ -185,8 +198,6 @@ def operator_parameters(
         K_e  T_L  tau_e  omega_nm  zeta_nm
     0  0.09  0.4   0.28     11.25     0.35
     """
-    if method not in ("poles", "fit"):
-        raise ValueError(f"method must be 'poles' or 'fit'; got {method!r}.")
     arx = ARXChannel.of(model, input, "operator_parameters")
     misfit: dict[str, Any] = {}
     if method == "poles":

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import warnings
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from .._sklearn import DT, HasMethods, checked
 from ..human import ControlledElement
+from ..human.checks import as_floats
 from ..human.margins import phase_margin
 from ..human.variation import evaluate
 from .arx_responses import arx_response
@@ -42,6 +45,15 @@ def crossover_at_lines(
     return float(at), float(phase_margin(np.exp(1j * phase)))
 
 
+@checked(
+    controlled_element=[HasMethods("frequency_response")],
+    dt=DT,
+    nk=[Integral, None],
+    na=[Integral],
+    delay=[Real],
+    time=["array-like", None],
+    omega=["array-like", None],
+)
 def crossover_path(
     theta: Any,
     controlled_element: ControlledElement,
@@ -105,10 +117,10 @@ def crossover_path(
         theta = np.broadcast_to(arx.theta, (len(time), arx.theta.shape[-1]))
     if dt is None or nk is None:
         raise ValueError("An array of parameters needs dt (s) and nk (samples) of its model.")
-    theta = np.asarray(theta, dtype=float)
+    theta = as_floats(theta, "theta")
     if theta.ndim != 2:
         raise ValueError(f"theta must have the shape (n_instants, n_params); got {theta.shape}.")
-    instants = dt * np.arange(len(theta)) if time is None else np.asarray(time, dtype=float)
+    instants = dt * np.arange(len(theta)) if time is None else as_floats(time, "time")
     if instants.shape != (len(theta),):
         raise ValueError(
             f"time holds {instants.size} instants and theta {len(theta)}; give one for each."
@@ -116,7 +128,9 @@ def crossover_path(
     if omega is None:
         grid = np.geomspace(min(0.1, 0.01 * np.pi / dt), np.pi / dt, 160)
     else:
-        grid = np.asarray(omega, dtype=float)
+        grid = as_floats(omega, "omega")
+        if grid.ndim != 1 or grid.size < 2 or not np.all(np.isfinite(grid) & (grid > 0)):
+            raise ValueError("omega is a grid of at least two frequencies in rad/s, above 0.")
     K_c = evaluate(controlled_element.K_c, instants)
     omega_b = evaluate(controlled_element.omega_b, instants)
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from sklearn.utils.validation import check_consistent_length
 
+from .._sklearn import DT, ROLES, WINDOW, checked
 from ..preprocessing.gate import as_output
 from ..runs import check_alignment, input_columns, output_name
 from ..runs.roles import columns_of_role
@@ -21,6 +22,13 @@ DOF = 2 * N_NEIGHBOURS  # of the remnant: real and imaginary parts
 ABSENT = 1e-6  # of the strongest bin of a forcing function; weaker lines are rounding
 
 
+@checked(
+    y=["array-like"],
+    window=WINDOW,
+    period=DT,
+    roles=ROLES,
+    dt=DT,
+)
 def fourier_coefficients(
     X: Any,
     y: Any,

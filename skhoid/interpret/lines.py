@@ -26,7 +26,10 @@ class Lines:
     def of(cls, forcing: Any, period: float | None) -> Lines:
         if period is None:
             period = getattr(forcing, "period", None)
-        omega = np.sort(np.atleast_1d(np.asarray(getattr(forcing, "omega", forcing), dtype=float)))
+        try:
+            omega = np.atleast_1d(np.asarray(getattr(forcing, "omega", forcing), dtype=float))
+        except (TypeError, ValueError):  # no numbers
+            omega = np.array([])
         if omega.ndim != 1 or omega.size == 0 or not np.all(np.isfinite(omega) & (omega > 0)):
             raise ValueError(
                 "forcing must be a Multisine, its frequencies in rad/s (positive numbers), or a "
@@ -34,7 +37,7 @@ class Lines:
             )
         if period is not None and not period > 0:
             raise ValueError(f"period is the base period in seconds; got {period!r}.")
-        return cls(omega, period)
+        return cls(np.sort(omega), period)
 
     def off(self, n_samples: Any, dt: float) -> np.ndarray:
         """Distance in bins of the worst line from a whole number of periods, by window length."""
@@ -122,6 +125,11 @@ def signal_table(X: Any) -> pd.DataFrame:
     if isinstance(X, pd.Series):
         return X.to_frame("signal" if X.name is None else X.name)
     values = np.asarray(X)
+    if not values.size or values.ndim > 2:
+        raise ValueError(
+            "X is a table of shape (n_rows, n_channels), with at least one of each; got the shape "
+            f"{values.shape}."
+        )
     return pd.DataFrame(values[:, None] if values.ndim == 1 else values)
 
 
@@ -140,8 +148,6 @@ class Windows:
                 "X comes from a Decimator, which has filtered it and not y. Give the recording "
                 "itself: Fourier coefficients need no decimation."
             )
-        if window is not None and not (np.shape(window) == (2,) and window[0] < window[1]):
-            raise ValueError(f"window must be (start, end) in seconds; got {window!r}.")
         inside = scored_rows(layout, None, window)
         rows = []
         for label, a, b in zip(

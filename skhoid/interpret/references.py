@@ -10,7 +10,9 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_consistent_length
 
+from .._sklearn import Interval, checked
 from ..arx import batch as models  # which imports this package: no class is there yet
 from ..arx.base import BaseARX
 from ..exceptions import MissingDataWarning
@@ -22,6 +24,11 @@ from .operator_fit import NAMES
 SHARED = ("na", "nb", "nk", "inputs", "fit_intercept", "roles", "dt", "run")
 
 
+@checked(
+    y=["array-like"],
+    windows=[str, tuple, list],
+    length=[Interval(Real, 0, None, closed="neither")],
+)
 def reference_fits(
     X: Any,
     y: Any,
@@ -79,6 +86,7 @@ def reference_fits(
     ini    0.0  30.72  0.07    0.04
     fin   51.2  81.92  0.16    0.08
     """
+    check_consistent_length(X, y)
     estimator = unwrapped(models.ARXRegressor() if estimator is None else estimator)
     batch = _batch(estimator)
     layout = raw_layout(estimator, X)

@@ -8,10 +8,16 @@ import numpy as np
 import pandas as pd
 from scipy.signal import periodogram
 
+from .._sklearn import DT, WINDOW, checked
 from ..runs import run_column, run_name
 from .lines import Windows, all_bins, read_lines, signal_table
 
 
+@checked(
+    window=WINDOW,
+    period=DT,
+    dt=DT,
+)
 def auto_psd(
     X: Any,
     *,

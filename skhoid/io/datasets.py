@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import resources
+from numbers import Integral
 
 import numpy as np
 import pandas as pd
 
+from .._sklearn import StrOptions, checked
 from ..preprocessing import resample_runs
 
 __all__ = ["load_bicycle_rider", "load_human_tracking"]
@@ -51,6 +53,12 @@ _BICYCLE_UNITS = {
 _CONVERTED_TWICE = ("RollRate", "YawRate", "PitchRate")
 
 
+@checked(
+    recordings=[str, Integral, Sequence],
+    axis=[StrOptions({"x", "y"})],
+    channels=[str, Sequence],
+    resample=["boolean"],
+)
 def load_human_tracking(
     recordings: str | int | Sequence[str | int] = "all",
     *,
@@ -123,8 +131,6 @@ def load_human_tracking(
     4789
     """
     labels = _selected(recordings)
-    if axis not in ("x", "y"):
-        raise ValueError(f"axis must be 'x' or 'y'; got {axis!r}.")
     names = _known_names(channels, [name for name in _TRACKING_UNITS if name != "x"], "channels")
     with _open_data("human_tracking.npz") as data:
         pieces = [_tracking_run(data, label, axis, names) for label in labels]
@@ -135,6 +141,11 @@ def load_human_tracking(
     return _with_units(X, y, _TRACKING_UNITS)
 
 
+@checked(
+    inputs=[str, Sequence],
+    output=[str],
+    correct_units=["boolean"],
+)
 def load_bicycle_rider(
     *,
     inputs: str | Sequence[str] = ("RollAngle",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._sklearn import DT, checked
 from ..runs import run_index
 from ._mat import read_mat
 from ._parquet import read_parquet
@@ -30,6 +32,12 @@ _READERS: dict[str, Callable[[Path], FileTable]] = {
 }
 
 
+@checked(
+    paths=[str, os.PathLike, Iterable],
+    time=[str, None],
+    units=[Mapping, None],
+    dt=DT,
+)
 def read_runs(
     paths: Paths,
     *,
@@ -205,8 +213,6 @@ def _clock(time: str | None, dt: float | None) -> str | float:
             "There is no clock: name the time column (time='t'), or give the sampling time in "
             "seconds if the files have none (dt=0.01)."
         )
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt must be a positive number of seconds; got {dt!r}.")
     return float(dt)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._sklearn import checked
 from ..runs import check_alignment, read_layout
 from ._table import require
 from .whole import written_whole
@@ -18,6 +19,10 @@ from .whole import written_whole
 __all__ = ["write_runs"]
 
 
+@checked(
+    path=[str, os.PathLike],
+    overwrite=["boolean"],
+)
 def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write runs to a CSV, TSV, Parquet or MATLAB file.
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.utils.validation import check_consistent_length
 
+from .._sklearn import checked
 from ..exceptions import RunIndexError
 from ..runs import RUN, TIME, check_alignment, read_layout
 from .gate import as_output
@@ -15,6 +17,9 @@ MEAN = "mean"  # label of the averaged run
 SAME = 1e-6  # of its largest value, within which a target is the same
 
 
+@checked(
+    y=["array-like"],
+)
 def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
     """Average runs that share the forcing function, instant by instant.
 
@@ -61,6 +66,7 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
     index = getattr(X, "index", None)
     if not isinstance(index, pd.MultiIndex) or not {RUN, TIME} <= set(index.names):
         raise RunIndexError("ensemble_average needs the index levels 'run' and 'time' in X.")
+    check_consistent_length(X, y)
     check_alignment(X, y)
     if layout.mark is not None or layout.trimmed is not None:
         raise RunIndexError(

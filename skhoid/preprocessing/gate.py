@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.sparse import issparse
 from sklearn.utils.validation import column_or_1d
 
 from ..runs import output_name
+from ..runs.containers import refuse_container
 
 # Squares, their products and sums over all rows, and ratios of channels stay far from the limits
 # of float64 between these.
@@ -27,7 +27,7 @@ def as_table(X: Any) -> Any:
         _check_columns(X)
         return _dense(X)
     X = _unwrapped(X)
-    _refuse_container(X)
+    refuse_container(X)
     return unmasked(X)
 
 
@@ -137,26 +137,6 @@ def _check_columns(X: pd.DataFrame, what: str = "X") -> None:
             f"{int((X.columns == twice).sum())} columns of {what} are called {twice!r}; give each "
             "its own name."
         )
-
-
-def _refuse_container(X: Any) -> None:
-    if isinstance(X, pd.Series):
-        raise ValueError("X is a Series, and a 2-dimensional table is read: pass X.to_frame().")
-    library = type(X).__module__.partition(".")[0]
-    if isinstance(X, dict) and not issparse(X):  # scikit-learn refuses sparse ones, some dicts
-        instead = "pandas.DataFrame(X)"
-    elif library == "pyarrow":
-        instead = "X.to_pandas()"
-    elif isinstance(X, np.ndarray) and X.dtype.kind == "V":  # structured, or bytes without a type
-        instead = "pandas.DataFrame(X), or a plain array of numbers"
-    elif library == "polars" and hasattr(X, "collect"):
-        instead = "X.collect()"
-    else:
-        return
-    raise TypeError(
-        f"X is a {type(X).__name__}, which is not read: pass {instead}, best with levels 'run' and "
-        "'time' in its index."
-    )
 
 
 def check_numbers(table: pd.DataFrame, what: str) -> None:

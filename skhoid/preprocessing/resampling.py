@@ -11,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 from sklearn.utils.validation import check_consistent_length
 
 from .._machine import check_memory
+from .._sklearn import DT, checked
 from ..exceptions import IrregularSamplingError, RunIndexError
 from ..runs import (
     TIME,
@@ -29,6 +30,9 @@ from .gate import as_output, check_numbers
 LONGEST_BRIDGE = 3.0  # median steps; late samples of a jittery clock are no gap
 
 
+@checked(
+    dt=DT,
+)
 def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) -> Any:
     """Bring recorded runs onto a regular time grid by cubic interpolation.
 
@@ -63,7 +67,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     60
     """
     check_alignment(X, y)
-    index = X.index
+    index = X.index if isinstance(X, pd.DataFrame) else pd.RangeIndex(0)
     if TIME not in index.names:
         refuse_flat(X, dt=None, run=None)
         raise RunIndexError("resample_runs needs the index levels 'run' and 'time'.")
@@ -92,7 +96,7 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
             typical[run] = np.median(step[a : b - 1])
     if np.isnan(typical).all():
         raise IrregularSamplingError("resample_runs needs runs of at least two rows.")
-    grid_step = dt if dt is not None else snap(float(np.nanmedian(typical)))
+    grid_step = float(dt) if dt is not None else snap(float(np.nanmedian(typical)))
     longest = LONGEST_BRIDGE * np.repeat(typical, np.diff(run_starts))[1:]
     starts = np.union1d(run_starts, np.flatnonzero(within & (step > longest)) + 1)
     n_rows = float((time[starts[1:] - 1] - time[starts[:-1]]).sum()) / grid_step

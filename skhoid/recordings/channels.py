@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .._sklearn import DT, checked
 from ..exceptions import RunIndexError
 from ..preprocessing.columns import SingleColumn
 from ..preprocessing.gate import as_table
@@ -40,6 +41,9 @@ LEAST_STEPS = 20
 BLOCK = 50_000  # rows that are taken at a time
 
 
+@checked(
+    dt=DT,
+)
 def check_channels(
     X: Any, y: Any = None, *, dt: float | None = None, run: Any = None
 ) -> list[Finding]:

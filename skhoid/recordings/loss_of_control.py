@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._sklearn import DT, ROLES, checked
 from ..preprocessing.columns import checked_column
 from ..preprocessing.gate import check_numbers
 from ..runs import RunLayout, read_layout, run_column, run_name
@@ -69,6 +70,10 @@ class LostControl:
         )
 
 
+@checked(
+    roles=ROLES,
+    dt=DT,
+)
 def lost_control(
     X: Any, *, roles: Mapping[Any, str] | None = None, dt: float | None = None, run: Any = None
 ) -> pd.DataFrame:
@@ -135,7 +140,10 @@ def control_in(
 ) -> ControlCheck:
     """Ask the rule about the columns of a table; see :func:`lost_control`."""
     layout = read_layout(X, dt=dt, run=run)
-    names = list(X.columns) if hasattr(X, "columns") else list(range(np.shape(X)[1]))
+    shape = np.shape(X)
+    if len(shape) != 2:
+        raise ValueError(f"X is a table of shape (n_rows, n_columns); got the shape {shape}.")
+    names = list(X.columns) if hasattr(X, "columns") else list(range(shape[1]))
     check_named(names, roles)
     others = names.copy()
     if run is not None:

@@ -28,6 +28,7 @@ from .clock import (
     time_in_seconds,
     typical_step,
 )
+from .containers import refuse_container
 from .flat import refuse_flat
 from .marks import DecimationMark, is_mark, read_marks
 from .roles import of_person, run_column
@@ -143,6 +144,8 @@ def read_layout(
         return layout
     if isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)):
         refuse_datetime(index)
+    if index is None:
+        refuse_container(X)
     n_rows = index.size if index is not None else np.asarray(X).shape[0]
     refuse_flat(X, dt=dt, run=run)
     if index is not None and index.name != TIME and index.dtype.kind == "f":

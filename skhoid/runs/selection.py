@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_consistent_length
 
+from .._sklearn import COUNT, DT, checked
 from ..exceptions import PooledRunsWarning, RunIndexError
 from .alignment import check_alignment
 from .clock import RUN, TIME
@@ -16,6 +17,9 @@ from .layout import check_levels, read_layout, run_name
 from .marks import is_mark
 
 
+@checked(
+    level=[str, None],
+)
 def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarray:
     """Return the run label of each row, for use as ``groups`` in cross-validation.
 
@@ -57,6 +61,9 @@ def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarr
     return np.repeat(np.asarray(labels), np.diff(layout.run_starts))
 
 
+@checked(
+    dt=DT,
+)
 def sampling_time(X: Any, *, dt: float | None = None, run: Any = None) -> float:
     """Return the sampling time of recorded runs in seconds, after checking it.
 
@@ -111,6 +118,10 @@ def warn_of_pooled(X: Any, stacklevel: int = 4) -> None:
         )
 
 
+@checked(
+    first=COUNT,
+    last=COUNT,
+)
 def select_runs(
     X: pd.DataFrame,
     y: Any = None,
@@ -149,11 +160,8 @@ def select_runs(
     """
     if sum(choice is not None for choice in (runs, first, last)) != 1:
         raise ValueError("Give exactly one of runs=, first= and last=.")
-    count = first if first is not None else last
-    if count is not None and count < 1:
-        raise ValueError(f"first= and last= count runs and must be at least 1; got {count}.")
     layout = read_layout(X)
-    if not isinstance(X.index, pd.MultiIndex):
+    if not isinstance(getattr(X, "index", None), pd.MultiIndex):
         raise RunIndexError("select_runs needs the index levels 'run' and 'time'.")
     firsts = X.index[layout.run_starts[:-1]].to_frame(index=False)
     inner = firsts["run"].tolist()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
+from .._sklearn import Interval, checked
 from ..exceptions import did_you_mean
 from ..human import ControlledElement, HumanOperator, Sigmoid
 from ..human.variation import Parameter, mix
@@ -82,6 +84,10 @@ def tracking_condition(name: str) -> Condition:
     return _mixture(name, Condition("", *begin), Condition("", *end), progress)
 
 
+@checked(
+    weight=[Interval(Real, 0, 1, closed="both"), callable],
+    name=[str, None],
+)
 def mixed_condition(
     first: str | Condition, second: str | Condition, weight: Parameter, name: str | None = None
 ) -> Condition:
@@ -117,8 +123,6 @@ def mixed_condition(
     Sigmoid(initial=0.09, final=0.07, rate=2.0, time=30.0)
     """
     one, two = (c if isinstance(c, Condition) else tracking_condition(c) for c in (first, second))
-    if not callable(weight) and not 0 <= weight <= 1:
-        raise ValueError(f"mixed_condition: weight is from 0 to 1; got {weight!r}.")
     return _mixture(name or f"{one.name} to {two.name}", one, two, weight)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from .. import _kernels
 from .._machine import check_memory
 from ..effects.composition import Effects
 from ..exceptions import UnstableLoopError
+from ..human.checks import as_floats
 from ..human.variation import evaluate
 from .forcing import Multisine
 from .physics import ARXResponse, Delay, operator_response, physics_rows
@@ -160,13 +161,15 @@ def _tracker(n_runs: int, remnant: np.ndarray) -> Any:
     return _kernels.loop.tracker(lanes, bool(remnant[8:].any()))
 
 
-def _kept_run_in(task: CompensatoryTask, keep_run_in: float) -> int:
+def _kept_run_in(task: CompensatoryTask, keep_run_in: Any) -> int:
     """Number of samples of the run-in that are returned."""
     rate = task.sampling_rate
-    kept = round(keep_run_in * rate) if np.isfinite(keep_run_in) else -1
+    known = isinstance(keep_run_in, Real) and np.isfinite(float(keep_run_in))
+    kept = round(keep_run_in * rate) if known else -1
     if not 0 <= kept <= task.n_run_in:
         raise ValueError(
-            f"keep_run_in is from 0 to the run-in of {task.n_run_in / rate:g} s; got {keep_run_in}."
+            f"keep_run_in is from 0 to the run-in of {task.n_run_in / rate:g} s; got "
+            f"{keep_run_in!r}."
         )
     return kept
 
@@ -224,7 +227,7 @@ def _forcing(task: CompensatoryTask, name: str) -> np.ndarray:
 
 
 def _given_noise(noise: Any, n_runs: int, n_total: int) -> np.ndarray:
-    noise = np.atleast_2d(np.asarray(noise, dtype=float))
+    noise = np.atleast_2d(as_floats(noise, "noise"))
     if noise.shape != (n_runs, n_total):
         raise ValueError(
             f"noise must have a row for each of {n_runs} runs and a column for each of {n_total} "

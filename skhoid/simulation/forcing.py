@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from sklearn.utils import check_random_state
 
+from ..human.checks import as_floats
+
 # Table I of the thesis, after Zaal (2016).
 _MULTIPLES = (3, 5, 8, 13, 22, 34, 53, 86, 139, 229)
 _AMPLITUDES = (1.186, 1.121, 0.991, 0.756, 0.447, 0.245, 0.123, 0.061, 0.036, 0.025)
@@ -230,7 +232,7 @@ class Samples:
     """A forcing function given by its samples, as a value that can be compared."""
 
     def __init__(self, values: Any) -> None:
-        self.values = np.array(values, dtype=float)
+        self.values = as_floats(values, "values").copy()
         self.values.flags.writeable = False
 
     def __repr__(self) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .._machine import check_memory
 from ..effects.composition import Effects
 from ..human import ControlledElement, HumanOperator
 from ..human.checks import check_positive
@@ -125,6 +126,10 @@ class CompensatoryTask:
                 f"CompensatoryTask: {self.duration:g} s at {self.sampling_rate:g} Hz, with the "
                 "run-in, are more samples than any machine holds."
             )
+        check_memory(
+            6 * (self.n_run_in + self.n_samples),
+            f"A run of {self.duration:g} s at {self.sampling_rate:g} Hz, with the run-in,",
+        )
         if self.n_samples < 2:
             raise ValueError(
                 f"CompensatoryTask: {self.duration} s at {self.sampling_rate} Hz are fewer than "

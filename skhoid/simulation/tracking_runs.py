@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
+from .._sklearn import Interval, checked
 from ..human import ControlledElement, HumanOperator
 from ..human.discretisation import delay_samples, zoh_parameters
 from ..human.operator import PURSUIT
@@ -34,6 +36,18 @@ OF_TUNING = ("random_state", "open_loop", "n_jobs", "progress")
 OF_SIMULATION = (*OF_TUNING, "noise", "random_phases", "keep_run_in")
 
 
+@checked(
+    remnant_intensity=[Real],
+    channels=[str, list, tuple],
+    adaptation_lag=[Interval(Real, -1e9, 1e9, closed="both")],
+    perturbation=[Mapping, None],
+    random_phases=["boolean"],
+    transport=[str, None],
+    open_loop=["boolean"],
+    return_truth=["boolean"],
+    n_jobs=[Integral, None],
+    progress=["boolean"],
+)
 def make_tracking_runs(
     condition: str | Condition | CompensatoryTask = "C1",
     n_runs: int = 5,
@@ -158,8 +172,8 @@ def make_tracking_runs(
 
 def check_channel_names(channels: Any) -> None:
     """Refuse names that are not channels."""
-    unknown = [name for name in channels if name not in CHANNELS]
-    if unknown or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
+    known = all(isinstance(name, str) and name in CHANNELS for name in channels)
+    if not known or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
         hint = " The disturbance f_d is the channel 'dist'." if "f_d" in channels else ""
         raise ValueError(
             f"channels is a list of some of {list(CHANNELS)}, each once; got {channels!r}.{hint}"

@@ -129,7 +129,7 @@ def test_constant_dynamics_are_repeated():
 
 @pytest.mark.parametrize("dt", [0, -0.01, np.nan, np.inf, [0.01, 0.02]])
 def test_bad_sampling_time(dt):
-    with pytest.raises(ValueError, match="dt must be a positive sampling time"):
+    with pytest.raises(ValueError, match="'dt' parameter of zoh_parameters must be a float"):
         zoh_parameters(HumanOperator(), dt)
 
 

@@ -404,7 +404,7 @@ def test_refusals(fitted):
         operator_parameters(make_pipeline(DelayShift(), ARXRegressor()))
     with pytest.raises(TypeError, match="got LinearRegression"):
         operator_parameters(LinearRegression().fit([[0], [1]], [0, 1]))
-    with pytest.raises(ValueError, match="method must be"):
+    with pytest.raises(ValueError, match="'method' parameter"):
         operator_parameters(fitted, method="d2c")
     with pytest.raises(ValueError, match=r"na=3 and nb=2.*method='fit'"):
         operator_parameters(ARXRegressor(na=3, nk=29).fit(X, y))

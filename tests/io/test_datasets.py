@@ -139,7 +139,7 @@ class TestHumanTracking:
             ({"recordings": "difficulty 60"}, "no recording 'difficulty 60'.*'difficulty 50'"),
             ({"recordings": []}, "at least one"),
             ({"recordings": [0, "difficulty 50"]}, "each recording once"),
-            ({"axis": "z"}, "axis must be 'x' or 'y'"),
+            ({"axis": "z"}, "'axis' parameter of load_human_tracking must be a str among"),
             ({"channels": "x"}, "channels has 'x'; the channels are f_t, e, size_s, phase_f"),
             ({"channels": []}, "each channel once"),
             ({"channels": ["phase_f"]}, "'difficulty 50' has no phase_f"),

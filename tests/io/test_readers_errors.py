@@ -36,7 +36,7 @@ class TestArguments:
         fails("no clock: name the time column .* or give the sampling time", path, time=None)
         fails("'t'.* or dt .*, not both", path, dt=0.01)
         for dt in (0, -1, np.nan, np.inf):
-            fails("dt must be a positive number of seconds", path, time=None, dt=dt)
+            fails("'dt' parameter of read_runs must be a float", path, time=None, dt=dt)
 
     def test_channels(self, tmp_path, write):
         path = write(tmp_path, "csv", COLUMNS)

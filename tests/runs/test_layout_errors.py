@@ -192,7 +192,7 @@ ERRORS = {
         IrregularSamplingError,
         ["0.01 s a row", "dt=0.02 s", "resample_runs"],
     ),
-    "dt of nothing": (lambda: sampling_time(X, dt=-1.0), ValueError, ["dt", "positive", "-1.0"]),
+    "dt of nothing": (lambda: sampling_time(X, dt=-1.0), ValueError, ["dt", "(0.0, inf)", "-1.0"]),
     "no run level": (
         lambda: fit(X.droplevel("run"), Y.droplevel("run")),
         RunIndexError,

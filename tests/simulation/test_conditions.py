@@ -104,7 +104,7 @@ def test_mixed_conditions():
 
 @pytest.mark.parametrize("weight", [-0.1, 1.1, np.nan])
 def test_senseless_weights(weight):
-    with pytest.raises(ValueError, match="weight is from 0 to 1"):
+    with pytest.raises(ValueError, match=r"range \[0.0, 1.0\]"):
         mixed_condition("C1", "C2", weight)
 
 

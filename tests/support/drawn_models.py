@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
+from support.hostile import BAD_NAMES
 
 from skhoid import (
     ARXRegressor,
@@ -19,21 +20,6 @@ from skhoid import (
     RunInTrimmer,
 )
 
-BAD_NUMBERS = [
-    -1,
-    0,
-    0.5,
-    float("nan"),
-    float("inf"),
-    "2",
-    None,
-    [],
-    [1, 2],
-    10**9,
-    1e300,
-    {},
-    True,
-]
 GOOD: dict[type, dict[str, list]] = {
     ARXRegressor: {
         "na": [1, 2, 3],
@@ -108,7 +94,6 @@ GOOD: dict[type, dict[str, list]] = {
     DelayShift: {"delay": [0.0, 0.1, 1.0, 1e6], "inputs": [None, ["e"]], "dt": [None, 0.01]},
     RunInTrimmer: {"run_in": [None, 0.0, 0.5], "measurement_time": [None, 0.5], "dt": [None, 0.01]},
 }
-BAD_NAMES = [*BAD_NUMBERS, "no such word", "", ["no such name"], ("e",), np.array([1.0]), object()]
 REGRESSORS = [ARXRegressor, RecursiveARX, RecursiveARXCV, OperatorRegressor]
 SEARCHES = [DelaySearchCV, OrderSearchCV]
 TRANSFORMERS = [Decimator, DelayShift, RunInTrimmer]

@@ -45,7 +45,9 @@ RAW = re.compile(
     r"Length mismatch|truth value|positional argument|codec can't|zero-size array|"
     r"list index|need at least one array|could not convert string"
 )
-QUOTED = re.compile("cannot be read as|is broken, or|failed for the array")  # what others say
+QUOTED = re.compile(
+    "cannot be read as|is broken, or|failed for the array|it failed: "
+)  # what others say
 
 _seconds = 60.0
 

@@ -14,6 +14,16 @@ LENGTHS = st.sampled_from([1, 2, 3, 4, 5, 8, 13, 40, 41, 100, 150])
 NAMES = ["e", "x", "f_t", "motion_roll", "dist", "u", "error [deg]", "run", "time", "", "a b", 0, 1]
 ODD_NAMES = [None, float("nan"), ("e", "deg"), 1.5, True, b"e", "\x00", "e\n", "λ"]
 
+BAD_NAMES = [
+    -1, 0, 0.5, float("nan"), float("inf"), "2", None, [], [1, 2], 10**9, 1e300, {}, True,
+    "no such word", "", ["no such name"], ("e",), np.array([1.0]), object(),
+]  # fmt: skip
+BAD = [
+    *BAD_NAMES, -1.5, 1e-300, "1", b"a", 1j, -(10**9), 10**30, [np.nan], [np.inf], ["1"], [[1]],
+    [None], [[]], (1, 2, 3, 4, 5, 6), {"e": 1}, np.zeros((2, 2)), np.array(["a"]),
+    pd.Series([1.0]), pd.NA, slice(1), len, lambda t: "a", lambda t: 1 / 0, lambda t: {}["a"],
+]  # fmt: skip
+
 
 @dataclass
 class Recording:
