@@ -14,6 +14,7 @@ from scipy import sparse
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from .._machine import check_memory
+from ._mat5 import checked
 from ._table import FileTable, one_by_one, read_as, require
 
 __all__ = ["read_mat"]
@@ -53,7 +54,9 @@ def _read_v5(path: Path) -> FileTable:
     with warnings.catch_warnings(), read_as(path, "a MATLAB file"):
         # Objects all carry the name "None" for SciPy < 1.18; they are reported below.
         warnings.simplefilter("ignore", scipy_io.matlab.MatReadWarning)
-        content = scipy_io.loadmat(path)
+        content: dict[str, Any] = {}
+        for part in checked(path):
+            content |= scipy_io.loadmat(part)
     arrays: dict[str, Any] = {}  # sparse ones too
     unreadable: dict[str, str] = {}
     note = ""
@@ -61,7 +64,7 @@ def _read_v5(path: Path) -> FileTable:
         if isinstance(value, MatlabOpaque):
             fields = value.dtype.names or ()
             stored = value["s0"].item() if "s0" in fields else name
-            shown = stored.decode() if isinstance(stored, bytes) else str(stored)
+            shown = stored.decode("latin1") if isinstance(stored, bytes) else str(stored)
             unreadable[shown] = _OBJECT
             note = f"The file also has {shown!r}, which {_OBJECT}"
         elif not name.startswith("__"):
@@ -73,7 +76,10 @@ def _read_v5(path: Path) -> FileTable:
         if sparse.issparse(values):
             what = f"The sparse variable {names[position]!r} of {path}, with its zeros,"
             check_memory(math.prod(values.shape), what)
-            values = values.toarray()
+            with read_as(path, f"a MATLAB file, at its variable {names[position]!r}"):
+                values = values.tocsc()
+                values.check_format()  # SciPy writes to places that are not there
+                values = values.toarray()
         return values
 
     return FileTable(

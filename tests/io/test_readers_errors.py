@@ -10,6 +10,7 @@ import pytest
 from scipy.io import savemat
 from scipy.io.matlab import MatlabFunction, MatlabObject
 from scipy.sparse import csc_array
+from support.mat5 import opaque
 
 from skhoid.io import read_runs
 
@@ -278,29 +279,6 @@ def write_mat(folder, variables):
     path = folder / "run.mat"
     savemat(path, variables)
     return path
-
-
-def opaque(name, class_name):
-    """Bytes of a classdef object as MATLAB writes it: flags, name, kind, class and a handle."""
-
-    def element(kind, data):
-        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
-
-    handle = struct.pack("<6I", 0xDD000000, 2, 1, 1, 1, 1)
-    matrix = (
-        element(6, struct.pack("<II", 13, 0))
-        + element(5, struct.pack("<ii", 6, 1))
-        + element(1, b"")
-        + element(6, handle)
-    )
-    body = (
-        element(6, struct.pack("<II", 17, 0))
-        + element(1, name)
-        + element(1, b"MCOS")
-        + element(1, class_name)
-        + element(14, matrix)
-    )
-    return element(14, body)
 
 
 def test_a_damaged_page_of_a_parquet_file(tmp_path):
