@@ -121,8 +121,9 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         reached" if the search ended while effects still helped.
     error_path_ : DataFrame
         One row per step from the baseline on: effect, vaf and rmse (held out, each fold
-        refitted), vaf_loop (of the closed loop; NaN where it is not known), vaf_train, ceiling (NaN
-        where it is not known), explainable_gap (points that are left).
+        refitted), vaf_loop (of the closed loop; NaN where it is not known), vaf_train, ceiling (one
+        number for all steps, from what the residual of the best model does not repeat; NaN where
+        it is not known), explainable_gap (points that are left).
     predictions_ : DataFrame
         Held-out free runs: measured, baseline, and one column per effect added; NaN in rows that
         are left out.
@@ -130,7 +131,8 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         The model without and with the effects, fitted on all rows.
     explainable_gap_ : float
         Points of VAF that a better model can gain over the baseline: what the effects found gain
-        on held-out rows, and the largest structure of ``unexplained_``.
+        on held-out rows, and the largest structure of ``unexplained_``. Like ``ceiling`` it rests
+        on the best model, and so on the effects tried; VAF and RMSE of the baseline do not.
     unexplained_ : DataFrame
         Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
         is the same in all runs), at, description, points, evidence.

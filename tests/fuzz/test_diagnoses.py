@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 from support.drawn_models import REGRESSORS, SEARCHES, models
 from support.fuzzing import fuzz, outcome
-from support.hostile import BAD_NAMES, good, recordings
+from support.hostile import BAD_NAMES, good, worsened
 
 import skhoid
 from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor, RecursiveARXCV
@@ -32,29 +32,25 @@ SEARCHED = {
 }
 
 
+MILD = ["column", "dtype", "output", "put", "rename", "rows", "runs"]
+
+
 def options_of(data, values):
     """Up to three options, now and then one without sense."""
     names = data.draw(st.lists(st.sampled_from(sorted(values)), max_size=3, unique=True))
     chosen = {name: data.draw(st.sampled_from(values[name])) for name in names}
-    if names and not data.draw(st.integers(0, 5)):
+    if names and not data.draw(st.integers(0, 9)):
         chosen[names[0]] = data.draw(st.sampled_from(BAD_NAMES))
     return chosen
 
 
-@fuzz(
-    batch=5,
-    fitted=good(lengths=LONG),
-    given=recordings(),
-    model=models(*REGRESSORS, bad=False),
-    data=st.data(),
-)
-def test_compare(fitted, given, model, data):
-    """Of the runs it was fitted on, and of others."""
-    own = data.draw(st.booleans())
-    X, y = (given if own else fitted).X, (given if own else fitted).y
-    model, error = outcome(model.fit, X, y)
+@fuzz(batch=10, fitted=good(lengths=LONG), model=models(*REGRESSORS, bad=False), data=st.data())
+def test_compare(fitted, model, data):
+    """Of the runs it was fitted on, and of what was made of them."""
+    model, error = outcome(model.fit, fitted.X, fitted.y)
     if error is not None:
         return
+    given = data.draw(worsened(fitted, MILD, most=1))
     comparison, error = outcome(
         skhoid.compare, model, given.X, given.y, **options_of(data, COMPARED)
     )
@@ -68,12 +64,13 @@ def test_compare(fitted, given, model, data):
 
 
 @fuzz(
-    batch=2,
-    recording=recordings(),
+    batch=3,
+    fitted=good(lengths=LONG),
     core=models(ARXRegressor, OperatorRegressor, bad=False),
     data=st.data(),
 )
-def test_effect_search(recording, core, data):
+def test_effect_search(fitted, core, data):
+    recording = data.draw(worsened(fitted, MILD, most=1))
     X, y = recording.X, recording.y
     options = {"effects": ["bias"], **options_of(data, SEARCHED)}
     search, error = outcome(EffectSearchCV(core, **options).fit, X, y)

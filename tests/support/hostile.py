@@ -78,8 +78,13 @@ def good(draw: Any, min_runs: int = 1, lengths: Any = None, channels: Any = None
 @st.composite
 def recordings(draw: Any) -> Recording:
     """Good runs to which up to three things were done."""
-    recording = draw(good())
-    for fault in draw(st.lists(st.sampled_from(sorted(FAULTS)), max_size=3, unique=True)):
+    return draw(worsened(draw(good()), sorted(FAULTS)))
+
+
+@st.composite
+def worsened(draw: Any, recording: Recording, faults: list[str], most: int = 3) -> Recording:
+    """A recording to which some of the faults were done."""
+    for fault in draw(st.lists(st.sampled_from(faults), max_size=most, unique=True)):
         try:
             X, y = FAULTS[fault](draw, recording.X, recording.y)
         except (
