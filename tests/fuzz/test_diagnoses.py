@@ -32,7 +32,7 @@ SEARCHED = {
 }
 
 
-MILD = ["column", "dtype", "output", "put", "rename", "rows", "runs"]
+MILD = ["column", "dtype", "output", "put", "rows", "runs"]  # others are mostly refused
 
 
 def options_of(data, values):
