@@ -95,7 +95,7 @@ def worsened(draw: Any, recording: Recording, faults: list[str], most: int = 3) 
             IndexError,
             KeyError,
             OverflowError,
-            RuntimeWarning,
+            Warning,
         ):
             continue  # what pandas does not do to what was already done
         recording = Recording(X, y, (*recording.faults, fault))
