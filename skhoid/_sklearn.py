@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
+import numpy as np
 from sklearn.base import _fit_context as fit_context
 from sklearn.exceptions import NotFittedError
 from sklearn.utils import _safe_indexing as safe_indexing
@@ -43,7 +44,7 @@ COUNT = [Interval(Integral, 1, None, closed="left"), None]
 DT = [Interval(Real, 0, None, closed="neither"), None]
 ROLES = [Mapping, None]
 RUN_IN = [Interval(Real, 0, None, closed="left"), None]
-WINDOW = [tuple, list, None]
+WINDOW = [tuple, list, np.ndarray, None]
 
 
 def checked(**constraints: list) -> Callable[[F], F]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._sklearn import Interval, StrOptions, fit_context
+from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..greybox.arx_core import fitted_arx
@@ -198,7 +198,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         "start": [dict, None],
         "n_starts": [Interval(Integral, 0, None, closed="left")],
         "roles": [dict, None],
-        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "dt": DT,
         "run": "no_validation",
     }
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._sklearn import Interval, StrOptions, fit_context
+from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning
 from ..greybox.estimates import arx_parameter_table
 from ..preprocessing.base import as_fitted
@@ -205,7 +205,7 @@ class RecursiveARX(PartialFit):
         "smooth": ["boolean"],
         "store_covariance": ["boolean"],
         "roles": [dict, None],
-        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "dt": DT,
         "run": "no_validation",
     }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
@@ -218,7 +218,7 @@ class Comparison:
 
 @checked(
     model=[HasMethods("predict")],
-    repeats=[bool, Mapping, Sequence, None],
+    repeats=[bool, Mapping, "array-like", None],
     roles=ROLES,
     run_in=RUN_IN,
     false_alarm=[Interval(Real, 1e-12, 0.5, closed="left")],

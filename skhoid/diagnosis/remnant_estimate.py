@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -160,7 +160,7 @@ class RemnantEstimate:
 
 @checked(
     model=[HasMethods("predict")],
-    repeats=[bool, Mapping, Sequence, None],
+    repeats=[bool, Mapping, "array-like", None],
     roles=ROLES,
     run_in=RUN_IN,
     dt=DT,

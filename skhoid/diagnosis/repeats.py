@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -115,6 +115,8 @@ def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
             f"got {repeats!r}."
         )
     labels = list(repeats)
+    if not all(isinstance(label, Hashable) for label in labels):
+        raise TypeError(f"repeats has a label for each run, a number or a name; got {repeats!r}.")
     if len(labels) != n_runs:
         raise ValueError(
             f"repeats has {len(labels)} entries for {n_runs} runs: give one label a run (runs "

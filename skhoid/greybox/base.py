@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from .._sklearn import Interval, StrOptions, fit_context
+from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
@@ -241,7 +241,7 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
         "settling": [Interval(Real, 0, None, closed="left")],
         "initial": [StrOptions({"rest", "estimate"}), None],
         "start": [dict, None],
-        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "dt": DT,
         "run": "no_validation",
     }
 

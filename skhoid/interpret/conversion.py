@@ -11,7 +11,6 @@ import pandas as pd
 
 from .._sklearn import Interval, StrOptions, checked
 from ..human.checks import as_floats
-from ..human.discretisation import check_dt
 from .channel import ARXChannel
 from .operator_fit import NAMES, fit_operator
 
@@ -74,7 +73,6 @@ def arx_to_operator(
     >>> {name: round(float(value), 6) for name, value in values.items()}
     {'K_e': 0.07, 'T_L': 1.2, 'K_edot': 0.084, 'omega_nm': 11.25, 'zeta_nm': 0.35}
     """
-    check_dt(dt)
     theta = as_floats(theta, "theta")
     if theta.ndim == 0 or theta.shape[-1] != 4:
         raise ValueError(

@@ -26,7 +26,7 @@ SHARED = ("na", "nb", "nk", "inputs", "fit_intercept", "roles", "dt", "run")
 
 @checked(
     y=["array-like"],
-    windows=[str, tuple, list],
+    windows=[str, tuple, list, np.ndarray],
     length=[Interval(Real, 0, None, closed="neither")],
 )
 def reference_fits(

@@ -54,9 +54,9 @@ _CONVERTED_TWICE = ("RollRate", "YawRate", "PitchRate")
 
 
 @checked(
-    recordings=[str, Integral, Sequence],
+    recordings=[str, Integral, "array-like"],
     axis=[StrOptions({"x", "y"})],
-    channels=[str, Sequence],
+    channels=[str, "array-like"],
     resample=["boolean"],
 )
 def load_human_tracking(
@@ -142,7 +142,7 @@ def load_human_tracking(
 
 
 @checked(
-    inputs=[str, Sequence],
+    inputs=[str, "array-like"],
     output=[str],
     correct_units=["boolean"],
 )
@@ -248,7 +248,7 @@ def _selected(recordings: str | int | Iterable[str | int]) -> list[str]:
 
 def _known_names(asked: str | Sequence[str], known: list[str], argument: str) -> list[str]:
     names = [asked] if isinstance(asked, str) else list(asked)
-    wrong = [name for name in names if name not in known]
+    wrong = [name for name in names if not isinstance(name, str) or name not in known]
     if wrong:
         raise ValueError(f"{argument} has {wrong[0]!r}; the channels are {', '.join(known)}.")
     if not names or len(set(names)) < len(names):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 
-from .._sklearn import Interval, StrOptions
+from .._sklearn import DT, Interval, StrOptions
 from ..exceptions import RunIndexError
 from ..runs import DecimationMark, RunLayout, mark_decimated
 from .base import RowPreservingTransformer, as_fitted
@@ -78,7 +78,7 @@ class Decimator(RowPreservingTransformer):
         "factor": [Interval(Integral, 1, None, closed="left")],
         "method": [StrOptions(set(METHODS))],
         "padding": [StrOptions(set(PADDINGS))],
-        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "dt": DT,
         "run": "no_validation",
     }
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._sklearn import Interval
+from .._sklearn import DT, Interval
 from ..exceptions import ShortRunError
 from ..runs import RunLayout, input_columns, whole_samples
 from .base import RowPreservingTransformer, as_fitted
@@ -66,7 +66,7 @@ class DelayShift(RowPreservingTransformer):
         "delay": [Interval(Real, 0, None, closed="left")],
         "inputs": "no_validation",
         "roles": [dict, None],
-        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "dt": DT,
         "run": "no_validation",
     }
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._sklearn import Interval
+from .._sklearn import DT, Interval
 from ..exceptions import RunIndexError, ShortRunError
 from ..runs import RunLayout, mark_run_in, whole_samples
 from .base import RowPreservingTransformer, as_fitted
@@ -64,7 +64,7 @@ class RunInTrimmer(RowPreservingTransformer):
     _parameter_constraints: dict = {
         "run_in": [Interval(Real, 0, None, closed="left"), None],
         "measurement_time": [Interval(Real, 0, None, closed="neither"), None],
-        "dt": [Interval(Real, 0, None, closed="neither"), None],
+        "dt": DT,
         "run": "no_validation",
     }
 

@@ -38,7 +38,7 @@ OF_SIMULATION = (*OF_TUNING, "noise", "random_phases", "keep_run_in")
 
 @checked(
     remnant_intensity=[Real],
-    channels=[str, list, tuple],
+    channels=[str, "array-like"],
     adaptation_lag=[Interval(Real, -1e9, 1e9, closed="both")],
     perturbation=[Mapping, None],
     random_phases=["boolean"],
@@ -174,7 +174,7 @@ def check_channel_names(channels: Any) -> None:
     """Refuse names that are not channels."""
     known = all(isinstance(name, str) and name in CHANNELS for name in channels)
     if not known or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
-        hint = " The disturbance f_d is the channel 'dist'." if "f_d" in channels else ""
+        hint = " The disturbance f_d is the channel 'dist'." if "f_d" in map(str, channels) else ""
         raise ValueError(
             f"channels is a list of some of {list(CHANNELS)}, each once; got {channels!r}.{hint}"
         )
