@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from numbers import Integral, Real
 from typing import Any
 
@@ -19,7 +20,7 @@ from ..greybox.prepared import Prepared, SimulatedCore
 from ..human import ELEMENT
 from ..preprocessing.grid import ModelGrid
 from ..summaries import Summary
-from .base import BaseARX
+from .base import BaseARX, check_lengths
 from .model_summary import orders_text
 from .orders import Orders
 from .strategies import EquationError, LinearSimulationError, SimulationError, Strategy
@@ -295,6 +296,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
             description=orders_text(orders),
             errors_note="Standard errors take the residual, whitened by its AR model, as white.",
             start=self.start or {},
+            check=partial(check_lengths, orders=orders),
         )
 
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:

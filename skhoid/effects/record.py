@@ -202,7 +202,8 @@ class Record:
         else:
             channels, name = self.channels, self.inputs[0] if name == "e" else name
             values = channels.read(name) if isinstance(channels, RowChannels) else channels[name]
-        return float(np.std(values[self.known])) or 1.0
+        known = values[self.known]
+        return float(np.std(known)) or 1.0 if known.size else 1.0
 
     def rate(self, name: str) -> np.ndarray:
         """Rate of a channel per second, by central differences."""

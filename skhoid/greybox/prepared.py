@@ -30,7 +30,8 @@ class SimulatedCore:
     """The core that the parameters of an estimator ask for, how to fit it, and its given values.
 
     ``estimated`` finds the core without effects at the minimum of the simulation error; ``given``
-    are parameters that are not estimated, for the table; ``start`` are more values to start from.
+    are parameters that are not estimated, for the table; ``start`` are more values to start from;
+    ``check`` refuses runs that the core cannot be fitted to.
     """
 
     core: Core
@@ -39,6 +40,7 @@ class SimulatedCore:
     errors_note: str
     given: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, float] = field(default_factory=dict)
+    check: Callable[[ModelGrid], None] | None = None
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,8 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         some = record_of_some(record) or record
         record = replace(record, controlled_element=given_element(given, some))
     spec = estimator._simulated_core()
+    if spec.check is not None:
+        spec.check(grid)
     record = spec.core.on(record)
     initial = getattr(estimator, "initial", None)
     record = replace(record, initial=beginning(spec.core, record, initial, estimator.settling))

@@ -10,7 +10,7 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 from support.places import RECORDINGS
 
-from skhoid import ARXRegressor, EffectSearchCV, RecursiveARX, run_labels
+from skhoid import ARXRegressor, EffectSearchCV, RecursiveARX, ShortRunError, run_labels
 from skhoid.effects import DeadZone, HigherOrder, TimeVaryingGain
 from skhoid.plotting import ParameterPathDisplay
 
@@ -402,3 +402,13 @@ def test_silverbox():
 
     assert error(search.baseline_) > 10.0  # mV
     assert error(search.best_estimator_) < 2.0
+
+
+def test_lags_longer_than_a_run_are_refused_as_without_effects():
+    X = pd.DataFrame({"e": np.random.default_rng(0).standard_normal(150)})
+    y = X["e"].to_numpy()
+    for model in (ARXRegressor(nk=200), ARXRegressor(nk=200, effects="bias")):
+        with pytest.raises(ShortRunError, match=r"150 successive rows .* reach 201 samples back"):
+            model.fit(X, y)
+    with pytest.raises(ShortRunError, match="reach 201 samples back"):
+        EffectSearchCV(ARXRegressor(nk=200), effects=["bias"]).fit(X, y)
