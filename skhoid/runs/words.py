@@ -11,8 +11,8 @@ import pandas as pd
 from .clock import JITTER_TOLERANCE, RUN, TIME
 
 # What rows have in common, from the shortest recording to the longest.
-LABEL_WORDS = (RUN, "trial", "rep", "repetition", "recording", "block", "session")
-LABEL_WORDS += ("subject", "participant")
+_SHORT: tuple[str, ...] = (RUN, "trial", "rep", "repetition", "recording")
+LABEL_WORDS = (*_SHORT, "block", "session", "subject", "participant")
 # Levels of the row index outside of runs.
 OUTER_WORDS = {"subject": "subject", "participant": "subject", "condition": "condition"}
 OUTER_WORDS |= {"session": "session", "block": "block"}
