@@ -186,6 +186,20 @@ def test_what_is_whole_is_read(linked, name):
     assert X.iloc[:, 0].to_list() == T.tolist()
 
 
+def test_names_near_are_those_of_like_fields(tmp_path):
+    with h5py.File(tmp_path / "run.mat", "w") as file:
+        file["data/t"], file["data/u"], file["data/error"] = T[None], T[None], T[None]
+        file["data/ex"] = h5py.SoftLink("/nowhere")
+    names = {"output": "data.u", "time": "data.t"}
+    with pytest.raises(ValueError, match=r"no variable 'data.x'.*Did you mean 'data.ex'\?"):
+        read_runs(tmp_path / "run.mat", inputs="data.x", **names)
+    with pytest.raises(ValueError, match=r"no variable 'data.f'") as caught:
+        read_runs(tmp_path / "run.mat", inputs="data.f", **names)
+    assert "Did you mean" not in str(caught.value)
+    with pytest.raises(ValueError, match=r"Did you mean 'data.error'\?"):
+        read_runs(tmp_path / "run.mat", inputs="data.eror", **names)
+
+
 @pytest.mark.parametrize("name", ["dangling", "gone", "circle"])
 def test_what_leads_nowhere_is_said(linked, name):
     with pytest.raises(ValueError, match=rf"run.mat, '{name}' is broken, or a link that leads"):
