@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
-__all__ = ["check_memory", "ended_by_sigterm"]
+__all__ = ["check_memory", "ended_by_signals"]
 
 _NUMBER = 8  # bytes
 
@@ -29,26 +29,27 @@ def check_memory(n_numbers: float, what: str) -> None:
 
 
 @contextlib.contextmanager
-def ended_by_sigterm() -> Iterator[None]:
-    """Leave by SystemExit at SIGTERM, so that workers are ended and hidden files go.
+def ended_by_signals() -> Iterator[None]:
+    """Leave by SystemExit at SIGTERM and SIGHUP, so that workers are ended and hidden files go.
 
-    By default the process ends at once, and its workers work on. A handler of the user's stays.
+    By default the process ends at once, and its workers work on. A handler of the user's stays,
+    and what is ignored, as by nohup, stays so.
     """
     is_main = multiprocessing.current_process().name == "MainProcess"
     # Only the main thread gets signals, and only it may say what they do.
     if not is_main or threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.getsignal(signal.SIGTERM)
-    if before is not signal.SIG_DFL:
-        yield
-        return
-    signal.signal(signal.SIGTERM, _leave)
+    numbers = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]  # none on Windows
+    taken = [n for n in numbers if n is not None and signal.getsignal(n) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, _leave)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
 
 
-def _leave(*_: Any) -> None:
-    raise SystemExit(128 + signal.SIGTERM)
+def _leave(number: int, *_: Any) -> None:
+    raise SystemExit(128 + number)

@@ -12,12 +12,13 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 from ._sklearn import DT, RUN_IN, WINDOW, StrOptions, checked
 from .exceptions import MissingDataWarning
 from .pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
-from .preprocessing.gate import as_output, unmasked
+from .preprocessing.gate import as_output, check_not_too_small, unmasked
 from .preprocessing.run_in import run_in_rows
 from .runs import RunLayout, check_alignment, read_layout
 
 __all__ = ["VAF_FLOOR", "VAFScorer", "vaf_score"]
 
+MOST = 1e100  # of predictions, as of simulations, so that squares do not overflow
 VAF_FLOOR = -1000.0  # percent; what an unstable simulation scores, so that means stay finite
 
 
@@ -98,7 +99,10 @@ def _rows_to_score(
     check_consistent_length(y_true, y_pred)
     check_alignment(y_true, y_pred, ("y_true", "y_pred"))
     y = as_output(y_true, "y_true")
+    check_not_too_small(y, "y_true")
     prediction = column_or_1d(np.asarray(unmasked(y_pred), dtype=float), warn=False)
+    finite = np.isfinite(prediction)
+    prediction = np.where(finite, np.clip(prediction, -MOST, MOST), prediction)
     layout = layout_of_output(y_true, dt, run)
     return layout, y, prediction, scored_rows(layout, run_in, window)
 
@@ -168,7 +172,6 @@ def vaf_of_rows(
         raise ValueError(f"average must be 'pooled', 'mean' or None; got {average!r}.")
     signal, error, run = scored_signals(y, prediction, keep, layout, centered)
     n_runs = len(layout.labels)
-    # Simulations are bounded at 1e100, so that squares do not overflow.
     lost = np.bincount(run, error**2, n_runs)
     power = np.bincount(run, signal**2, n_runs)
     scored = np.bincount(run, minlength=n_runs) > 0

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from skhoid._machine import check_memory, ended_by_sigterm
+from skhoid._machine import check_memory, ended_by_signals
+from skhoid.io.whole import written_whole
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has other signals")
 
@@ -42,18 +43,41 @@ if __name__ == "__main__":
 """
 
 
-def test_sigterm_becomes_an_exit_and_the_handler_goes():
-    with pytest.raises(SystemExit) as stop, ended_by_sigterm():
-        os.kill(os.getpid(), signal.SIGTERM)
-    assert stop.value.code == 143
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+def write_until(path, number):
+    with ended_by_signals(), written_whole(path) as aside:
+        aside.touch()
+        os.kill(os.getpid(), number)
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGHUP", 129)])
+def test_a_signal_becomes_an_exit_and_the_handler_goes(tmp_path, name, code):
+    number = getattr(signal, name)
+    before = signal.signal(number, signal.SIG_DFL)
+    try:
+        with pytest.raises(SystemExit) as stop:
+            write_until(tmp_path / "a.csv", number)
+        assert signal.getsignal(number) is signal.SIG_DFL
+    finally:
+        signal.signal(number, before)
+    assert stop.value.code == code
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_hangup_that_is_ignored_stays_so():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with ended_by_signals():
+            os.kill(os.getpid(), signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_a_handler_of_the_users_stays():
     seen = []
     before = signal.signal(signal.SIGTERM, lambda *_: seen.append(1))
     try:
-        with ended_by_sigterm():
+        with ended_by_signals():
             os.kill(os.getpid(), signal.SIGTERM)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -64,7 +88,7 @@ def test_other_threads_are_left_alone():
     done = []
 
     def work():
-        with ended_by_sigterm():
+        with ended_by_signals():
             done.append(1)
 
     thread = threading.Thread(target=work)
@@ -80,8 +104,9 @@ def test_more_than_the_machine_has_is_refused():
 
 
 def interruptible():
-    """Take SIGINT, which a shell in the background makes its children ignore."""
+    """Take SIGINT, which a shell in the background makes its children ignore, and SIGHUP."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def runs_on(pid):
@@ -163,7 +188,9 @@ def test_a_search_that_is_stopped_leaves_no_workers(tmp_path, number, code):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129), (signal.SIGINT, 130)]
+)
 def test_the_command_line_ends(tmp_path, number, code):
     words = [sys.executable, "-m", "skhoid", "study", "fig13", "--replications", "5000"]
     words += ["--out", str(tmp_path)]

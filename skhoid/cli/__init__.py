@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
-from .._machine import ended_by_sigterm
+from .._machine import ended_by_signals
+from .at_once import refuse_at_once
 from .options import with_one_element
 from .output import note
 from .parser import make_parser
@@ -34,8 +35,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     exit_code : int
-        0 on success, 2 on bad input, 1 on an error nobody expected, 130 when interrupted, 141
-        when nobody reads the output any more, 143 when terminated.
+        0 on success, 2 on bad input, 1 on an error nobody expected, 129 when the terminal
+        is closed, 130 when interrupted, 141 when nobody reads the output any more, 143 when
+        terminated.
 
     Examples
     --------
@@ -52,9 +54,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = argparse.Namespace()
     try:
         _parse(parser, given, options)
-        with ended_by_sigterm(), warnings.catch_warnings():
+        with ended_by_signals(), warnings.catch_warnings():
             if not options.debug:
                 warnings.showwarning = _show_warning(options)
+            refuse_at_once(options)
             code = _run(options)
             sys.stdout.flush()
             return code

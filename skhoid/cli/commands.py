@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shutil
+import sys
 import textwrap
 from typing import Any
 
@@ -25,6 +26,13 @@ class Parser(argparse.ArgumentParser):
         argument = super().add_argument(*names, **more)
         self.arguments.append(argument)
         return argument
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print, and let fail what argparse lets pass: that nothing can be written."""
+        if file is sys.stdout:
+            file.write(message)
+        else:
+            super()._print_message(message, file)
 
 
 def add_command(

@@ -14,6 +14,7 @@ from .._version import __version__
 from ..diagnosis import Comparison
 from ..diagnosis import compare as compare_runs
 from ..pipelines import reach_model, unwrapped
+from ..runs.roles import OTHER, role_of
 from ..search.story import comparison_dict
 from .files import (
     check_plot_file,
@@ -115,8 +116,14 @@ def _recordings(
         )
     roles = pairs(options.role, "--role", "NAME=ROLE, such as roll=motion")
     for name, role in ((options.x, "x"), (options.target, "f_t")):
-        if name is not None:
-            roles[name] = role
+        if name is None:
+            continue
+        by_name = role_of((own or names)[names.index(name)]) if name in names else OTHER
+        if roles.setdefault(name, by_name or role) != role:
+            raise ValueError(
+                f"The channel {name!r} has two roles, {roles[name]!r} and {role!r}: name different "
+                "channels."
+            )
     others = [name for name in roles if name not in names]
     chosen = argparse.Namespace(**{**vars(options), "files": files})
     X, y = read_files(chosen, [*names, *others])

@@ -17,9 +17,6 @@ from ..regression import units_of
 from .options import pairs, refuse
 from .output import note
 
-ABOUT_FILES = ["time", "dt", "run", "unit", "resample"]
-ABOUT_FILES += ["input", "instruments", "output", "x", "target", "role", "display"]
-
 
 def read_files(options: argparse.Namespace, inputs: list[str]) -> tuple[Any, Any]:
     """X and y of the files that the options name."""
@@ -59,16 +56,6 @@ def column_of(X: Any, asked: str) -> str:
     return name if name in X else name.rpartition(".")[2]
 
 
-def check_no_files(options: argparse.Namespace) -> None:
-    """Refuse options about files where there are none, before bundled recordings are used."""
-    refuse(
-        options,
-        ABOUT_FILES,
-        "is about files, and there are none. Options that take several words also take files "
-        "that follow: name the files first.",
-    )
-
-
 def new_file(name: str, overwrite: bool, *, new_folder: bool = False) -> Path:
     """A file to write, checked before the work begins; its folder may be a new one."""
     path = Path(name)
@@ -97,14 +84,19 @@ def check_folders(*names: str | Path | None) -> None:
     for name in names:
         if name is None:
             continue
-        if Path(name).is_file():
+        if Path(name).exists() and not Path(name).is_dir():
             raise ValueError(f"{name} is a file; name a folder.")
         _check_parents(Path(name) / "file")
 
 
 def _check_parents(path: Path) -> None:
     """The nearest folder that exists must let others be made in it."""
-    folder = next(parent for parent in path.parents if parent.exists())
+    folder = next(parent for parent in path.parents if os.path.lexists(parent))
+    if folder.is_symlink() and not folder.exists():
+        raise ValueError(
+            f"{folder} is a link to {os.readlink(folder)}, which does not exist; make that, or "
+            "name another folder."
+        )
     if not folder.is_dir():
         raise ValueError(f"{folder} is a file and no folder; choose another place than {path}.")
     if not os.access(folder, os.W_OK | os.X_OK):

@@ -17,7 +17,7 @@ from ..diagnosis.identification import identify as identify_runs
 from ..io import load_human_tracking
 from ..summaries import counted
 from .arguments.identify import LONGEST_DELAY
-from .files import check_no_files, column_of, names_of, read_files, save_figures, without_screen
+from .files import column_of, names_of, read_files, save_figures, without_screen
 from .options import pairs, refuse
 from .output import WIDTH, print_json, say_files
 from .search_output import figure_folder
@@ -95,6 +95,11 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, s
         inside = [name for name in others if name in options.input]
         if inside:
             raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
+        if options.x in options.input and options.x not in roles:
+            raise ValueError(
+                f"--x names {options.x!r}, which is an input: name different channels, or say "
+                f"--role {options.x}=x if the model is to answer x."
+            )
         for name, role in ((options.x, "x"), (options.target, "f_t")):
             if name is not None and roles.setdefault(name, role) != role:
                 raise ValueError(f"--role says that {name!r} is {roles[name]!r}, and not {role!r}.")
@@ -112,7 +117,6 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, s
         instruments = [column_of(X, name) for name in others]
         roles = {column_of(X, name): role for name, role in roles.items()}
         return X, y, instruments, roles, names_of(options.files)
-    check_no_files(options)
     X, y = load_human_tracking("difficulty 80")
     return (
         X,

@@ -11,7 +11,7 @@ from ..greybox import OperatorRegressor
 from ..io import load_human_tracking
 from ..preprocessing import RunInTrimmer
 from .arguments.shared import OF_CORE
-from .files import check_no_files, column_of, names_of, read_files
+from .files import column_of, names_of, read_files
 from .options import pairs, refuse
 
 BUNDLED = ["phase-size 2b", "phase-size 2c", "phase-size 2d", "phase-size 2e"]
@@ -56,7 +56,6 @@ def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
 
 
 def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
-    check_no_files(options)
     X, y = load_human_tracking(BUNDLED)
     options.display, options.remove_means = "pursuit", True
     source = (

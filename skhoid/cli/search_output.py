@@ -11,7 +11,6 @@ import pandas as pd
 
 from .._version import __version__
 from ..diagnosis import Comparison
-from ..effects import Effects
 from ..effects.catalogue import BY_NAME
 from ..human import ControlledElement, LinearElement
 from ..human.element_text import is_number
@@ -51,18 +50,7 @@ def figure_folder(options: argparse.Namespace, default: str) -> Path | None:
 
 def wanted_effects(options: argparse.Namespace) -> Any:
     """The effects to search for, known by name."""
-    names = options.effects or ["all"]
-    if names == ["all"]:
-        return "all"
-    if "all" in names:
-        raise ValueError("--effects all takes no other names: it is all of them.")
-    if "none" in names:
-        raise ValueError(
-            "--effects none stands alone, in skhoid report, which then makes no search; "
-            "else name the effects to search for, or leave --effects out to search for all."
-        )
-    Effects.of(names)
-    return names
+    return "all" if options.effects in (None, ["all"]) else options.effects
 
 
 def show_search(

@@ -10,13 +10,11 @@ from ..io.tables import check_table_format
 from ..io.tables import write_tables as write_all
 from .arguments.shared import TABLES
 from .files import check_folders
-from .options import refuse
 
 
 def check_tables(options: argparse.Namespace) -> None:
     """Refuse tables that cannot be written, before the work begins."""
     if options.tables is None:
-        refuse(options, ["table_format"], "needs --tables FOLDER: else no tables are written.")
         return
     check_folders(options.tables)
     check_table_format(options.table_format or TABLES)

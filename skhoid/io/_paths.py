@@ -51,6 +51,8 @@ def _expand(item: Any) -> list[Path]:
                 f"No file matches the pattern {pattern!r} (working folder: {Path.cwd()})."
             )
         return files
+    if path.exists():
+        raise ValueError(f"{path} is no ordinary file, and cannot be read as one.")
     raise FileNotFoundError(f"There is no file {path} (working folder: {Path.cwd()}).")
 
 

@@ -38,6 +38,7 @@ def read_csv(path: Path) -> FileTable:
     def load(numbers: Sequence[int], labels: int | None) -> tuple[list[Any], Any]:
         plain = plain_columns(sheet, numbers, labels)
         if plain is not None:
+            sheet.refuse_long_cells(len(plain[0][0]))
             return plain
         columns = [sheet.column(position) for position in numbers]
         return columns, None if labels is None else coded(sheet.column(labels))
@@ -68,6 +69,8 @@ def _sheet(text: Text) -> Sheet:
         if skip > blank + 1:
             raise ValueError(_open_quote(text.path, blank + 1))
         raise ValueError(f"{text.path} has a header but no rows.")
+    if any(_holds_rows(name, separator) for name in names):
+        raise ValueError(_open_quote(text.path, blank + 1))
     sheet = Sheet(text, separator, names, skip)
     if len(row) > len(names):
         raise ValueError(sheet.wrong_row(""))
@@ -119,9 +122,19 @@ class Sheet:
             # pandas only warns when a row has more cells than the header, and drops the rest.
             warnings.simplefilter("error", pd.errors.ParserWarning)
             try:
-                return self.read(file, dtype=dtype, low_memory=False)
+                cells = self.read(file, dtype=dtype, low_memory=False)
             except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
                 raise ValueError(self.wrong_row(str(error))) from error
+        self.refuse_long_cells(len(cells))
+        return cells
+
+    def refuse_long_cells(self, n_rows: int) -> None:
+        """Refuse quoted cells that go on in the next line: two stray quotes swallow the rows."""
+        if not self.has_quotes or self.skip + n_rows >= self.text.n_lines:
+            return
+        wrong = self.wrong_row("")  # or lines between the rows are blank
+        if wrong:
+            raise ValueError(wrong)
 
     def column(self, position: int) -> pd.Series:
         """A column; its decimal commas are points if no other number has one."""
@@ -147,16 +160,26 @@ class Sheet:
         return numbers
 
     def wrong_row(self, said: str) -> str:
-        """What is wrong with the first row that pandas does not take."""
+        """What is wrong with the first row that is no line of as many cells as the header."""
         path, separator, names = self.text.path, self.separator, self.names
-        is_open = "EOF inside string" in said
         begin = end = 0  # of a row, in lines
         with self.text.open() as file:
             rows = csv.reader(file, delimiter=separator, skipinitialspace=True)
             try:
                 for row in rows:
                     begin, end = end, rows.line_num
-                    if len(row) > len(names) and not is_open:
+                    if begin < self.skip:
+                        continue
+                    if end > begin + 1:
+                        if "EOF inside string" in said and next(rows, None) is None:
+                            return _open_quote(path, begin + 1)
+                        return (
+                            f'{path} cannot be read as a table: a quote (") in line {begin + 1} is '
+                            f"closed in line {end}, so that these lines are one row. Delete it, or "
+                            "close it in its line; if the cell is a text of several lines, write "
+                            "it in one."
+                        )
+                    if len(row) > len(names):
                         columns = counted(len(names), "column")
                         return (
                             f"{path} cannot be read as a table of {columns} separated by "
@@ -167,7 +190,13 @@ class Sheet:
                         )
             except csv.Error:  # a cell of more than 128 kB
                 return _open_quote(path, end + 1)
-        return _open_quote(path, begin + 1) if is_open else f"{path}: {said}"
+        return f"{path}: {said}" if said else ""
+
+
+def _holds_rows(name: str, separator: str) -> bool:
+    """Whether a quote in the header was closed below, so that rows are part of a name."""
+    lines = [line.split(separator) for line in name.split("\n")[1:]]
+    return any(len(line) > 1 and any(map(_is_number, line)) for line in lines)
 
 
 def _open_quote(path: Path, line: int) -> str:

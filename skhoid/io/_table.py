@@ -31,6 +31,7 @@ _HEADER = re.compile(
     r"^(?P<name>.*\S)(?:\s*\[(?P<square>[^\[\]]*)\]|\s+\((?P<round>[^()]*[^\W\d_][^()]*|[%°])\))$"
 )
 _MOST_NAMES = 30
+_CLOSE = 0.6  # likeness of names, from 0 to 1
 # Columns, and the codes and labels of one of them if it is asked for.
 Columns = tuple[list[Any], tuple[np.ndarray, list[Any]] | None]
 
@@ -126,7 +127,10 @@ class FileTable:
         named = [name for name in self.names if name]
         short = [split_header(name)[0] for name in named]
         folded = {name.casefold(): name for name in [*short, *named]}
-        close = difflib.get_close_matches(asked.casefold(), folded, n=3, cutoff=0.6)
+        if self.kind == "variable":
+            folded |= {name.casefold(): name for name in self.unreadable}
+            folded = {key: name for key, name in folded.items() if _same_field(asked, key)}
+        close = difflib.get_close_matches(asked.casefold(), folded, n=3, cutoff=_CLOSE)
         listed = ", ".join(repr(name) for name in named[:_MOST_NAMES])
         if len(named) > _MOST_NAMES:
             listed += f" and {len(named) - _MOST_NAMES} more"
@@ -134,6 +138,12 @@ class FileTable:
         if close:
             text += f" Did you mean {' or '.join(repr(folded[name]) for name in close)}?"
         return f"{text} {self.note}".rstrip()
+
+
+def _same_field(asked: str, name: str) -> bool:
+    """Whether fields of structs are alike by their own names; those of one struct share its."""
+    one, other = (text.casefold().rpartition(".")[2] for text in (asked, name))
+    return difflib.SequenceMatcher(None, one, other).ratio() >= _CLOSE
 
 
 def one_by_one(load: Callable[[int], Any]) -> Callable[[Sequence[int], int | None], Columns]:

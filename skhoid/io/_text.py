@@ -27,7 +27,11 @@ _BYTES = {
 
 @dataclass(frozen=True)
 class Text:
-    """A text file: its encoding, and how many lines, quotes, points and commas it has."""
+    """A text file: its encoding, and how many lines, quotes, points and commas it has.
+
+    Of the lines, blank ones at the end do not count; where ends of lines are mixed there may be
+    fewer.
+    """
 
     path: Path
     encoding: str
@@ -56,6 +60,7 @@ def survey(path: Path) -> Text:
         counts = dict.fromkeys(b'\n\r",.', 0)
         is_ascii = is_utf8 = True
         ended = False
+        last = b""
         while not ended:
             chunk = file.read(_CHUNK)
             ended = not chunk  # a last call tells whether the last character is whole
@@ -80,6 +85,11 @@ def survey(path: Path) -> Text:
                 )
             for sign in counts:
                 counts[sign] += chunk.count(sign)
+            last = chunk or last
+    blank = last[len(last.rstrip(b" \r\n")) :]
+    for sign in b"\n\r":
+        counts[sign] -= blank.count(sign)
     line_feeds, returns, quotes, commas, points = counts.values()
     encoding = wide or ("utf-8-sig" if is_utf8 else "cp1252")
-    return Text(path, encoding, max(line_feeds, returns) + 1, quotes, points, commas)
+    ends = line_feeds if line_feeds == returns else line_feeds + returns
+    return Text(path, encoding, ends + 1, quotes, points, commas)

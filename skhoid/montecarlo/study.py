@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._machine import ended_by_sigterm
+from .._machine import ended_by_signals
 from .._version import __version__
 from ..exceptions import RemnantIntensityError, StudyWarning
 from ..simulation.engine import entropy_of
@@ -224,7 +224,7 @@ class MonteCarloStudy:
             jobs = [self._job(tasks[ranges[i][0]], *ranges[i]) for i in wanted]
             done = results_of(jobs, compute, n_jobs=n_jobs, threads=self.batched)
             with (
-                ended_by_sigterm(),
+                ended_by_signals(),
                 progress_bar(progress, len(ranges), len(finished), "study") as advance,
                 contextlib.closing(done),
             ):

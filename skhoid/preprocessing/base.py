@@ -22,7 +22,15 @@ from ..runs import (
     run_time_index,
 )
 from ..runs.flat import refuse_flat
-from .gate import DOUBLE, as_table, check_not_too_large, check_numbers, refuse_objects, without_text
+from .gate import (
+    DOUBLE,
+    as_table,
+    check_not_infinite,
+    check_not_too_large,
+    check_numbers,
+    refuse_objects,
+    without_text,
+)
 
 
 def keep_parameters(estimator: Any) -> None:
@@ -79,6 +87,11 @@ def read_table(
             )
     except (TypeError, ValueError, OverflowError) as error:
         refuse_objects(X, error)
+        columns = list(X.columns) if hasattr(X, "columns") else None
+        if columns is not None and not frame:
+            check_numbers(pd.DataFrame({name: np.asarray(X[name]) for name in columns}), "X")
+        if "infinity" in str(error):
+            check_not_infinite(_as_numbers(X), "X", columns)
         raise
     check_not_too_large(values, "X", names)
     if layout is None:
@@ -92,6 +105,12 @@ def read_table(
         estimator._names = names
         estimator._run = layout.run_column if told.run is None else told.run
     return layout, values
+
+
+def _as_numbers(X: Any) -> np.ndarray:
+    if isinstance(X, pd.DataFrame):
+        return X.to_numpy(np.float64, na_value=np.nan)
+    return np.asarray(X, dtype=np.float64)
 
 
 class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):

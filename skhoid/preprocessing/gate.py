@@ -91,9 +91,11 @@ def check_not_infinite(values: np.ndarray, what: str, names: list[Any] | None = 
     table = values if values.ndim == 2 else values[:, None]
     bad = np.argwhere(np.isinf(table))
     if bad.size:
+        row, column = bad[0].tolist()
+        where = f"column {column if names is None else names[column]!r}, " if what == "X" else ""
         raise ValueError(
-            f"Input {_place(what, names, bad[0, 1])} contains infinity or a value too large for "
-            f"dtype('float64'), first in row {bad[0, 0]}. Mark missing values by NaN."
+            f"Input {what} contains infinity or a value too large for dtype('float64'), first in "
+            f"{where}row {row}. Mark missing values by NaN."
         )
 
 

@@ -61,10 +61,22 @@ def check_increasing(
     bad = np.flatnonzero(within & (step <= 0))
     if bad.size == 0:
         return
+    many = bad.size > 0.1 * step.size and bad.size > 1
+    repeated = bad[step[bad] == 0]
+    repeats = many and 2 * repeated.size > bad.size
+    if many:
+        bad = repeated if repeats else bad[step[bad] < 0]
     row = int(bad[0]) + 1
     label = labels[int(np.searchsorted(run_starts, row, side="right")) - 1]
     where = f"run {label!r}, row {row}: {time[row - 1]:.6g} s is followed by {time[row]:.6g} s"
-    if bad.size > 0.1 * step.size and bad.size > 1:
+    if repeats:
+        raise RunIndexError(
+            f"Time repeats in {bad.size} places, first in {where}. Mostly these are two runs or "
+            "two channels in one table, or a clock that was written with too few digits: give "
+            "each run a label of its own in the 'run' level, each channel a column, and the time "
+            "all its digits."
+        )
+    if many:
         raise RunIndexError(
             f"The rows are shuffled: time goes backwards in {bad.size} places, first in {where}. "
             "Sort the table (X = X.sort_index(), y likewise). For cross-validation split by runs, "

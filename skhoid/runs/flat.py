@@ -10,12 +10,20 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import RunIndexError
-from .clock import JITTER_TOLERANCE, RUN, TIME
+from .clock import RUN, TIME
+from .words import (
+    LABEL_WORDS,
+    OUTER_WORDS,
+    advances_evenly,
+    in_milliseconds,
+    label_word,
+    labelled_stretches,
+    names_time,
+)
 
 OUTER = ("subject", "condition")
 LABELS = (RUN, "trial", "subject")  # of which only "run" can be nothing else
 CLOCKS = (TIME, "t", "timestamp", "seconds")  # of which only "time" can be nothing else
-TICKS = 0.9  # share of a clock's steps that are alike
 _UNIT = re.compile(r"\s*(\([^()]*\)|\[[^][]*\])\s*$")
 
 
@@ -44,12 +52,14 @@ def refuse_flat(X: Any, *, dt: float | None, run: Any) -> None:
         return
     found = [name for name in (label, clock) if name is not None]
     many = len(found) > 1
+    unsure = label is not None and plain_name(label) not in (*LABELS, *OUTER)
     raise RunIndexError(
         f"X has {' and '.join(map(repr, found))} as {'columns' if many else 'a column'}, where "
         f"{'they are' if many else 'it is'} taken for {'channels' if many else 'a channel'}"
         + (" of one run" if run is None else "")
         + (", with dt = 1" if dt is None and not table.timed else "")
         + f". {table.remedy(label, clock)}"
+        + (f" If {label!r} is a channel, give it another name." if unsure else "")
     )
 
 
@@ -62,12 +72,12 @@ class _Columns:
         index = getattr(X, "index", None)
         self.level = index.name if isinstance(index, pd.Index) else None
         self.timed = self.level == TIME
+        self._all = self.names if self.level is None else [self.level, *self.names]
 
     def _called(self, wanted: tuple[str, ...]) -> Iterator[tuple[str, Any, np.ndarray]]:
         """Plain name, name and values, in the order wanted."""
-        names = self.names if self.level is None else [self.level, *self.names]
         for kind in wanted:
-            for name in names:
+            for name in self._all:
                 if plain_name(name) == kind:
                     yield kind, name, self._values(name)
 
@@ -78,17 +88,31 @@ class _Columns:
             return self.X.iloc[:, self.names.index(name)].to_numpy()
         return np.asarray(self.X[name])
 
+    def _like(self, word: str) -> Iterator[tuple[Any, np.ndarray]]:
+        """Names that hold a word, as ``trial_id`` does, and values; exact ones are not among."""
+        for name in self._all:
+            if label_word(name) == word and plain_name(name) not in (*LABELS, *OUTER):
+                yield name, self._values(name)
+
     def label(self) -> Any:
         """The column that tells runs apart, if there is one."""
-        for kind, name, values in self._called(LABELS):
-            if kind == RUN or 1 < len(pd.unique(values)) < 0.1 * len(values):
-                return name
+        for word in LABEL_WORDS:
+            for _, name, values in self._called((word,) if word in LABELS else ()):
+                if word == RUN or 1 < len(pd.unique(values)) < 0.1 * len(values):
+                    return name
+            for name, values in self._like(word):
+                if labelled_stretches(values, word) > 1:
+                    return name
         return None
 
     def clock(self) -> Any:
         """The column of times, if there is one."""
         for kind, name, values in self._called(CLOCKS):
-            if kind == TIME or _advances_evenly(values):
+            if kind == TIME or advances_evenly(values):
+                return name
+        for name in self._all:
+            near = names_time(name) and plain_name(name) not in CLOCKS
+            if near and advances_evenly(self._values(name)):
                 return name
         return None
 
@@ -110,7 +134,8 @@ class _Columns:
         if several:
             times = "X.index.to_series()" if clock == self.level else f"X[{clock!r}]"
             more = f" after X['run'] = ({times}.diff() < 0).cumsum(), which counts the runs"
-        text = f"Put {'both' if label is not None else 'it'} into the row index, time in seconds: "
+        text = f"Put {'both' if label is not None else 'it'} into the row index, time in seconds"
+        text += f" ({clock!r} divided by 1000): " if in_milliseconds(clock) else ": "
         text += self._index_of(RUN if several else label, clock) + more
         text += "; y keeps its rows, and its index if that is plain"
         if self.timed:
@@ -127,6 +152,11 @@ class _Columns:
             for _, name, _ in self._called((wanted,)):
                 if name != label:
                     outer[name] = wanted
+        for word, wanted in OUTER_WORDS.items() if label is not None else ():
+            for name, values in self._like(word):
+                free = name != label and wanted not in outer.values()
+                if free and labelled_stretches(values, word):
+                    outer[name] = wanted
         renamed = {old: new for old, new in (outer | renamed).items() if old not in (None, new)}
         levels = [*outer.values(), *([] if label is None else [RUN]), TIME]
         text = "X = X" if isinstance(self.X, pd.DataFrame) else "X = X.to_pandas()"
@@ -135,12 +165,3 @@ class _Columns:
         if renamed:
             text += f".rename(columns={renamed})"
         return f"{text}.set_index({levels if len(levels) > 1 else levels[0]!r})"
-
-
-def _advances_evenly(values: np.ndarray) -> bool:
-    """Whether values advance by equal steps, but where runs begin anew."""
-    if values.dtype.kind not in "iuf" or values.size < 3:
-        return False
-    step = np.diff(values.astype(float))
-    typical = np.median(step)
-    return bool(typical > 0 and np.mean(np.abs(step / typical - 1) <= JITTER_TOLERANCE) >= TICKS)

@@ -209,7 +209,7 @@ def numbered(values: Any, where: str) -> tuple[np.ndarray, list[Any]]:
     if np.any(codes < 0):
         row = int(np.flatnonzero(codes < 0)[0])
         raise RunIndexError(f"The run label in {where} is missing in row {row}.")
-    return codes, list(labels)
+    return codes, pd.Index(labels).tolist()
 
 
 def within_runs(run_starts: np.ndarray) -> np.ndarray:

@@ -35,7 +35,14 @@ from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
 from ..summaries import Summary, estimates_table
 from .all_runs import AllRuns, Held, held_columns
-from .explanations import VERDICTS, changes_sentences, experiments, in_loop_text, summary_of
+from .explanations import (
+    VERDICTS,
+    changes_sentences,
+    experiments,
+    in_loop_text,
+    summary_of,
+    untried_notes,
+)
 from .forward import Path, Search, forward, output_error_fit
 from .given_delay import GivenDelay, with_given_delay
 from .held_out import HeldOutRows
@@ -342,6 +349,8 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         self.ceiling_note_ = found.no_ceiling if np.isnan(found.ceiling) else ""
         self.ranking_ = ranking_table(found, prepared, self.display)
         self.notes_ = self._where_searched + changes_sentences(found.changes)
+        if self.max_effects:
+            self.notes_ += untried_notes(self._candidates(), self.ranking_)
         best = self.best_estimator_
         self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
         if hasattr(best, "simulation_parameters_"):  # an operator

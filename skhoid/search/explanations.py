@@ -130,9 +130,25 @@ def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str
     if verdict != NOT_TRIED:
         return "no effect of the catalogue explains"
     n_tried = int(((ranking["step"] == 1) & (ranking["status"] != "does not apply")).sum())
+    if n_tried == 0:
+        return "no effect was there to explain"
     if n_tried == 1:
         return "the only effect tried does not explain"
     return f"none of the {n_tried} effects tried explains"
+
+
+def untried_notes(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[str]:
+    """Why a search tried nothing, if it did: of each effect, what it needs."""
+    if len(ranking) and (ranking["status"] != "does not apply").any():
+        return []
+    reasons = dict(zip(ranking["effect"], ranking["reason"], strict=True))
+    return [
+        f"{effect.name} was not tried in the model: it is noise, which no input explains, and was "
+        "not seen in the residual"
+        if effect.noise
+        else f"{effect.name} was not tried: {reasons.get(effect.name, 'it does not apply')}"
+        for effect in candidates
+    ]
 
 
 def stand_ins_sentence(ids: Sequence[str]) -> str:

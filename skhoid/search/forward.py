@@ -11,7 +11,7 @@ from joblib import Parallel, delayed, effective_n_jobs
 from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
-from .._machine import ended_by_sigterm
+from .._machine import ended_by_signals
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
@@ -82,7 +82,7 @@ class Search:
         # Costly neighbours in the catalogue go to different processes, and the record to each once.
         n_parts = min(PARTS * n_jobs, len(items))
         parts = [items[i::n_parts] for i in range(n_parts)]
-        with ended_by_sigterm():
+        with ended_by_signals():
             done = Parallel(n_jobs, batch_size=1)(
                 delayed(_all_of)(function, part, args) for part in parts
             )

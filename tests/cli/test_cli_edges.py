@@ -34,6 +34,7 @@ HUGE = "99999999999"
         ["simulate", "--out", "a.csv", "--runs", "1" * 5000],
         ["study", "fig9", "--intensities", "0", "-1"],
         ["study", "fig9", "--jobs", "0"],
+        ["study", "fig9", "--jobs", "-5"],
         ["study", "fig9", "--jobs", HUGE],
         ["study", "fig9", "--replications", HUGE],
         ["study", "fig9", "--seed", "x"],
@@ -91,6 +92,40 @@ def test_a_link_that_leads_nowhere_is_not_written_through(capsys):
     assert Path("real.csv").is_file()
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows lets not everyone make links")
+@pytest.mark.parametrize("words", [["--out"], ["--no-pictures", "--tables"]])
+@pytest.mark.parametrize("folder", ["link", "link/in"])
+def test_a_folder_that_is_a_link_to_nothing(capsys, words, folder):
+    Path("link").symlink_to("gone")
+    assert main(["identify", *words, folder]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("skhoid: error: link is a link to gone, which does not exist; make ")
+
+
+def test_a_device_is_no_recording(capsys):
+    assert main(["identify", os.devnull, "--time", "t"]) == 2
+    assert f"{os.devnull} is no ordinary file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("diagnose --effects nosuch", "No effect is called 'nosuch'. There are: wrong_delay, "),
+        ("report --out a.html --effects dead_zon", "Did you mean 'dead_zone'?"),
+        ("identify --table-format csv", "--table-format needs --tables FOLDER"),
+        ("demo --table-format csv", "--table-format needs --tables FOLDER"),
+        ("identify --time t", "--time is about files, and there are none"),
+    ],
+)
+def test_what_is_refused_at_once(line, said):
+    code = "import sys; from skhoid.cli import main; code = main(sys.argv[1:]); "
+    code += "assert 'numpy' not in sys.modules; sys.exit(code)"
+    words = [sys.executable, "-c", code, *line.split()]
+    done = subprocess.run(words, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2
+    assert said in done.stderr
+
+
 def test_a_lack_of_memory_is_said(capsys, monkeypatch):
     def command(options):
         raise MemoryError("Unable to allocate 9 TiB")
@@ -127,14 +162,17 @@ def test_names_that_are_not_utf_8(run_files):
         ("--version >&-", 0, ""),
         ("study list >/dev/full", 2, "skhoid: error: the output: No space left on device\n"),
         ("--help >/dev/full", 2, "skhoid: error: the output: No space left on device\n"),
+        ("--version >/dev/full", 2, "skhoid: error: the output: No space left on device\n"),
     ],
 )
-def test_closed_and_full_streams(line, code, said):
+@pytest.mark.parametrize("buffered", [True, False])
+def test_closed_and_full_streams(line, code, said, buffered):
     if "/dev/full" in line and not Path("/dev/full").is_char_device():
         pytest.skip("this machine has no /dev/full")
-    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    env |= {} if buffered else {"PYTHONUNBUFFERED": "1"}
     command = f"{sys.executable} -m skhoid {line}"
-    done = subprocess.run(command, shell=True, stderr=subprocess.PIPE, text=True, env=buffered)
+    done = subprocess.run(command, shell=True, stderr=subprocess.PIPE, text=True, env=env)
     assert (done.returncode, done.stderr) == (code, said)
     if "a.csv" in line:
         assert Path("a.csv").read_text().startswith("run,time,e,u\n")

@@ -88,6 +88,8 @@ def test_picture_and_page_are_written(files, capsys):
         ("other.joblib", [], "predicts nothing"),
         ("text.joblib", [], "holds no model"),
         ("model.joblib", ["--input", "e", "x"], "fitted on the columns e"),
+        ("model.joblib", ["--x", "e"], "channel 'e' has two roles, 'e' and 'x'"),
+        ("model.joblib", ["--x", "x", "--target", "x"], "'x' has two roles, 'x' and 'f_t'"),
         ("model.joblib", ["--overwrite"], "--overwrite is for the file"),
         ("model.joblib", ["--out", "page.txt"], "no image file"),
     ],

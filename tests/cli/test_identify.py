@@ -286,3 +286,5 @@ def test_a_channel_has_one_role(capsys, lost_file):
     words = ["identify", *lost_file, "--role", "x=f_t", "--x", "x"]
     assert main(words) == 2
     assert "--role says that 'x' is 'f_t', and not 'x'" in capsys.readouterr().err
+    assert main(["identify", *lost_file, "--input", "e", "--x", "e"]) == 2
+    assert "--x names 'e', which is an input: name different" in capsys.readouterr().err

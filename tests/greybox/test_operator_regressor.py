@@ -93,6 +93,15 @@ def test_parameters_without_remnant_are_the_true_ones(condition):
         assert 2 * found[1][name] - found[0][name] == pytest.approx(true, rel=1e-3), name
 
 
+@pytest.mark.parametrize("effects", ["dead_zone", ["dead_zone"], None])
+def test_effects_given_by_name_have_no_parameters(effects):
+    for model in (OperatorRegressor(effects=effects), ARXRegressor(effects=effects)):
+        with pytest.raises(ValueError, match=r"effects__dead_zone__width cannot be set: .*\.of\("):
+            model.set_params(effects__dead_zone__width=5.0)
+        model.set_params(effects=Effects.of("dead_zone"), effects__dead_zone__width=5.0)
+        assert model.effects.steps[0][1].width == 5.0
+
+
 def test_K_edot_is_K_e_T_L(fitted):
     table = fitted.parameters_
     assert table.loc["T_L", "value"] == pytest.approx(

@@ -1,5 +1,7 @@
 """Files that are damaged, or of an encoding or structure that few have."""
 
+import sys
+
 import h5py
 import numpy as np
 import pytest
@@ -12,9 +14,7 @@ ROWS = "t,e,u\n0,1,2\n1,3,4\n"
 
 
 @pytest.mark.parametrize("n_rows", [2, 40_000], ids=["small", "above 128 kB"])
-@pytest.mark.parametrize(
-    ("before", "line"), [("", 1), ("t,e,u\n", 2), ("t,e,u\n0,1,2\n" + 'a,"b\nc",2\n', 5)]
-)
+@pytest.mark.parametrize(("before", "line"), [("", 1), ("t,e,u\n", 2), ("\nt,e,u\n0,1,2\n", 4)])
 def test_a_quote_that_is_not_closed(tmp_path, before, line, n_rows):
     path = tmp_path / "run.csv"
     path.write_text(before + '0,"1,2\n' + "1,1,2\n" * n_rows)
@@ -22,12 +22,85 @@ def test_a_quote_that_is_not_closed(tmp_path, before, line, n_rows):
         read_runs(path, **ROLES)
 
 
-def test_a_cell_of_many_lines_is_cut_in_the_error(tmp_path):
+NOTED = "t,e,u,note\n" + "".join(f"{k},1,2,a\n" for k in range(400))
+
+
+@pytest.fixture
+def without_arrow(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow.csv", None)
+
+
+def swallowed(first, last, text=NOTED, opening='"a', closing='a"'):
+    """A table whose quotes make one cell of what lies between two lines."""
+    lines = text.splitlines()
+    lines[first - 1] = lines[first - 1].removesuffix("a") + opening
+    lines[last - 1] = lines[last - 1].removesuffix("a") + closing
+    return "\n".join(lines) + "\n"
+
+
+LONG_CELLS = {  # text, and the lines in which the quote opens and closes
+    "text column": (swallowed(100, 300), 100, 300),
+    "a quote is the cell": (swallowed(100, 300, opening='"', closing='"'), 100, 300),
+    "next line": (swallowed(2, 3), 2, 3),
+    "the last two": (swallowed(400, 401), 400, 401),
+    "CRLF": (swallowed(5, 9).replace("\n", "\r\n"), 5, 9),
+    "CR": (swallowed(5, 9).replace("\n", "\r"), 5, 9),
+    "mixed ends": (swallowed(5, 9).replace("6,1,2,a\n", "6,1,2,a\r", 1), 5, 9),
+    "blank lines": ("\n" + swallowed(5, 9) + "\n" * 9, 6, 10),
+    "no end of line": (swallowed(5, 9).rstrip(), 5, 9),
+    "header of two lines": (swallowed(5, 9, NOTED.replace("note", '"note\n(text)"')), 5, 9),
+    "blank between": (swallowed(5, 9).replace("6,1,2,a\n", "6,1,2,a\n\n", 1), 5, 10),
+    "two pairs": (swallowed(50, 60, swallowed(5, 9)), 5, 9),
+    "a pair and one": (swallowed(5, 9) + '9,1,2,"a\n', 5, 9),
+    "among numbers": ('t,e,u\n0,"1,2\n' + "1,1,2\n" * 99 + '0,1",2\n', 2, 102),
+    "too many cells": ('t,e,u\n0,1,"2\n1,1,2\n2,1,2",3,4\n', 2, 4),
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+@pytest.mark.parametrize(("text", "first", "last"), LONG_CELLS.values(), ids=LONG_CELLS.keys())
+def test_a_quoted_cell_that_spans_lines(tmp_path, text, first, last, encoding, without_arrow):
     path = tmp_path / "run.csv"
-    path.write_text('t,e,u\n0,"1,2\n' + "1,1,2\n" * 10_000 + '0,1",2\n')
-    with pytest.raises(ValueError, match=r"'e' of .*run.csv is not numeric: row 1") as caught:
+    path.write_bytes(text.encode(encoding))
+    with pytest.raises(ValueError, match=rf"run.csv .* line {first} is closed in line {last},"):
         read_runs(path, **ROLES)
-    assert len(str(caught.value)) < 500
+
+
+def test_quotes_that_swallow_rows_among_many(tmp_path):
+    path = tmp_path / "run.csv"
+    rows = "t,e,u,note\n" + "".join(f"{k},0.123456789,2,a\n" for k in range(200_000))
+    path.write_text(swallowed(500, 1500, rows))
+    with pytest.raises(ValueError, match=r"line 500 is closed in line 1500,"):
+        read_runs(path, **ROLES)
+    path.write_text(swallowed(500, 150_000, rows))
+    with pytest.raises(ValueError, match=r"line 500 is closed nowhere, or far below"):
+        read_runs(path, **ROLES)
+
+
+def test_a_quote_in_the_header_swallows_no_rows(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text('t,e,u,"note\n0,1,2,a\n1,1,2,a"\n2,1,2,a\n')
+    with pytest.raises(ValueError, match=r"a quote .* in line 1 is closed nowhere, or far below"):
+        read_runs(path, **ROLES)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        't,e,u,note\n0,1,2,"a"\n1,3,4,"b, ""c"""\n',
+        't,e,u,note\n0,1,2,a 5" screen\n1,3,4,b\n',
+        '\n\nt,"e\n[deg, filtered]",u,note\n\n0,"1",2,a\n  \n1,3,4,\n\n \n\n',
+        't,e,u,"note"\n0,1,2,a\n1,3,4,a',
+    ],
+)
+def test_quotes_that_are_closed_in_their_line(tmp_path, text, end):
+    path = tmp_path / "run.csv"
+    path.write_text(text.replace("\n", end), newline="")
+    inputs = {"e\n[deg, filtered]": "e"} if "filtered" in text else "e"
+    X, y = read_runs(path, inputs=inputs, output="u", time="t")
+    assert X["e"].tolist() == [1, 3]
+    assert y.tolist() == [2, 4]
 
 
 @pytest.mark.parametrize("mark", ["", "\ufeff"])
@@ -111,6 +184,20 @@ def linked(tmp_path):
 def test_what_is_whole_is_read(linked, name):
     X, _ = read_runs(linked, inputs=name, output="u", time="t")
     assert X.iloc[:, 0].to_list() == T.tolist()
+
+
+def test_names_near_are_those_of_like_fields(tmp_path):
+    with h5py.File(tmp_path / "run.mat", "w") as file:
+        file["data/t"], file["data/u"], file["data/error"] = T[None], T[None], T[None]
+        file["data/ex"] = h5py.SoftLink("/nowhere")
+    names = {"output": "data.u", "time": "data.t"}
+    with pytest.raises(ValueError, match=r"no variable 'data.x'.*Did you mean 'data.ex'\?"):
+        read_runs(tmp_path / "run.mat", inputs="data.x", **names)
+    with pytest.raises(ValueError, match=r"no variable 'data.f'") as caught:
+        read_runs(tmp_path / "run.mat", inputs="data.f", **names)
+    assert "Did you mean" not in str(caught.value)
+    with pytest.raises(ValueError, match=r"Did you mean 'data.error'\?"):
+        read_runs(tmp_path / "run.mat", inputs="data.eror", **names)
 
 
 @pytest.mark.parametrize("name", ["dangling", "gone", "circle"])

@@ -4,6 +4,7 @@ import datetime
 
 import numpy as np
 import pandas as pd
+import polars as pl
 import pytest
 
 from skhoid import (
@@ -134,15 +135,27 @@ def test_labels_that_are_none():
         ARXRegressor(run="run", dt=0.02).fit(table, Y.to_numpy())
 
 
+def test_text_of_other_frames_is_named():
+    table = pl.from_pandas(X.reset_index(drop=True)).with_columns(x=pl.lit("1,5"))
+    with pytest.raises(ValueError, match="The column 'x' of X holds '1,5' in row 0, which is not"):
+        ARXRegressor().fit(table, Y.to_numpy())
+
+
 def test_infinities_of_both_signs():
-    with pytest.raises(ValueError, match="Input X contains infinity"):
-        ARXRegressor().fit(X.assign(e=np.where(X["e"] > 0, np.inf, -np.inf)), Y)
+    endless = X.assign(e=np.where(X["e"] > 0, np.inf, -np.inf))
+    with pytest.raises(ValueError, match=r"X contains infinity .*, first in column 'e', row 0"):
+        ARXRegressor().fit(endless, Y)
+    plain = X.reset_index(drop=True)
+    plain.iloc[7] = -np.inf
+    for table, column in ((plain, "'e'"), (plain.to_numpy(), 0), (pl.from_pandas(plain), "'e'")):
+        with pytest.raises(ValueError, match=f"X contains infinity .*column {column}, row 7"):
+            ARXRegressor().fit(table, Y.to_numpy())
     endless = Y.where(Y < 1, np.inf)
     row = int(np.flatnonzero(np.isinf(endless))[0])
     for call in (ARXRegressor().fit, check_channels, performance_scores):
         with pytest.raises(ValueError, match=f"Input y contains infinity .* in row {row}"):
             call(X, endless)
-    with pytest.raises(ValueError, match="Input Column 'f_t' of X contains infinity"):
+    with pytest.raises(ValueError, match=r"Input X contains infinity .* in column 'f_t', row 0"):
         lost_control(X.assign(f_t=-np.inf))
 
 

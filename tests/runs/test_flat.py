@@ -111,6 +111,85 @@ def test_the_code_in_the_message_gives_the_model_of_the_runs(table):
         assert scope["X"].index.names == ["subject", "condition", "run", "time"]
 
 
+def renamed(run, time, **more):
+    return FLAT.rename(columns={"run": run, "time": time}).assign(**more)
+
+
+NEAR = ["trial_id,time_s", "Run No.,Time_ms", "runs,times", "rep,sec", "run_id,t_ms"]
+NEAR += ["trial_no,time_ms", "run_nr,t_sec", "runId,timeSec", "trial_num,t0", "Run1,Time1"]
+NEAR += ["participant,time_s", "subject_id,time_s", "session,elapsed", "block,Time stamp"]
+NEAR += ["trial id,seconds_", "Repetition,trial_time"]
+
+
+@pytest.mark.parametrize("kind", ["whole", "float", "text", "category"])
+@pytest.mark.parametrize("names", NEAR)
+def test_names_that_come_near(names, kind):
+    run, time = names.split(",")
+    table = renamed(run, time)
+    if kind in ("text", "category"):
+        table[run] = "r" + table[run].astype(str)
+    table[run] = table[run].astype(
+        {"whole": int, "float": float}.get(kind, kind.replace("text", "str"))
+    )
+    message = refusal(coefficients, table)
+    assert f"X has {run!r} and {time!r} as columns" in message
+    assert f"If {run!r} is a channel, give it another name." in message
+    assert ("divided by 1000" in message) == ("ms" in time)
+    code = re.search(r"X = X\S*?\.rename\(columns=\{.*?\}\)\.set_index\(.*?\)(?=;)", message)
+    scope = {"X": table}
+    exec(code[0], scope)
+    assert scope["X"].index.names == ["run", "time"]
+    assert np.array_equal(coefficients(scope["X"][["e", "x"]]), FITTED.coef_)
+    assert f"X has {time!r} as a column" in refusal(coefficients, table.drop(columns=run))
+    assert f"X has {run!r} as a column" in refusal(coefficients, table.drop(columns=time))
+    named = coefficients(table.drop(columns=time), run=run, dt=DT)
+    assert np.array_equal(named, FITTED.coef_)
+
+
+def test_names_that_come_near_in_polars_and_in_the_index():
+    table = renamed("trial_id", "time_s")
+    assert "'trial_id' and 'time_s'" in refusal(coefficients, pl.from_pandas(table))
+    assert ".reset_index().rename(" in refusal(coefficients, table.set_index("time_s"))
+
+
+def test_the_labels_around_runs_become_outer_levels():
+    table = renamed("Trial No.", "time_s", subject_id="S1", condition=2, session=1.0)
+    message = refusal(coefficients, table)
+    assert "X has 'Trial No.' and 'time_s'" in message
+    assert "set_index(['condition', 'subject', 'session', 'run', 'time'])" in message
+    assert "'Trial No.'" in refusal(coefficients, table.assign(subject=table["Trial No."] // 2))
+
+
+STEPS = np.arange(len(FLAT))
+CHANNELS = {
+    "e_t": STEPS * DT,
+    "f_t": STEPS * DT,
+    "x1": STEPS // 100,
+    "s": STEPS * DT,
+    "block": STEPS // 50 % 2,
+    "Block": STEPS > 200,
+    "sample": STEPS,
+    "frame": STEPS,
+    "rep_force": STEPS // 100,
+    "subject_force": STEPS // 100,
+    "time_constant": np.where(STEPS < 100, 0.3, 0.4),
+    "run_length": STEPS // 100,
+    "trial_id": STEPS // 100 + 0.5,
+    "trial_no": STEPS,
+    "session": np.ones(len(FLAT)),
+    "repetition": STEPS % 2,
+    "participant": np.full(len(FLAT), 7),
+    "time_s": np.cumsum(np.random.default_rng(0).standard_normal(len(FLAT))),
+    "t1": np.full(len(FLAT), 2.0),
+    "preview_time": 1.0 - STEPS * DT,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "values"), CHANNELS.items(), ids=CHANNELS.keys())
+def test_a_channel_is_not_refused_for_its_name(name, values):
+    coefficients(FLAT[["e"]].assign(**{name: values}))
+
+
 def test_the_time_of_one_run_alone_becomes_the_index():
     message = refusal(coefficients, FLAT[ONE].drop(columns="run"), U[ONE])
     assert re.search(r"X = X.set_index\('time'\).* dt=", message)

@@ -86,6 +86,17 @@ ERRORS = {
         RunIndexError,
         ["repeats", "run 1", "row 50", "0.49 s", "drop repeated"],
     ),
+    "two runs sorted by time": (
+        lambda: fit(*(
+            table.iloc[np.argsort(TIME, kind="stable")].set_axis(
+                pd.MultiIndex.from_arrays([np.ones(N), np.sort(TIME)], names=["run", "time"])
+            )
+            for table in (X, Y)
+        )),
+        RunIndexError,
+        ["Time repeats in 240 places", "row 1: 0 s is followed by 0 s", "two runs or two channels",
+         "too few digits"],
+    ),
     "two runs under one label": (
         lambda: fit(with_levels(X, run=1), Y.to_numpy()),
         RunIndexError,

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from skhoid import EffectSearchCV, OperatorRegressor
-from skhoid.effects import Feedforward, OutputFeedback, Preview
-from skhoid.search.explanations import in_loop_text, sentence_of
+from skhoid.effects import Feedforward, MotionFeedback, OutputFeedback, Preview, Tremor
+from skhoid.search.explanations import in_loop_text, sentence_of, unexplained_by, untried_notes
 
 
 @pytest.mark.parametrize("effect", [Feedforward(), Preview(), OutputFeedback()])
@@ -26,3 +26,15 @@ def test_figures_of_the_closed_loop():
     assert in_loop_text(rows[0]) == "; in the closed loop VAF 41.2 %"
     assert in_loop_text(*rows[:2]) == "; in the closed loop VAF 41.2 -> 55.0 %"
     assert in_loop_text(*rows) == ""
+
+
+def test_what_was_not_tried_is_said():
+    row = {"step": 1, "effect": "motion_feedback", "status": "does not apply", "reason": "no role"}
+    verdict = "something is missing, not among the effects tried"
+    for rows in ([], [row]):
+        ranking = pd.DataFrame(rows, columns=list(row))
+        assert unexplained_by(verdict, ranking, 4) == "no effect was there to explain"
+    motion, tremor = untried_notes([MotionFeedback(), Tremor()], ranking)
+    assert motion == "motion_feedback was not tried: no role"
+    assert tremor.startswith("tremor was not tried in the model: it is noise")
+    assert untried_notes([MotionFeedback()], ranking.assign(status="not better")) == []

@@ -16,6 +16,7 @@ from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, proces
 
 from ..._sklearn import raise_for_params, routing_enabled
 from ...exceptions import MissingDataWarning, RunCutWarning, RunIndexError
+from ...preprocessing.gate import unmasked
 from ...runs import RunLayout, check_alignment
 
 # Splitters that go by groups alone get a row for each run: with all rows, leaving each run out
@@ -233,7 +234,7 @@ def _checked_groups(X: Any, layout: RunLayout, groups: Any) -> np.ndarray | None
     if groups is None:
         return None
     check_alignment(X, groups, ("X", "groups"))
-    given = np.asarray(groups)
+    given = np.asarray(unmasked(groups))
     if given.shape != (layout.n_rows,):
         raise ValueError(
             f"groups has the shape {given.shape} and X has {layout.n_rows} rows: give one group "

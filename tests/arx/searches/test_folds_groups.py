@@ -53,11 +53,22 @@ def test_a_run_in_two_groups_is_named(name):
         SEARCHES[name]().fit(X, Y, groups=groups)
 
 
+def test_the_label_of_a_run_column_is_named_as_it_is():
+    table = X.reset_index("run").assign(run=RUN - 1).reset_index(drop=True)
+    search = DelaySearchCV(ARXRegressor(1, 1, run="run", dt=0.01), nk=[1, 3])
+    with pytest.raises(
+        RunIndexError, match=r"^Run 0 lies in two groups: 0, and 1 from run 0, t = "
+    ):
+        search.fit(table, Y.to_numpy(), groups=np.arange(800) // 100)
+
+
 @pytest.mark.parametrize(
     ("groups", "message"),
     [
         (PEOPLE[:-1], r"shape \(799,\) and X has 800 rows"),
         (np.where(np.arange(800) < 20, None, PEOPLE), "no label in run 1, t = 0 s"),
+        (np.ma.masked_where(RUN == 2, PEOPLE), r"groups has no label in run 2, t = "),
+        (np.ma.masked_equal(RUN, 1), r"groups has no label in run 1, t = 0 s \(row 0\)"),
         (pd.Series(PEOPLE, X.index)[::-1], "row indexes of X and groups disagree"),
     ],
 )
