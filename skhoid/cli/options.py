@@ -40,8 +40,10 @@ def seed(text: str) -> int:
 
 
 def workers(text: str) -> int:
-    """A number of workers, or -1 for all processors."""
-    return -1 if text == "-1" else _whole(text, 1, MOST_WORKERS)
+    """A number of workers, or -1 for all processors, -2 for all but one, as joblib counts."""
+    if text.startswith("-"):
+        return -_whole(text[1:], 1, MOST_WORKERS)
+    return _whole(text, 1, MOST_WORKERS)
 
 
 def _whole(text: str, least: int, most: int | None) -> int:

@@ -123,7 +123,8 @@ def _judged(
     n = criterion.n
     before = gram[-1, -1] - _explained(gram[:n_own, :n_own], gram[:n_own, -1])
     after = gram[-1, -1] - _explained(gram[:-1, :-1], gram[:-1, -1])
-    evidence = n * np.log(before / max(after, 1e-300)) - len(columns) * np.log(n)
+    least = 1e-300  # a model may be exact
+    evidence = n * np.log(max(before, least) / max(after, least)) - len(columns) * np.log(n)
     if evidence < LEAST_EVIDENCE:
         return None
     by_row = white.reshape(len(white), *residual.shape)

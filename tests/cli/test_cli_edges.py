@@ -34,7 +34,6 @@ HUGE = "99999999999"
         ["simulate", "--out", "a.csv", "--runs", "1" * 5000],
         ["study", "fig9", "--intensities", "0", "-1"],
         ["study", "fig9", "--jobs", "0"],
-        ["study", "fig9", "--jobs", "-5"],
         ["study", "fig9", "--jobs", HUGE],
         ["study", "fig9", "--replications", HUGE],
         ["study", "fig9", "--seed", "x"],

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from support.person_in_loop import pursued
 from support.searching import search_of
+from support.synthetic import arx_runs
 
+from skhoid import ARXRegressor, EffectSearchCV
 from skhoid.search import leftover
 from skhoid.search.joint import RATES
 from skhoid.search.leftover import Leftover, leftovers
@@ -55,3 +57,11 @@ def test_an_answer_to_the_target_is_left_only_where_there_is_one(feedforward, an
     left = leftovers(baseline, search.folds, search.loop)
     points = sum(one.points for one in left if one.at == "f_t")
     assert points > 1.0 if answers else points < 0.2
+
+
+def test_an_exact_model_leaves_nothing():
+    X, y = arx_runs(2, 150)
+    X = X[["e"]].assign(e=y)  # the output itself, which leaves no residual at all
+    search = EffectSearchCV(ARXRegressor(), effects=["bias"]).fit(X, y)
+    assert search.verdict_ == "nothing is missing"
+    assert search.unexplained_.empty
