@@ -79,7 +79,7 @@ class RowChannels(Mapping[str, np.ndarray]):
 
     def beginning(self, n: int) -> RowChannels:
         """The channels at the first ``n`` samples."""
-        length = min(self.length, (n - 1) * max(self.step, 1) + 1)
+        length = min(self.length, max((n - 1) * max(self.step, 1) + 1, 0))
         return replace(
             self,
             end=np.minimum(self.end, self.begin + length),
