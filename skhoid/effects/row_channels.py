@@ -46,7 +46,7 @@ class RowChannels(Mapping[str, np.ndarray]):
         return self.read(name)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return dict, ({name: self.read(name) for name in self},)
+        return dict, (dict(self),)  # kept, so that joblib writes each once for all workers
 
     def read(self, name: str) -> np.ndarray:
         """The same, and nothing more is kept."""
