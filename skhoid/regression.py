@@ -139,7 +139,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
                 stacklevel=4,
             )
         thinned = grid.thin_inputs(values)
-        inputs = _columns_of(thinned, self._columns)
+        inputs = columns_of(thinned, self._columns)
         if inputs.dtype not in dtypes:
             inputs = inputs.astype(np.float64)
         thin = grid.thin_output(output)
@@ -357,7 +357,7 @@ def segments(grid: ModelGrid) -> list[tuple[int, int]]:
     return list(pairwise([*np.unique(grid.past).tolist(), *grid.end[-1:].tolist()]))
 
 
-def _columns_of(table: np.ndarray, columns: list[int]) -> np.ndarray:
+def columns_of(table: np.ndarray, columns: list[int]) -> np.ndarray:
     """Some columns of a table, as a view where they are evenly apart."""
     steps = np.diff(columns)
     if len(columns) and (steps == steps[:1]).all() and (steps > 0).all():

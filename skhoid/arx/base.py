@@ -18,6 +18,7 @@ from ..regression import RunRegressor, segments
 from .orders import Orders, regressors
 from .transfer import transfer_function
 
+FARTHEST = 2**62  # rows; more cannot be counted
 BOUND = 1e100  # of simulated outputs; its square still sums without overflow
 
 
@@ -224,7 +225,8 @@ class BaseARX(RunRegressor):
         -------
         y_pred : ndarray of shape (n_rows,)
             Outputs and inputs before a run or a gap are taken as zero; a missing output is
-            replaced by its own one-step prediction.
+            replaced by its own one-step prediction. A horizon longer than a run makes it a free
+            run from rest.
         """
         self._check_fitted()
         if isinstance(horizon, bool) or not isinstance(horizon, (int, np.integer)) or horizon < 1:
@@ -238,8 +240,12 @@ class BaseARX(RunRegressor):
     ) -> np.ndarray:
         """Predictions on the grid, from all columns of X at full rate."""
         begin, end = np.array(segments(grid)).T
-        theta, at = self._parameters_before(grid, horizon)
+        theta, at = self._parameters_before(grid, min(horizon, FARTHEST))
         inputs, orders = self._held_inputs(grid, values), self.orders_
+        longest = int((end - begin).max())
+        if horizon >= longest and len(theta) == 1:  # no output is known so long before
+            return free_run_output(inputs, (begin, end, begin), orders, theta, at)
+        horizon = min(horizon, longest)
         known, ahead = np.array(output, dtype=np.float64), np.zeros(output.size)
         for part in _parts(begin, end, begin, orders.first_row + horizon):
             _kernels.arx.predict_ahead(

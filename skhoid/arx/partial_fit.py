@@ -13,6 +13,7 @@ from sklearn.exceptions import NotFittedError
 from .. import _kernels
 from .._sklearn import fit_context
 from ..exceptions import ShortRunError
+from ..regression import columns_of
 from .base import BaseARX
 from .forgetting import Forgetting
 from .orders import Orders
@@ -145,14 +146,16 @@ class PartialFit(BaseARX):
         self._read_orders(begun=stream is not None or pending is not None)
         # Nothing is kept of rows that are refused.
         clock = copy(vars(self).get("_clock", Clock()))
-        values, output = _kernels.gate(values), _kernels.gate(output)
-        pieces = list(clock.pieces(grid.layout, values, output, new_run))
+        inputs, output = columns_of(values, self._columns), _kernels.gate(output)
+        pieces = list(clock.pieces(grid.layout, inputs, output, new_run))
         if stream is None:
-            pieces = [*(pending or []), *(replace(p, X=p.X.copy(), y=p.y.copy()) for p in pieces)]
-            stream = self._started_stream(pieces)
-            if stream is None:
-                self._pending, self._clock = pieces, clock
+            collected = list(pending or [])
+            stream = self._started_stream([*collected, *pieces])
+            if stream is None:  # the caller may write other rows into the same table
+                collected += [replace(p, X=p.X.copy(), y=p.y.copy()) for p in pieces]
+                self._pending, self._clock = collected, clock
                 return self
+            pieces = [*collected, *pieces]
         else:
             stream = deepcopy(stream)
             before, stream.asked = stream.asked, READ_ANEW(self)
@@ -222,7 +225,7 @@ class PartialFit(BaseARX):
         if needs_data(self.init, self.p0):
             if sum(piece.y.size for piece in pieces) < n_rows:
                 return None
-            table = first_rows(pieces, self._columns, n_rows, self.orders_)
+            table = first_rows(pieces, n_rows, self.orders_)
             if table is None:
                 return None
         theta0, P0 = self._start_from(table, sum(piece.y.size for piece in pieces))

@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import _kernels
 from ..exceptions import IrregularSamplingError, RunIndexError
+from ..preprocessing.held_inputs import BLOCK
 from ..runs import GAP, JITTER_TOLERANCE, RunLayout
 from .forgetting import Forgetting
 from .orders import Orders, regressors
@@ -19,7 +20,10 @@ from .rls import RecursionData, RecursionState, kernel_regressors
 
 @dataclass(frozen=True)
 class Piece:
-    """Rows that follow each other without a break; ``fresh`` if they follow nothing."""
+    """Rows that follow each other without a break; ``fresh`` if they follow nothing.
+
+    ``X`` has the inputs alone, maybe in single precision.
+    """
 
     X: np.ndarray
     y: np.ndarray
@@ -84,7 +88,7 @@ class Stream:
         self._signals = np.full((1 + len(columns) + orders.intercept, rows, 1, 1), np.nan)
         if orders.intercept:
             self._signals[-1] = 1.0
-        self._columns = np.array(columns)
+        self._columns, self._inputs = np.array(columns), np.arange(len(columns))
         self._target = np.full((rows, 1, 1), np.nan)
         self._regressors = kernel_regressors(orders)
         self.since = np.zeros(1, dtype=np.int64)  # rows without a break
@@ -108,12 +112,15 @@ class Stream:
         self.since[0] = length
         self.last_time = float(data.instants.time[-1])
 
-    def take(self, X: np.ndarray, y: np.ndarray) -> bool:
-        """Take rows that go on; False, and nothing done, if any is infinite."""
+    def take(self, X: np.ndarray, y: np.ndarray, columns: np.ndarray | None = None) -> bool:
+        """Take rows that go on; False, and nothing done, if any is infinite.
+
+        ``columns`` are those of the inputs, if X has not all that the model was given.
+        """
         return _kernels.rls.stream(self.state.n_params, self._arrays[0].shape[1] > 1)(
             X,
             y,
-            self._columns,
+            self._columns if columns is None else columns,
             self._signals,
             self._target,
             *self._regressors,
@@ -134,21 +141,19 @@ class Stream:
         slack = 1e-6 * self.dt
         resets = np.searchsorted(time, self.reset_times - slack)
         due = (self.reset_times - slack > self.last_time) & (resets < time.size)
-        edges = np.unique([0, *resets[due].tolist(), time.size]).tolist()
+        edges = np.unique([*range(0, time.size, BLOCK), *resets[due].tolist(), time.size]).tolist()
         for begin, end in pairwise(edges):
             if begin in resets[due]:
                 self.state.reset(self.P0)
             self.forgetting = self.forgetting.at(time[begin:end], self.state.n_params)
             self._arrays = self.forgetting.arrays()
-            self.take(piece.X[begin:end], piece.y[begin:end])
+            self.take(_kernels.gate(piece.X[begin:end]), piece.y[begin:end], self._inputs)
         self.last_time = float(time[-1])
 
 
-def first_rows(
-    pieces: list[Piece], columns: list[int], n_rows: int, orders: Orders
-) -> np.ndarray | None:
+def first_rows(pieces: list[Piece], n_rows: int, orders: Orders) -> np.ndarray | None:
     """Regressors and output of the first rows of a stream from one that is not NaN, if enough."""
-    X = np.concatenate([piece.X[:, columns] for piece in pieces])
+    X = np.concatenate([piece.X for piece in pieces], dtype=np.float64)
     y = np.concatenate([piece.y for piece in pieces])
     known = np.flatnonzero(~np.isnan(y) & ~np.isnan(X).any(axis=1))
     if known.size == 0 or known[0] + n_rows > y.size:

@@ -19,8 +19,8 @@ from ..exceptions import MissingDataWarning, ShortRunError, python_only
 from ..metrics import scored_rows, scored_signals, warn_of_unscored
 from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import as_fitted
-from ..preprocessing.columns import as_column
-from ..preprocessing.gate import as_output, as_table, check_numbers
+from ..preprocessing.columns import checked_column
+from ..preprocessing.gate import as_output, as_table, check_not_too_small, check_numbers
 from ..recordings.loss_of_control import ControlCheck, control_check
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
@@ -155,6 +155,7 @@ def read_signals(
     """Predict, and find the rows to score, the channels by role, and the repeats."""
     X = as_table(X)
     measured = as_output(y)
+    check_not_too_small(measured, "y")
     check_consistent_length(X, y)
     check_alignment(X, y)
     layout = raw_layout(model, X, dt=dt, run=run)
@@ -348,13 +349,7 @@ def _channels(
         name = names[position]
         column = pd.DataFrame({name: columns[name]}, copy=False)
         check_numbers(column, "X")
-        values = as_column(column[name])
-        if np.isinf(values).any():
-            row = int(np.flatnonzero(np.isinf(values))[0])
-            raise ValueError(
-                f"Column {name!r} of X contains infinity, first in row {row}; mark missing "
-                "values by NaN."
-            )
+        values = checked_column(column[name], name)
         if not np.isnan(values).all():
             found[role] = values
     return with_target(found)

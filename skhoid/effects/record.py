@@ -35,7 +35,7 @@ class Record:
     t : ndarray of shape (n_samples, 1 or n_runs)
         Time in the run, in seconds.
     channels : mapping of str to ndarray of shape (n_samples, n_runs)
-        All channels, by name; those of very many runs are read when they are asked for.
+        All channels, by name; those of a table are read when they are asked for.
     roles : dict of str to str
         Role of each channel; ``""`` for those without.
     inputs : tuple of str
@@ -147,10 +147,13 @@ class Record:
     def beginning(self, seconds: float) -> Record:
         """The first seconds of the runs."""
         n = min(round(min(seconds, self.duration) / self.dt), self.known.shape[0])
+        channels = self.channels
         return replace(
             self,
             t=self.t[:n],
-            channels={name: values[:n] for name, values in self.channels.items()},
+            channels=channels.beginning(n)
+            if isinstance(channels, RowChannels)
+            else {name: values[:n] for name, values in channels.items()},
             known=self.known[:n],
             y=None if self.y is None else self.y[:n],
             prediction=None,
@@ -176,6 +179,11 @@ class Record:
         assert name is not None
         return self.channels[name]
 
+    def glance(self, name: str) -> np.ndarray:
+        """A channel that is not kept, where it can be read again."""
+        channels = self.channels
+        return channels.read(name) if isinstance(channels, RowChannels) else channels[name]
+
     def with_role(self, role: str) -> list[str]:
         """Names of channels of a role: exactly for e, x and f_t, by prefix for motion and dist."""
         whole = role in (*EXACT, OTHER)
@@ -200,8 +208,7 @@ class Record:
         if name == "u":
             values = self.y if self.y is not None else np.zeros_like(self.known, dtype=float)
         else:
-            channels, name = self.channels, self.inputs[0] if name == "e" else name
-            values = channels.read(name) if isinstance(channels, RowChannels) else channels[name]
+            values = self.glance(self.inputs[0] if name == "e" else name)
         known = values[self.known]
         return float(np.std(known)) or 1.0 if known.size else 1.0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.signal import lfilter
@@ -52,7 +52,7 @@ def sizes(core: ARXCore, record: Record, theta: np.ndarray) -> dict[str, float]:
 def forecast(
     simulated: np.ndarray,
     output: np.ndarray,
-    segments: Iterable[tuple[int, int]],
+    segments: Sequence[tuple[int, int]],
     ar: np.ndarray,
     horizon: int,
 ) -> np.ndarray:
@@ -60,6 +60,8 @@ def forecast(
 
     A residual that was not measured, or lies before its segment, is taken as zero.
     """
+    if all(end - begin <= horizon for begin, end in segments):
+        return simulated.copy()
     companion = np.eye(ar.size, k=-1)
     companion[:1] = -ar
     weights = np.linalg.matrix_power(companion, horizon)[:1].ravel()

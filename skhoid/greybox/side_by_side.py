@@ -90,7 +90,7 @@ def build_record(
 
 def _channels(
     columns: SegmentColumns, names: Sequence[str], values: HeldInputs, roles: dict[str, str]
-) -> tuple[Mapping[str, np.ndarray], dict[str, str]]:
+) -> tuple[RowChannels, dict[str, str]]:
     """All channels, with the target where it is the sum of two, and their roles."""
     of_role = {role: name for name, role in roles.items() if role in EXACT}
     sums = {}
@@ -102,9 +102,9 @@ def _channels(
         columns.end,
         columns.length,
         sums,
+        order="F" if few_runs(columns.length, columns.begin.size) else "C",
     )
-    few = few_runs(columns.length, columns.begin.size)
-    return channels if few else {n: np.ascontiguousarray(channels[n]) for n in channels}, roles
+    return channels, roles
 
 
 def _times(columns: SegmentColumns, grid: ModelGrid) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .gate import check_not_infinite, check_not_too_large
+from .gate import check_not_infinite, check_not_too_large, check_not_too_small
 
 TESTS = (np.isnan, np.isinf, np.isfinite)  # which are the same in single precision
 
@@ -23,11 +23,12 @@ def as_column(values: Any) -> Any:
 
 
 def checked_column(values: Any, name: Any) -> Any:
-    """The same of a column of X, whose values must be finite or NaN, and not too large."""
+    """The same of a column of X, of finite values or NaN, neither too large nor too small."""
     column = as_column(values)
     given = column.given if isinstance(column, SingleColumn) else column
     check_not_infinite(given, "X", [name])
     check_not_too_large(given, "X", [name])
+    check_not_too_small(given, "X", [name])
     return column
 
 

@@ -38,7 +38,7 @@ COARSEST = 25  # samples between values of a channel that was recorded more slow
 REGULAR = 0.95  # share of the steps that follow the pattern of a slower clock
 FILLED = 0.4  # share of the slower clock's steps in which the channel changes
 LEAST_STEPS = 20
-BLOCK = 50_000  # rows that are taken at a time
+BLOCK = 100_000  # values of all channels together that are taken at a time
 
 
 @checked(
@@ -179,11 +179,14 @@ def _shifted_correlations(recording: RawRecording, names: list[Any]) -> np.ndarr
     n_rows = channels[0].size
     longest = min(LONGEST_SHIFT, n_rows - 2)
     products = np.zeros((longest + 1, len(names), len(names)))
-    for start in range(0, n_rows, BLOCK):
-        part = np.stack([values[start : start + BLOCK + longest] for values in channels])
-        part = np.nan_to_num((part - mean) / sd)
+    block = max(BLOCK // len(channels), 1)
+    for start in range(0, n_rows, block):
+        part = np.stack([values[start : start + block + longest] for values in channels])
+        part -= mean
+        part /= sd
+        np.nan_to_num(part, copy=False)
         for shift in range(longest + 1):
-            later = part[:, shift : shift + BLOCK]
+            later = part[:, shift : shift + block]
             products[shift] += part[:, : later.shape[1]] @ later.T
     return products / n_rows
 

@@ -12,6 +12,7 @@ from ..preprocessing.gate import (
     as_output,
     as_table,
     check_not_infinite,
+    check_not_too_small,
     check_numbers,
 )
 from ..runs import check_alignment, output_name, run_column
@@ -57,4 +58,5 @@ def _numbers(y: Any, n_rows: int) -> np.ndarray:
     if output.size != n_rows:
         raise ValueError(f"y has {output.size} values and X has {n_rows} rows.")
     check_not_infinite(output, "y")
+    check_not_too_small(output, "y")
     return output

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,6 +99,7 @@ def _found(model: Model, folds: Sequence[HeldOutRows], rate: float | None = None
         if not len(columns):
             continue
         thin = np.stack([c[:: criterion.thin] for c in columns]) * criterion.known
+        columns.clear()  # before the next are computed
         result = _judged(own, thin, criterion, folds)
         if result is not None:
             found.append(Leftover(where, at, description, *result))
@@ -169,7 +170,8 @@ def _more(gains: Gains, name: str, shape: np.ndarray) -> np.ndarray:
 Family = tuple[str, str, str, list[np.ndarray]]
 
 
-def _families(model: Model) -> list[Family]:
+def _families(model: Model) -> Iterator[Family]:
+    """Families one after the other: each takes the room of a dozen outputs."""
     simulator = model.simulator
     closed = simulator if isinstance(simulator, LoopSimulator) else None
     record = simulator.record if closed is None else closed.record_inside
@@ -186,82 +188,67 @@ def _families(model: Model) -> list[Family]:
     def knots(signal: np.ndarray) -> np.ndarray:
         return np.quantile(signal[record.known], np.linspace(0.05, 0.95, HINGES))
 
-    found = []
     error = record.input
-    found.append(
-        (
-            "amplitude",
-            record.inputs[0],
-            "the answer depends on the size or the sign of the error",
-            [
-                with_probe("input", lambda e, _, k=k: e + 0.1 * np.maximum(e - k, 0))
-                for k in knots(error)
-            ],
-        )
+    yield (
+        "amplitude",
+        record.inputs[0],
+        "the answer depends on the size or the sign of the error",
+        [
+            with_probe("input", lambda e, _, k=k: e + 0.1 * np.maximum(e - k, 0))
+            for k in knots(error)
+        ],
     )
-    found.append(
-        (
-            "amplitude",
-            "output",
-            "the output departs from the model by its own size",
-            [np.maximum(output - k, 0) for k in knots(output)],
-        )
+    yield (
+        "amplitude",
+        "output",
+        "the output departs from the model by its own size",
+        [np.maximum(output - k, 0) for k in knots(output)],
     )
     rate = differentiated(output, record.dt)
-    found.append(
-        (
-            "amplitude",
-            "rate of the output",
-            "the output departs from the model by its own rate",
-            [remembered(np.maximum(rate - k, 0), LAGGED, record) for k in knots(rate)],
-        )
+    yield (
+        "amplitude",
+        "rate of the output",
+        "the output departs from the model by its own rate",
+        [remembered(np.maximum(rate - k, 0), LAGGED, record) for k in knots(rate)],
     )
     t = record.t
     ends = np.linspace(float(t.min()), float(t.max()), PIECES)
     width = ends[1] - ends[0]
     shapes = [np.clip(1 - np.abs(t - c) / width, 0, 1) for c in ends]
-    found.append(
-        (
-            "time",
-            "gain",
-            "the gains change in the run",
-            [
-                with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
-                for o in ("error", "rate")
-                for s in shapes
-            ],
-        )
+    yield (
+        "time",
+        "gain",
+        "the gains change in the run",
+        [
+            with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
+            for o in ("error", "rate")
+            for s in shapes
+        ],
     )
-    found.append(
-        (
-            "time",
-            "level",
-            "the output has an offset that varies in the run",
-            [np.broadcast_to(s, output.shape).copy() for s in shapes],
-        )
+    yield (
+        "time",
+        "level",
+        "the output has an offset that varies in the run",
+        [np.broadcast_to(s, output.shape).copy() for s in shapes],
     )
     for name in record.channels:
         if name not in record.inputs:
-            found.extend(_families_of_channel(name, record, with_probe))
-    found.append(
-        (
-            "frequency",
-            record.inputs[0],
-            "the linear dynamics differ",
-            [
-                with_probe("path", lambda c, r, s=s: c.plus(0.1 * r.delayed(error, s)), False)
-                for s in record.time_unit * np.linspace(0.0, 2.0, LAGS)
-            ],
-        )
+            yield from _families_of_channel(name, record, with_probe)
+    yield (
+        "frequency",
+        record.inputs[0],
+        "the linear dynamics differ",
+        [
+            with_probe("path", lambda c, r, s=s: c.plus(0.1 * r.delayed(error, s)), False)
+            for s in record.time_unit * np.linspace(0.0, 2.0, LAGS)
+        ],
     )
-    return found
 
 
 def _families_of_channel(
     name: str, record: Record, with_probe: Callable[..., np.ndarray]
-) -> list[Family]:
-    channel = record.channels[name]
-    found: list[Family] = []
+) -> Iterator[Family]:
+    channel = record.glance(name)
     lags = record.time_unit * np.linspace(0.06, LONGEST_LAG, LAGS)
     role = record.roles.get(name, "")
     centred = channel - channel[record.known].mean()
@@ -269,32 +256,27 @@ def _families_of_channel(
     seconds = (
         lags if role in ("x", "") or role.startswith("motion") else lags - 0.5 * record.time_unit
     )
-    found.append(
-        (
-            "channel",
-            name,
-            f"the output answers {name}",
-            [
-                with_probe("path", lambda c, r, s=s, z=z: c.plus(0.1 * r.delayed(z, s)), False)
-                for s, z in [
-                    *((s, centred) for s in seconds),
-                    *((seconds[1], remembered(centred, T, record)) for T in MEMORIES),
-                ]
-            ],
-        )
+    yield (
+        "channel",
+        name,
+        f"the output answers {name}",
+        [
+            with_probe("path", lambda c, r, s=s, z=z: c.plus(0.1 * r.delayed(z, s)), False)
+            for s, z in [
+                *((s, centred) for s in seconds),
+                *((seconds[1], remembered(centred, T, record)) for T in MEMORIES),
+            ]
+        ],
     )
     if role == OTHER:
         size = centred / record.sd(name)
-        found.append(
-            (
-                "channel",
-                name,
-                f"the gains follow {name}",
-                [
-                    with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
-                    for s in (size, size * np.abs(size), size**2)
-                    for o in ("error", "rate")
-                ],
-            )
+        yield (
+            "channel",
+            name,
+            f"the gains follow {name}",
+            [
+                with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
+                for s in (size, size * np.abs(size), size**2)
+                for o in ("error", "rate")
+            ],
         )
-    return found

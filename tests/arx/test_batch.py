@@ -264,6 +264,14 @@ def test_predict_ahead_through_the_public_door(data, horizon):
     np.testing.assert_allclose(model.predict_ahead(X, y, horizon), twin, rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.parametrize("horizon", [300, 10**12, 10**30])
+def test_further_ahead_than_a_run_is_a_free_run(data, horizon):
+    X, y = data
+    for model in (ARXRegressor(2, 2, 3), ARXRegressor(2, 2, 3, effects="bias")):
+        ahead = model.fit(X, y).predict_ahead(X, y, horizon)
+        np.testing.assert_array_equal(ahead, model.simulate(X))
+
+
 def test_score_is_the_vaf_of_the_free_run(data):
     X, y = data
     model = ARXRegressor(2, 2, 3).fit(X, y)

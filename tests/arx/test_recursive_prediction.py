@@ -117,6 +117,18 @@ def test_predict_ahead(horizon, parameters):
         np.testing.assert_allclose(found, twin, rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.parametrize("parameters", ["path", "last"])
+def test_further_ahead_than_a_run_is_a_free_run(parameters):
+    X, y = changing_runs(200, 2)
+    model = recursive(memory_horizon=30, parameters=parameters).fit(X, y)
+    theta = model.initial_coef_ if parameters == "path" else model.coef_
+    path = np.tile(theta, (400, 1))
+    twin = naive.free_run_along(X[["e"]].to_numpy(), stretches_of(X), split, path, (NK,))
+    for horizon in (200, 10**12, 10**30):
+        found = model.predict_ahead(X, y, horizon)
+        np.testing.assert_allclose(found, twin, rtol=1e-10, atol=1e-12)
+
+
 def test_one_step_ahead_of_one_run_is_what_the_recursion_saw():
     X, y = changing_runs(300, 1)
     model = recursive(memory_horizon=10).fit(X, y)

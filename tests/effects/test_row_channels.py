@@ -35,8 +35,8 @@ def both(data, monkeypatch):
 @pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
 def test_they_are_those_of_few_runs(both):
     few, many = both
-    assert isinstance(many.channels, RowChannels)
-    assert not isinstance(few.channels, RowChannels)
+    assert many.channels.order == "F"
+    assert few.channels.order == "C"
     assert list(many.channels) == list(few.channels) == ["e", "x", "f_t"]
     assert len(many.channels) == 3
     assert "y" not in many.channels
@@ -60,10 +60,45 @@ def test_parts_are_those_of_few_runs(both):
         (few.changed({"e": few.y}), many.changed({"e": few.y})),
         (few.changed({"e": few.y}).part(runs, 2), many.changed({"e": few.y}).part(runs, 2)),
         (few.part(runs, 2).part(some, 3), many.part(runs, 2).part(some, 3)),
+        (few.part(runs, 2).beginning(1.0), many.part(runs, 2).beginning(1.0)),
+        (few.part(runs, 3).beginning(0.01), many.part(runs, 3).beginning(0.01)),
     ):
         assert dict(one.channels).keys() == dict(other.channels).keys()
         for name, values in one.channels.items():
+            assert values.shape == one.known.shape
             np.testing.assert_array_equal(other.channels[name], values)
+
+
+@pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+def test_parts_are_those_of_the_whole(both):
+    """Of a record whose channels are plain arrays, parts are pieces of these."""
+    few, _ = both
+    plain = replace(few, channels=dict(few.channels))
+    runs = np.array([0, 3, 4])
+    for take in (
+        lambda record: record.part(runs, 2),
+        lambda record: record.columns(slice(1, 3)),
+        lambda record: record.beginning(1.0),
+        lambda record: record.part(runs, 2).beginning(1.0),
+        lambda record: record.changed({"e": record.y}).part(runs, 2).beginning(0.5),
+    ):
+        one, other = take(few), take(plain)
+        assert not isinstance(other.channels, RowChannels)
+        for name, values in other.channels.items():
+            np.testing.assert_array_equal(one.channels[name], values)
+            np.testing.assert_array_equal(one.glance(name), other.glance(name))
+
+
+@pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+def test_a_glance_keeps_nothing_and_a_change_shares_what_is_kept(both):
+    for record in both:
+        fresh = replace(record, channels=replace(record.channels, found={}))
+        fresh.glance("x")
+        assert fresh.channels.found == {}
+        changed = fresh.changed({"e": fresh.y})
+        assert changed.channels["e"] is fresh.y
+        assert changed.channels["x"] is fresh.channels["x"]
+        assert fresh.channels["e"] is not fresh.y
 
 
 @pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")

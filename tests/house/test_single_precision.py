@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 
 from skhoid import (
     ARXRegressor,
@@ -176,3 +177,57 @@ def test_a_mapped_file_is_compared_without_a_copy(call, mapped):
     channels = X.columns if call is check_channels else ["e", "x"]
     copied = X.to_numpy().nbytes
     assert peak_of(X) < peak_of(X[channels].astype(np.float64)) + 0.1 * copied
+
+
+FEW = 10
+MORE = {
+    "effect": lambda X, y: ARXRegressor(2, 2, 7, effects=["bias"]).fit(X, y),
+    "operator": lambda X, y: OperatorRegressor().fit(X, y),
+    "search": lambda X, y: EffectSearchCV(ARXRegressor(2, 2, 7), effects=["bias"]).fit(X, y),
+    "stream": lambda X, y: RecursiveARX(2, 2, 7, init="zeros", p0=1.0, memory_time=5.0).partial_fit(
+        X, y
+    ),
+    "stream from data": lambda X, y: RecursiveARX(2, 2, 7, memory_time=5.0).partial_fit(X, y),
+    "compare": lambda X, y: compare(ARXRegressor(2, 2, 7).fit(X, y), X, y),
+    "check": check_channels,
+}
+
+
+@pytest.fixture(scope="module")
+def moving(tmp_path_factory):
+    """Runs in files with few and with many channels beside the error, all of which move."""
+    X, y = make_tracking_runs(
+        "C1", n_runs=6, duration=40.96, sampling_rate=50, remnant_intensity=0.1, random_state=1
+    )
+    table = np.random.default_rng(0).standard_normal((len(X), WIDE), dtype=np.float32)
+    table[:, 0] = X["e"]
+    frames = []
+    for n_columns in (FEW, WIDE):
+        path = tmp_path_factory.mktemp("moving") / "channels.npy"
+        np.save(path, table[:, :n_columns])
+        names = ["e", *(f"c{i}" for i in range(1, n_columns))]
+        values = np.load(path, mmap_mode="r")
+        frames.append(pd.DataFrame(values, index=X.index, columns=names, copy=False))
+    return *frames, y
+
+
+@pytest.mark.parametrize("name", MORE)
+def test_channels_that_nobody_asks_for_take_no_room(name, moving):
+    """All of them are looked at by a check or a search, but one after the other."""
+    few, many, y = moving
+    MORE[name](few, y)  # which compiles and imports
+    further = 8 * len(y) * (WIDE - FEW)  # bytes, in double precision
+    assert peak(MORE[name], many, y) < peak(MORE[name], few, y) + 0.4 * further
+
+
+def test_a_stream_of_many_rows_is_taken_in_parts(moving, monkeypatch):
+    _, X, y = moving
+    whole = MORE["stream"](X, y)
+    monkeypatch.setattr("skhoid.arx.streaming.BLOCK", 700)
+    np.testing.assert_array_equal(MORE["stream"](X, y).coef_, whole.coef_)
+    fading = RecursiveARX(
+        2, 2, 7, init="zeros", p0=1.0, forgetting=lambda t: 0.99 + 0.0001 * t, reset_times=[3.0]
+    )
+    parts = fading.partial_fit(X, y).coef_
+    monkeypatch.setattr("skhoid.arx.streaming.BLOCK", 10**9)
+    np.testing.assert_array_equal(clone(fading).partial_fit(X, y).coef_, parts)

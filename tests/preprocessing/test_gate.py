@@ -25,7 +25,10 @@ from skhoid import (
     check_channels,
     compare,
     fourier_coefficients,
+    lost_control,
     make_tracking_runs,
+    performance_scores,
+    remnant_estimate,
     vaf_score,
 )
 from skhoid.exceptions import MissingDataWarning
@@ -219,6 +222,27 @@ def test_sizes_that_are_refused_with_their_names():
     with pytest.raises(ValueError, match="y_true holds"):
         vaf_score(Y * 1e60, Y)
     assert vaf_score(Y, Y * 1e60) == 0  # a simulation that runs away
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e-200])
+def test_sizes_that_comparisons_and_checks_refuse(size):
+    given = X, Y
+    model = ARXRegressor(nk=15).fit(*given)
+    for read in (
+        lambda X, y: compare(model, X, y),
+        lambda X, y: compare(model, *given, estimation=(X, y)),
+        lambda X, y: remnant_estimate(model, X, y),
+        check_channels,
+        performance_scores,
+    ):
+        with pytest.raises(ValueError, match=r"^y is nowhere larger than .*, too small"):
+            read(X, Y * size)
+        with pytest.raises(ValueError, match=r"Column 'e' of X is nowhere larger than .*too small"):
+            read(X * size, Y)
+        with pytest.raises(ValueError, match="too small"):
+            read(X * size, Y * size)
+    with pytest.raises(ValueError, match="Column 'e' of X is nowhere larger"):
+        lost_control(X * size)
 
 
 def test_a_stream_may_fade_and_may_not_grow_too_large():
