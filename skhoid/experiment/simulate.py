@@ -129,11 +129,7 @@ def simulate_experiment(
     recording = _recording(sampling_rate, duration, run_in, transition_time)
     names = _conditions(conditions)
     _check_numbers(subjects, runs, remnant_intensity)
-    n_samples = (recording.run_in + recording.duration) * recording.sampling_rate
-    check_memory(
-        5 * n_samples * runs * subjects * len(names),  # four signals and the time
-        f"The signals of {subjects} subjects with {runs} runs in each condition",
-    )
+    _check_memory(recording, names, subjects, runs)
     entropy = entropy_of(random_state)
     sessions = Parallel(n_jobs=n_jobs, prefer="threads")(
         delayed(_session)(number, names, runs, recording, entropy, remnant_intensity)
@@ -152,6 +148,14 @@ def _check_numbers(subjects: Any, runs: Any, remnant_intensity: float | None) ->
             "remnant_intensity is the fraction var(n) / var(u), from 0 to below 1; got "
             f"{remnant_intensity!r}."
         )
+
+
+def _check_memory(recording: RecordingSetup, names: list[str], subjects: int, runs: int) -> None:
+    n_samples = (recording.run_in + recording.duration) * recording.sampling_rate
+    check_memory(
+        5 * n_samples * runs * subjects * len(names),  # four signals and the time
+        f"The signals of {subjects} subjects with {runs} runs in each condition",
+    )
 
 
 def _session(

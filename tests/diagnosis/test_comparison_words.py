@@ -79,7 +79,7 @@ def test_domain_follows_the_model_and_the_channels(machine):
     X, y, truth = runs(2)
     assert compare(Oracle(truth.u_without_remnant), X, y).domain == "human"
     assert compare(Oracle(truth.u_without_remnant), X, y, domain="machine").domain == "machine"
-    with pytest.raises(ValueError, match="domain is 'human', 'machine' or None"):
+    with pytest.raises(ValueError, match="'domain' parameter of compare must be a str among"):
         compare(machine[0], machine[1], machine[2], domain="robot")
 
 
