@@ -81,7 +81,7 @@ class LoopSimulator:
         self.names, self.scale = open_loop.names, open_loop.scale
         self.low, self.high, self.smooth = open_loop.low, open_loop.high, open_loop.smooth
         self.size = open_loop.size
-        self._spread = float(np.std(record.input[record.known])) or 1.0
+        self._spread = record.sd("e")
         self._theta: np.ndarray | None = None
         self._pulse: tuple[np.ndarray, np.ndarray | None] | None = None
         self._follow = record.once("follow", lambda: followers(record))

@@ -116,3 +116,13 @@ def test_an_output_that_was_never_measured_has_no_score():
     model = skhoid.OperatorRegressor().fit(X, Y)  # which has scales to take from data
     with pytest.raises(ValueError, match="No row is left to score"):
         skhoid.compare(model, X, Y * np.nan)
+
+
+def test_a_fold_without_rows_to_train_on_is_no_crash():
+    short = X.loc[["a"]].iloc[:60].reset_index(drop=True)
+    short.index = pd.MultiIndex.from_product([["a"], 0.1 * np.arange(60)], names=["run", "time"])
+    y = Y.iloc[:60].set_axis(short.index)  # 6 s, and guards of 5 s around what is held out
+    search = skhoid.EffectSearchCV(
+        skhoid.OperatorRegressor(settling=0.0), effects=["bias"], controlled_element="1/s"
+    )
+    assert np.isfinite(search.fit(short, y).error_path_["vaf"]).all()
