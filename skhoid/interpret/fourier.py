@@ -22,13 +22,7 @@ DOF = 2 * N_NEIGHBOURS  # of the remnant: real and imaginary parts
 ABSENT = 1e-6  # of the strongest bin of a forcing function; weaker lines are rounding
 
 
-@checked(
-    y=["array-like"],
-    window=WINDOW,
-    period=DT,
-    roles=ROLES,
-    dt=DT,
-)
+@checked(y=["array-like"], window=WINDOW, period=DT, roles=ROLES, dt=DT)
 def fourier_coefficients(
     X: Any,
     y: Any,

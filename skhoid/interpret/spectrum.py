@@ -13,11 +13,7 @@ from ..runs import run_column, run_name
 from .lines import Windows, all_bins, read_lines, signal_table
 
 
-@checked(
-    window=WINDOW,
-    period=DT,
-    dt=DT,
-)
+@checked(window=WINDOW, period=DT, dt=DT)
 def auto_psd(
     X: Any,
     *,

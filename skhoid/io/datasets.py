@@ -141,11 +141,7 @@ def load_human_tracking(
     return _with_units(X, y, _TRACKING_UNITS)
 
 
-@checked(
-    inputs=[str, "array-like"],
-    output=[str],
-    correct_units=["boolean"],
-)
+@checked(inputs=[str, "array-like"], output=[str], correct_units=["boolean"])
 def load_bicycle_rider(
     *,
     inputs: str | Sequence[str] = ("RollAngle",),

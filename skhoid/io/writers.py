@@ -19,10 +19,7 @@ from .whole import written_whole
 __all__ = ["write_runs"]
 
 
-@checked(
-    path=[str, os.PathLike],
-    overwrite=["boolean"],
-)
+@checked(path=[str, os.PathLike], overwrite=["boolean"])
 def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write runs to a CSV, TSV, Parquet or MATLAB file.
 

@@ -17,9 +17,7 @@ MEAN = "mean"  # label of the averaged run
 SAME = 1e-6  # of its largest value, within which a target is the same
 
 
-@checked(
-    y=["array-like"],
-)
+@checked(y=["array-like"])
 def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
     """Average runs that share the forcing function, instant by instant.
 

@@ -30,9 +30,7 @@ from .gate import as_output, check_numbers
 LONGEST_BRIDGE = 3.0  # median steps; late samples of a jittery clock are no gap
 
 
-@checked(
-    dt=DT,
-)
+@checked(dt=DT)
 def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) -> Any:
     """Bring recorded runs onto a regular time grid by cubic interpolation.
 

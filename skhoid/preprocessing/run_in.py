@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._sklearn import DT, Interval
+from .._sklearn import DT, RUN_IN, Interval
 from ..exceptions import RunIndexError, ShortRunError
 from ..runs import RunLayout, mark_run_in, whole_samples
 from .base import RowPreservingTransformer, as_fitted
@@ -62,7 +62,7 @@ class RunInTrimmer(RowPreservingTransformer):
     """
 
     _parameter_constraints: dict = {
-        "run_in": [Interval(Real, 0, None, closed="left"), None],
+        "run_in": RUN_IN,
         "measurement_time": [Interval(Real, 0, None, closed="neither"), None],
         "dt": DT,
         "run": "no_validation",

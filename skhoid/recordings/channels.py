@@ -41,9 +41,7 @@ LEAST_STEPS = 20
 BLOCK = 100_000  # values of all channels together that are taken at a time
 
 
-@checked(
-    dt=DT,
-)
+@checked(dt=DT)
 def check_channels(
     X: Any, y: Any = None, *, dt: float | None = None, run: Any = None
 ) -> list[Finding]:

@@ -70,10 +70,7 @@ class LostControl:
         )
 
 
-@checked(
-    roles=ROLES,
-    dt=DT,
-)
+@checked(roles=ROLES, dt=DT)
 def lost_control(
     X: Any, *, roles: Mapping[Any, str] | None = None, dt: float | None = None, run: Any = None
 ) -> pd.DataFrame:

@@ -17,9 +17,7 @@ from .layout import check_levels, read_layout, run_name
 from .marks import is_mark
 
 
-@checked(
-    level=[str, None],
-)
+@checked(level=[str, None])
 def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarray:
     """Return the run label of each row, for use as ``groups`` in cross-validation.
 
@@ -61,9 +59,7 @@ def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarr
     return np.repeat(np.asarray(labels), np.diff(layout.run_starts))
 
 
-@checked(
-    dt=DT,
-)
+@checked(dt=DT)
 def sampling_time(X: Any, *, dt: float | None = None, run: Any = None) -> float:
     """Return the sampling time of recorded runs in seconds, after checking it.
 
@@ -118,10 +114,7 @@ def warn_of_pooled(X: Any, stacklevel: int = 4) -> None:
         )
 
 
-@checked(
-    first=COUNT,
-    last=COUNT,
-)
+@checked(first=COUNT, last=COUNT)
 def select_runs(
     X: pd.DataFrame,
     y: Any = None,

@@ -84,10 +84,7 @@ def tracking_condition(name: str) -> Condition:
     return _mixture(name, Condition("", *begin), Condition("", *end), progress)
 
 
-@checked(
-    weight=[Interval(Real, 0, 1, closed="both"), callable],
-    name=[str, None],
-)
+@checked(weight=[Interval(Real, 0, 1, closed="both"), callable], name=[str, None])
 def mixed_condition(
     first: str | Condition, second: str | Condition, weight: Parameter, name: str | None = None
 ) -> Condition:
