@@ -15,7 +15,7 @@ from .offsets import Bias, Drift, Integral
 from .parameter import Parameter
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
 from .reflex import RateReflex
-from .registry import effect
+from .registry import effect, title_of, titles_of
 from .scheduled import InputFilter, ScheduledDynamics
 from .sensor import SensorMagnitude
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
@@ -72,4 +72,6 @@ __all__ = [
     "WrongDelay",
     "catalogue",
     "effect",
+    "title_of",
+    "titles_of",
 ]

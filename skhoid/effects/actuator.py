@@ -303,6 +303,7 @@ class Quantised(StaticMap):
     """
 
     name = "quantised"
+    title = "quantisation"
     physics = "The output moves in steps: keys, detents, or a coarse converter."
     physics_at = {
         "command": "The command to the limb is one of few.",

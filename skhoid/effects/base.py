@@ -27,6 +27,8 @@ class Effect(Composable, BaseEstimator):
     ----------
     name : str
         Fixed id, which tables, JSON and scripts use.
+    title : str
+        What people call it, in pictures and prose; "" is the id without its underscores.
     place : str
         Where it acts: ``"input"`` maps the error, ``"delay"`` the delay, ``"gain"`` the gains on
         error and error rate, ``"path"`` adds to the command, ``"command"`` maps the command before
@@ -102,6 +104,7 @@ class Effect(Composable, BaseEstimator):
     """
 
     name: ClassVar[str]
+    title: ClassVar[str] = ""
     place: ClassVar[str]
     physics: ClassVar[str] = ""
     formula: ClassVar[str] = ""

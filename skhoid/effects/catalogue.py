@@ -13,7 +13,7 @@ from .intermittent import Intermittent
 from .offsets import Bias, Drift, Integral
 from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
 from .reflex import RateReflex
-from .registry import register
+from .registry import register, title_of
 from .scheduled import InputFilter, ScheduledDynamics
 from .sensor import SensorMagnitude
 from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
@@ -70,7 +70,7 @@ def catalogue() -> pd.DataFrame:
     Returns
     -------
     table : DataFrame
-        One row per effect, indexed by its id: class, place, physics, formula, source.
+        One row per effect, indexed by its id: title, class, place, physics, formula, source.
 
     Examples
     --------
@@ -82,6 +82,7 @@ def catalogue() -> pd.DataFrame:
         [
             {
                 "effect": c.name,
+                "title": title_of(c.name),
                 "class": c.__name__,
                 "place": c().place,
                 "physics": c.physics,

@@ -110,6 +110,7 @@ class NeuromuscularMode(Effect):
     """
 
     name = "nm_mode"
+    title = "second neuromuscular mode"
     place = "command"
     physics = "Limb and stick together have a second mode."
     machine_physics = "There is a second mode."
@@ -154,6 +155,7 @@ class HigherOrder(Effect):
     """
 
     name = "higher_order"
+    title = "higher-order dynamics"
     place = "command"
     physics = "The linear dynamics are of higher order."
     formula = "(s^2/w_z^2 + 2 z_z s/w_z + 1) / (s^2/w_p^2 + 2 z_p s/w_p + 1)"

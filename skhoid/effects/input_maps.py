@@ -129,6 +129,7 @@ class AsymmetricGain(StaticMap):
     """
 
     name = "asym_gain"
+    title = "asymmetric gain"
     physics = "Errors to one side are answered more strongly than to the other."
     physics_at = {
         "command": "Commands to one side are carried out more strongly than to the other.",
@@ -201,6 +202,7 @@ class Rectified(Effect):
     """
 
     name = "rectified"
+    title = "one-sided response"
     place = "input"
     physics = "Only errors of one sign are answered."
     machine_physics = "Only inputs of one sign act."
@@ -347,6 +349,7 @@ class AbsoluteValue(Effect):
     """
 
     name = "absolute_value"
+    title = "response to size alone"
     place = "path"
     physics = "The stick moves to one side with the size of the error, whatever its sign."
     machine_physics = "The output moves to one side with the size of the input, whatever its sign."

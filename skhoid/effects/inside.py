@@ -212,6 +212,7 @@ class RootFlow(_Inside):
     """
 
     name = "root_flow"
+    title = "square-root flow"
     physics = "What flows out grows with the root of the level (or pressure), not in proportion."
     formula = "A y = B (x - flow sqrt(max(y - level, 0) / reference))"
     source = "Schoukens and Noel (2017), cascaded tanks"
@@ -289,6 +290,7 @@ class Stops(_Inside):
     """
 
     name = "stops"
+    title = "end stops"
     physics = "The machine runs into a stop, or a tank over, and comes back from there at once."
     formula = "y = min(max(y, low), high) in the recursion"
     source = "Schoukens and Noel (2017), cascaded tanks"

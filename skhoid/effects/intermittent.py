@@ -66,6 +66,7 @@ class Intermittent(Effect):
     """
 
     name = "intermittent"
+    title = "intermittent control"
     place = "command"
     physics = "The operator decides at instants, and holds the command between."
     machine_physics = "The input is sampled at instants, and held between."

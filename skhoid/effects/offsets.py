@@ -163,6 +163,7 @@ class Integral(Effect):
     """
 
     name = "integral"
+    title = "integral action"
     place = "path"
     physics = "A standing error is trimmed away slowly."
     machine_physics = "The machine integrates its input besides."

@@ -371,6 +371,7 @@ class Disturbance(Effect):
     """
 
     name = "disturbance"
+    title = "disturbance response"
     place = "path"
     physics = "The operator sees or feels the disturbance and answers it before the error shows."
     machine_physics = "A measured disturbance acts on the output besides the input."
@@ -441,6 +442,7 @@ class CrossAxis(Effect):
     """
 
     name = "cross_axis"
+    title = "cross-axis coupling"
     physics = "The error of another axis leaks into this hand."
     machine_physics = "Another channel leaks into the input."
     formula = "e' = e + gain channel, or command + gain channel"

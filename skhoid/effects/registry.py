@@ -44,3 +44,49 @@ def effect(name: str) -> Effect:
             f"{did_you_mean(name, _CLASSES)}"
         )
     return _CLASSES[name]()
+
+
+def title_of(name: str) -> str:
+    """What people call the effect of an id or of an entry of a model, such as ``dead_zone-2``.
+
+    Parameters
+    ----------
+    name : str
+        Id, or id and number.
+
+    Returns
+    -------
+    title : str
+
+    Examples
+    --------
+    >>> from skhoid.effects import title_of
+    >>> title_of("asym_gain"), title_of("dead_zone-2")
+    ('asymmetric gain', 'dead zone (2)')
+    """
+    base, _, number = name.partition("-")
+    known = _CLASSES.get(base)
+    title = (known and known.title) or base.replace("_", " ")
+    return f"{title} ({number})" if number else title
+
+
+def titles_of(names: Iterable[str]) -> str:
+    """Effects in one phrase: ``bias``, ``bias and dead zone``, ``bias, dead zone and drift``.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Ids, or entries of a model.
+
+    Returns
+    -------
+    phrase : str
+
+    Examples
+    --------
+    >>> from skhoid.effects import titles_of
+    >>> titles_of(["bias", "dead_zone", "asym_gain"])
+    'bias, dead zone and asymmetric gain'
+    """
+    *others, last = [title_of(name) for name in names] or ["no effect"]
+    return f"{', '.join(others)} and {last}" if others else last

@@ -32,6 +32,7 @@ class SensorMagnitude(Effect):
     """
 
     name = "sensor_magnitude"
+    title = "sensor without sign"
     place = "output"
     physics = "The sensor shows how fast or how far, and not in which direction."
     formula = "y' = |y|"

@@ -57,6 +57,7 @@ class TimeVaryingGain(Effect):
     """
 
     name = "tv_gain"
+    title = "time-varying gain"
     place = "gain"
     physics = "The operator adapts: gain and lead change in the run."
     machine_physics = "The gain changes in the run."
@@ -276,6 +277,7 @@ class Lapses(Effect):
     """
 
     name = "lapses"
+    title = "lapses of attention"
     place = "command"
     physics = "The operator looks away, and does not answer for seconds."
     machine_physics = "The input is cut off in stretches of time."

@@ -98,6 +98,7 @@ class TimeVaryingDelay(Effect):
     """
 
     name = "tv_delay"
+    title = "time-varying delay"
     place = "delay"
     physics = "The operator becomes slower, or faster, to answer in the run."
     machine_physics = "The dead time changes in the run."
