@@ -60,9 +60,9 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
 
     Every effect of a catalogue is added to the model in turn, and all parameters refitted
     together in simulation. An effect counts when both criteria are met: by likelihood,
-    an evidence n log(SSE before / after) - k log n > 25; by free run, a gain of at least 0.2 points
+    ΔBIC = n log(SSE before / after) - k log n > 25; by free run, a gain of at least 0.2 points
     of VAF (about the mean) on held-out rows. Where the controlled element is known, the best must
-    also have evidence in the **closed loop**, where target and disturbance go in, and the model's
+    also help in the **closed loop**, where target and disturbance go in, and the model's
     output moves x and e: no remnant that comes back in the error passes for an answer there. Of
     what is not linear, or where the loop cannot be solved, a noise model that is estimated along
     decides. It must predict held-out rows better when refitted without them, its numbers must not
@@ -109,8 +109,8 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         standard errors and units), n_parameters, delta_loglik, delta_bic (positive is
         better; one noise model for all candidates), vaf_before (held out, refitted for each fold,
         of the first step as in ``error_path_``), vaf_gain (held out), vaf_after (their sum),
-        evidence_joint (as delta_bic, with a noise model that is estimated along; NaN of an ARX
-        model, and of effects without a gain), evidence_loop and gain_loop (the same in the closed
+        delta_bic_joint (as delta_bic, with a noise model that is estimated along; NaN of an ARX
+        model, and of effects without a gain), delta_bic_loop and gain_loop (the same in the closed
         loop; NaN where it was not asked), p_value (of the likelihood ratio, times
         the number of effects tried), confused_with, words, status ("added", "not better", "does
         not apply"), reason.
@@ -142,7 +142,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         on the best model, and so on the effects tried; VAF and RMSE of the baseline do not.
     unexplained_ : DataFrame
         Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
-        is the same in all runs), at, description, points, evidence.
+        is the same in all runs), at, description, points, delta_bic.
     ceiling_note_ : str
         Why the ceiling is not known; empty where it is.
     experiments_ : list of str

@@ -134,7 +134,7 @@ class Search:
             c.n_parameters = c.model.n_parameters - base.n_parameters
             ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
             c.loglik = ratio / 2
-            c.evidence = ratio - c.n_parameters * np.log(n)
+            c.delta_bic = ratio - c.n_parameters * np.log(n)
             if prediction is None:
                 c.gain = 100 * (parent.sse - before) / plain.power
                 c.vaf = base_vaf + c.gain
@@ -161,7 +161,7 @@ class Search:
         return step
 
     def _joint(self, found: tuple[Effects, Fit], beside: JointParent) -> float:
-        return beside.evidence(self._model(found, beside.parent), LIKELY_IF_FIRST)
+        return beside.delta_bic(self._model(found, beside.parent), LIKELY_IF_FIRST)
 
     def allowed_loss(self, model: Model, name: str) -> float:
         """Points of VAF that an effect may lose: some, where the output itself shows it."""
@@ -431,12 +431,12 @@ def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
     vafs = [vaf_of_output(search.record, m.output) for m in both]
     if min(vafs) > LITTLE_NOISE and vafs[0] < vafs[1] + AS_GOOD:
         return a.n_parameters < b.n_parameters
-    evidence = n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n)
+    delta_bic = n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n)
     if search.core.kind.is_operator:
         beside = JointParent(parent)
-        joint = beside.evidence(both[0]) - beside.evidence(both[1])
-        evidence = evidence / 2 + joint if np.isfinite(joint) else evidence
-    return bool(evidence > 0)
+        joint = beside.delta_bic(both[0]) - beside.delta_bic(both[1])
+        delta_bic = delta_bic / 2 + joint if np.isfinite(joint) else delta_bic
+    return bool(delta_bic > 0)
 
 
 def without_superfluous(search: Search, path: Path) -> Path:

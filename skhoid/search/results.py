@@ -11,7 +11,7 @@ from ..effects.static_map import StaticMap
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
-from .candidates import LEAST_EVIDENCE, Candidate
+from .candidates import LEAST_DELTA_BIC, Candidate
 from .explanations import sentence_of
 from .leftover import Leftover
 from .search_numbers import SearchNumbers
@@ -48,7 +48,7 @@ def unexplained_table(left: list[Leftover]) -> pd.DataFrame:
     """Structure that is left, one row each."""
     return pd.DataFrame(
         [vars(item) for item in left],
-        columns=["where", "at", "description", "points", "evidence"],
+        columns=["where", "at", "description", "points", "delta_bic"],
     )
 
 
@@ -83,8 +83,8 @@ class Ranked:
     vaf_before: float = np.nan
     vaf_after: float = np.nan
     vaf_gain: float = np.nan
-    evidence_joint: float = np.nan
-    evidence_loop: float = np.nan
+    delta_bic_joint: float = np.nan
+    delta_bic_loop: float = np.nan
     gain_loop: float = np.nan
     p_value: float = 0.0
     confused_with: list[str] = field(default_factory=list)
@@ -114,7 +114,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 parameters=_parameters(c, prepared) if described else "",
                 n_parameters=c.n_parameters,
                 vaf_before=before,
-                evidence_joint=c.joint,
+                delta_bic_joint=c.joint,
                 p_value=c.p_value,
                 confused_with=c.confused_with,
                 words=sentence_of(c.effect, display, domain) + (f" {c.trace}." if c.trace else ""),
@@ -122,10 +122,10 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
             if c.reason:
                 row.status = "does not apply"
             else:
-                row.delta_loglik, row.delta_bic = c.loglik, c.evidence
+                row.delta_loglik, row.delta_bic = c.loglik, c.delta_bic
                 row.vaf_after, row.vaf_gain = before + c.gain, c.gain
             if c.in_loop is not None:
-                row.evidence_loop, row.gain_loop = c.in_loop.evidence, c.in_loop.gain
+                row.delta_bic_loop, row.gain_loop = c.in_loop.delta_bic, c.in_loop.gain
             if c.name not in chosen:
                 row.status = row.status if c.reason else "not better"
                 row.reason = reason_against(c, winner, taken_out=c.name in of_step)
@@ -168,35 +168,35 @@ def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str
 def short_of(candidate: Candidate) -> str:
     """Which criteria of the free run are not met, with what was found and what is asked."""
     found = []
-    if not candidate.evidence > LEAST_EVIDENCE:
-        found.append(f"evidence {candidate.evidence:.1f}, asked: more than {LEAST_EVIDENCE:g}")
+    if not candidate.delta_bic > LEAST_DELTA_BIC:
+        found.append(f"ΔBIC {candidate.delta_bic:.1f}, needs more than {LEAST_DELTA_BIC:g}")
     if not candidate.gain >= candidate.least_gain:
         # What gains too little on the rows of its fit was not held out.
         rows = "the rows of the fit" if candidate.prediction is None else "held-out rows"
-        found.append(f"{candidate.gain:+.3g} points on {rows}, asked: {candidate.least_gain:.2g}")
+        found.append(
+            f"{candidate.gain:+.3g} points on {rows}, needs at least {candidate.least_gain:.2g}"
+        )
     return "; ".join(found)
 
 
 def refuted(candidate: Candidate) -> str:
     """Why a candidate that follows the measured error better is not taken."""
     found, judged = [], candidate.in_loop
-    if judged is not None and judged.evidence == -np.inf:
+    if judged is not None and judged.delta_bic == -np.inf:
         return "the closed loop does not settle with it"
-    if candidate.joint <= LEAST_EVIDENCE:
-        found.append(
-            f"with a noise model that is estimated along its evidence is {candidate.joint:.0f}"
-        )
+    if candidate.joint <= LEAST_DELTA_BIC:
+        found.append(f"estimated together with a noise model, it has ΔBIC {candidate.joint:.0f}")
     if judged is not None and np.isfinite(judged.gain):
         verdict = "no better" if judged.gain <= 0.0 else "hardly better"
         found.append(
-            f"in the closed loop it is {verdict} ({judged.gain:+.2f} points, evidence "
-            f"{judged.evidence:.0f})"
+            f"in the closed loop it is {verdict} ({judged.gain:+.2f} points, ΔBIC "
+            f"{judged.delta_bic:.0f})"
         )
     if not found and np.isnan(candidate.joint):
         found.append("neither a likelihood nor the closed loop confirms it")
     elif not found:
         likely = min(candidate.joint, candidate.weight)
-        found.append(f"the loop is not known with it, and its evidence is {likely:.0f}")
+        found.append(f"the loop is not known with it, and it has ΔBIC {likely:.0f}")
     return f"{'; '.join(found)}: it may follow the remnant that comes back in the error"
 
 
