@@ -33,7 +33,7 @@ from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
-from ..summaries import Summary, estimates_table
+from ..summaries import ModelSummary, estimates_table
 from .all_runs import AllRuns, Held, held_columns
 from .explanations import (
     VERDICTS,
@@ -431,7 +431,9 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         best = self.best_estimator_
         if isinstance(best, RunRegressor):
             return best._summary().html(found)
-        return Summary(type(best).__name__, {}, estimates_table(best.parameters_), []).html(found)
+        return ModelSummary(type(best).__name__, {}, estimates_table(best.parameters_), []).html(
+            found
+        )
 
     def predict(self, X: Any) -> np.ndarray:
         """Free run of the best model.
