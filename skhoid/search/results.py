@@ -7,12 +7,14 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 import pandas as pd
 
+from ..effects.registry import title_of
 from ..effects.static_map import StaticMap
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
+from ..summaries import DASH, p_text
 from .candidates import LEAST_DELTA_BIC, Candidate
-from .explanations import sentence_of
+from .explanations import sentence_of, with_effects
 from .leftover import Leftover
 from .search_numbers import SearchNumbers
 
@@ -26,11 +28,13 @@ def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
     rows = []
     reachable = float(np.nanmax([found.ceiling, steps[-1].vaf + found.worst]))
     reachable = min(reachable, 100.0)
-    for title, step in zip(["baseline", *found.added], steps, strict=True):
+    titles = ["baseline", *found.added]
+    for number, (title, step) in enumerate(zip(titles, steps, strict=True)):
         error = (record.y - step.prediction)[record.known]
         rows.append(
             {
                 "effect": title,
+                "model": with_effects(found.added[:number]),
                 "vaf": step.vaf,
                 "vaf_loop": np.nan if step.loop is None else step.loop.vaf,
                 "rmse": float(np.sqrt(np.mean(error**2))),
@@ -75,22 +79,23 @@ class Ranked:
     step: int
     rank: int
     effect: str
+    title: str
     form: str
-    parameters: str
-    n_parameters: int
-    delta_loglik: float = np.nan
+    status: str = "added"
+    vaf_gain: float = np.nan
     delta_bic: float = np.nan
+    p_value: float = 0.0
+    gain_loop: float = np.nan
+    delta_bic_loop: float = np.nan
+    delta_bic_joint: float = np.nan
+    parameters: str = ""
+    reason: str = ""
+    words: str = ""
+    confused_with: list[str] = field(default_factory=list)
     vaf_before: float = np.nan
     vaf_after: float = np.nan
-    vaf_gain: float = np.nan
-    delta_bic_joint: float = np.nan
-    delta_bic_loop: float = np.nan
-    gain_loop: float = np.nan
-    p_value: float = 0.0
-    confused_with: list[str] = field(default_factory=list)
-    words: str = ""
-    status: str = "added"
-    reason: str = ""
+    delta_loglik: float = np.nan
+    n_parameters: int = 0
 
 
 def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None) -> pd.DataFrame:
@@ -110,6 +115,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 step=number,
                 rank=rank,
                 effect=c.id,
+                title=title_of(c.id),
                 form=_form(c),
                 parameters=_parameters(c, prepared) if described else "",
                 n_parameters=c.n_parameters,
@@ -137,6 +143,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 step=1,
                 rank=rank,
                 effect=effect.name,
+                title=title_of(effect.name),
                 form="",
                 parameters=shown.parameters,
                 n_parameters=len(effect.parameters),
@@ -149,6 +156,31 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
     return pd.DataFrame([vars(row) for row in rows], columns=[one.name for one in fields(Ranked)])
 
 
+def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFrame:
+    """The best n candidates of each step (or of one) as texts."""
+    tried = ranking[ranking["status"] != "does not apply"]
+    if step is not None:
+        if step not in set(ranking["step"]):
+            raise ValueError(f"There is no step {step!r}; the steps are {_listed(ranking)}.")
+        tried = tried[tried["step"] == step]
+    best = tried.groupby("step").head(n)
+    in_form = best["form"].map(lambda form: f" ({form})" if form else "")
+    return pd.DataFrame(
+        {
+            "effect": best["title"] + in_form,
+            "gain": best["vaf_gain"].map("{:+.2f}".format),
+            "ΔBIC": best["delta_bic"].map(lambda x: f"{x:+.0f}" if np.isfinite(x) else DASH),
+            "p": best["p_value"].map(lambda p: p_text(p).removeprefix("p ").removeprefix("= ")),
+            "outcome": best["reason"].where(best["status"] != "added", "added"),
+            "parameters": best["parameters"],
+        }
+    ).set_index([best["step"], best["rank"]])
+
+
+def _listed(ranking: pd.DataFrame) -> str:
+    return ", ".join(map(str, ranking["step"].unique()))
+
+
 def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str:
     """Why a candidate is not part of what was found; ``winner`` is what its step added, or none."""
     c = candidate
@@ -159,10 +191,10 @@ def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str
     if not c.passes:
         return refuted(c) if c.refuted else short_of(c)
     if taken_out:
-        return "beside what was added later it no longer pays"
+        return "it no longer pays beside the effects added later"
     if winner:
-        return f"the free run is better with it too; {winner} was added"
-    return "it pays; no more were to be added"
+        return f"it improves the free run too; {title_of(winner)} was added instead"
+    return "it pays, but max_effects was reached"
 
 
 def short_of(candidate: Candidate) -> str:

@@ -26,7 +26,7 @@ def runs():
 @pytest.mark.parametrize(
     ("model", "seconds", "step"),
     [
-        (ARXRegressor(nk=8), LATER, "DelaySearchCV, or shift by as much with DelayShift"),
+        (ARXRegressor(nk=8), LATER, r"\(DelaySearchCV\), or shift by as much"),
         (ARXRegressor(nk=8), EARLIER, "Lower nk by 1 sample"),
         (ARXRegressor(nk=8), 2 * EARLIER, "Lower nk by 2 samples"),
         (ARXRegressor(nk=1), 2 * EARLIER, "Search the delay again with DelaySearchCV"),

@@ -55,9 +55,9 @@ def reason(winner="bias", taken_out=False, name="preview", **options):
             {"joint": 90.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)},
             "the closed loop does not settle with it",
         ),
-        ({}, "the free run is better with it too; bias was added"),
-        ({"winner": ""}, "it pays; no more were to be added"),
-        ({"taken_out": True}, "beside what was added later it no longer pays"),
+        ({}, "it improves the free run too; bias was added instead"),
+        ({"winner": ""}, "it pays, but max_effects was reached"),
+        ({"taken_out": True}, "it no longer pays beside the effects added later"),
     ],
 )
 def test_the_reason_says_which_criterion_is_not_met(options, said):
