@@ -30,7 +30,7 @@ class Display:
     ``plot`` draws are attributes that end in an underscore.
     """
 
-    def plot(self, ax: Any = None, **styles: Any) -> Self:
+    def plot(self, *args: Any, **kwargs: Any) -> Self:
         raise NotImplementedError
 
     def _take_axes(

@@ -66,7 +66,7 @@ class Role:
 
     def style(self, width: float | None = None, **more: Any) -> dict[str, Any]:
         """Keywords of a line: colour, line style and, in points by default, width."""
-        look = {"color": self.colour, "linestyle": self.line}
+        look: dict[str, Any] = {"color": self.colour, "linestyle": self.line}
         if width is not None:
             look["linewidth"] = scaled(width)
         return styled(look, more)
@@ -104,7 +104,8 @@ def background() -> str:
 def dimmed(share: float = 0.65) -> str:
     """A colour between back and foreground of the style sheet, so far towards the latter."""
     front, back = to_rgba(foreground()), to_rgba(background())
-    return to_hex([share * f + (1 - share) * b for f, b in zip(front[:3], back[:3], strict=True)])
+    red, green, blue = (share * front[i] + (1 - share) * back[i] for i in range(3))
+    return to_hex((red, green, blue))
 
 
 def series_colour(position: int) -> str:
@@ -136,8 +137,9 @@ def styled(
 
 def _hex(*names: str, default: str) -> str:
     """The first of these settings that is a colour that covers something."""
+    settings: Any = mpl.rcParams
     for name in names:
-        colour = mpl.rcParams[name]
+        colour: Any = settings[name]
         if is_color_like(colour) and to_rgba(colour)[3] > 0:
             return to_hex(colour)
     return to_hex(default)
