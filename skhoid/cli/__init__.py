@@ -8,6 +8,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -16,7 +17,7 @@ from .at_once import refuse_at_once
 from .options import with_one_element
 from .output import note
 from .parser import make_parser
-from .wording import reworded
+from .wording import as_option, reworded
 
 __all__ = ["main"]
 
@@ -115,6 +116,9 @@ def _explain(error: Exception, options: argparse.Namespace) -> int:
     except OSError:
         _nobody_reads()
     text = " ".join(str(error).split())
+    if hasattr(error, "said_by"):  # all that is wrong with a file, in a list
+        print(f"skhoid: error: {error.said_by(partial(as_option, options))}", file=sys.stderr)
+        return BAD_INPUT
     own = type(error).__module__.startswith("skhoid.")
     if isinstance(error, MemoryError):
         print(f"skhoid: error: The memory does not suffice. {text}".rstrip(), file=sys.stderr)

@@ -15,6 +15,7 @@ from .._version import __version__
 from ..diagnosis.identification import Identification, ModelChoice
 from ..diagnosis.identification import identify as identify_runs
 from ..io import load_human_tracking
+from ..runs.roles import role_of
 from ..summaries import counted
 from .arguments.identify import LONGEST_DELAY
 from .files import column_of, names_of, read_files, save_figures, without_screen
@@ -90,33 +91,7 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, s
     """X, y, the instruments and roles of columns of X, and where they are from."""
     roles = pairs(options.role, "--role", "NAME=ROLE, such as position=x")
     if options.files:
-        options.input = options.input or ["e"]
-        others = (options.instruments or ["f_t"]) if options.method == "iv" else []
-        inside = [name for name in others if name in options.input]
-        if inside:
-            raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
-        if options.x in options.input and options.x not in roles:
-            raise ValueError(
-                f"--x names {options.x!r}, which is an input: name different channels, or say "
-                f"--role {options.x}=x if the model is to answer x."
-            )
-        for name, role in ((options.x, "x"), (options.target, "f_t")):
-            if name is not None and roles.setdefault(name, role) != role:
-                raise ValueError(f"--role says that {name!r} is {roles[name]!r}, and not {role!r}.")
-        wanted = [*options.input, *others]
-        beside = [name for name in (options.x, options.target) if name not in (None, *wanted)]
-        try:
-            X, y = read_files(options, [*wanted, *dict.fromkeys(beside)])
-        except ValueError as error:
-            if others and options.instruments is None and "'f_t'" in str(error):
-                raise ValueError(
-                    f"{error} --method iv takes 'f_t' as its instrument, unless --instruments "
-                    "names others."
-                ) from error
-            raise
-        instruments = [column_of(X, name) for name in others]
-        roles = {column_of(X, name): role for name, role in roles.items()}
-        return X, y, instruments, roles, names_of(options.files)
+        return _own(options, roles)
     X, y = load_human_tracking("difficulty 80")
     return (
         X,
@@ -128,6 +103,58 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, s
             "(Matic 2022, MIT licence)"
         ),
     )
+
+
+def _own(
+    options: argparse.Namespace, roles: dict[str, str]
+) -> tuple[Any, Any, list[str], dict[str, str], str]:
+    asked = list(options.input or [])
+    others = (options.instruments or ["f_t"]) if options.method == "iv" else []
+    inside = [name for name in others if name in asked]
+    if inside:
+        raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
+    if options.x in asked and options.x not in roles:
+        raise ValueError(
+            f"--x names {options.x!r}, which is an input: name different channels, or say "
+            f"--role {options.x}=x if the model is to answer x."
+        )
+    for name, role in ((options.x, "x"), (options.target, "f_t")):
+        if name is not None and roles.setdefault(name, role) != role:
+            raise ValueError(f"--role says that {name!r} is {roles[name]!r}, and not {role!r}.")
+    beside = [name for name in (options.x, options.target) if name not in (None, *asked)]
+    of_guess = not asked and options.instruments is None  # the target, if there is one
+    wanted = [*asked, *([] if of_guess else others), *beside]
+    given = {name: roles.get(name, str(role_of(name))) for name in dict.fromkeys(wanted)}
+    try:
+        found = read_files(options, given | roles, signals=not asked)
+    except ValueError as error:
+        if others and options.instruments is None and "'f_t'" in str(error):
+            raise ValueError(
+                f"{error} --method iv takes 'f_t' as its instrument, unless --instruments "
+                "names others."
+            ) from error
+        raise
+    X, guess = found.X, found.guess
+    inputs = [column_of(X, name) for name in asked] or guess.inputs
+    rest = [name for name in X.columns if name not in inputs]
+    attributes = dict(X.attrs)
+    X = X[[*inputs, *rest]]
+    X.attrs = attributes
+    options.input = inputs
+    of_columns = guess.roles | {column_of(X, name): role for name, role in roles.items()}
+    return X, found.y, _instruments(X, others, of_columns), of_columns, names_of(options.files)
+
+
+def _instruments(X: Any, names: list[str], roles: dict[str, str]) -> list[str]:
+    columns = {role_of(column, roles): column for column in X.columns}
+    found = [columns["f_t"] if n == "f_t" and "f_t" in columns else column_of(X, n) for n in names]
+    missing = [name for name in found if name not in X.columns]
+    if missing:
+        raise ValueError(
+            f"--method iv takes {missing[0]!r} as its instrument, unless --instruments names "
+            "others; the files have no such channel."
+        )
+    return found
 
 
 def _draw(found: Identification, folder: Path) -> list[str]:

@@ -178,8 +178,10 @@ def _recommend(options: argparse.Namespace) -> int:
 def _experiment(options: argparse.Namespace) -> int:
     last = options.last or 5
     if options.files:
-        channel = options.input or "e"
-        X, y = read_files(options, [channel])
+        named = {} if options.input is None else {options.input: "e"}
+        found = read_files(options, named, signals=options.input is None)
+        X, y = found.X, found.y
+        channel = found.guess.inputs[0]
         result = analyse_experiment(
             X,
             y,

@@ -12,7 +12,7 @@ from ..runs import RUN, read_layout
 from ._labels import restarts_of
 from ._runs import per_second_of
 from ._table import FileTable, as_numbers
-from .guess import ColumnGuess, Problem, quoted
+from .guess import ColumnGuess, Problem, quoted, without_list
 
 __all__ = ["problems_of_files", "problems_of_runs"]
 
@@ -81,8 +81,7 @@ def _column(table: FileTable, name: str, found: list[Problem]) -> np.ndarray | N
         raw = table.load([position], None)[0][0]
         return np.ravel(np.asarray(as_numbers(raw, f"{table.kind} {quoted(name)}")), order="F")
     except ValueError as error:
-        text = str(error).removeprefix(f"{table.path} ").partition(" It has: ")[0]
-        found.append(Problem(text[:1].upper() + text[1:]))
+        found.append(Problem(without_list(str(error), table.path)))
         return None
 
 

@@ -21,7 +21,7 @@ from ._header_words import (
     unit_by_name,
 )
 from ._table import FileTable, split_header
-from .guess import MEANING, OPTION, ColumnGuess, Problem, quoted
+from .guess import MEANING, OPTION, ColumnGuess, Problem, quoted, without_list
 
 __all__ = ["guess_of"]
 
@@ -39,6 +39,7 @@ def guess_of(
     run: str | None,
     units: Mapping[str, str] | None,
     dt: float | None,
+    signals: bool = True,
 ) -> ColumnGuess:
     """The guess for an open file."""
     guess = ColumnGuess(paths, time=time, run=run, dt=dt, units=dict(units or {}))
@@ -49,14 +50,18 @@ def guess_of(
     if output is not None:
         asked = output if isinstance(output, str) else next(iter(output))
         if named.has(asked, "output"):
-            called = named.channel(asked) if isinstance(output, str) else output[asked]
-            guess.output = (asked, called)
-    for asked, option in ((time, "time"), (run, "run")):
-        if asked is not None:
-            named.has(asked, option)
+            own = None if isinstance(output, str) else output[asked]
+            guess.output = (asked, own or named.channel(asked))
+    for column, option in ((time, "time"), (run, "run")):
+        if column is not None:
+            named.has(column, option)
     _Guess(table, guess, named.positions).make(
-        known_roles=set((roles or {}).values()) - {""}, output_known=output is not None
+        known_roles=set((roles or {}).values()) - {""},
+        output_known=output is not None,
+        signals=signals,
     )
+    said = (output is not None, time is not None or dt is not None, run == guess.run)
+    guess.guessed = signals or not all(said) or bool(guess.levels)
     return guess
 
 
@@ -72,13 +77,11 @@ class _Named:
         self.positions: dict[int, str] = {}
 
     def has(self, asked: str, option: str) -> bool:
+        """Whether there is such a column; if not, that is a problem."""
         try:
             self.positions[self.table.find(asked)] = option
         except ValueError as error:
-            text = str(error).removeprefix(f"{self.table.path} ").partition(" It has: ")[0]
-            near = str(error).rpartition(" Did you mean ")
-            text += f" Did you mean {near[2]}" if near[1] else ""
-            self.guess.problems.append(Problem(f"--{option}: it {text}"))
+            self.guess.problems.append(Problem(without_list(str(error), self.table.path)))
             return False
         return True
 
@@ -131,11 +134,11 @@ class _Guess:
         of_option = {option: role for role, option in OPTION.items()}
         return {position: of_option.get(option, "") for position, option in taken.items()}
 
-    def make(self, *, known_roles: set[str], output_known: bool) -> None:
+    def make(self, *, known_roles: set[str], output_known: bool, signals: bool) -> None:
         guess = self.guess
         self._find_clock()
         self._find_labels()
-        open_roles = {"e", "f_t", "x", "dist", "motion"} - known_roles
+        open_roles = {"e", "f_t", "x", "dist", "motion"} - known_roles if signals else set()
         if not output_known:
             open_roles.add("u")
         known = set(self.signals) | known_roles
@@ -153,9 +156,10 @@ class _Guess:
             unit = unit_by_name(column.header)
             if unit and not self.table.unit_of(column.position):
                 guess.units.setdefault(role, unit)
-        self._check_error(known)
+        if signals:
+            self._check_error(known)
         self._say_ties()
-        self._say_missing(known, output_known)
+        self._say_missing(known, output_known, signals)
         guess.unused = [
             c.header for c in self.free.values() if c.numbers.size > 1 and not self._is_count(c)
         ]
@@ -353,7 +357,7 @@ class _Guess:
                 continue
             self.guess.problems.append(Problem(text, options))
 
-    def _say_missing(self, known: set[str], output_known: bool) -> None:
+    def _say_missing(self, known: set[str], output_known: bool, signals: bool) -> None:
         guess, tied = self.guess, self.tied
         there = set(self.signals) | known | set(tied)
         if not output_known and "u" not in there:
@@ -365,7 +369,7 @@ class _Guess:
                 text += " If the person moves x itself, that is the output:"
                 options = [("output", place.header)]
             guess.problems.append(Problem(text, tuple(options) or (("output", "NAME"),)))
-        if not there & {"e", "f_t"} and not guess.channels:
+        if signals and not there & {"e", "f_t"} and not guess.channels:
             left = [c for c in self._signals() if not self._is_count(c)]
             options = [("input", c.header) for c in left[:4]] or [("input", "NAME")]
             guess.problems.append(

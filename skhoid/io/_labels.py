@@ -37,7 +37,7 @@ def combined_labels(
     for part, _ in parts:
         if part.size != n_rows:
             raise ValueError(
-                f"In {table.path} the labels of runs have {part.size} rows and the channels {n_rows}."
+                f"In {table.path} the labels of runs have {part.size} rows, the channels {n_rows}."
             )
     if not levels:
         return parts[-1]

@@ -38,10 +38,12 @@ def read_csv(path: Path) -> FileTable:
     def load(numbers: Sequence[int], labels: int | None) -> tuple[list[Any], Any]:
         plain = plain_columns(sheet, numbers, labels)
         if plain is not None:
-            sheet.refuse_long_cells(len(plain[0][0]))
+            columns, label = plain
+            if columns or label is not None:
+                sheet.refuse_long_cells(len(columns[0] if label is None else label[0]))
             return plain
-        columns = [sheet.column(position) for position in numbers]
-        return columns, None if labels is None else coded(sheet.column(labels))
+        found = [sheet.column(position) for position in numbers]
+        return found, None if labels is None else coded(sheet.column(labels))
 
     return FileTable(path, names, load, note=note, peek=sheet.peek)
 

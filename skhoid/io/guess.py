@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +23,7 @@ MEANING = {
     "run": "run",
 }
 OPTION = {"e": "input", "u": "output", "x": "x", "f_t": "target", "time": "time", "run": "run"}
+MOST = 30  # names in a message
 _ORDER = ("e", "f_t", "x", "dist", "motion")
 
 
@@ -67,11 +69,24 @@ class UnclearColumnsError(ValueError):
     def said_by(self, shown: Any) -> str:
         """The message, with options as ``shown(name, value)`` writes them."""
         texts = [problem.said_by(shown) for problem in self.problems]
-        there = f"It has the columns {', '.join(map(quoted, self.columns)) or 'none'}."
+        there = f"It has: {', '.join(map(repr, self.columns[:MOST])) or 'no columns'}"
+        more = len(self.columns) - MOST
+        there += f" and {more} more." if more > 0 else "."
         if len(texts) == 1:
             return f"{self.where}: {texts[0]} {there}"
         listed = "".join(f"\n  {number}. {text}" for number, text in enumerate(texts, 1))
         return f"{self.where}: {len(texts)} problems.{listed}\n  {there}"
+
+
+def without_list(text: str, path: Any) -> str:
+    """A message about one column as a sentence of several: without the file, and what it has."""
+    text = text.removeprefix(f"{path} ")
+    before, mark, after = text.partition(" It has: ")
+    if mark:
+        near = after.rpartition(" Did you mean ")
+        text = before + (f" Did you mean {near[2]}" if near[1] else "")
+    text = re.sub(r"^has no (column|variable) ", r"There is no \1 ", text)
+    return text[:1].upper() + text[1:]
 
 
 def quoted(name: str) -> str:
@@ -135,6 +150,19 @@ class ColumnGuess:
         role = role_of(channel, self.roles)
         return role or channel
 
+    def as_dict(self) -> dict[str, Any]:
+        """The same by name, for JSON."""
+        return {
+            "time": self.time,
+            "run": self.run,
+            "levels": self.levels,
+            "channels": self.channels,
+            "output": self.output and self.output[0],
+            "error_from": self.error_from or None,
+            "unused": self.unused,
+            "remarks": self.remarks,
+        }
+
     @property
     def inputs(self) -> list[str]:
         """The channel that a person answers: e, or else the target, or else the first there is."""
@@ -157,6 +185,7 @@ def guess_columns(
     run: str | None = None,
     units: Mapping[str, str] | None = None,
     dt: float | None = None,
+    signals: bool = True,
 ) -> ColumnGuess:
     """Guess which column of a file is which, from the headers and the first 1,000 rows.
 
@@ -168,6 +197,8 @@ def guess_columns(
         Columns that are known, with their roles: ``{"err": "e"}``. They keep their names.
     output, time, run, units, dt
         As in :func:`skhoid.read_runs`; None is guessed.
+    signals : bool, default=True
+        False takes no other channels than those of `roles`, and the output.
 
     Returns
     -------
@@ -192,16 +223,8 @@ def guess_columns(
     from ._guessing import guess_of
     from .readers import first_table
 
-    return guess_of(
-        first_table(paths),
-        paths,
-        roles=roles,
-        output=output,
-        time=time,
-        run=run,
-        units=units,
-        dt=dt,
-    )
+    given: dict[str, Any] = {"roles": roles, "output": output, "time": time, "run": run}
+    return guess_of(first_table(paths), paths, **given, units=units, dt=dt, signals=signals)
 
 
 def where_of(paths: list[Path]) -> str:

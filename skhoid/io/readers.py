@@ -229,12 +229,10 @@ def _guessed(
     named = {} if inputs is None else {c.asked: c.name for c in _wanted(inputs, "inputs")}
     roles = {asked: role_of(name) for asked, name in named.items()}
     table = first_table(paths)
-    guess = guess_of(
-        table, paths, roles=roles, output=output, time=time, run=run, units=units, dt=dt
-    )
+    given: dict[str, Any] = {"roles": roles, "output": output, "time": time, "run": run}
+    guess = guess_of(table, paths, **given, units=units, dt=dt, signals=inputs is None)
     if inputs is not None:
         guess.channels = {asked: name for asked, name in named.items() if asked in guess.channels}
-        guess.error_from = ""
     X, y = read_guessed(guess, table)
     print(guess)
     return X, y
