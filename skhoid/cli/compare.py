@@ -21,15 +21,17 @@ from ..search.story import comparison_dict
 from .files import (
     check_plot_file,
     column_of,
+    columns_dict,
     names_of,
     new_file,
     read_files,
     save_figures,
     without_screen,
 )
+from .next_steps import after_compare
 from .options import pairs, refuse
-from .output import print_json, print_wrapped, say_files
-from .search_output import tables_of_comparison, write_report
+from .output import print_json, print_wrapped, say_files, say_next
+from .search_output import print_source, tables_of_comparison, write_report
 from .tables import check_tables, save_tables
 from .wording import reworded
 
@@ -70,12 +72,14 @@ def compare(options: argparse.Namespace) -> int:
     tables = save_tables(tables_of_comparison(found), options)
     files = {"report": page, "pictures": pictures, "tables": tables}
     if options.json:
-        print_json({"skhoid": __version__, "source": source, **_as_dict(found), **files})
+        head = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
+        print_json({**head, **_as_dict(found), **files})
     else:
-        print_wrapped(source)
+        print_source(options, source)
         for line in found.summary().splitlines():
             print_wrapped(reworded(line, options) if line.startswith("Note: ") else line)
         say_files(files)
+        say_next(after_compare(options))
     return 0
 
 

@@ -142,12 +142,17 @@ def save_figures(
     *,
     others: Iterable[str] = (),
     named: tuple[Any, Any] | None = None,
+    form: str | None = None,
 ) -> list[str]:
     """Save figures by file name, and close them; returns the paths.
 
     Those of the ``others`` that the same command drew into the folder before are deleted. ``named``
-    is X and y, whose names appear in the figures.
+    is X and y, whose names appear in the figures. ``form`` is "png", "pdf" or "svg", in place of
+    the ends of the names.
     """
+    if form is not None:
+        figures = {f"{Path(name).stem}.{form}": figure for name, figure in figures.items()}
+        others = [f"{Path(name).stem}.{form}" for name in others]
     from ..plotting._axes import names_as_they_are
 
     software = f"skhoid {command}"
@@ -158,16 +163,20 @@ def save_figures(
     shown = [] if named is None else _names(*named)
     for name, figure in figures.items():
         names_as_they_are(figure, shown)
-        save_figure(figure, folder / name, metadata={"Software": software})
+        key = "Software" if Path(name).suffix.lower() == ".png" else "Creator"
+        known = Path(name).suffix.lower() in (".png", ".pdf", ".svg")
+        save_figure(figure, folder / name, metadata={key: software} if known else None)
     return [str(folder / name) for name in figures]
 
 
 def _is_drawn_by(path: Path, software: str) -> bool:
-    """Whether a PNG file says so itself, before its pixels."""
+    """Whether a picture says so itself: a PNG file before its pixels, others in their text."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
-        return f"Software\0{software}".encode("latin-1") in file.read(200)
+        if path.suffix == ".png":
+            return f"Software\0{software}".encode("latin-1") in file.read(200)
+        return software.encode("latin-1") in file.read()
 
 
 def _names(X: Any, y: Any) -> list[str]:

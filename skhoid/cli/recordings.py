@@ -50,6 +50,7 @@ def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
                 f"by {option}: name different channels."
             )
         said[name] = option
+    options.named_input = [] if asked is None else [asked]
     found = read_files(options, roles, signals=asked is None)
     X, guess = found.X, found.guess
     of_columns = guess.roles | {column_of(X, name): role for name, role in roles.items()}
