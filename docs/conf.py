@@ -5,7 +5,7 @@ from pathlib import Path
 
 import skhoid
 
-sys.path.insert(0, str(Path(__file__).parent))  # gallery_pages
+sys.path.insert(0, str(Path(__file__).parent))  # effect_cards, gallery_pages
 
 project = "skhoid"
 author = "skhoid developers"
@@ -21,6 +21,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
+    "effect_cards",
 ]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
 templates_path = ["_templates"]
