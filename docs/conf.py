@@ -1,11 +1,19 @@
-"""Sphinx configuration; build with `sphinx-build -W -b html docs docs/_build/html`."""
+"""Sphinx configuration; build with `sphinx-build -W -b html docs docs/_build/html`.
+
+The build needs no network, and neither does what it builds: equations are set by the MathJax in
+_static/mathjax (tex-svg.js of npm's mathjax 3.2.2, one file with its fonts: 2.1 MB, 0.7 MB
+compressed, loaded by pages that have equations), and links to other projects come from
+_inventories, which tools/inventories.py writes.
+"""
 
 import sys
 from pathlib import Path
 
 import skhoid
 
-sys.path.insert(0, str(Path(__file__).parent))  # gallery_pages
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "tools")]  # gallery_pages, inventories
+from inventories import SITES  # noqa: E402
 
 project = "skhoid"
 author = "skhoid developers"
@@ -15,7 +23,9 @@ version = release = skhoid.__version__
 extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
+    "sphinx.ext.intersphinx",
     "sphinx.ext.mathjax",
+    "sphinx.ext.viewcode",
     "numpydoc",
     "myst_parser",
     "sphinx_copybutton",
@@ -45,9 +55,26 @@ html_theme_options = {
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
+mathjax_path = "mathjax/tex-svg.js"
+mathjax3_config = {"options": {"enableMenu": False}}  # the menu would load parts that are not here
+intersphinx_mapping = {
+    project: (site, f"_inventories/{project}.inv") for project, site in SITES.items()
+}
+
 autosummary_generate = True
 autodoc_typehints = "none"  # numpydoc's Parameters section gives the types
 numpydoc_show_class_members = False  # the autosummary template lists them
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"  # but for these, and numpydoc's own list
+numpydoc_xref_aliases = {
+    **{name: f"skhoid.{name}" for name in skhoid.__all__ if name[0].isupper()},
+    "Path": "pathlib.Path",
+    "DataFrame": "pandas.DataFrame",
+    "Series": "pandas.Series",
+    "Axes": "matplotlib.axes.Axes",
+    "Figure": "matplotlib.figure.Figure",
+    "Generator": "numpy.random.Generator",
+}
 
 copybutton_exclude = ".linenos, .gp, .go"
 
@@ -58,6 +85,7 @@ sphinx_gallery_conf = {
     "doc_module": ("skhoid",),
     "backreferences_dir": "generated/backreferences",
     "image_scrapers": ("gallery_pages.pictures",),
+    "image_srcset": ["2x"],  # sharp on the screens of today
     "subsection_order": [
         f"../examples/{topic}"
         for topic in (
