@@ -13,6 +13,7 @@ import skhoid
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "tools")]  # gallery_pages, inventories
+import gallery_pages  # noqa: E402
 from inventories import SITES  # noqa: E402
 
 project = "skhoid"
@@ -38,12 +39,20 @@ exclude_patterns = ["_build", "gallery/**/*.ipynb", "sg_execution_times.rst"]
 default_role = "py:obj"
 
 html_theme = "pydata_sphinx_theme"
+html_favicon = "_static/favicon.svg"
 html_title = f"skhoid {release}"
 html_show_sourcelink = False
 html_context = {"default_mode": "auto"}  # light or dark as the reader has it
 html_static_path = ["_static"]
-html_css_files = ["width.css"]
+html_css_files = ["site.css"]
+html_sidebars = {"index": [], "api": [], "generated/**": []}  # a list of 170 names helps nobody
 html_theme_options = {
+    "logo": {
+        "image_light": "_static/logo.svg",
+        "image_dark": "_static/logo-dark.svg",
+        "text": "skhoid",
+        "alt_text": "skhoid: start page",
+    },
     "header_links_before_dropdown": 7,  # the sections, all in sight
     "navbar_persistent": ["search-button"],
     "navigation_with_keys": False,
@@ -61,6 +70,7 @@ intersphinx_mapping = {
     project: (site, f"_inventories/{project}.inv") for project, site in SITES.items()
 }
 
+toc_object_entries_show_parents = "hide"  # fit(), not ARXRegressor.fit()
 autosummary_generate = True
 autodoc_typehints = "none"  # numpydoc's Parameters section gives the types
 numpydoc_show_class_members = False  # the autosummary template lists them
@@ -85,6 +95,7 @@ sphinx_gallery_conf = {
     "doc_module": ("skhoid",),
     "backreferences_dir": "generated/backreferences",
     "image_scrapers": ("gallery_pages.pictures",),
+    "thumbnail_size": (640, 448),
     "image_srcset": ["2x"],  # sharp on the screens of today
     "subsection_order": [
         f"../examples/{topic}"
@@ -114,3 +125,5 @@ def leave_out_sklearn_members(app, what, name, obj, skip, options):
 
 def setup(app):
     app.connect("autodoc-skip-member", leave_out_sklearn_members)
+    app.connect("builder-inited", gallery_pages.show_panels, priority=900)  # after the gallery
+    app.connect("doctree-read", gallery_pages.show_sharp, priority=400)  # before copies are made
