@@ -7,12 +7,13 @@ their legends.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
 from ._axes import HANDLE, legend_columns, legend_entries, legend_inside, letters, wrapped
@@ -63,6 +64,15 @@ class Display:
         self.figure_ = panels[0].figure
         return self._panels
 
+    def _restyle(self, styles: Mapping[str, Any], **artists: Any) -> None:
+        """Give artists (one, or any nest of them) the keywords that are there by the same name.
+
+        To be called before a legend is made, which copies what it finds.
+        """
+        for name, some in artists.items():
+            for artist in _artists_in(some) if styles.get(name) else []:
+                artist.set(**styles[name])
+
     def _legend(
         self,
         handles: Sequence[Any],
@@ -88,6 +98,15 @@ class Display:
         """One legend for what the panels show, each label once."""
         entries = legend_entries(self._panels)
         self._legend(list(entries.values()), list(entries), frameon=frameon)
+
+
+def _artists_in(some: Any) -> Iterator[Any]:
+    """All artists in lists, dicts and containers."""
+    if isinstance(some, Artist):
+        yield some
+    elif isinstance(some, (dict, list, tuple, np.ndarray)):
+        for each in some.values() if isinstance(some, dict) else some:
+            yield from _artists_in(each)
 
 
 def _given_axes(ax: Any, allowed: Sequence[int], shows: str) -> list[Axes]:

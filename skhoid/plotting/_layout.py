@@ -75,6 +75,9 @@ class FittingLayout(ConstrainedLayoutEngine):
 
 def _too_long(figure: Figure) -> Iterator[tuple[Text, float, float]]:
     """Titles and labels that are longer than their axes: with the length of these and their own."""
+    whole = figure._suptitle  # type: ignore[attr-defined]
+    if whole is not None and whole.get_window_extent().width > figure.bbox.width:
+        yield whole, figure.bbox.width, whole.get_window_extent().width
     for axes in figure.axes:
         box = axes.get_window_extent()
         level = _room(axes, "center"), "width"

@@ -74,18 +74,29 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
     noise_ceiling_interval: tuple[float, float]
     false_alarm: float = 0.01
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        marker_kw: dict[str, Any] | None = None,
+        ceiling_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        marker_kw : dict or None, default=None
+            Keywords of matplotlib for the dots of the runs.
+        ceiling_kw : dict or None, default=None
+            Keywords of matplotlib for the noise ceiling.
 
         Returns
         -------
         self : RunComparisonDisplay
         """
+        styles = {"marker": marker_kw, "ceiling": ceiling_kw}
         (self.ax_,) = self._take_axes(ax, "the VAF of the runs", figsize=(6.4, 4.2))
         self.lines_: dict[str, Any] = {}
         self.exceeding_: Any = None
@@ -104,6 +115,7 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         self.ax_.set_ylabel("free-run VAF, %")
         self.ax_.set_title(self._title_text(table), fontsize="medium")
         self.ax_.grid(alpha=0.3, axis="y")
+        self._restyle(styles, marker=self.lines_, ceiling=self.ceiling_)
         self._legend_of_panels(frameon=False)
         return self
 

@@ -46,13 +46,16 @@ def boxes_of(figure):
     legends = [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]
     of_legends = {id(text) for legend in legends for text in legend.findobj(Text)}
     hidden = set()
-    for axes in figure.findobj(mpl.axes.Axes):
+    for axes in figure.findobj(lambda artist: hasattr(artist, "xaxis")):  # secondary ones too
         for axis in (axes.xaxis, axes.yaxis):
             low, high = sorted(axis.get_view_interval())
             slack = 1e-9 * (high - low)
+            shown = set()
             for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()]:
-                if not low - slack <= tick.get_loc() <= high + slack:
-                    hidden |= {id(tick.label1), id(tick.label2)}
+                if low - slack <= tick.get_loc() <= high + slack:
+                    shown |= {id(tick.label1), id(tick.label2)}
+            every = [*axis.majorTicks, *axis.minorTicks]  # some are left over from other limits
+            hidden |= {id(text) for tick in every for text in (tick.label1, tick.label2)} - shown
             if not axes.axison or not axes.get_visible():
                 hidden |= {id(text) for text in axis.findobj(Text)}
     found = []
