@@ -79,7 +79,6 @@ class Display:
         labels: Sequence[str],
         *,
         columns: int | None = None,
-        frameon: bool | None = None,
     ) -> None:
         """One legend: below a figure of our own, else in the first of the given Axes."""
         if not self._own:
@@ -89,15 +88,15 @@ class Display:
             labels = [wrapped(label, width - HANDLE) for label in labels]
             columns = legend_columns(labels, width, columns)
             legend = self.figure_.legend(
-                handles, labels, loc="outside lower center", ncols=columns, frameon=frameon
+                handles, labels, loc="outside lower center", ncols=columns, frameon=False
             )
             rows = -(-sum(1 + label.count("\n") for label in labels) // columns)
             add_lines(self.figure_, rows - 1, legend.get_texts()[0].get_fontsize())
 
-    def _legend_of_panels(self, *, frameon: bool | None = None) -> None:
+    def _legend_of_panels(self) -> None:
         """One legend for what the panels show, each label once."""
         entries = legend_entries(self._panels)
-        self._legend(list(entries.values()), list(entries), frameon=frameon)
+        self._legend(list(entries.values()), list(entries))
 
 
 def _artists_in(some: Any) -> Iterator[Any]:

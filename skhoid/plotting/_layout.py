@@ -20,6 +20,7 @@ from ._roles import DEFAULTS
 
 AROUND = 1.2  # inches that title, labels and legend take at a font size of 10 points
 LEAST_ROW = 0.75  # inches that a row of panels takes at least, with the labels between them
+LEAST_LINE = 8  # letters, below which nothing is broken
 KEPT = "\N{NO-BREAK SPACE}"  # for blanks inside of formulas, at which no line breaks
 
 
@@ -63,21 +64,19 @@ class FittingLayout(ConstrainedLayoutEngine):
                 text.set_text(whole)
         self._whole = {}
         super().execute(fig)
-        for text, room, extent in _too_long(fig):
+        for text, room, side in list(_too_long(fig)):
             whole = text.get_text()
-            broken = "\n".join(_broken(line, room / extent) for line in whole.splitlines())
-            if broken != whole:
-                text.set_text(broken)
-                self._whole[text] = whole, broken
+            if _break(text, room, side):
+                self._whole[text] = whole, text.get_text()
         if self._whole:
             super().execute(fig)
 
 
-def _too_long(figure: Figure) -> Iterator[tuple[Text, float, float]]:
-    """Titles and labels that are longer than their axes: with the length of these and their own."""
+def _too_long(figure: Figure) -> Iterator[tuple[Text, float, str]]:
+    """Titles and labels that are longer than their axes, with the length of these."""
     whole = figure._suptitle  # type: ignore[attr-defined]
-    if whole is not None and whole.get_window_extent().width > figure.bbox.width:
-        yield whole, figure.bbox.width, whole.get_window_extent().width
+    if whole is not None and _length(whole, "width") > figure.bbox.width:
+        yield whole, figure.bbox.width, "width"
     for axes in figure.axes:
         box = axes.get_window_extent()
         level = _room(axes, "center"), "width"
@@ -87,10 +86,8 @@ def _too_long(figure: Figure) -> Iterator[tuple[Text, float, float]]:
             (axes.xaxis.label, level),
             (axes.yaxis.label, (box.height, "height")),
         ):
-            if text.get_visible() and text.get_text():
-                extent = getattr(text.get_window_extent(), side)
-                if extent > room > 0:
-                    yield text, room, extent
+            if text.get_visible() and text.get_text() and _length(text, side) > room > 0:
+                yield text, room, side
 
 
 def _room(axes: Axes, where: str) -> float:
@@ -105,10 +102,28 @@ def _room(axes: Axes, where: str) -> float:
     return 2.0 * float(min(middle - figure.x0, figure.x1 - middle))
 
 
-def _broken(line: str, share: float) -> str:
-    """A line in parts that are this share of it long; formulas stay whole."""
+def _length(text: Text, side: str) -> float:
+    return float(getattr(text.get_window_extent(), side))
+
+
+def _break(text: Text, room: float, side: str) -> bool:
+    """Break a text into as few lines as fit, about equally long; say whether it could be done."""
+    whole = text.get_text()
+    lines = whole.splitlines() if side == "width" else [" ".join(whole.split())]
+    width = max(map(len, lines))
+    while _length(text, side) > room and width > LEAST_LINE:
+        width -= 1
+        text.set_text("\n".join(_filled(line, width) for line in lines))
+    return text.get_text() != whole
+
+
+def _filled(line: str, width: int) -> str:
+    """A line in parts no longer than this, the parts alike; formulas stay whole."""
     kept = re.sub(r"\$[^$]*\$", lambda formula: formula[0].replace(" ", KEPT), line)
-    width = max(int(share * len(kept)), 8)
-    return textwrap.fill(kept, width, break_long_words=False, break_on_hyphens=False).replace(
-        KEPT, " "
-    )
+    parts: list[str] = []
+    for narrower in range(width, LEAST_LINE - 1, -1):
+        found = textwrap.wrap(kept, narrower, break_long_words=False, break_on_hyphens=False)
+        if parts and len(found) > len(parts):
+            break
+        parts = found
+    return "\n".join(parts).replace(KEPT, " ")

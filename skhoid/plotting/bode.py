@@ -372,7 +372,7 @@ class BodeDisplay(Display):
         entries = legend_entries(self.axes_)
         if what := self._what_intervals_are():
             entries[what] = Patch(color=GREY, alpha=0.4, lw=0)
-        self._legend(list(entries.values()), list(entries), frameon=False)
+        self._legend(list(entries.values()), list(entries))
 
     def _what_intervals_are(self) -> str | None:
         return f"{100 * self.confidence:g} % intervals" if any(self.intervals_.values()) else None

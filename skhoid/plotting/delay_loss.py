@@ -188,7 +188,7 @@ class DelayLossDisplay(Display):
             self.samples_ax_.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
         self.ax_.set_title(self._best_text(), fontsize="medium")
         self._restyle(styles, line=self.line_, band=self.band_, best=self.best_)
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _delays_in_samples(self) -> np.ndarray | None:

@@ -222,7 +222,7 @@ class ExperimentDisplay(Display):
                 self.ax_[0, column].set_title(str(subject))
             self.ax_[-1, column].set_xlabel("time, s")
         self._restyle(styles, mean=self.lines_, runs=self.run_lines_, batch=self.batch_)
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _begin(self, ax: Any) -> None:

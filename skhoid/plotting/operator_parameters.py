@@ -262,7 +262,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
             truth=self.truth_,
             reference=self.references_,
         )
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _delay(self) -> float | None:

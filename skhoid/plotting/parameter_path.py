@@ -222,7 +222,7 @@ class ParameterPathDisplay(EstimatesDisplay):
             truth=self.truth_,
             reference=self.references_,
         )
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _draw_runs(

@@ -105,7 +105,7 @@ class ResidualCorrelationDisplay(ComparisonBaseDisplay):
             self._draw(panel, name, table)
         self.axes_[-1].set_xlabel("lag, s (positive: the residual follows)")
         self._restyle(styles, residual=self.lines_, band=self.bands_, misfit=self.outside_)
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _draw(self, panel: Any, name: str, table: pd.DataFrame) -> None:

@@ -152,7 +152,7 @@ class ResidualFrequencyDisplay(ComparisonBaseDisplay):
         for role, names in DRAWN.items():
             some = [line for name, line in drawn.items() if name.startswith(names)]
             self._restyle(styles, **{role: some})
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
 

@@ -116,7 +116,7 @@ class ResidualMapDisplay(ComparisonBaseDisplay):
                 label=beyond(self.false_alarm),
             )
         self._restyle(styles, mesh=self.mesh_)
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         self.ax_.set_yscale("log")
         plain_logarithmic(self.ax_.yaxis)
         self.ax_.set_xlabel("time in the run, s")

@@ -135,7 +135,7 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
         self._restyle(
             styles, residual=[self.line_, self.bars_], band=self.band_, misfit=self.misfit_
         )
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _draw_power(self, panel: Axes, together: pd.DataFrame) -> None:

@@ -112,11 +112,11 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         self._draw_levels(n_validation)
         self._draw_runs(table, at)
         self._name_runs(table, at)
-        self.ax_.set_ylabel("free-run VAF, %")
+        self.ax_.set_ylabel("VAF, %")
         self.ax_.set_title(self._title_text(table), fontsize="medium")
         self.ax_.grid(alpha=0.3, axis="y")
         self._restyle(styles, marker=self.lines_, ceiling=self.ceiling_)
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _draw_levels(self, n_validation: int) -> None:
@@ -125,12 +125,13 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         if not np.isnan(self.noise_ceiling):
             low, high = self.noise_ceiling_interval
             if np.isfinite([low, high]).all():
-                self.ax_.fill_between(span, low, high, color=foreground(), alpha=0.12, lw=0)
+                self.ax_.fill_between(
+                    span, low, high, color=ROLES["ceiling"].colour, alpha=0.2, lw=0
+                )
             (self.ceiling_,) = self.ax_.plot(
                 span,
                 np.repeat(self.noise_ceiling, 2),
-                color=foreground(),
-                lw=scaled(1.4),
+                **ROLES["ceiling"].style(1.6),
                 label=f"noise ceiling {percent(self.noise_ceiling)}, 90 % interval",
             )
         self.ax_.plot(

@@ -297,7 +297,7 @@ class SimulationDisplay(Display):
         self._restyle(
             styles, measured=self.measured_, simulated=self.simulated_, residual=self.residual_
         )
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         if self._own:
             self.figure_.align_ylabels(panels)
         return self

@@ -297,7 +297,7 @@ class StudyPathDisplay(Display):
                 self.figure_.suptitle(self.title, fontsize="medium")
             self.figure_.align_ylabels(self.axes_[:, 0])
         self._restyle(styles, mean=self.lines_, band=self.bands_, truth=self.truth_)
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _draw(self, panel: Any, name: str, P_n: float, frame: pd.DataFrame) -> None:

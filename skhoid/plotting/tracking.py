@@ -199,7 +199,7 @@ class TrackingDisplay(Display):
         self.figure_.align_ylabels(self.axes_)
         self._restyle(styles, measured=self.lines_, runs=self.runs_, truth=self.truth_)
         if self.runs_ or self.truth_ or self.transition is not None:
-            self._legend_of_panels(frameon=False)
+            self._legend_of_panels()
         return self
 
     def _first(self) -> str:

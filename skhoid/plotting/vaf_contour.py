@@ -330,7 +330,7 @@ class VAFContourDisplay(Display):
         if self._own:
             if note:
                 handles[note] = Line2D([], [], ls="none")
-            self._legend(list(handles.values()), list(handles), frameon=False)
+            self._legend(list(handles.values()), list(handles))
         elif handles:
             self.ax_.legend(
                 handles.values(),
