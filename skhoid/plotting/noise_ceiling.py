@@ -14,7 +14,7 @@ from ._comparison import ComparisonBaseDisplay, legend_below, percent
 from ._layout import add_lines
 from ._roles import ROLES, dimmed, foreground, scaled
 
-INTERVAL = "90 % interval of the ceiling"
+INTERVAL = "95 % interval of the ceiling"
 BELOW_TICKS = 2.4
 NARROW = 60  # letters, in which two columns of the legend have no room
 
@@ -23,7 +23,7 @@ NARROW = 60  # letters, in which two columns of the legend have no room
 class NoiseCeilingDisplay(ComparisonBaseDisplay):
     """The measured output as a bar: explained, explainable and remnant.
 
-    Blue is what the model explains (its VAF), red what a better model could explain beyond it
+    Blue is what the model explains (its VAF), vermilion what a better model could explain beyond it
     (up to the noise ceiling), grey what no model driven by the measured error can. Without a
     ceiling the bar has two parts, and the figure says why. A VAF below zero leaves no blue.
 
@@ -36,7 +36,7 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
     noise_ceiling : float
         The highest VAF that a model can reach, in percent; NaN if it is not known.
     noise_ceiling_interval : (float, float)
-        Its 90 % interval.
+        Its 95 % interval.
     explainable_gap : float
         VAF points up to the ceiling, of the runs for which it is known.
     ceiling_note : str, default=""

@@ -25,7 +25,7 @@ class ResidualCorrelationDisplay(ComparisonBaseDisplay):
 
     At positive lags the residual follows the signal. The band holds a whole curve with probability
     1 - ``false_alarm`` if the residual has nothing to do with the signal; what is outside it is
-    red. Signals inside the loop, which the remnant enters, are grey: even the exact model's
+    vermilion. Signals inside the loop, which the remnant enters, are grey: even the exact model's
     residual correlates with them.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.

@@ -37,7 +37,7 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
     noise_ceiling : float
         In percent; NaN if it is not known.
     noise_ceiling_interval : (float, float)
-        Its 90 % interval.
+        Its 95 % interval.
     false_alarm : float, default=0.01
         Rate of false alarms of what is marked.
 
@@ -132,7 +132,7 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
                 span,
                 np.repeat(self.noise_ceiling, 2),
                 **ROLES["ceiling"].style(1.6),
-                label=f"noise ceiling {percent(self.noise_ceiling)}, 90 % interval",
+                label=f"noise ceiling {percent(self.noise_ceiling)}, 95 % interval",
             )
         self.ax_.plot(
             span,
