@@ -33,6 +33,7 @@ SLOW_PAGES = {  # whose examples search, simulate or start processes for many se
     "document.py",
     "find-what-is-missing.md",
     "hidden-change.md",
+    "index.md",
     "monte-carlo.md",
     "own-study.md",
     "follow.md",
