@@ -12,7 +12,7 @@ from pathlib import Path
 import skhoid
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "tools")]  # gallery_pages, inventories
+sys.path[:0] = [str(HERE), str(HERE.parent / "tools")]  # effect_cards, gallery_pages, inventories
 import gallery_pages  # noqa: E402
 from inventories import SITES  # noqa: E402
 
@@ -32,6 +32,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
+    "effect_cards",
 ]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
 templates_path = ["_templates"]

@@ -128,7 +128,8 @@ class Drawing:
             # What the theme of the site has no colour for.
             style = (
                 "<style>"
-                f".{self.name}{{max-width:{self.width}px;width:100%;height:auto}}"
+                f".{self.name}{{max-width:{self.width}px;width:100%;height:auto;margin-bottom:1rem}}"
+                f".{self.name} a{{text-decoration:none}}"
                 f".{self.name} a:hover text{{text-decoration:underline}}"
                 f'html[data-theme="dark"] .{self.name}{{--loop-person:{DARK.person};'
                 f"--loop-tint:{DARK.tint}}}"
