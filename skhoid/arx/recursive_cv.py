@@ -14,7 +14,7 @@ from .. import _kernels
 from .._sklearn import fit_context
 from ..exceptions import RunCutWarning
 from ..metrics import VAFScorer, scored_rows, vaf_of_rows, vaf_of_sums
-from ..summaries import Summary, TextTable, number
+from ..summaries import ModelSummary, TextTable, number
 from .base import BOUND
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursive import RecursiveARX
@@ -291,7 +291,7 @@ class RecursiveARXCV(SplitsRuns, RecursiveARX):
         self.best_memory_horizon_ = self._entries[self.best_index_]
         self.best_score_ = float(test[self.best_index_])
 
-    def _summary(self) -> Summary:
+    def _summary(self) -> ModelSummary:
         results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
         shown, caption = highest(vaf, standard_error_over_folds(results, self.best_index_))
         header = ["N0 (samples)", "VAF (%)", "VAF, train (%)", "gain"]

@@ -11,11 +11,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
+import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from ._axes import legend_columns, legend_entries, legend_inside
+from ._axes import HANDLE, legend_columns, legend_entries, legend_inside, letters, wrapped
+from ._roles import DEFAULTS
+
+LEAST_ROW = 1.1  # inches that a row of panels takes at least, at a font size of 10 points
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -26,7 +30,7 @@ class Display:
     ``plot`` draws are attributes that end in an underscore.
     """
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(self, *args: Any, **kwargs: Any) -> Self:
         raise NotImplementedError
 
     def _take_axes(
@@ -43,12 +47,15 @@ class Display:
 
         ``shows`` says what they are, for who gives the wrong number of them. A figure of our own
         has panels in rows and columns of this ``shape``, made with the ``options`` of
-        ``plt.subplots``; those that are not among ``used`` are taken away. As many Axes as there
-        are panels are allowed, or as many as one of ``allowed``.
+        ``plt.subplots`` (``figsize`` for the default style, see :func:`figure_size`); those that
+        are not among ``used`` are taken away. As many Axes as there are panels are allowed, or as
+        many as one of ``allowed``.
         """
         self._own = ax is None
         places = list(range(math.prod(shape)) if used is None else used)
         if self._own:
+            if "figsize" in options:
+                options["figsize"] = figure_size(options["figsize"], shape[0])
             _, grid = plt.subplots(*shape, squeeze=False, layout="constrained", **options)
             for spare in set(range(grid.size)) - set(places):
                 grid.flat[spare].remove()
@@ -73,9 +80,9 @@ class Display:
         elif labels:
             self.figure_.legend(
                 handles,
-                labels,
+                [wrapped(label, letters(self.figure_) - HANDLE) for label in labels],
                 loc="outside lower center",
-                ncols=columns or legend_columns(labels),
+                ncols=legend_columns(labels, letters(self.figure_), columns),
                 frameon=frameon,
             )
 
@@ -83,6 +90,21 @@ class Display:
         """One legend for what the panels show, each label once."""
         entries = legend_entries(self._panels)
         self._legend(list(entries.values()), list(entries), frameon=frameon)
+
+
+def figure_size(default: tuple[float, float], rows: int) -> tuple[float, float]:
+    """Size of a figure, in inches, in the style sheet in force; ``default`` is that without one.
+
+    It is as wide as ``figure.figsize`` says, and as much lower or higher than ``default`` as that
+    is than matplotlib's own setting, but that letters do not shrink with it, so that each row of
+    panels keeps a least height.
+    """
+    set_, own = mpl.rcParams["figure.figsize"], DEFAULTS["figure.figsize"]
+    if list(set_) == list(own):
+        return default
+    letter = mpl.rcParams["font.size"] / DEFAULTS["font.size"]
+    height = default[1] * set_[1] / own[1]
+    return set_[0], max(height, LEAST_ROW * letter * (rows + 0.5)) if rows > 1 else height
 
 
 def _given_axes(ax: Any, allowed: Sequence[int], shows: str) -> list[Axes]:

@@ -13,10 +13,15 @@ from scipy.stats import t as student
 
 from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
-from ._axes import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, phase_ticks, with_unit
+from ._axes import phase_ticks, with_unit
 from ._display import Display
+from ._roles import (
+    GREY,
+    scaled,
+    series_colour,
+    sized,
+)
 
-COLOURS = (BLACK, VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY)
 SYMBOLS = "osD^vPX"
 MAX_MARKERS = 40  # responses with more lines than this are curves
 N_POINTS = 300
@@ -217,8 +222,8 @@ class BodeDisplay(Display):
         top.set_yscale("log")
         phase_ticks(bottom.yaxis)
         if self.view == "open_loop":
-            top.axhline(1.0, color=GREY, lw=0.8)
-            bottom.axhline(-180.0, color=GREY, lw=0.8)
+            top.axhline(1.0, color=GREY, lw=scaled(0.8))
+            bottom.axhline(-180.0, color=GREY, lw=scaled(0.8))
         reference = self._phase_reference()
         for number, (label, response) in enumerate(self.responses.items()):
             self._draw(number, label, response, reference)
@@ -253,7 +258,7 @@ class BodeDisplay(Display):
         return curve.omega[finite], curve.phase[finite]
 
     def _draw(self, number: int, label: str, response: FrequencyResponse, reference: Any) -> None:
-        colour = COLOURS[number % len(COLOURS)]
+        colour = series_colour(number)
         omega, magnitude, phase = response.omega, response.magnitude, response.phase
         if reference is not None:
             nearest = np.interp(np.log(omega), np.log(reference[0]), reference[1])
@@ -275,12 +280,12 @@ class BodeDisplay(Display):
             self.axes_, (magnitude, phase), bounds or (None, None), strict=True
         ):
             if self._sparse(response):
-                style = {"ls": "none", "marker": SYMBOLS[number % len(SYMBOLS)], "ms": 5}
+                style = {"ls": "none", "marker": SYMBOLS[number % len(SYMBOLS)], "ms": sized(5)}
                 if bound is not None:
-                    bars = panel.vlines(omega, *bound, color=colour, lw=1.2, alpha=0.6)
+                    bars = panel.vlines(omega, *bound, color=colour, lw=scaled(1.2), alpha=0.6)
                     self.intervals_[label].append(bars)
             else:
-                style = {"ls": "-", "lw": 1.4}
+                style = {"ls": "-", "lw": scaled(1.4)}
                 if bound is not None:
                     band = panel.fill_between(omega, *bound, color=colour, alpha=0.2, lw=0)
                     self.intervals_[label].append(band)
@@ -313,7 +318,7 @@ class BodeDisplay(Display):
         self.nyquist_ = {k: r.nyquist for k, r in self.responses.items() if r.nyquist is not None}
         for frequency in sorted(set(self.nyquist_.values())):
             for panel in self.axes_:
-                panel.axvline(frequency, color=GREY, ls="--", lw=1.0)
+                panel.axvline(frequency, color=GREY, ls="--", lw=scaled(1.0))
             if frequency < max(self.nyquist_.values()):
                 continue  # the others stand below it, their lines say enough
             self.axes_[1].annotate(
@@ -338,17 +343,17 @@ class BodeDisplay(Display):
                 warnings.simplefilter("ignore", UserWarning)  # the legend says it
                 rows[label] = response.crossover().iloc[0]
             omega_c, margin = rows[label]
-            colour = COLOURS[number % len(COLOURS)]
+            colour = series_colour(number)
             if np.isnan(omega_c):
                 bottom.plot([], [], color=colour, ls="none", label="no crossover")
                 continue
             for panel in (top, bottom):
-                panel.axvline(omega_c, color=colour, ls=":", lw=1.0)
+                panel.axvline(omega_c, color=colour, ls=":", lw=scaled(1.0))
             bottom.plot(
                 [omega_c, omega_c],
                 [-180.0, -180.0 + margin],
                 color=colour,
-                lw=3.0,
+                lw=scaled(3.0),
                 alpha=0.6,
                 solid_capstyle="butt",
                 label=f"$\\omega_c$ = {omega_c:.2f} rad/s, $\\varphi_m$ = {margin:.0f}°",

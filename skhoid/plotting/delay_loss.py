@@ -11,9 +11,10 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFor
 
 from ..arx.searches import DelaySearchCV
 from ..preprocessing.base import as_fitted
-from ._axes import BLUE, OUTLINED, VERMILION, with_unit
+from ._axes import with_unit
 from ._checks import check_search
 from ._display import Display
+from ._roles import BLUE, VERMILION, outlined, scaled, sized
 
 WORTHLESS = 100.0  # percent; with more, the model is worse than none at all
 MAX_NAMED = 25  # candidates that get a tick label of their own
@@ -180,7 +181,7 @@ class DelayLossDisplay(Display):
     def _draw_loss(self, at: np.ndarray) -> None:
         order = np.argsort(at, kind="stable")
         at, loss = at[order], np.asarray(self.loss, dtype=float)[order]
-        (self.line_,) = self.ax_.plot(at, loss, color=BLUE, marker=".", ms=6, lw=1.2)
+        (self.line_,) = self.ax_.plot(at, loss, color=BLUE, marker=".", ms=sized(6), lw=scaled(1.2))
         if self.std is not None:
             std = np.where(loss < WORTHLESS, np.asarray(self.std, dtype=float)[order], np.nan)
             self.band_ = self.ax_.fill_between(
@@ -198,11 +199,11 @@ class DelayLossDisplay(Display):
             loss[position],
             color=VERMILION,
             marker="*",
-            ms=15,
+            ms=sized(15),
             ls="none",
             label="best",
             zorder=3,
-            **OUTLINED,
+            **outlined(),
         )
         if self.criterion == "vaf":
             self.ax_.set_ylabel("100 − cross-validated VAF, %")
@@ -233,9 +234,11 @@ class DelayLossDisplay(Display):
     def _draw_path(self) -> None:
         time, delay = np.asarray(self.window_time), np.asarray(self.nk_path) * self.dt
         best = float(np.max(self.nk[self.best_index])) * self.dt
-        self.best_ = self.ax_.axhline(best, color=VERMILION, ls="--", lw=1.2, label="all data")
+        self.best_ = self.ax_.axhline(
+            best, color=VERMILION, ls="--", lw=scaled(1.2), label="all data"
+        )
         (self.line_,) = self.ax_.plot(
-            time, delay, color=BLUE, marker=".", ms=8, lw=1.2, label="sliding window"
+            time, delay, color=BLUE, marker=".", ms=sized(8), lw=scaled(1.2), label="sliding window"
         )
         self.ax_.set_xlabel("time, s")
         self.ax_.set_ylabel("delay, s")

@@ -9,18 +9,10 @@ import numpy as np
 import pandas as pd
 
 from ..interpret.conversion import UNITS
-from ._axes import (
-    BLACK,
-    COLOURS,
-    GREEN,
-    GREY,
-    limits_of,
-    note_outside,
-    parameter_symbol,
-    with_unit,
-)
+from ._axes import limits_of, note_outside, parameter_symbol, with_unit
 from ._display import Display
 from ._estimates import MARGIN, MUCH, typical_range
+from ._roles import GREEN, GREY, PALETTE, foreground, scaled
 from .operator_parameters import SYMBOLS
 
 if TYPE_CHECKING:
@@ -34,7 +26,7 @@ FORMS = {
     "lambda": "λ, $N_0$ = {N0}",
     "Lambda": "Λ, $N_0$ = ∞ for $a_1$ and $a_2$, {N0} for $b_0$ and $b_1$",
 }
-RUN_COLOURS = [colour for colour in COLOURS if colour not in (GREEN, GREY)]
+RUN_COLOURS = [colour for colour in PALETTE if colour not in (GREEN, GREY)]
 MOST_NAMED = 7  # runs with an entry of their own in the legend
 MEAN = "mean"
 
@@ -244,8 +236,8 @@ class ExperimentDisplay(Display):
                 (self.lines_[subject, name],) = panel.plot(
                     table["time"],
                     table[name],
-                    color=BLACK,
-                    lw=1.8,
+                    color=foreground(),
+                    lw=scaled(1.8),
                     zorder=2.4,
                     label="mean of the runs",
                 )
@@ -254,7 +246,7 @@ class ExperimentDisplay(Display):
                     table["time"],
                     table[name],
                     color=colours[run],
-                    lw=0.6,
+                    lw=scaled(0.6),
                     alpha=0.8,
                     zorder=1.8,
                     label=f"run {run}" if named else "single runs",
@@ -266,7 +258,7 @@ class ExperimentDisplay(Display):
                     [level["start"], level["stop"]],
                     [level[name]] * 2,
                     color=GREEN,
-                    lw=3.0,
+                    lw=scaled(3.0),
                     alpha=0.9,
                     solid_capstyle="butt",
                     zorder=2.2,
@@ -274,7 +266,11 @@ class ExperimentDisplay(Display):
                 )
         if self.transition_time is not None:
             panel.axvline(
-                self.transition_time, color=GREY, lw=1.5, zorder=1.5, label="$t_M$, the change"
+                self.transition_time,
+                color=GREY,
+                lw=scaled(1.5),
+                zorder=1.5,
+                label="$t_M$, the change",
             )
 
     def _limits(self, name: str) -> tuple[float, float]:

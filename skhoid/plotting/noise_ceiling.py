@@ -8,16 +8,9 @@ from typing import Any, Self
 import numpy as np
 from matplotlib.axes import Axes
 
-from ._axes import BLACK
-from ._comparison import (
-    EXCEEDING,
-    NOISE,
-    PREDICTED,
-    ComparisonBaseDisplay,
-    legend_below,
-    percent,
-    wrapped,
-)
+from ._axes import wrapped
+from ._comparison import ComparisonBaseDisplay, legend_below, percent
+from ._roles import ROLES, dimmed, foreground, scaled
 
 INTERVAL = "90 % interval of the ceiling"
 BELOW_TICKS = 2.4
@@ -117,15 +110,22 @@ def draw_ceiling_bar(
     explained = ceiling - left if left > 0 else comparison.vaf
     end = float(np.clip(explained, 0.0, 100.0))
     worse = ": worse than no model" if explained < 0 else ""
-    spans = {"explained": (PREDICTED, 0.0, end, f"explained {percent(explained)}{worse}")}
+    spans = {
+        "explained": (ROLES["simulated"].colour, 0.0, end, f"explained {percent(explained)}{worse}")
+    }
     if known:
         top = float(np.clip(ceiling, end, 100.0))
         gap = f"explainable {comparison.explainable_gap:.1f} points"
-        spans["explainable"] = (EXCEEDING, end, top, gap)
-        spans["remnant"] = (NOISE, top, 100.0, f"remnant {percent(100.0 - ceiling)}")
+        spans["explainable"] = (ROLES["misfit"].colour, end, top, gap)
+        spans["remnant"] = (
+            ROLES["remnant"].colour,
+            top,
+            100.0,
+            f"remnant {percent(100.0 - ceiling)}",
+        )
     else:
         rest = f"not explained {percent(100.0 - explained)}: no ceiling"
-        spans["not explained"] = ("0.85", end, 100.0, rest)
+        spans["not explained"] = (dimmed(0.15), end, 100.0, rest)
     parts = {}
     for name, (colour, low, high, label) in spans.items():
         (parts[name],) = panel.barh(0, high - low, left=low, height=0.8, color=colour, label=label)
@@ -137,10 +137,10 @@ def draw_ceiling_bar(
             at,
             0,
             xerr=[[at - low], [high - at]],
-            color=BLACK,
-            lw=1.6,
+            color=foreground(),
+            lw=scaled(1.6),
             capsize=5,
-            capthick=1.6,
+            capthick=scaled(1.6),
             label=INTERVAL,
         )
     panel.set_xlim(0.0, 100.0)

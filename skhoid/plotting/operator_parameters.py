@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..human import HumanOperator
 from ..interpret.conversion import NAMES, UNITS, operator_parameters
-from ._axes import BLUE, GREY, with_unit
+from ._axes import with_unit
 from ._estimates import (
     DEVIATION,
     EstimatesDisplay,
@@ -20,6 +20,7 @@ from ._estimates import (
     in_one_row,
     times_of,
 )
+from ._roles import BLUE, GREY, sized
 
 SYMBOLS = {
     "K_e": "$K_e$",
@@ -249,7 +250,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
             deviation[:1],
             color=BLUE,
             marker="o",
-            ms=5,
+            ms=sized(5),
             ls="none",
             capsize=4,
             label=f"estimate {DEVIATION}" if position == 0 else None,

@@ -13,6 +13,7 @@ from ..interpret.channel import is_arx
 from ._axes import parameter_symbol
 from ._checks import check_some_column, fitted_end
 from ._estimates import DEVIATION, EstimatesDisplay, check_references, in_one_row, times_of
+from ._roles import scaled
 
 MOST_LINES = 10  # single runs that are drawn one by one
 MEAN = 1.8  # width of the line of a mean over single runs
@@ -199,7 +200,12 @@ class ParameterPathDisplay(EstimatesDisplay):
         table = self.frames[label]
         values = runs[:, :, _names({label: table}).index(name)]
         lines = panel.plot(
-            table.index, values.T, color=self._colour(position), lw=0.5, alpha=0.5, zorder=1.8
+            table.index,
+            values.T,
+            color=self._colour(position),
+            lw=scaled(0.5),
+            alpha=0.5,
+            zorder=1.8,
         )
         lines[0].set_label("single runs")
         self.lines_[label, name].set_linewidth(MEAN)

@@ -8,17 +8,15 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREY
 from ._comparison import (
     CLOSED_LOOP,
-    EXCEEDING,
-    RESIDUAL,
     ComparisonBaseDisplay,
     beyond,
     chance,
     channel_name,
     say_instead,
 )
+from ._roles import GREY, ROLES, dimmed, foreground, scaled, sized
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -100,8 +98,8 @@ class ResidualCorrelationDisplay(ComparisonBaseDisplay):
             table[column].to_numpy(dtype=float) for column in ("lag", "correlation", "band")
         )
         valid = bool(table["valid"].all())
-        panel.axhline(0.0, color=BLACK, lw=0.6)
-        panel.axvline(0.0, color=BLACK, lw=0.6)
+        panel.axhline(0.0, color=foreground(), lw=scaled(0.6))
+        panel.axvline(0.0, color=foreground(), lw=scaled(0.6))
         self.bands_[name] = panel.fill_between(
             lag,
             -half,
@@ -114,8 +112,8 @@ class ResidualCorrelationDisplay(ComparisonBaseDisplay):
         (self.lines_[name],) = panel.plot(
             lag,
             value,
-            color=RESIDUAL if valid else GREY,
-            lw=1.4,
+            color=ROLES["residual"].colour if valid else GREY,
+            lw=scaled(1.4),
             label="correlation with the residual" if valid else CLOSED_LOOP,
         )
         outside = np.abs(value) > half
@@ -123,9 +121,9 @@ class ResidualCorrelationDisplay(ComparisonBaseDisplay):
             panel.plot(
                 lag[outside],
                 value[outside],
-                color=EXCEEDING,
+                color=ROLES["misfit"].colour,
                 marker="o",
-                ms=3,
+                ms=sized(3),
                 ls="none",
                 label=beyond(self.false_alarm),
             )
@@ -133,7 +131,7 @@ class ResidualCorrelationDisplay(ComparisonBaseDisplay):
             channel_name(name) + ("" if valid else f" ({CLOSED_LOOP})"),
             loc="left",
             fontsize="medium",
-            color=BLACK if valid else "0.35",
+            color=foreground() if valid else dimmed(),
         )
         panel.set_xlim(lag[0], lag[-1])
         panel.set_ylabel("correlation")

@@ -11,17 +11,8 @@ from matplotlib.axes import Axes
 from scipy.stats import norm
 
 from ._axes import phase_ticks, plain_logarithmic
-from ._comparison import (
-    EXCEEDING,
-    MEASURED,
-    NOISE,
-    PREDICTED,
-    RESIDUAL,
-    ComparisonBaseDisplay,
-    beyond,
-    exceeding,
-    say_instead,
-)
+from ._comparison import ComparisonBaseDisplay, beyond, exceeding, say_instead
+from ._roles import ROLES, scaled, sized
 
 # Single lines and harmonics are marks; bins pooled over a band make a curve.
 MARKS = {"excited": "o", "odd": "^", "even": "v"}
@@ -147,26 +138,41 @@ def draw_spectra(
     noise = table[table["psd_noise"] > 0]
     if len(noise):
         (lines["noise"],) = panel.plot(
-            noise["omega"], noise["psd_noise"], color=NOISE, lw=3.0, alpha=0.6, label="noise"
+            noise["omega"],
+            noise["psd_noise"],
+            color=ROLES["remnant"].colour,
+            lw=scaled(3.0),
+            alpha=0.6,
+            label="noise",
         )
     excited = table[table["kind"] == "excited"]
-    for name, colour in (("output", MEASURED), ("residual", RESIDUAL)):
+    for name, colour in (
+        ("output", ROLES["measured"].colour),
+        ("residual", ROLES["residual"].colour),
+    ):
         values = curve[f"psd_{name}"].where(curve[f"psd_{name}"] > 0)
-        (lines[name],) = panel.plot(curve["omega"], values, color=colour, lw=1.3)
+        (lines[name],) = panel.plot(curve["omega"], values, color=colour, lw=scaled(1.3))
         (lines[f"{name} lines"],) = panel.plot(
-            excited["omega"], excited[f"psd_{name}"], color=colour, ls="none", marker="o", ms=5
+            excited["omega"],
+            excited[f"psd_{name}"],
+            color=colour,
+            ls="none",
+            marker="o",
+            ms=sized(5),
         )
-        panel.plot([], [], color=colour, lw=1.3, marker="o" if len(excited) else None, label=name)
+        panel.plot(
+            [], [], color=colour, lw=scaled(1.3), marker="o" if len(excited) else None, label=name
+        )
     for kind, label in HARMONICS.items():
         rows = table[table["kind"] == kind]
         if len(rows):
             (lines[kind],) = panel.plot(
                 rows["omega"],
                 rows["psd_residual"],
-                color=RESIDUAL,
+                color=ROLES["residual"].colour,
                 ls="none",
                 marker=MARKS[kind],
-                ms=4,
+                ms=sized(4),
                 label=label,
             )
     raised = table[exceeding(table)]
@@ -177,10 +183,10 @@ def draw_spectra(
             raised["psd_residual"],
             ls="none",
             marker="o",
-            ms=9,
+            ms=sized(9),
             mfc="none",
-            mec=EXCEEDING,
-            mew=1.6,
+            mec=ROLES["misfit"].colour,
+            mew=scaled(1.6),
             label=beyond(false_alarm),
             zorder=4,
         )
@@ -226,18 +232,24 @@ def _draw_phase(panel: Axes, measured: pd.DataFrame) -> dict[str, Any]:
 
 def _draw_response(panel: Axes, measured: pd.DataFrame, part: str, interval: Any) -> dict[str, Any]:
     panel.set_xscale("log")
-    panel.vlines(measured["omega"], *interval, color=MEASURED, lw=1.2, alpha=0.6)
+    panel.vlines(
+        measured["omega"], *interval, color=ROLES["measured"].colour, lw=scaled(1.2), alpha=0.6
+    )
     (found,) = panel.plot(
         measured["omega"],
         measured[f"measured_{part}"],
-        color=MEASURED,
+        color=ROLES["measured"].colour,
         marker="o",
-        ms=5,
+        ms=sized(5),
         ls="none",
         label=f"measured, {100 * CONFIDENCE:g} % interval",
     )
     (model,) = panel.plot(
-        measured["omega"], measured[f"model_{part}"], color=PREDICTED, lw=1.4, label="model"
+        measured["omega"],
+        measured[f"model_{part}"],
+        color=ROLES["simulated"].colour,
+        lw=scaled(1.4),
+        label="model",
     )
     plain_logarithmic(panel.xaxis)
     panel.grid(alpha=0.3)

@@ -8,8 +8,9 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, plain_logarithmic
+from ._axes import plain_logarithmic
 from ._comparison import ComparisonBaseDisplay, beyond, say_instead
+from ._roles import foreground, sized
 
 LEAST = 6.0  # dB; chance alone does not use the whole scale
 MOST = 20.0
@@ -105,9 +106,9 @@ class ResidualMapDisplay(ComparisonBaseDisplay):
             (self.exceeding_,) = self.ax_.plot(
                 time[cells[:, 0]],
                 omega[cells[:, 1]],
-                color=BLACK,
+                color=foreground(),
                 marker="o",
-                ms=2.5,
+                ms=sized(2.5),
                 ls="none",
                 label=beyond(self.false_alarm),
             )

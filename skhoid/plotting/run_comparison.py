@@ -8,23 +8,15 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREY
-from ._comparison import (
-    EXCEEDING,
-    PREDICTED,
-    ComparisonBaseDisplay,
-    beyond,
-    exceeding,
-    percent,
-    say_instead,
-)
+from ._comparison import ComparisonBaseDisplay, beyond, exceeding, percent, say_instead
+from ._roles import ROLES, foreground, scaled, sized
 
 MOST_NAMED = 16  # runs that get a tick label each
 MOST_SAID = 4
 MANY = 100  # runs, whose marks are small
 LONG = 4  # letters of a label; longer ones stand upright where there are many
 LOWEST = -20.0  # percent; runs below it are named at the edge
-PARTS = {"validation": PREDICTED, "estimation": GREY}
+PARTS = {"validation": "simulated", "estimation": "remnant"}
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -121,19 +113,19 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         if not np.isnan(self.noise_ceiling):
             low, high = self.noise_ceiling_interval
             if np.isfinite([low, high]).all():
-                self.ax_.fill_between(span, low, high, color=BLACK, alpha=0.12, lw=0)
+                self.ax_.fill_between(span, low, high, color=foreground(), alpha=0.12, lw=0)
             (self.ceiling_,) = self.ax_.plot(
                 span,
                 np.repeat(self.noise_ceiling, 2),
-                color=BLACK,
-                lw=1.4,
+                color=foreground(),
+                lw=scaled(1.4),
                 label=f"noise ceiling {percent(self.noise_ceiling)}, 90 % interval",
             )
         self.ax_.plot(
             span,
             np.repeat(self.vaf, 2),
-            color=PREDICTED,
-            lw=1.2,
+            color=ROLES["simulated"].colour,
+            lw=scaled(1.2),
             ls="--",
             label=f"validation runs together {percent(self.vaf)}",
         )
@@ -142,7 +134,8 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         vaf = table["vaf"].to_numpy(dtype=float)
         below = vaf < LOWEST
         size = 6.0 if len(table) <= MANY else 2.5
-        for name, colour in PARTS.items():
+        for name, role in PARTS.items():
+            colour = ROLES[role].colour
             rows = (table["data"] == name).to_numpy()
             if rows.any():
                 (self.lines_[name],) = self.ax_.plot(
@@ -155,17 +148,17 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
                 vaf[raised],
                 ls="none",
                 marker="o",
-                ms=2 * size,
+                ms=sized(2) * size,
                 mfc="none",
-                mec=EXCEEDING,
-                mew=1.8,
+                mec=ROLES["misfit"].colour,
+                mew=scaled(1.8),
                 label=beyond(self.false_alarm),
             )
         if below.any():
             self.ax_.set_ylim(LOWEST, 100.0)
             lowest = np.flatnonzero(below)[np.argsort(vaf[below], kind="stable")][:MOST_NAMED]
             for x, value, red in zip(at[lowest], vaf[lowest], raised[lowest], strict=True):
-                colour = EXCEEDING if red else BLACK
+                colour = ROLES["misfit"].colour if red else foreground()
                 self.ax_.annotate(
                     f"{value:.0f} %",
                     (x, LOWEST),

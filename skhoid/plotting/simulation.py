@@ -14,8 +14,9 @@ from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.gate import as_output, unmasked
 from ..preprocessing.run_in import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, run_name
-from ._axes import BLACK, BLUE, GREY, VERMILION, with_unit
+from ._axes import with_unit
 from ._display import Display
+from ._roles import BLUE, GREY, VERMILION, foreground, scaled
 
 MAX_RUNS = 5
 
@@ -299,14 +300,16 @@ class SimulationDisplay(Display):
         )
         time = np.insert(time, at_gaps, np.nan)
         true, pred = np.insert(true, at_gaps, np.nan), np.insert(pred, at_gaps, np.nan)
-        self.measured_ += top.plot(time, true, color=BLACK, lw=1.2, label="measured")
-        self.simulated_ += top.plot(time, pred, color=VERMILION, lw=1.2, label="simulated")
+        self.measured_ += top.plot(time, true, color=foreground(), lw=scaled(1.2), label="measured")
+        self.simulated_ += top.plot(time, pred, color=VERMILION, lw=scaled(1.2), label="simulated")
         top.set_ylabel(with_unit(self.output_name, self.unit))
         top.set_title(self._title(number), loc="left", fontsize="medium")
         if len(panels) == 2:
             bottom = panels[1]
-            bottom.axhline(0.0, color=GREY, lw=0.8)
-            self.residual_ += bottom.plot(time, true - pred, color=BLUE, lw=1.0, label="residual")
+            bottom.axhline(0.0, color=GREY, lw=scaled(0.8))
+            self.residual_ += bottom.plot(
+                time, true - pred, color=BLUE, lw=scaled(1.0), label="residual"
+            )
             bottom.set_ylabel(with_unit("residual", self.unit))
             top.tick_params(labelbottom=False)
         end = np.nan if self.run_in_end is None else self.run_in_end[number]

@@ -10,9 +10,10 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREEN, GREY, VERMILION, corner_note, limits_of, note_outside
+from ._axes import corner_note, limits_of, note_outside
 from ._checks import check_some_column
 from ._display import Display
+from ._roles import GREEN, GREY, VERMILION, foreground, scaled
 from ._study import (
     OPERATOR,
     REPLICATION,
@@ -286,12 +287,12 @@ class StudyPathDisplay(Display):
         panel.set_xlim(time.min(), time.max())
         if self.transition_time is not None:
             panel.axvline(
-                self.transition_time, color=GREY, ls="--", lw=1.0, label="$t_M$", zorder=1.4
+                self.transition_time, color=GREY, ls="--", lw=scaled(1.0), label="$t_M$", zorder=1.4
             )
         self.singles_[key] = []
         if self.singles is not None:
             of_cell = self.singles[self.singles["remnant_intensity"] == P_n]
-            style: dict[str, Any] = {"color": GREY, "lw": 0.4, "zorder": 1.6}
+            style: dict[str, Any] = {"color": GREY, "lw": scaled(0.4), "zorder": 1.6}
             for _, single in of_cell.groupby(REPLICATION, sort=False):
                 single = single.sort_values("time")
                 (line,) = panel.plot(
@@ -301,10 +302,10 @@ class StudyPathDisplay(Display):
         low, high = (frame[f"{edge}_{name}"].to_numpy(dtype=float) for edge in ("low", "high"))
         if np.isfinite(low).any():
             self.bands_[key] = panel.fill_between(
-                time, low, high, color=BLACK, alpha=0.2, lw=0, label=spread, zorder=1.8
+                time, low, high, color=foreground(), alpha=0.2, lw=0, label=spread, zorder=1.8
             )
         (self.lines_[key],) = panel.plot(
-            time, frame[name], color=BLACK, lw=1.1, label=average, zorder=2.5
+            time, frame[name], color=foreground(), lw=scaled(1.1), label=average, zorder=2.5
         )
         if self.batch is not None:
             for row in self.batch[self.batch["remnant_intensity"] == P_n].to_dict("records"):
@@ -315,7 +316,7 @@ class StudyPathDisplay(Display):
             if len(values) == 1:
                 at, values = [time.min(), time.max()], np.repeat(values, 2)
             (self.truth_[key],) = panel.plot(
-                at, values, color=VERMILION, lw=1.1, label="true", zorder=2.6
+                at, values, color=VERMILION, lw=scaled(1.1), label="true", zorder=2.6
             )
 
     def _draw_batch(self, panel: Any, name: str, P_n: float, row: dict[Any, Any]) -> None:
@@ -323,7 +324,12 @@ class StudyPathDisplay(Display):
         if np.isfinite(edges).all():
             panel.fill_between(span, *edges, color=GREEN, alpha=0.25, lw=0, zorder=2.2)
         (self.batch_[row["form"], name, P_n],) = panel.plot(
-            span, [row[name]] * 2, color=GREEN, lw=1.8, label="batch fits, same spread", zorder=2.4
+            span,
+            [row[name]] * 2,
+            color=GREEN,
+            lw=scaled(1.8),
+            label="batch fits, same spread",
+            zorder=2.4,
         )
 
     def _note(self, panel: Any, name: str, P_n: float, frame: pd.DataFrame) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from ..runs import output_name, read_layout
-from ._axes import BLACK, BLUE, GREY, VERMILION, with_unit
+from ._axes import with_unit
 from ._display import Display
+from ._roles import BLUE, GREY, VERMILION, foreground, scaled
 
 NAMES = {
     "e": "error e",
@@ -158,11 +159,18 @@ class TrackingDisplay(Display):
         for panel, (name, signal) in zip(self.axes_, self.signals.items(), strict=True):
             others = signal[1 : 1 + MOST_SHOWN]
             if len(others):
-                panel.plot(self.time, others.T, color=GREY, lw=0.4, alpha=0.6, zorder=1)
-            (self.lines_[name],) = panel.plot(self.time, signal[0], color=BLACK, lw=0.9)
+                panel.plot(self.time, others.T, color=GREY, lw=scaled(0.4), alpha=0.6, zorder=1)
+            (self.lines_[name],) = panel.plot(
+                self.time, signal[0], color=foreground(), lw=scaled(0.9)
+            )
             if self.response is not None and name == list(self.signals)[-1]:
                 panel.plot(
-                    self.time, self.response, color=BLUE, lw=0.9, label="without remnant", zorder=3
+                    self.time,
+                    self.response,
+                    color=BLUE,
+                    lw=scaled(0.9),
+                    label="without remnant",
+                    zorder=3,
                 )
                 # Above the panel, where no line runs.
                 panel.legend(
@@ -173,7 +181,7 @@ class TrackingDisplay(Display):
                     borderaxespad=0.1,
                 )
             if self.transition is not None and self.time[0] < self.transition < self.time[-1]:
-                panel.axvline(self.transition, color=VERMILION, ls="--", lw=0.8)
+                panel.axvline(self.transition, color=VERMILION, ls="--", lw=scaled(0.8))
             panel.set_ylabel(with_unit(NAMES.get(name, name), (self.units or {}).get(name)))
             panel.grid(alpha=0.3)
         self.axes_[-1].set_xlabel("time, s")

@@ -12,24 +12,15 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from ..arx.searches import OrderSearchCV
-from ._axes import BLACK, BLUE, VERMILION
 from ._checks import check_search
 from ._display import Display
+from ._roles import BLUE, VERMILION, background, foreground, scaled, sized
 
 MAX_PANELS = 12
 MAX_TICKS = 10
 N_LEVELS = 10
 MARGIN = 0.3  # of an order, room for the marks at the edge
 LEAST_RANGE = 5.0  # percent; finer contours would show what the VAF cannot tell apart
-ASTERISK = {"marker": "*", "ms": 13, "color": "white", "markeredgecolor": BLACK, "zorder": 4}
-RING = {
-    "marker": "o",
-    "ms": 17,
-    "color": "none",
-    "markeredgecolor": VERMILION,
-    "markeredgewidth": 2.2,
-    "zorder": 5,
-}
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -243,7 +234,9 @@ class VAFContourDisplay(Display):
                     panel.contourf(x, y, field, levels=levels, cmap="viridis", extend=extend)
                 )
                 if field.count():
-                    panel.contour(x, y, field, levels=levels, colors=BLACK, linewidths=0.4)
+                    panel.contour(
+                        x, y, field, levels=levels, colors=foreground(), linewidths=scaled(0.4)
+                    )
                 self.single_.append(self._draw_single(panel, x, y, vaf[i], self.contours_[-1]))
             panel.set_xlim(x[0] - MARGIN, x[-1] + MARGIN)
             panel.set_ylim(y[0] - MARGIN, y[-1] + MARGIN)
@@ -252,10 +245,10 @@ class VAFContourDisplay(Display):
             self.highest_.append(None)
             if field.count():
                 row, column = divmod(int(np.nanargmax(vaf[i])), len(self.na))
-                self.highest_[-1] = _mark(panel, x[column], y[row], ASTERISK)
+                self.highest_[-1] = _mark(panel, x[column], y[row], _asterisk())
         if self.chosen is not None:
             number, row, column = self.chosen
-            self.chosen_ = _mark(self.axes_[number], x[column], y[row], RING)
+            self.chosen_ = _mark(self.axes_[number], x[column], y[row], _ring())
         if some:
             self.colorbar_ = self.figure_.colorbar(
                 self.contours_[0], ax=list(self.axes_), label="VAF, %", ticks=levels
@@ -273,8 +266,8 @@ class VAFContourDisplay(Display):
             norm=like.norm,
             marker="s",
             s=50,
-            edgecolors=BLACK,
-            linewidths=0.4,
+            edgecolors=foreground(),
+            linewidths=scaled(0.4),
             zorder=3,
         )
 
@@ -286,7 +279,9 @@ class VAFContourDisplay(Display):
         x = _positions(orders)
         for i, panel in enumerate(self.axes_):
             values = vaf[i].ravel()
-            self.lines_ += panel.plot(x, values, color=BLUE, marker="o", ms=4, lw=1.2)
+            self.lines_ += panel.plot(
+                x, values, color=BLUE, marker="o", ms=sized(4), lw=scaled(1.2)
+            )
             _name_ticks(panel.xaxis, orders)
             panel.set_xlim(x[0] - MARGIN, x[-1] + MARGIN)
             panel.margins(y=0.15)
@@ -294,11 +289,11 @@ class VAFContourDisplay(Display):
             self.highest_.append(None)
             if not np.isnan(values).all():
                 best = int(np.nanargmax(values))
-                self.highest_[-1] = _mark(panel, x[best], values[best], ASTERISK)
+                self.highest_[-1] = _mark(panel, x[best], values[best], _asterisk())
         if self.chosen is not None:
             number, row, column = self.chosen
             at = column if over_na else row
-            self.chosen_ = _mark(self.axes_[number], x[at], vaf[number].ravel()[at], RING)
+            self.chosen_ = _mark(self.axes_[number], x[at], vaf[number].ravel()[at], _ring())
 
     def _explain(self) -> None:
         several = "highest of each panel" if len(self.nk) > 1 else "highest"
@@ -397,3 +392,24 @@ def _mark(panel: Any, x: float, y: float, style: dict[str, Any]) -> Line2D:
     """A mark that may reach over the edge of the panel."""
     (mark,) = panel.plot(x, y, ls="none", clip_on=False, **style)
     return mark
+
+
+def _asterisk() -> dict[str, Any]:
+    return {
+        "marker": "*",
+        "ms": sized(13),
+        "color": background(),
+        "markeredgecolor": foreground(),
+        "zorder": 4,
+    }
+
+
+def _ring() -> dict[str, Any]:
+    return {
+        "marker": "o",
+        "ms": sized(17),
+        "color": "none",
+        "markeredgecolor": VERMILION,
+        "markeredgewidth": scaled(2.2),
+        "zorder": 5,
+    }

@@ -1,6 +1,6 @@
 """Where control was lost: one rule, by which stretches of a run are left out of fit and judgement.
 
-A person who has lost control answers by other laws than before, and a few such seconds outweigh
+A person who has lost control no longer answers as before, and a few such seconds outweigh
 minutes of tracking. The rule asks for all of what honest data never have together.
 """
 

@@ -22,7 +22,7 @@ from ..regression import units_of
 from ..runs import RunLayout, run_name
 from ..runs.fingerprint import as_frame
 from ..runs.roles import output_name, roles_of
-from ..search.candidates import LEAST_EVIDENCE, LEAST_GAIN
+from ..search.candidates import LEAST_DELTA_BIC, LEAST_GAIN
 from ..search.effect_search import EffectSearchCV
 from ..search.explanations import (
     HOW_TO_GO_ON,
@@ -121,7 +121,7 @@ def content_of(
         "unit": units.get(str(output.name), ""),
         "rankings": [] if search is None else list(_rankings(search)),
         "no_search": results.no_search,
-        "criteria": {"evidence": f"{LEAST_EVIDENCE:g}", "gain": f"{LEAST_GAIN:g}"},
+        "criteria": {"delta_bic": f"{LEAST_DELTA_BIC:g}", "gain": f"{LEAST_GAIN:g}"},
         "parameters": _parameters(baseline, final),
         "with_before": final is not None,
         "effects": [] if final is None else gallery.effects(final, X, y),
@@ -368,7 +368,7 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
                 "vaf": _fixed(row["vaf_after"], ".2f"),
                 "gain": _fixed(row["vaf_gain"], "+.2f"),
                 "in_loop": _fixed(row["gain_loop"], "+.2f"),
-                "evidence": _fixed(row["delta_bic"], "+.0f"),
+                "delta_bic": _fixed(row["delta_bic"], "+.0f"),
                 "p": DASH if row["status"] == "does not apply" else _p(row["p_value"]),
                 "parameters": row["parameters"],
                 "words": _sentence(row["words"]),

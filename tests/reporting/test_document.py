@@ -94,11 +94,11 @@ def test_ranking_holds_each_candidate_with_a_reason(made: Report, page: Node) ->
     tried = ranking[ranking["status"] != "does not apply"]
     assert len(rows) == len(tried)
     for cells, (_, row) in zip(rows, tried.iterrows(), strict=True):
-        rank, effect, why, vaf, gain, *in_loop, evidence, _, words = cells
+        rank, effect, why, vaf, gain, *in_loop, delta_bic, _, words = cells
         assert (rank, effect.split(" ")[0]) == (str(row["rank"]), row["effect"])
         assert float(vaf) == pytest.approx(row["vaf_after"], abs=0.005)
         assert float(gain) == pytest.approx(row["vaf_gain"], abs=0.005)
-        assert float(evidence) == pytest.approx(row["delta_bic"], abs=0.5)
+        assert float(delta_bic) == pytest.approx(row["delta_bic"], abs=0.5)
         if np.isfinite(row["gain_loop"]):
             assert float(in_loop[0]) == pytest.approx(row["gain_loop"], abs=0.005)
         else:
