@@ -51,7 +51,8 @@ def draw(counts: pd.DataFrame) -> plt.Figure:
         for j, said in enumerate(counts.columns):
             if count := counts.iloc[i, j]:
                 color = "w" if shares[i, j] > 0.4 else "k"
-                ax.text(j, i, count, ha="center", va="center", color=color, size=7 if count < 1000 else 5)
+                size = 7 if count < 1000 else 5
+                ax.text(j, i, count, ha="center", va="center", color=color, size=size)
             right = said in right_answers(name, np.inf) if name in EFFECTS else said == name
             if right or (name, said) == (LEFT_OUT, UNKNOWN):
                 frame = plt.Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, ec="tab:green", lw=1)
