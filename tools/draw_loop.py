@@ -227,7 +227,7 @@ def stage(d: Drawing, place: str, x: float, y: float, shape: str) -> None:
 
     def draw() -> None:
         d.box(x, y, 108, 66)
-        d.text(x, y - 9, place, 20)
+        d.text(x, y - 9, place, 19)
         if shape.startswith("M"):
             d.add(
                 f'<path d="{shape}" transform="translate({x:g} {y + 14:g})" fill="none"'
