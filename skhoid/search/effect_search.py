@@ -186,6 +186,8 @@ class EffectSearchCV(
     delays are the same; delays, and the controlled element's inverse in the feedforward path, tell
     them apart.
 
+    For progress, call ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
+
     Examples
     --------
     >>> from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
