@@ -37,7 +37,7 @@ def heading(name: str) -> str:
 
 def page_of(effect: type[Effect]) -> str:
     """The document of an effect's card."""
-    return f"generated/skhoid.effects.{effect.__name__}"
+    return f"cards/skhoid.effects.{effect.__name__}"
 
 
 def is_for(effect: type[Effect]) -> str:

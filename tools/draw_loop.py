@@ -211,7 +211,7 @@ def marked(d: Drawing, place: str, mark: tuple[float, float], draw: Callable[[],
     """A place: what ``draw`` adds, under its number, as a link where the page has the groups."""
     number = MARKS.index(place) + 1
     if d.inline:
-        d.add(f'<a href="#place-{place}" aria-label="{number}: {place}">')
+        d.add(f'<a href="#place-{place}">')
     draw()
     x, y = mark
     d.add(
