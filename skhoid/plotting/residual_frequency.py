@@ -143,7 +143,7 @@ def draw_spectra(
             color=ROLES["remnant"].colour,
             lw=scaled(3.0),
             alpha=0.6,
-            label="noise",
+            label=ROLES["remnant"].word,
         )
     excited = table[table["kind"] == "excited"]
     for name, colour in (
@@ -160,8 +160,9 @@ def draw_spectra(
             marker="o",
             ms=sized(5),
         )
+        word = ROLES["measured"].word if name == "output" else name
         panel.plot(
-            [], [], color=colour, lw=scaled(1.3), marker="o" if len(excited) else None, label=name
+            [], [], color=colour, lw=scaled(1.3), marker="o" if len(excited) else None, label=word
         )
     for kind, label in HARMONICS.items():
         rows = table[table["kind"] == kind]
