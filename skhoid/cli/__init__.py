@@ -8,15 +8,17 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from typing import Any
 
 from .._machine import ended_by_signals
 from .at_once import refuse_at_once
+from .commands import Parser
 from .options import with_one_element
 from .output import note
-from .parser import make_parser
-from .wording import reworded
+from .parser import make_parsers
+from .wording import as_option, reworded
 
 __all__ = ["main"]
 
@@ -47,13 +49,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     _open_streams()
     given = list(sys.argv[1:] if arguments is None else arguments)
-    parser = make_parser()
+    parser, commands = make_parsers()
     if not given:
         parser.print_help(sys.stderr)
         return BAD_INPUT
     options = argparse.Namespace()
     try:
-        _parse(parser, given, options)
+        _parse(parser, commands, given, options)
         with ended_by_signals(), warnings.catch_warnings():
             if not options.debug:
                 warnings.showwarning = _show_warning(options)
@@ -75,11 +77,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _explain(error, options)
 
 
-def _parse(parser: argparse.ArgumentParser, given: list[str], options: argparse.Namespace) -> None:
+def _parse(
+    parser: Parser, commands: dict[str, Parser], given: list[str], options: argparse.Namespace
+) -> None:
     """Parse the arguments; --help and --version print, and end, here."""
     options.debug = False
     try:
-        parser.parse_args(with_one_element(given), options)
+        _, unknown = parser.parse_known_args(with_one_element(given), options)
+        if unknown:
+            commands[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
     except SystemExit:
         sys.stdout.flush()  # argparse does not notice that nothing can be written
         raise
@@ -115,6 +121,9 @@ def _explain(error: Exception, options: argparse.Namespace) -> int:
     except OSError:
         _nobody_reads()
     text = " ".join(str(error).split())
+    if hasattr(error, "said_by"):  # all that is wrong with a file, in a list
+        print(f"skhoid: error: {error.said_by(partial(as_option, options))}", file=sys.stderr)
+        return BAD_INPUT
     own = type(error).__module__.startswith("skhoid.")
     if isinstance(error, MemoryError):
         print(f"skhoid: error: The memory does not suffice. {text}".rstrip(), file=sys.stderr)

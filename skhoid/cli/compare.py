@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +14,24 @@ from sklearn.preprocessing import FunctionTransformer
 from .._version import __version__
 from ..diagnosis import Comparison
 from ..diagnosis import compare as compare_runs
+from ..io.readers import first_table
 from ..pipelines import reach_model, unwrapped
 from ..runs.roles import OTHER, role_of
 from ..search.story import comparison_dict
 from .files import (
     check_plot_file,
     column_of,
+    columns_dict,
     names_of,
     new_file,
     read_files,
     save_figures,
     without_screen,
 )
+from .next_steps import after_compare
 from .options import pairs, refuse
-from .output import print_json, print_wrapped, say_files
-from .search_output import tables_of_comparison, write_report
+from .output import print_json, print_wrapped, say_files, say_next
+from .search_output import print_source, tables_of_comparison, write_report
 from .tables import check_tables, save_tables
 from .wording import reworded
 
@@ -68,12 +72,14 @@ def compare(options: argparse.Namespace) -> int:
     tables = save_tables(tables_of_comparison(found), options)
     files = {"report": page, "pictures": pictures, "tables": tables}
     if options.json:
-        print_json({"skhoid": __version__, "source": source, **_as_dict(found), **files})
+        head = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
+        print_json({**head, **_as_dict(found), **files})
     else:
-        print_wrapped(source)
+        print_source(options, source)
         for line in found.summary().splitlines():
             print_wrapped(reworded(line, options) if line.startswith("Note: ") else line)
         say_files(files)
+        say_next(after_compare(options))
     return 0
 
 
@@ -124,9 +130,16 @@ def _recordings(
                 f"The channel {name!r} has two roles, {roles[name]!r} and {role!r}: name different "
                 "channels."
             )
-    others = [name for name in roles if name not in names]
     chosen = argparse.Namespace(**{**vars(options), "files": files})
-    X, y = read_files(chosen, [*names, *others])
+    there = names if options.input else [name for name in names if _has(files, name)]
+    given = {name: roles.get(name, str(role_of(name))) for name in [*there, *roles]}
+    recorded = read_files(chosen, given, signals=not options.input)
+    X, y = recorded.X, recorded.y
+    options.columns = chosen.columns
+    roles = recorded.guess.roles | roles
+    if not options.input:
+        names = [_as_in(X, name, roles) for name in names]
+    others = [name for name in X.columns if name not in map(partial(column_of, X), names)]
     own = own or [column_of(X, name) for name in names]
     renamed = {column_of(X, name): new for name, new in zip(names, own, strict=True)}
     attributes = dict(X.attrs)
@@ -141,6 +154,28 @@ def _recordings(
         columns = FunctionTransformer(_taken, kw_args={"names": own}, validate=False)
         model = make_pipeline(columns, unwrapped(model))
     return X, y, {**(said or {}), **of_columns}, model
+
+
+def _has(files: list[str], name: str) -> bool:
+    """Whether the first file has a column of this name."""
+    try:
+        first_table(files).find(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _as_in(X: Any, name: str, roles: dict[str, str]) -> str:
+    """A column of X for one of the model's: of its name, or else of its role."""
+    if column_of(X, name) in X:
+        return name
+    by_role = {role_of(column, roles): str(column) for column in X.columns}
+    if role_of(name) in by_role:
+        return by_role[role_of(name)]
+    raise ValueError(
+        f"The model was fitted on the column {name!r}, and the files have "
+        f"{', '.join(map(repr, X.columns))}: say by --input NAME which that is."
+    )
 
 
 def _taken(X: Any, names: list[str]) -> Any:

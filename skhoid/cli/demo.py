@@ -6,21 +6,22 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..effects import Effects
+from ..effects import Effects, titles_of
 from ..exceptions import did_you_mean
 from ..greybox import OperatorRegressor
 from ..search.story import HIDDEN
 from ..simulation import make_tracking_runs
 from .files import check_folders
 from .options import refuse
-from .output import print_wrapped
+from .output import print_bold, print_wrapped, say_next
 from .search_output import show_search, write_results
 from .tables import check_tables
 
-NEXT = """
-Next: skhoid diagnose                      the same on recordings of a real person
-      skhoid diagnose run*.csv --input e --x x --target f_t --output u --time t --report out.html
-                                           and on your own"""
+NEXT = [
+    ("skhoid diagnose", "recordings of a real person"),
+    ("skhoid simulate --remnant 0.1 --out runs.csv", "a file, as yours may be"),
+    ("skhoid diagnose runs.csv", "what is missing in it?"),
+]
 
 
 def demo(options: argparse.Namespace) -> int:
@@ -35,6 +36,8 @@ def demo(options: argparse.Namespace) -> int:
             )
     if options.no_pictures and options.no_report:
         refuse(options, ["out"], "has no use: --no-pictures and --no-report leave nothing there.")
+    if options.no_pictures:
+        refuse(options, ["format"], "is for the plots, and --no-pictures draws none.")
     folder = Path(options.out or "skhoid-demo")
     check_folders(folder)
     check_tables(options)
@@ -51,9 +54,11 @@ def demo(options: argparse.Namespace) -> int:
     )
     source = f"simulated runs of condition C1, remnant P_n = {options.remnant:g}"
     best = 100 * (1 - (truth.remnant**2).sum() / (y**2).sum())
-    story = show_search(options, OperatorRegressor(), X, y, source)
+    given = truth.parameters.iloc[0].to_dict()
+    given |= {f"{n}__{p}": v for n, e in hidden for p, v in e.fixed.items()}
+    story = show_search(options, OperatorRegressor(), X, y, source, truth=given)
     if not options.json:
-        _reveal(story.search_.best_estimator_, names, best, truth, hidden)
+        _reveal(story.search_, names, best)
     write_results(
         options,
         story,
@@ -63,19 +68,14 @@ def demo(options: argparse.Namespace) -> int:
         head={"hidden": names, "truth_vaf": best},
     )
     if not options.json:
-        print(NEXT)
+        say_next(NEXT)
     return 0
 
 
-def _reveal(model: Any, names: list[str], best: float, truth: Any, hidden: Any) -> None:
-    """The truth beside what was found."""
-    from ..summaries import Estimate
-
+def _reveal(search: Any, names: list[str], best: float) -> None:
+    """What was hidden, beside what was found."""
     print_wrapped("")
-    secret = ", ".join(names) or "nothing"
-    print_wrapped(f"The truth: hidden {secret}; the true answer has a VAF of {best:.1f} %")
-    given = truth.parameters.iloc[0].to_dict()
-    given |= {f"{n}__{p}": v for n, e in hidden for p, v in e.fixed.items()}
-    for name, row in model.parameters_.iterrows():
-        if name in given:
-            print_wrapped(f"  {name}: {given[name]:.4g}, found {Estimate.of(row)}")
+    found = search.best_effects_
+    print_bold(f"The truth: hidden {titles_of(names) if names else 'nothing'}")
+    same = "as found" if set(found) == set(names) else f"found: {titles_of(found)}"
+    print_wrapped(f"  {same}; simulated with the true parameters the VAF is {best:.1f} %")

@@ -5,44 +5,69 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..io import read_runs
 from ..io._paths import shown
 from ..io._table import split_header
 from ..io.figures import save_figure
+from ..io.guess import ColumnGuess, guess_columns
+from ..io.readers import read_guessed
 from ..preprocessing import resample_runs
 from ..regression import units_of
 from .options import pairs, refuse
 from .output import note
 
 
-def read_files(options: argparse.Namespace, inputs: list[str]) -> tuple[Any, Any]:
-    """X and y of the files that the options name."""
-    if options.time is None and options.dt is None:
-        raise ValueError("Say where time comes from: --time NAME, or --dt SECONDS.")
-    if options.time is None:
+@dataclass(frozen=True)
+class Recorded:
+    """X and y of files, and which column was taken for what."""
+
+    X: Any
+    y: Any
+    guess: ColumnGuess
+
+
+def read_files(
+    options: argparse.Namespace, roles: dict[str, str], *, signals: bool = True
+) -> Recorded:
+    """Runs of the files that the options name; what is not named is guessed.
+
+    ``roles`` are the channels that are named; without ``signals`` no others are taken.
+    """
+    if options.dt is not None and options.time is None:
         refuse(options, ["resample"], "needs --time NAME: with --dt the clock is regular.")
-    units = pairs(options.unit, "--unit", "NAME=UNIT, such as e=deg")
-    X, y = read_runs(
+    if options.time is not None and options.dt is not None and not options.resample:
+        raise ValueError("--time and --dt both say where time comes from: give one of them.")
+    guess = guess_columns(
         options.files,
-        inputs=inputs,
-        output=options.output or "u",
+        roles=roles,
+        output=options.output,
         time=options.time,
         run=options.run,
-        units=units or None,
+        units=pairs(options.unit, "--unit", "NAME=UNIT, such as e=deg"),
         dt=None if options.resample else options.dt,
+        signals=signals,
     )
+    X, y = read_guessed(guess, irregular=options.resample)
+    options.columns = guess
     if options.resample:
-        return resample_runs(X, y, dt=options.dt)
+        X, y = resample_runs(X, y, dt=options.dt)
+        return Recorded(X, y, guess)
     step = X.index.get_level_values("time")[1:2] - X.index.get_level_values("time")[:1]
     if options.time is not None and (step == 1.0).all():
         note(
             f"{options.time} advances by 1 a row, counted as 1 s; if it holds row numbers, give "
             "--dt SECONDS in place of --time."
         )
-    return X, y
+    return Recorded(X, y, guess)
+
+
+def columns_dict(options: argparse.Namespace) -> dict[str, Any] | None:
+    """Which column was taken for what, for JSON; None of bundled recordings."""
+    guess = getattr(options, "columns", None)
+    return None if guess is None else guess.as_dict()
 
 
 def names_of(files: Iterable[str]) -> str:
@@ -117,12 +142,17 @@ def save_figures(
     *,
     others: Iterable[str] = (),
     named: tuple[Any, Any] | None = None,
+    form: str | None = None,
 ) -> list[str]:
     """Save figures by file name, and close them; returns the paths.
 
     Those of the ``others`` that the same command drew into the folder before are deleted. ``named``
-    is X and y, whose names appear in the figures.
+    is X and y, whose names appear in the figures. ``form`` is "png", "pdf" or "svg", in place of
+    the ends of the names.
     """
+    if form is not None:
+        figures = {f"{Path(name).stem}.{form}": figure for name, figure in figures.items()}
+        others = [f"{Path(name).stem}.{form}" for name in others]
     from ..plotting._axes import names_as_they_are
 
     software = f"skhoid {command}"
@@ -133,16 +163,20 @@ def save_figures(
     shown = [] if named is None else _names(*named)
     for name, figure in figures.items():
         names_as_they_are(figure, shown)
-        save_figure(figure, folder / name, metadata={"Software": software})
+        key = "Software" if Path(name).suffix.lower() == ".png" else "Creator"
+        known = Path(name).suffix.lower() in (".png", ".pdf", ".svg")
+        save_figure(figure, folder / name, metadata={key: software} if known else None)
     return [str(folder / name) for name in figures]
 
 
 def _is_drawn_by(path: Path, software: str) -> bool:
-    """Whether a PNG file says so itself, before its pixels."""
+    """Whether a picture says so itself: a PNG file before its pixels, others in their text."""
     if not path.is_file():
         return False
     with path.open("rb") as file:
-        return f"Software\0{software}".encode("latin-1") in file.read(200)
+        if path.suffix == ".png":
+            return f"Software\0{software}".encode("latin-1") in file.read(200)
+        return software.encode("latin-1") in file.read()
 
 
 def _names(X: Any, y: Any) -> list[str]:

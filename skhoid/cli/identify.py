@@ -7,20 +7,27 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
 from sklearn.callback import ProgressBar
 
 from .._version import __version__
 from ..diagnosis.identification import Identification, ModelChoice
 from ..diagnosis.identification import identify as identify_runs
 from ..io import load_human_tracking
+from ..runs.roles import role_of
 from ..summaries import counted
 from .arguments.identify import LONGEST_DELAY
-from .files import column_of, names_of, read_files, save_figures, without_screen
+from .files import column_of, columns_dict, names_of, read_files, save_figures, without_screen
+from .next_steps import after_identify
 from .options import pairs, refuse
-from .output import WIDTH, print_json, say_files
-from .search_output import figure_folder
+from .output import (
+    print_bold,
+    print_json,
+    print_table,
+    print_wrapped,
+    say_files,
+    say_next,
+)
+from .search_output import figure_folder, print_source
 from .tables import check_tables, save_tables
 from .wording import reworded
 
@@ -35,6 +42,8 @@ def identify(options: argparse.Namespace) -> int:
     if options.nk is not None:
         of_search = ["longest_delay", "least_delay", "criterion"]
         refuse(options, of_search, "needs a search, and --nk gives the delay.")
+    if options.memory_time is not None:
+        refuse(options, ["memory_horizon"], "and --memory-time say the same: give one of them.")
     if options.method != "iv":
         refuse(options, ["instruments"], "needs --method iv.")
     criterion = options.criterion or "one_step"
@@ -67,14 +76,15 @@ def identify(options: argparse.Namespace) -> int:
         callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
     )
     files = {
-        "pictures": [] if folder is None else _draw(found, folder),
+        "pictures": [] if folder is None else _draw(found, folder, options.format),
         "tables": save_tables(found.tables, options),
     }
     if options.json:
-        print_json({**_as_dict(found, source), **files})
+        print_json({**_as_dict(found, source, columns_dict(options)), **files})
     else:
         _print(found, source, criterion, options)
         say_files(files)
+        say_next(after_identify(options, found.notes))
     return 0
 
 
@@ -90,33 +100,7 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, s
     """X, y, the instruments and roles of columns of X, and where they are from."""
     roles = pairs(options.role, "--role", "NAME=ROLE, such as position=x")
     if options.files:
-        options.input = options.input or ["e"]
-        others = (options.instruments or ["f_t"]) if options.method == "iv" else []
-        inside = [name for name in others if name in options.input]
-        if inside:
-            raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
-        if options.x in options.input and options.x not in roles:
-            raise ValueError(
-                f"--x names {options.x!r}, which is an input: name different channels, or say "
-                f"--role {options.x}=x if the model is to answer x."
-            )
-        for name, role in ((options.x, "x"), (options.target, "f_t")):
-            if name is not None and roles.setdefault(name, role) != role:
-                raise ValueError(f"--role says that {name!r} is {roles[name]!r}, and not {role!r}.")
-        wanted = [*options.input, *others]
-        beside = [name for name in (options.x, options.target) if name not in (None, *wanted)]
-        try:
-            X, y = read_files(options, [*wanted, *dict.fromkeys(beside)])
-        except ValueError as error:
-            if others and options.instruments is None and "'f_t'" in str(error):
-                raise ValueError(
-                    f"{error} --method iv takes 'f_t' as its instrument, unless --instruments "
-                    "names others."
-                ) from error
-            raise
-        instruments = [column_of(X, name) for name in others]
-        roles = {column_of(X, name): role for name, role in roles.items()}
-        return X, y, instruments, roles, names_of(options.files)
+        return _own(options, roles)
     X, y = load_human_tracking("difficulty 80")
     return (
         X,
@@ -130,7 +114,59 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, s
     )
 
 
-def _draw(found: Identification, folder: Path) -> list[str]:
+def _own(
+    options: argparse.Namespace, roles: dict[str, str]
+) -> tuple[Any, Any, list[str], dict[str, str], str]:
+    asked = options.named_input = list(options.input or [])
+    others = (options.instruments or ["f_t"]) if options.method == "iv" else []
+    inside = [name for name in others if name in asked]
+    if inside:
+        raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
+    if options.x in asked and options.x not in roles:
+        raise ValueError(
+            f"--x names {options.x!r}, which is an input: name different channels, or say "
+            f"--role {options.x}=x if the model is to answer x."
+        )
+    for name, role in ((options.x, "x"), (options.target, "f_t")):
+        if name is not None and roles.setdefault(name, role) != role:
+            raise ValueError(f"--role says that {name!r} is {roles[name]!r}, and not {role!r}.")
+    beside = [name for name in (options.x, options.target) if name not in (None, *asked)]
+    of_guess = not asked and options.instruments is None  # the target, if there is one
+    wanted = [*asked, *([] if of_guess else others), *beside]
+    given = {name: roles.get(name, str(role_of(name))) for name in dict.fromkeys(wanted)}
+    try:
+        found = read_files(options, given | roles, signals=not asked)
+    except ValueError as error:
+        if others and options.instruments is None and "'f_t'" in str(error):
+            raise ValueError(
+                f"{error} --method iv takes 'f_t' as its instrument, unless --instruments "
+                "names others."
+            ) from error
+        raise
+    X, guess = found.X, found.guess
+    inputs = [column_of(X, name) for name in asked] or guess.inputs
+    rest = [name for name in X.columns if name not in inputs]
+    attributes = dict(X.attrs)
+    X = X[[*inputs, *rest]]
+    X.attrs = attributes
+    options.input = inputs
+    of_columns = guess.roles | {column_of(X, name): role for name, role in roles.items()}
+    return X, found.y, _instruments(X, others, of_columns), of_columns, names_of(options.files)
+
+
+def _instruments(X: Any, names: list[str], roles: dict[str, str]) -> list[str]:
+    columns = {role_of(column, roles): column for column in X.columns}
+    found = [columns["f_t"] if n == "f_t" and "f_t" in columns else column_of(X, n) for n in names]
+    missing = [name for name in found if name not in X.columns]
+    if missing:
+        raise ValueError(
+            f"--method iv takes {missing[0]!r} as its instrument, unless --instruments names "
+            "others; the files have no such channel."
+        )
+    return found
+
+
+def _draw(found: Identification, folder: Path, form: str | None) -> list[str]:
     without_screen()
     from ..plotting import (
         DelayLossDisplay,
@@ -156,14 +192,16 @@ def _draw(found: Identification, folder: Path) -> list[str]:
             {m.name: m.model for m in (found.adapting, found.best)}
         )
     figures = {name: d.figure_ for name, d in displays.items()}
-    return save_figures(figures, folder, "identify", others=PICTURES, named=(found.X, found.y))
+    more: dict[str, Any] = {"others": PICTURES, "named": (found.X, found.y)}
+    return save_figures(figures, folder, "identify", form=form or "png", **more)
 
 
-def _as_dict(found: Identification, source: str) -> dict[str, Any]:
+def _as_dict(found: Identification, source: str, columns: Any) -> dict[str, Any]:
     layout = found.layout
     return {
         "skhoid": __version__,
         "source": source,
+        "columns": columns,
         "inputs": found.best.model.inputs_,
         "output": found.y.name,
         "units": found.units,
@@ -198,83 +236,86 @@ def _clock(found: Identification) -> str:
     return text + (f", {gaps} gaps at which the free run restarts from zero" if gaps else "")
 
 
-def _console() -> Console:
-    """A console that prints tables, and names as they are."""
-    # Piped output has no width of its own.
-    width = None if sys.stdout.isatty() else WIDTH
-    return Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=width)
-
-
 def _print(found: Identification, source: str, criterion: str, options: argparse.Namespace) -> None:
-    layout, best = found.layout, found.best.model
-    units = found.units
+    layout, best, units = found.layout, found.best.model, found.units
 
     def named(channel: str) -> str:
         return f"{channel} ({units[channel]})" if channel in units else channel
 
-    console = _console()
-    runs = counted(len(layout.labels), "run")
-    console.print(source)
-    console.print(
-        f"{runs}, {layout.n_rows} rows, dt = {layout.dt:.6g} s ({1 / layout.dt:.6g} Hz), "
-        f"{_clock(found)}; input {', '.join(map(named, best.inputs_))}, "
-        f"output {named(str(found.y.name))}"
+    print_source(options, source)
+    print_wrapped(
+        f"Measured: {counted(len(layout.labels), 'run')}, {layout.n_rows} rows at "
+        f"{1 / layout.dt:.6g} Hz (dt = {layout.dt:.6g} s), {_clock(found)}"
     )
-    console.print(f"fitted on  {found.estimation}\nheld out   {found.validation}\n")
-
+    print_wrapped(
+        f"  input {', '.join(map(named, best.inputs_))}, output {named(str(found.y.name))}"
+    )
+    print_wrapped(f"  fitted on {found.estimation}; held out {found.validation}")
     if best.dt_ > layout.dt:
-        console.print(f"the models run at dt = {best.dt_:.6g} s, which their samples count\n")
-    if found.delay_searches:
-        delays = Table(title="Delay", title_justify="left")
-        for heading in ("criterion", "samples", "seconds", ""):
-            delays.add_column(heading, justify="left" if heading in ("criterion", "") else "right")
-        for name, search in found.delay_searches.items():
-            used = "used below" if name == criterion else ""
-            delays.add_row(CRITERIA[name], str(search.best_nk_), f"{search.best_delay_:.4g}", used)
-        console.print(delays)
-        one_step, vaf = (search.best_nk_ for search in found.delay_searches.values())
-        if abs(one_step - vaf) > 1:
-            console.print(
-                f"The criteria are {abs(one_step - vaf)} samples apart: see how flat the curves "
-                "are."
-            )
-
-    for note in found.notes:
-        console.print(reworded(note, options))
-
-    table = Table(
-        title="Free run" + (", about the means" if found.centered else ", means kept"),
-        title_justify="left",
+        print_wrapped(f"  the models run at dt = {best.dt_:.6g} s, which their samples count")
+    print()
+    chosen = found.best
+    print_bold(
+        f"Verdict: held-out VAF {chosen.vaf_validation:.1f} % "
+        f"({chosen.name}{'; about the mean' if found.centered else ''}): {chosen.verdict}"
     )
-    for heading in ("model", "[na, nb, nk]", "VAF fitted, %", "VAF held out, %", "ratio", ""):
-        table.add_column(heading, justify="left" if heading in ("model", "") else "right")
-    for model in found.fitted:
-        orders = model.model.orders_
-        nb, nk = (v[0] if len(set(v)) == 1 else list(v) for v in (orders.nb, orders.nk))
-        table.add_row(
-            model.name,
-            f"{orders.na}, {nb}, {nk}",
-            f"{model.vaf_estimation:.2f}",
-            f"{model.vaf_validation:.2f}",
-            f"{model.ratio:.3f}" if model.vaf_validation > 0 else "-",
-            model.verdict,
+    for note in found.notes:
+        print_wrapped(f"  note: {reworded(note, options)}")
+    print()
+    _print_models(found)
+    if found.delay_searches:
+        _print_delays(found, criterion)
+    parameters = [
+        (str(name), f"{value:.5g}", f"{error:.2g}")
+        for name, value, error in zip(
+            best.parameter_names_, best.coef_, best.standard_errors_, strict=True
         )
-    console.print(table)
-
-    parameters = Table(title=f"Parameters, {found.best.name}", title_justify="left")
-    for heading in ("name", "value", "standard error"):
-        parameters.add_column(heading, justify="left" if heading == "name" else "right")
-    for name, value, error in zip(
-        best.parameter_names_, best.coef_, best.standard_errors_, strict=True
-    ):
-        parameters.add_row(name, f"{value:.5g}", f"{error:.2g}")
-    console.print(parameters)
+    ]
+    print()
+    title = f"Parameters, {chosen.name}, ± one standard error"
+    print_table(title, ["name", "value", "±"], parameters, left=["name"])
     bias = (
         "They do not include the bias that remnant causes in a closed loop."
         if best.method == "ols"
         else "Instrumental variables: remnant does not bias them."
     )
-    console.print(
-        "Standard errors concern the ARX model's own parameters and allow for a coloured error. "
+    print_wrapped(
+        "  Standard errors concern the ARX model's own parameters and allow for a coloured error. "
         + bias
     )
+    print()
+
+
+def _print_models(found: Identification) -> None:
+    rows = []
+    for model in found.fitted:
+        orders = model.model.orders_
+        nb, nk = (v[0] if len(set(v)) == 1 else list(v) for v in (orders.nb, orders.nk))
+        figures = [f"{model.vaf_estimation:.2f}", f"{model.vaf_validation:.2f}"]
+        ratio = f"{model.ratio:.3f}" if model.vaf_validation > 0 else "-"
+        rows.append([model.name, f"{orders.na}, {nb}, {nk}", *figures, ratio, model.verdict])
+    headings = ["model", "na, nb, nk", "fitted", "held out", "ratio", ""]
+    title = "VAF of the simulated output, %, " + (
+        "about the means" if found.centered else "means kept"
+    )
+    print_table(title, headings, rows, left=["model", ""], folded=["model", ""])
+
+
+def _print_delays(found: Identification, criterion: str) -> None:
+    rows = [
+        (
+            CRITERIA[name],
+            str(search.best_nk_),
+            f"{search.best_delay_:.4g}",
+            "used above" if name == criterion else "",
+        )
+        for name, search in found.delay_searches.items()
+    ]
+    print()
+    headings = ["criterion", "samples", "seconds", ""]
+    print_table("Delay", headings, rows, left=["criterion", ""])
+    one_step, vaf = (search.best_nk_ for search in found.delay_searches.values())
+    if abs(one_step - vaf) > 1:
+        print_wrapped(
+            f"  The criteria are {abs(one_step - vaf)} samples apart: see how flat the curves are."
+        )

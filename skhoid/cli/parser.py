@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-
 from .._version import __version__
 from .arguments.compare import add_compare
 from .arguments.completion import add_completion
@@ -17,23 +15,17 @@ from .commands import Parser
 
 EXAMPLES = """\
 examples:
-  skhoid demo                                  hide effects in a simulated person, and find them
-  skhoid identify run*.csv --input e --output u --time t
-  skhoid diagnose run*.csv --input e --x x --target f_t --output u --time t
-  skhoid compare model.joblib run*.csv --time t
-  skhoid simulate --condition C4 --runs 5 --remnant 0.15 --out runs.csv
+  skhoid demo                hide effects in a simulated person, and find them
+  skhoid diagnose run*.csv   what is missing? columns are guessed, and said
+  skhoid identify run*.csv   the delay, the orders, and a linear model
+  skhoid report run*.csv     the same as diagnose, as a page to keep
+  skhoid simulate --remnant 0.1 --out runs.csv
+  skhoid compare model.joblib run*.csv
   skhoid study fig13 --replications 20
-  skhoid report run*.csv --input e --output u --time t --out report.html
-  skhoid completion bash
 
-`skhoid COMMAND --help` has more. Without files, identify, diagnose and report use bundled
-recordings.
+`skhoid COMMAND --help` has more. Without files, identify, diagnose and report
+use bundled recordings.
 """
-
-
-def make_parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
-    return make_parsers()[0]
 
 
 def make_parsers() -> tuple[Parser, dict[str, Parser]]:

@@ -31,11 +31,11 @@ def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
 
 
 def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
-    options.input = options.input or "e"
     # On a pursuit display the input is the target itself.
-    is_target = options.input in (options.target, "f_t") or options.input.endswith(".f_t")
+    asked = options.input
+    is_target = asked in (options.target, "f_t") or (asked or "").endswith(".f_t")
     named = [
-        ("--input", options.input, "f_t" if is_target else "e"),
+        ("--input", asked, "f_t" if is_target else "e"),
         ("--x", options.x, "x"),
         ("--target", options.target, "f_t"),
     ]
@@ -50,9 +50,12 @@ def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
                 f"by {option}: name different channels."
             )
         said[name] = option
-    X, y = read_files(options, list(roles))
-    of_columns = {column_of(X, name): role for name, role in roles.items()}
-    return X, y, of_columns, names_of(options.files)
+    options.named_input = [] if asked is None else [asked]
+    found = read_files(options, roles, signals=asked is None)
+    X, guess = found.X, found.guess
+    of_columns = guess.roles | {column_of(X, name): role for name, role in roles.items()}
+    options.input = column_of(X, asked) if asked is not None else guess.inputs[0]
+    return X, found.y, of_columns, names_of(options.files)
 
 
 def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:

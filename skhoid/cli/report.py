@@ -10,12 +10,20 @@ import pandas as pd
 
 from .._version import __version__
 from ..pipelines import prediction_from
-from ..search.story import comparison_dict, parameter_line
-from .files import new_file
+from ..search.story import comparison_dict, parameters_table
+from .files import columns_dict, new_file
+from .next_steps import after_diagnose
 from .options import refuse
-from .output import print_json, print_wrapped, say_files
+from .output import print_json, print_wrapped, say_files, say_next
 from .recordings import read_recordings
-from .search_output import show_search, tables_of_comparison, write_report, write_results
+from .search_output import (
+    print_block,
+    print_source,
+    show_search,
+    tables_of_comparison,
+    write_report,
+    write_results,
+)
 from .tables import check_tables, save_tables
 from .wording import reworded
 
@@ -33,9 +41,12 @@ def report(options: argparse.Namespace) -> int:
     if search:
         story = show_search(options, estimator, X, y, source, aloud=False)
         if not options.json:
+            print_source(options, source)
             for line in story.search_.summary().splitlines():
                 print_wrapped(reworded(line, options))
         write_results(options, story, source, report=path)
+        if not options.json:
+            say_next(after_diagnose(options, story.search_))
         return 0
     return _without_search(options, path, X, y, estimator, source)
 
@@ -59,6 +70,7 @@ def _without_search(
         found = {
             "skhoid": __version__,
             "source": source,
+            "columns": columns_dict(options),
             "inputs": [str(name) for name in model.inputs_],
             "output": str(y.name),
             "parameters": model.parameters_.reset_index().to_dict("records"),
@@ -67,7 +79,9 @@ def _without_search(
         }
         print_json({**found, **files})
     else:
-        print_wrapped(f"VAF {vaf:.1f} %: {parameter_line(model)}")
+        print_source(options, source)
+        print_wrapped(f"VAF {vaf:.1f} % of the simulated output on the rows of the fit")
+        print_block(parameters_table(model), options, None)
         for text in compared.notes if compared is not None else []:
             print_wrapped(reworded(f"  note: {text}", options))
         say_files(files)

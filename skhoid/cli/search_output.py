@@ -17,11 +17,11 @@ from ..human.element_text import is_number
 from ..io._paths import shown
 from ..reporting import Report, report
 from ..search import EffectSearchCV
-from ..search.story import Story
+from ..search.story import Story, StoryTable
 from .arguments.shared import MAX_EFFECTS
-from .files import check_folders, save_figures, without_screen
+from .files import check_folders, columns_dict, save_figures, without_screen
 from .options import refuse
-from .output import print_json, print_wrapped, say_files
+from .output import print_bold, print_json, print_table, print_wrapped, say_files
 from .tables import save_tables
 from .wording import reworded
 
@@ -41,7 +41,7 @@ OF_COMPARISON = (
 def figure_folder(options: argparse.Namespace, default: str) -> Path | None:
     """The folder for the plots, if any are drawn, checked before the work begins."""
     if options.no_pictures:
-        refuse(options, ["out"], "is for the plots, and --no-pictures draws none.")
+        refuse(options, ["out", "format"], "is for the plots, and --no-pictures draws none.")
         return None
     folder = Path(options.out or default)
     check_folders(folder)
@@ -54,9 +54,16 @@ def wanted_effects(options: argparse.Namespace) -> Any:
 
 
 def show_search(
-    options: argparse.Namespace, estimator: Any, X: Any, y: Any, source: str, *, aloud: bool = True
+    options: argparse.Namespace,
+    estimator: Any,
+    X: Any,
+    y: Any,
+    source: str,
+    *,
+    aloud: bool = True,
+    truth: dict[str, float] | None = None,
 ) -> Story:
-    """Search, and print each result as soon as it is known."""
+    """Search, and print each result as soon as it is known, beside the truth where it is."""
     search = EffectSearchCV(
         estimator,
         effects=wanted_effects(options),
@@ -69,11 +76,36 @@ def show_search(
     story = Story(search, X, y)
     aloud = aloud and not options.json
     if aloud:
-        print_wrapped(source)
-    for line in story.tell():
+        print_source(options, source)
+    for block in story.tell():
         if aloud:
-            print_wrapped(reworded(line, options))
+            print_block(block, options, truth)
     return story
+
+
+def print_source(options: argparse.Namespace, source: str) -> None:
+    """Where the runs are from, and which column was taken for what."""
+    print_wrapped(source)
+    guess = getattr(options, "columns", None)
+    if guess is not None and guess.guessed:
+        print_wrapped(str(guess))
+
+
+def print_block(
+    block: str | StoryTable, options: argparse.Namespace, truth: dict[str, float] | None
+) -> None:
+    """Print a line or a table of a story."""
+    if isinstance(block, str):
+        show = print_bold if block.startswith("Verdict: ") else print_wrapped
+        show(reworded(block, options))
+        return
+    headings, rows = list(block.headings), [list(row) for row in block.rows]
+    if block.kind == "parameters" and truth:
+        headings.insert(1, "truth")
+        for row, name in zip(rows, block.ids, strict=True):
+            row.insert(1, f"{truth[name]:.4g}" if name in truth else "")
+    left = ("effect", "parameter", "unit", "its numbers", "")
+    print_table(block.title, headings, rows, left=left, folded=("effect",))
 
 
 def element_of(text: str | None) -> Any:
@@ -98,14 +130,19 @@ def write_results(
     """Write the report, the plots and the tables, and say where; or print all as JSON."""
     if report is not None:
         write_report(options, report, story.search_, story.X, story.y, source)
-    plots = draw(story, folder, options.command) if folder else []
+    plots = (
+        draw(story, folder, options.command, getattr(options, "format", None) or "png")
+        if folder
+        else []
+    )
     tables = save_tables(tables_of(story), options)
     page = None if report is None else str(report)
     files = {"report": page, "pictures": plots, "tables": tables}
     if options.json:
-        first = {"skhoid": __version__, "source": source, **(head or {})}
+        first = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
+        first |= head or {}
         print_json({**first, **story.as_dict(), **files})
-    else:
+    elif any(files.values()):
         print_wrapped("")
         say_files(files)
 
@@ -153,7 +190,7 @@ def tables_of_comparison(found: Comparison | None) -> dict[str, Any]:
     return {**tables, "findings": pd.DataFrame([vars(finding) for finding in found.findings])}
 
 
-def draw(story: Story, folder: Path, command: str) -> list[str]:
+def draw(story: Story, folder: Path, command: str, form: str = "png") -> list[str]:
     """Draw the results of a search into a folder; returns the paths."""
     without_screen()
     from ..plotting import (
@@ -184,4 +221,5 @@ def draw(story: Story, folder: Path, command: str) -> list[str]:
         command,
         others=[f"{name}.png" for name in others],
         named=(story.X, story.y),
+        form=form,
     )

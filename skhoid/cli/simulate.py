@@ -60,11 +60,7 @@ def simulate(options: argparse.Namespace) -> int:
         display: Any = TrackingDisplay.from_runs(X, y, truth=truth)
         save_figure(display.figure_, options.picture)
         say(f"picture: {options.picture}", options)
-    arguments = ["skhoid", "identify", str(path)]
-    arguments += ["--input", "e" if "e" in options.channels else options.channels[0]]
-    arguments += ["--output", "u", "--time", "time"]
-    arguments += [] if path.suffix.lower() == ".mat" else ["--run", "run"]
-    follow = shlex.join([*arguments, "--keep-means"])
+    follow = shlex.join(["skhoid", "diagnose", str(path)])
     say(f"next: {follow}", options)
     if options.json:
         print_json(

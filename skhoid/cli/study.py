@@ -32,7 +32,7 @@ PARTS = {  # options of a paper's study, as far as its function has them
     "validation": "n_validation",
     "gains": "gains",
 }
-OF_OUT = ["no_pictures", "table_format"]
+OF_OUT = ["no_pictures", "format", "table_format"]
 KEPT = ["jobs", "out", *OF_OUT]
 OF_FILES = ["input", "output", "time", "run", "dt", "unit", "resample", "measurement_time"]
 APPLY = {
@@ -138,10 +138,12 @@ def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
 
 def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
     without_screen()
-    files = result.save(
-        folder, figures=not options.no_pictures, table_format=options.table_format or TABLES
-    )
-    return [str(path) for path in files]
+    files = result.save(folder, figures=False, table_format=options.table_format or TABLES)
+    pictures = []
+    if not options.no_pictures:
+        figures = {f"{name}.png": draw().figure_ for name, draw in result.figures.items()}
+        pictures = save_figures(figures, folder, "study", form=options.format or "png")
+    return [*map(str, files), *pictures]
 
 
 def _recommend(options: argparse.Namespace) -> int:
@@ -164,7 +166,8 @@ def _recommend(options: argparse.Namespace) -> int:
         files = write_tables({"summary": advice.summary}, folder, options.table_format or TABLES)
         if not options.no_pictures:
             without_screen()
-            files += save_figures({"trade-off.png": advice.plot().figure_}, folder, "study")
+            figures = {"trade-off.png": advice.plot().figure_}
+            files += save_figures(figures, folder, "study", form=options.format or "png")
     if options.json:
         found = {name: getattr(advice, name) for name in ("memory_horizon", "memory_time", "gain")}
         found |= {"forgetting": advice.forgetting, "close": advice.close, "files": files}
@@ -178,8 +181,10 @@ def _recommend(options: argparse.Namespace) -> int:
 def _experiment(options: argparse.Namespace) -> int:
     last = options.last or 5
     if options.files:
-        channel = options.input or "e"
-        X, y = read_files(options, [channel])
+        named = {} if options.input is None else {options.input: "e"}
+        found = read_files(options, named, signals=options.input is None)
+        X, y = found.X, found.y
+        channel = found.guess.inputs[0]
         result = analyse_experiment(
             X,
             y,
@@ -203,7 +208,7 @@ def _experiment(options: argparse.Namespace) -> int:
         tables = {name: getattr(result, name) for name in OF_EXPERIMENT}
         files = write_tables(tables, folder, options.table_format or TABLES)
         if not options.no_pictures:
-            files += _draw_experiment(result, folder, X, y)
+            files += _draw_experiment(result, folder, X, y, options.format or "png")
     if options.json:
         print_json({"summary": result.summary(), "files": files})
     else:
@@ -212,7 +217,7 @@ def _experiment(options: argparse.Namespace) -> int:
     return 0
 
 
-def _draw_experiment(result: Any, folder: Path, X: Any, y: Any) -> list[str]:
+def _draw_experiment(result: Any, folder: Path, X: Any, y: Any, form: str) -> list[str]:
     without_screen()
     files = []
     for condition in result.conditions:
@@ -220,5 +225,7 @@ def _draw_experiment(result: Any, folder: Path, X: Any, y: Any) -> list[str]:
             for parameters in ("arx", "operator"):
                 display = result.plot(condition=condition, form=form, parameters=parameters)
                 name = f"{condition}-{form}-{parameters}.png"
-                files += save_figures({name: display.figure_}, folder, "study", named=(X, y))
+                files += save_figures(
+                    {name: display.figure_}, folder, "study", named=(X, y), form=form
+                )
     return files

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import shlex
 
 from ..exceptions import PYTHON_ONLY
 
@@ -38,3 +39,13 @@ def reworded(text: str, options: argparse.Namespace) -> str:
         return text
     end = "" if text.endswith((".", "?", "!")) else "."
     return f"{text}{end} On the command line: {', '.join(found)}."
+
+
+def as_option(options: argparse.Namespace, name: str, value: str) -> str:
+    """What settles a question, as one types it; as for an argument where there is no option."""
+    if not hasattr(options, name):
+        name, value = "role", f"{value}={name}"
+    if name == "resample":
+        return "--resample"
+    typed = value if value in ("NAME", "SECONDS") else shlex.quote(value)
+    return f"--{name} {typed}"

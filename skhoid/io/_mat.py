@@ -89,6 +89,7 @@ def _read_v5(path: Path) -> FileTable:
         unreadable=unreadable,
         note=note,
         kind="variable",
+        peek=lambda count: [_first(load(position), count) for position in range(len(names))],
     )
 
 
@@ -137,7 +138,28 @@ def _read_hdf5(path: Path) -> FileTable:
         # MATLAB stores by columns and HDF5 by rows, so the axes come reversed.
         return np.asarray(values).T
 
-    return FileTable(path, names, one_by_one(load), unreadable=unreadable, kind="variable")
+    def peek(count: int) -> list[Any]:
+        found = []
+        with read_as(path, "a MATLAB 7.3 file"), h5py.File(path, "r") as file:
+            for name in names:
+                dataset = file[places[name]]
+                stored = dataset.attrs.get("MATLAB_empty", 0) or not dataset.shape
+                values = np.empty(0) if stored else dataset[..., :count]
+                if dataset.ndim == 2 and dataset.shape[1] == 1:  # stored as a row in MATLAB
+                    values = dataset[:count]
+                found.append(_first(np.asarray(values).T, count))
+        return found
+
+    return FileTable(
+        path, names, one_by_one(load), unreadable=unreadable, kind="variable", peek=peek
+    )
+
+
+def _first(values: np.ndarray, count: int) -> np.ndarray:
+    """The first samples of a variable, of the first run if its columns are runs."""
+    if values.ndim == 2 and 1 not in values.shape:
+        return values[:count, 0]
+    return np.ravel(values)[:count]
 
 
 def _list_hdf5(h5py: Any, file: Any, places: dict[str, str], unreadable: dict[str, str]) -> None:

@@ -58,7 +58,20 @@ def read_parquet(path: Path) -> FileTable:
             found,
         )
 
-    return FileTable(path, names, load, units=units)
+    def peek(count: int) -> list[Any]:
+        with (
+            read_as(path, "Parquet"),
+            path.open("rb") as raw,
+            parquet.ParquetFile(raw) as file,
+        ):
+            if regular:  # an index of which but start and step are stored
+                return [_any_column(file, name)[:count] for name in names]
+            first = next(file.iter_batches(count), None)
+            if first is None:
+                return [pd.Series(dtype=float) for _ in names]
+            return [first.column(name).to_pandas() for name in names]
+
+    return FileTable(path, names, load, units=units, peek=peek)
 
 
 def _is_plain(schema: Any, name: str) -> bool:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from ..runs import RUN
+from ._labels import combined_labels, plain_labels
 from ._paths import shown
 from ._table import FileTable, as_numbers, split_header
 
@@ -49,10 +50,13 @@ def runs_of(
     clock: str | float,
     time_unit: str | None,
     run: str | None,
+    levels: Sequence[str] | None = None,
 ) -> FileRuns:
     """Take the asked columns out of a table and cut them into runs.
 
-    ``clock`` is the name of the time column, or the sampling time in seconds.
+    ``clock`` is the name of the time column, or the sampling time in seconds. ``levels`` are
+    columns that label runs from outside, whose labels come first in those of a run, as a tuple;
+    if they are given, runs also begin where time starts anew and no column says so.
     """
     names = [*asked, clock] if isinstance(clock, str) else asked
     positions = [table.find(name) for name in names]
@@ -70,7 +74,7 @@ def runs_of(
     lengths = {name: len(values) for name, values in columns.items()}
     n_rows = lengths[asked[0]]
     if isinstance(clock, str):
-        per_second = _per_second(table, clock, time_unit)
+        per_second = per_second_of(table, clock, time_unit)
         time = found[-1] if per_second == 1 else found[-1] / per_second
         if time.shape[1] not in (1, n_runs):
             raise ValueError(
@@ -82,6 +86,13 @@ def runs_of(
         time = (np.arange(n_rows) * clock)[:, None]
     _check_lengths(table, lengths)
     channels = [values.reshape(-1, order="F") for values in found[: len(asked)]]
+    if levels is not None and n_runs == 1:
+        labels = combined_labels(table, run, labels, list(levels), time[:, 0], n_rows)
+        run = run or (levels[-1] if levels else table.names[positions[0]])
+        if labels is not None:
+            restart = not isinstance(clock, str)
+            return _split(table, run, labels, time[:, 0], channels, restart=restart)
+        run = None
     if labels is None or run is None:
         if labels is not None:
             _check_one_run(table, labels)
@@ -136,7 +147,8 @@ def _matrix(table: FileTable, position: int, raw: Any) -> np.ndarray:
     return values.reshape(shape)
 
 
-def _per_second(table: FileTable, time: str, stated: str | None) -> float:
+def per_second_of(table: FileTable, time: str, stated: str | None) -> float:
+    """Units of the clock in a second."""
     unit = stated or table.unit_of(table.find(time)) or "s"
     if unit not in _PER_SECOND:
         raise ValueError(
@@ -163,7 +175,7 @@ def _split(
     restart: bool,
 ) -> FileRuns:
     where = table.where(table.names[table.find(run)])
-    codes, labels = _labels(*coded, where)
+    codes, labels = plain_labels(coded, where)
     _check_lengths(table, {run: len(codes), "the channels": len(channels[0])})
     starts = np.append(0, np.flatnonzero(codes[1:] != codes[:-1]) + 1)
     order = codes[starts].tolist()
@@ -180,23 +192,3 @@ def _split(
     if restart:  # without a time column, every run starts at 0
         time = np.concatenate([time[:length] for length in lengths])
     return FileRuns(table.path, [labels[code] for code in order], lengths, time, channels)
-
-
-def _labels(codes: np.ndarray, found: list[Any], where: str) -> tuple[np.ndarray, list[Any]]:
-    """Labels as they are compared, and which of them each row has."""
-    known: dict[Any, int] = {}
-    missing = [-1]
-    places = []
-    for place, label in enumerate(found):
-        if pd.isna(label) or label == "":
-            missing.append(place)
-        elif isinstance(label, str):
-            label = label.strip()
-        # MATLAB numbers are floats: a run 1 there is the run 1 of a CSV file.
-        elif isinstance(label, float) and label.is_integer():
-            label = int(label)
-        places.append(known.setdefault(label, len(known)))
-    if len(missing) > 1 or codes.min(initial=0) < 0:
-        row = int(np.flatnonzero(np.isin(codes, missing))[0])
-        raise ValueError(f"{where} has no run label in row {row + 1}.")
-    return np.array(places, dtype=np.int32)[codes], list(known)

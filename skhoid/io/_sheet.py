@@ -38,12 +38,14 @@ def read_csv(path: Path) -> FileTable:
     def load(numbers: Sequence[int], labels: int | None) -> tuple[list[Any], Any]:
         plain = plain_columns(sheet, numbers, labels)
         if plain is not None:
-            sheet.refuse_long_cells(len(plain[0][0]))
+            columns, label = plain
+            if columns or label is not None:
+                sheet.refuse_long_cells(len(columns[0] if label is None else label[0]))
             return plain
-        columns = [sheet.column(position) for position in numbers]
-        return columns, None if labels is None else coded(sheet.column(labels))
+        found = [sheet.column(position) for position in numbers]
+        return found, None if labels is None else coded(sheet.column(labels))
 
-    return FileTable(path, names, load, note=note)
+    return FileTable(path, names, load, note=note, peek=sheet.peek)
 
 
 def _sheet(text: Text) -> Sheet:
@@ -127,6 +129,17 @@ class Sheet:
                 raise ValueError(self.wrong_row(str(error))) from error
         self.refuse_long_cells(len(cells))
         return cells
+
+    def peek(self, n_rows: int) -> list[Any]:
+        """The first cells of each column, as numbers where most of them are."""
+        options: dict[str, Any] = {"decimal": self.decimal or ",", "nrows": n_rows}
+        with self.text.open(self.skip) as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore", pd.errors.ParserWarning)
+            try:
+                cells = self.read(file, **options)
+            except pd.errors.ParserError as error:
+                raise ValueError(self.wrong_row(str(error)) or str(error)) from error
+        return [cells[position] for position in cells]
 
     def refuse_long_cells(self, n_rows: int) -> None:
         """Refuse quoted cells that go on in the next line: two stray quotes swallow the rows."""

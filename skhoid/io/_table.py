@@ -75,7 +75,7 @@ class FileTable:
 
     ``names`` may repeat; ``load`` takes positions in it, and that of a column of labels.
     ``unreadable`` says of a name what it is instead of numbers, and ``note`` is added to the error
-    about a name that is not there.
+    about a name that is not there. ``peek`` gives the first rows of every column, quickly.
     """
 
     path: Path
@@ -85,6 +85,7 @@ class FileTable:
     unreadable: dict[str, str] = field(default_factory=dict)
     note: str = ""
     kind: str = "column"
+    peek: Callable[[int], list[Any]] = field(default=lambda n: [])
 
     def where(self, name: str) -> str:
         """Name a column for an error message."""

@@ -12,13 +12,17 @@ import numpy as np
 import pandas as pd
 
 from .._sklearn import DT, checked
-from ..runs import run_index
+from ..runs import RUN, TIME, run_index
+from ..runs.roles import role_of
+from ._complaints import problems_of_files, problems_of_runs
+from ._guessing import guess_of
 from ._mat import read_mat
 from ._parquet import read_parquet
-from ._paths import Paths, expand_paths
+from ._paths import Paths, expand_paths, shown
 from ._runs import FileRuns, runs_of
 from ._sheet import read_csv
 from ._table import FileTable, split_header
+from .guess import ColumnGuess, UnclearColumnsError, where_of
 
 __all__ = ["read_runs"]
 
@@ -41,14 +45,17 @@ _READERS: dict[str, Callable[[Path], FileTable]] = {
 def read_runs(
     paths: Paths,
     *,
-    inputs: str | Sequence[str] | Mapping[str, str],
-    output: str | Mapping[str, str],
+    inputs: str | Sequence[str] | Mapping[str, str] | None = None,
+    output: str | Mapping[str, str] | None = None,
     time: str | None = None,
     run: str | None = None,
     units: Mapping[str, str] | None = None,
     dt: float | None = None,
 ) -> tuple[pd.DataFrame, pd.Series]:
     """Read recorded runs from CSV, Parquet or MATLAB files.
+
+    What is not named is guessed from headers and values, and one printed line says which column
+    was taken for what. Name inputs, output, and time or `dt`, and nothing is guessed.
 
     Nothing is resampled, sorted or left out: rows come as they are in the files, a missing value
     is NaN (no measurement). What skhoid asks of the clock is checked when a model is fitted;
@@ -62,19 +69,21 @@ def read_runs(
         (separator comma, semicolon or tab, one header row; a decimal comma is recognised where
         the separator is none), ``.parquet``, ``.pq``, ``.mat`` (version 5 and 7.3). Parquet and
         MAT 7.3 need ``pip install "skhoid[io]"``.
-    inputs : str, list of str, or dict
+    inputs : str, list of str, dict or None, default=None
         Input channels, the columns of `X`. A dict renames: ``{name in the file: channel}``.
         A column headed ``e [deg]`` or ``e (deg)`` is named ``"e"``, or by its whole header. In a
         MAT file a name is a variable, a dotted one (``"data.e"``) the field of a struct, whose
-        channel is called ``"e"`` unless another one is.
-    output : str or dict
-        The operator's output, as in `inputs`.
+        channel is called ``"e"`` unless another one is. None guesses, and names channels by
+        their roles, ``e``, ``x`` and ``f_t``; without an error, e = f_t - x is formed.
+    output : str, dict or None, default=None
+        The operator's output, as in `inputs`. None guesses, and names it ``u``.
     time : str or None, default=None
         Column of the time in seconds, or in the unit that `units` or its header states (s, ms,
-        us). None needs `dt`.
+        us). None is guessed unless `dt` is given.
     run : str or None, default=None
         Column of the run labels; the rows of a run must be contiguous. None means that each file
-        is one run, labelled by its name without extension.
+        is one run, labelled by its name without extension; where anything is guessed, it is
+        guessed too, with outer levels such as ``subject``.
     units : dict or None, default=None
         Units by channel (and of the time), for instance ``{"e": "deg", "time": "ms"}``. They
         override those of the headers. Only the time is ever converted.
@@ -124,12 +133,23 @@ def read_runs(
          0.01  1.25
     >>> y.to_list(), X.attrs["units"]
     ([0.0, -0.5, 0.0, -0.5], {'e': 'deg'})
+
+    With nothing named:
+
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     rows = "".join(f"{10 * k},{k % 7},{k % 5}\\n" for k in range(60))
+    ...     path = Path(folder) / "run1.csv"
+    ...     _ = path.write_text("Time [ms],Tracking error (deg),stick\\n" + rows)
+    ...     X, y = read_runs(path)
+    Columns: time "Time [ms]", error e "Tracking error (deg)", output u "stick"
     """
     if run is not None and not isinstance(run, str):
         raise TypeError(
             f"run= names one column; got {run!r}. For subjects or conditions read each by itself "
             'and join them: pd.concat({"S1": X1, "S2": X2}, names=["subject"]).'
         )
+    if inputs is None or output is None or (time is None and dt is None):
+        return _guessed(paths, inputs, output, time, run, units, dt)
     files = expand_paths(paths)
     channels = [*_wanted(inputs, "inputs"), *_wanted(output, "output")]
     if all(_READERS.get(path.suffix.lower()) is read_mat for path in files):
@@ -137,10 +157,23 @@ def read_runs(
     _check_names(channels)
     clock = _clock(time, dt)
     given = _check_units(units or {}, channels, time)
+    return _read(files, channels, clock, given, run)
+
+
+def _read(
+    files: list[Path],
+    channels: list[_Channel],
+    clock: str | float,
+    given: dict[str, str],
+    run: str | None,
+    levels: Mapping[str, str] | None = None,
+    opened: FileTable | None = None,
+) -> tuple[pd.DataFrame, pd.Series]:
+    """X and y of files; ``levels`` as in runs_of, with the names of their levels."""
     pieces: list[FileRuns] = []
     known: dict[str, tuple[str, Path]] = {}
     for path in files:
-        table = _open(path)
+        table = opened if opened is not None and opened.path == path else _open(path)
         pieces.append(
             runs_of(
                 table,
@@ -148,11 +181,111 @@ def read_runs(
                 clock=clock,
                 time_unit=given.get("time"),
                 run=run,
+                levels=None if levels is None else list(levels),
             )
         )
         _gather_units(table, channels, given, known)
+    if levels is not None:
+        pieces = _told_apart(pieces)
     _check_labels(pieces, run)
-    return _assemble(pieces, [channel.name for channel in channels], known)
+    return _assemble(
+        pieces, [channel.name for channel in channels], known, list((levels or {}).values())
+    )
+
+
+def _told_apart(pieces: list[FileRuns]) -> list[FileRuns]:
+    """Files that number their runs alike: the name of the file comes before the label."""
+    labels = [label for piece in pieces for label in piece.labels]
+    if len(set(labels)) == len(labels) or len({piece.path for piece in pieces}) < len(pieces):
+        return pieces
+
+    def named(piece: FileRuns, label: Any) -> Any:
+        own = label[-1] if isinstance(label, tuple) else label
+        text = (
+            shown(piece.path.stem) if len(piece.labels) == 1 else f"{shown(piece.path.stem)} {own}"
+        )
+        return (*label[:-1], text) if isinstance(label, tuple) else text
+
+    return [
+        replace(piece, labels=[named(piece, label) for label in piece.labels]) for piece in pieces
+    ]
+
+
+def first_table(paths: Paths) -> FileTable:
+    """The first of the files, opened."""
+    return _open(expand_paths(paths)[0])
+
+
+def _guessed(
+    paths: Paths,
+    inputs: Any,
+    output: Any,
+    time: str | None,
+    run: str | None,
+    units: Mapping[str, str] | None,
+    dt: float | None,
+) -> tuple[pd.DataFrame, pd.Series]:
+    """Read with a guess for what is not named, and print it."""
+    named = {} if inputs is None else {c.asked: c.name for c in _wanted(inputs, "inputs")}
+    roles = {asked: role_of(name) for asked, name in named.items()}
+    table = first_table(paths)
+    given: dict[str, Any] = {"roles": roles, "output": output, "time": time, "run": run}
+    guess = guess_of(table, paths, **given, units=units, dt=dt, signals=inputs is None)
+    if inputs is not None:
+        guess.channels = {asked: name for asked, name in named.items() if asked in guess.channels}
+    X, y = read_guessed(guess, table)
+    print(guess)
+    return X, y
+
+
+def read_guessed(
+    guess: ColumnGuess, opened: FileTable | None = None, *, irregular: bool = False
+) -> tuple[pd.DataFrame, pd.Series]:
+    """Read the files of a guess; one error tells all that is unclear or wrong in them.
+
+    ``irregular`` is for clocks that are to be resampled.
+    """
+    files = expand_paths(guess.paths)
+    failure: Exception | None = None
+    if not guess.problems:
+        try:
+            X, y = _read_guess(guess, files, opened)
+            problems = problems_of_runs(X, y, irregular=irregular)
+            if not problems:
+                return X, y
+        except ValueError as error:
+            failure = error
+    problems = [*guess.problems, *problems_of_files([_open(path) for path in files], guess)]
+    if not problems:
+        assert failure is not None
+        raise failure
+    raise UnclearColumnsError(where_of(files), problems, guess.columns) from failure
+
+
+def _read_guess(
+    guess: ColumnGuess, files: list[Path], opened: FileTable | None
+) -> tuple[pd.DataFrame, pd.Series]:
+    assert guess.output is not None
+    channels = [
+        _Channel(asked, name, renamed=True)
+        for asked, name in [*guess.channels.items(), guess.output]
+    ]
+    _check_names(channels)
+    clock = _clock(guess.time, guess.dt)
+    given = _check_units(guess.units, channels, guess.time)
+    X, y = _read(files, channels, clock, given, guess.run, guess.levels, opened)
+    if guess.error_from == "f_t - x":
+        names = {role_of(name, guess.roles): name for name in X.columns}
+        error = (X[names["f_t"]] - X[names["x"]]).rename("e")
+        attributes = {"units": {**X.attrs["units"]}}
+        unit = attributes["units"].get(names["x"])
+        if unit and unit == attributes["units"].get(names["f_t"]):
+            attributes["units"]["e"] = unit
+        X.insert(0, "e", error)
+        X.attrs = attributes
+    elif guess.error_from == "-e":
+        X["e"] = -X["e"]
+    return X, y
 
 
 @dataclass(frozen=True)
@@ -281,13 +414,16 @@ def _check_labels(pieces: list[FileRuns], run: str | None) -> None:
 
 
 def _assemble(
-    pieces: list[FileRuns], names: list[str], known: dict[str, tuple[str, Path]]
+    pieces: list[FileRuns],
+    names: list[str],
+    known: dict[str, tuple[str, Path]],
+    levels: list[str] | None = None,
 ) -> tuple[pd.DataFrame, pd.Series]:
     for piece in pieces:
         _check_instants(piece)
     labels = [label for piece in pieces for label in piece.labels]
     lengths = np.concatenate([piece.lengths for piece in pieces])
-    index = run_index(labels, lengths, _joined([piece.time for piece in pieces]))
+    index = _index(labels, lengths, _joined([piece.time for piece in pieces]), levels or [])
     # Each channel leaves the pieces as it is taken, so that all rows are in memory but once.
     output = _joined([piece.channels.pop() for piece in pieces])
     if len(names) == 2:
@@ -303,6 +439,24 @@ def _assemble(
     X.attrs["units"] = {name: units[name] for name in names[:-1] if name in units}
     y.attrs["units"] = {name: units[name] for name in names[-1:] if name in units}
     return X, y
+
+
+def _index(
+    labels: list[Any], lengths: np.ndarray, time: np.ndarray, levels: list[str]
+) -> pd.MultiIndex:
+    """The row index, with those of the outer levels that have more than one label."""
+    if not levels:
+        return run_index(labels, lengths, time)
+    inner = run_index(list(range(len(labels))), lengths, time)
+    parts = [pd.Categorical(list(column)) for column in zip(*labels, strict=True)]
+    names = [*levels, RUN]
+    kept = [k for k, part in enumerate(parts) if len(part.categories) > 1 or k == len(levels)]
+    return pd.MultiIndex(
+        levels=[*(parts[k].categories for k in kept), inner.levels[1]],
+        codes=[*(np.repeat(parts[k].codes, lengths) for k in kept), inner.codes[1]],
+        names=[*(names[k] for k in kept), TIME],
+        verify_integrity=False,
+    )
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:

@@ -34,7 +34,7 @@ from ._comparison import (
     residual_label,
     say_instead,
 )
-from ._display import figure_size
+from ._layout import figure_size
 from ._roles import GREY, ROLES, foreground
 from .noise_ceiling import ceiling_text, draw_ceiling_bar
 from .operating_point import draw_bins
@@ -188,7 +188,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
         entries["remnant"] = Patch(color=ROLES["remnant"].colour)
         entries[chance(self.false_alarm)] = Patch(color=GREY, alpha=0.35, lw=0)
         if place is None:
-            self._legend(list(entries.values()), list(entries), frameon=False)
+            self._legend(list(entries.values()), list(entries))
         else:
             place.set_axis_off()
             place.legend(

@@ -272,7 +272,7 @@ class EffectRankingDisplay(Display):
         for side in ("top", "right"):
             panel.spines[side].set_visible(False)
         if self.confused_:
-            self._legend_of_panels(frameon=False)
+            self._legend_of_panels()
 
     def _name(self, i: int, row: dict[str, Any], with_form: bool) -> Any:
         """Name of a candidate left of its bar, and its form, smaller."""

@@ -192,7 +192,7 @@ class IdentifiedEffectDisplay(Display):
         self.axes_[-1].set_xlabel(found.xlabel)
         title = wrapped(self._title_text(), letters_above(self.ax_))
         self.ax_.set_title(title, fontsize="medium")
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         if self._own:
             self._say_below(title)
         return self

@@ -74,13 +74,15 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
     explainable_gap: float
     ceiling_note: str = ""
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(self, ax: Any = None, *, bar_kw: dict[str, Any] | None = None) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        bar_kw : dict or None, default=None
+            Keywords of matplotlib for the parts of the bar.
 
         Returns
         -------
@@ -91,6 +93,7 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
         bar = draw_ceiling_bar(self.ax_, self, note=note if self.ceiling_note else "")
         self.parts_, self.texts_ = bar.parts, bar.texts
         self.ceiling_, self.interval_ = bar.ceiling, bar.interval
+        self._restyle({"bar": bar_kw}, bar=self.parts_)
         self.ax_.set_title(wrapped(ceiling_text(self), letters_above(self.ax_)), fontsize="medium")
         return self
 

@@ -29,7 +29,7 @@ def words_of(name: Any) -> list[str]:
     """Words of a name in lower case, without figures and plurals."""
     if not isinstance(name, str):
         return []
-    return [_singular(word.casefold()) for word in _WORD.findall(name)]
+    return [singular(word.casefold()) for word in _WORD.findall(name)]
 
 
 def label_word(name: Any) -> str:
@@ -78,5 +78,6 @@ def advances_evenly(values: np.ndarray) -> bool:
     return bool(typical > 0 and np.mean(np.abs(step / typical - 1) <= JITTER_TOLERANCE) >= TICKS)
 
 
-def _singular(word: str) -> str:
+def singular(word: str) -> str:
+    """A word without the s of a plural."""
     return word[:-1] if len(word) > 2 and word.endswith("s") else word

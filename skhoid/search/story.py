@@ -1,8 +1,10 @@
-"""``Story``: comparison and search in one, reported line by line as they run."""
+"""``Story``: comparison and search in one, the verdict first, reported as they run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from ..effects.base import Effect
 from ..effects.input_maps import AsymmetricGain, CubicGain, DeadZone
 from ..effects.offsets import Bias, Drift
 from ..effects.paths import Feedforward, OutputFeedback
+from ..effects.registry import title_of, titles_of
 from ..effects.time_variation import GainDrift, TimeVaryingGain
 from ..preprocessing.base import as_fitted
 from ..recordings.loss_of_control import sentences_of
@@ -47,8 +50,29 @@ HIDDEN: dict[str, Effect] = {
 SHOWN = 3  # candidates of a step, and findings of the comparison
 
 
+@dataclass(frozen=True)
+class StoryTable:
+    """A table of a story; ``ids`` are the names of its rows as one types them."""
+
+    title: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    kind: str
+    ids: Sequence[str]
+
+    def __str__(self) -> str:
+        """The table as plain text, its cells on one line each."""
+        rows = [[cell.replace("\n", ", ") for cell in row] for row in (self.headings, *self.rows)]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = [
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        ]
+        return "\n".join([self.title, *(f"  {line}" for line in lines)])
+
+
 class Story:
-    """Measured runs, baseline, comparison, search, and what is left, in plain sentences.
+    """Measured runs, search, verdict, and how far it goes, in plain sentences and tables.
 
     Parameters
     ----------
@@ -81,7 +105,7 @@ class Story:
     ...     effects=Bias(level=0.1),
     ... )
     >>> story = Story(EffectSearchCV(OperatorRegressor(), effects=["bias", "drift"]), X, y)
-    >>> lines = list(story.tell())
+    >>> lines = [str(block) for block in story.tell()]
     >>> lines[0]
     'Measured: 2 runs, 8192 rows at 50 Hz, 164 s in all'
     >>> story.search_.best_effects_
@@ -93,41 +117,46 @@ class Story:
         self.X = X
         self.y = y
 
-    def tell(self) -> Iterator[str]:
-        """Run the steps, and report each result as soon as it is known.
+    def tell(self) -> Iterator[str | StoryTable]:
+        """Run the steps, and report each result as soon as it is known, the verdict first.
 
         Yields
         ------
-        line : str
+        block : str or StoryTable
+            A line, or a table; both print as text.
         """
         estimator = self.search.estimator
         self._lost = control_of(estimator, self.X, self.search.lost_control, self.search.domain)
         self._kept = without_output(self.y, self._lost)
         self.baseline_ = clone(estimator).fit(self.X, self._kept)
         yield from self._measured()
-        yield from self._of_baseline()
+        yield ("Searching for what a linear model is missing (some 10 to 60 s) ...")
+        why_not = ""
         try:
             self.comparison_: Comparison | None = compare(self.baseline_, self.X, self._kept)
         except ValueError as error:
-            self.comparison_ = None
-            yield f"Comparison: not possible ({error})"
+            self.comparison_, why_not = None, str(error)
+        self.search_ = clone(self.search).fit(self.X, self.y)
+        yield from self._ended()
+        yield from self._searched()
+        yield ""
+        yield f"Without effects: {type(self.baseline_).__name__}, linear and constant in time"
+        if self.comparison_ is None:
+            yield f"  comparison with the measurement: not possible ({why_not})"
         else:
             yield from self._compared(self.comparison_)
-        self.search_ = clone(self.search).fit(self.X, self.y)
-        yield from self._searched()
-        yield from self._ended()
 
     def _measured(self) -> Iterator[str]:
         model = self.baseline_
         told = as_fitted(model)
         layout = read_layout(self.X, dt=told.dt, run=told.run)
         n_runs = len(layout.labels)
+        inputs = [str(name) for name in model.inputs_]
+        others = [str(c) for c in getattr(self.X, "columns", []) if str(c) not in inputs]
         yield (
             f"Measured: {counted(n_runs, 'run')}, {layout.n_rows} rows at {1 / layout.dt:.6g} Hz, "
             f"{layout.n_rows * layout.dt:.0f} s in all"
         )
-        inputs = [str(name) for name in model.inputs_]
-        others = [str(c) for c in getattr(self.X, "columns", []) if str(c) not in inputs]
         text = f"  input {', '.join(map(self._named, inputs))}, output {self._named(self._output)}"
         if others:
             text += f"; channels that effects may use: {', '.join(map(self._named, others))}"
@@ -148,39 +177,36 @@ class Story:
         unit = self.units.get(channel)
         return f"{channel} ({unit})" if unit else channel
 
-    def _of_baseline(self) -> Iterator[str]:
-        yield ""
-        yield f"Baseline: {type(self.baseline_).__name__}, linear and constant in time"
-        yield f"  {parameter_line(self.baseline_)}"
-
     def _compared(self, found: Comparison) -> Iterator[str]:
-        yield ""
-        yield "Comparison with the measurement"
         about = ""
         if found.mean_dominates:
             about = f" about zero, which is mostly the mean: {found.vaf_about_mean:.1f} % about it"
-        yield f"  the free run explains a VAF of {found.vaf:.1f} %{about}"
+        held_out = self.search_.error_path_["vaf"].iloc[0]
+        yield (
+            f"  simulated on the rows of its fit it has a VAF of {found.vaf:.1f} %{about}; held "
+            f"out it has {held_out:.1f} %, where it is fitted for simulation and not by likelihood"
+        )
         if np.isfinite(found.noise_ceiling):
             low, high = found.noise_ceiling_interval
             gap = max(found.explainable_gap, 0.0)
             left = f"{gap:.1f} points are left" if gap else "nothing is left, within its error"
             yield (
-                f"  a model of these channels can reach {found.noise_ceiling:.1f} % ({low:.1f} to "
-                f"{high:.1f}), judged by this model: {left}"
+                f"  noise ceiling on these rows, judged by this model: "
+                f"{found.noise_ceiling:.1f} % ({low:.1f} to {high:.1f}): {left}"
             )
             yield f"  the ceiling is {found.ceiling_note}"
         else:
             why = found.ceiling_note.removeprefix("none: ")
             yield f"  how much of the rest is remnant is not known: {why}"
-        for note in found.notes:
-            yield f"  note: {note}"
         for finding in found.findings[:SHOWN]:
             cost = f" ({finding.severity:.1f} points)" if np.isfinite(finding.severity) else ""
             # That nothing is missing is for the search to say.
             title = "No test exceeds chance" if finding.name == "none" else finding.title
             yield f"  - {title}{cost}"
+        for note in found.notes:
+            yield f"  note: {note}"
 
-    def _searched(self) -> Iterator[str]:
+    def _searched(self) -> Iterator[str | StoryTable]:
         search, path = self.search_, self.search_.error_path_
         unit = self.units.get(self._output)
         position = 0
@@ -190,42 +216,53 @@ class Story:
             verb = "does" if refused == 1 else "do"
             aside = f" ({refused} {verb} not apply)" if refused else ""
             yield ""
-            yield (
-                f"Search, step {number}: {counted(len(tried), 'effect')} tried{aside}, judged on "
-                "rows held out of the fit"
-            )
-            if number == 1:  # of a likelihood fit, above, it can be lower
-                yield (
-                    f"  without any, the best free run has a VAF of {path['vaf'].iloc[0]:.1f} %"
-                    f"{in_loop_text(path.iloc[0])}"
-                )
+            head = f"Search, step {number}: {counted(len(tried), 'effect')} tried{aside}"
+            head += ", judged on held-out rows"
             tried = tried[tried["delta_bic"].notna()]
-            for _, row in tried.head(SHOWN).iterrows():
-                yield f"  {candidate_line(row)}"
+            if tried.empty:
+                yield head
+            else:
+                yield candidates_table(tried.head(SHOWN), head)
+                if number == 1:
+                    yield (
+                        "  gain: points of VAF on held-out rows, by which the search ranks; the "
+                        "VAF below is of models fitted anew without the rows that they simulate. "
+                        "ΔBIC: BIC without the effect minus BIC with it."
+                    )
             for name in path["effect"].iloc[position + 1 :]:
                 added = candidates[(candidates["status"] == "added") & (_bare(name, candidates))]
                 if added.empty:
                     continue
                 position += 1
-                yield from _added(added.iloc[0], name, path.iloc[position - 1 : position + 1], unit)
+                yield from _added(added.iloc[0], path.iloc[: position + 1], unit)
                 break
             else:
                 if len(tried):
                     best = tried.iloc[0]
-                    yield (
-                        "  none pays: likelihood, held-out VAF and the closed loop, where it is "
-                        f"known, must say so; {best['effect']}: {best['reason']}"
-                    )
+                    yield f"  No effect is added. {title_of(best['effect'])}: {best['reason']}"
 
-    def _ended(self) -> Iterator[str]:
+    def _ended(self) -> Iterator[str | StoryTable]:
         search = self.search_
+        path, model = search.error_path_, search.best_estimator_
+        names = list(path["effect"].iloc[1:])
         yield ""
-        yield f"Verdict: {search.verdict_}"
-        path = search.error_path_
+        found = f": {titles_of(names)}" if names and "unknown" not in search.best_effects_ else ""
+        yield f"Verdict: {search.verdict_}{found}"
+        last = path.iloc[-1]
         if len(path) > 1:
-            vaf, in_loop = path["vaf"], in_loop_text(path.iloc[0], path.iloc[-1])
+            vaf, in_loop = path["vaf"], in_loop_text(path.iloc[0], last)
             yield f"  held-out VAF {vaf.iloc[0]:.1f} -> {vaf.iloc[-1]:.1f} %{in_loop}"
-            yield f"  {parameter_line(search.best_estimator_)}"
+        else:
+            yield f"  held-out VAF {last['vaf']:.1f} %{in_loop_text(last)}"
+        if np.isfinite(last["ceiling"]):
+            gap = max(last["explainable_gap"], 0.0)
+            left = (
+                f"left to explain: {gap:.1f} points" if gap >= 0.05 else "nothing left to explain"
+            )
+            yield f"  {left}, as any model could reach {last['ceiling']:.1f} % (the noise ceiling)"
+        else:
+            why = f": {search.ceiling_note_}" if search.ceiling_note_ else ""
+            yield f"  how much is left to explain is not known for held-out rows{why}"
         if search.stand_ins_:
             yield f"  {stand_ins_sentence(search.stand_ins_)}"
         if search.best_effects_[-1:] == ["unknown"]:
@@ -235,15 +272,10 @@ class Story:
                 yield f"  - {row['description']} ({row['where']}): {row['points']:.1f} points"
         if search.verdict_ in HOW_TO_GO_ON:
             yield f"  {HOW_TO_GO_ON[search.verdict_]}"
-        last = search.error_path_.iloc[-1]
-        if np.isfinite(last["ceiling"]):
-            gap = max(last["explainable_gap"], 0.0)
-            yield f"  left to explain: {gap:.1f} points of VAF; the rest is remnant"
-        else:
-            why = f": {search.ceiling_note_}" if search.ceiling_note_ else ""
-            yield f"  how much is left to explain is not known for held-out rows{why}"
         for sentence in (*search.experiments_, *search.notes_):
             yield f"  note: {sentence}"
+        yield ""
+        yield parameters_table(model, names)
 
     def as_dict(self) -> dict[str, Any]:
         """The same as numbers and names, for JSON.
@@ -289,26 +321,49 @@ def comparison_dict(found: Comparison) -> dict[str, Any]:
     }
 
 
-def parameter_line(model: Any) -> str:
-    """All estimated parameters of a model with standard errors and units, in one line."""
-    parts = []
+def parameters_table(model: Any, effects: Sequence[str] = ()) -> StoryTable:
+    """The estimated parameters of a model, those of its effects under their human names."""
+    rows = []
     for name, row in model.parameters_.iterrows():
-        if "__" in str(name) and row["sd"] == 0.0:  # given by the choice of a form
+        effect, _, own = str(name).partition("__")
+        if own and row["sd"] == 0.0:  # given by the choice of a form
             continue
-        parts.append(f"{name} = {Estimate.of(row)}")
-    return ", ".join(parts)
+        found = Estimate.of(row)
+        called = f"{title_of(effect)}: {own}" if own else str(name)
+        error = found.sd if found.known else ""
+        rows.append((str(name), called, found.value, error, found.unit, found.remark.strip(" ()")))
+    headings = ["parameter", "value", "±", "unit", ""]
+    shown = [list(row[1:]) for row in rows]
+    if not any(row[-1] for row in shown):
+        headings, shown = headings[:-1], [row[:-1] for row in shown]
+    beside = f" of the model with {titles_of(effects)}" if len(effects) else ""
+    title = f"Parameters{beside}, ± one standard error"
+    return StoryTable(title, headings, shown, "parameters", [row[0] for row in rows])
 
 
-def candidate_line(row: pd.Series) -> str:
-    """One candidate of a ranking: what it reaches, how likely it is, and its parameters."""
-    form = f" ({row['form']})" if row["form"] else ""
-    text = (
-        f"{row['rank']}. {row['effect']}{form}: VAF {row['vaf_after']:.2f} %, evidence "
-        f"{row['delta_bic']:+.0f}"
-    )
-    if np.isfinite(row["gain_loop"]):
-        text += f", in the closed loop {row['gain_loop']:+.2f} points"
-    return f"{text}; {row['parameters']}" if row["parameters"] else text
+def candidates_table(candidates: pd.DataFrame, title: str) -> StoryTable:
+    """The best candidates of a step: what each gains, how likely it is, and its numbers."""
+    in_loop = candidates["gain_loop"].notna().any()
+    headings = ["effect", "gain", "ΔBIC", "its numbers"]
+    if in_loop:
+        headings.insert(3, "in the loop")
+    rows = []
+    for _, row in candidates.iterrows():
+        form = f" ({row['form']})" if row["form"] else ""
+        numbers = "\n".join(re.split(r", (?=\w+ = )", row["parameters"] or ""))
+        cells = [f"{row['rank']}. {title_of(row['effect'])}{form}"]
+        cells.append(f"{row['vaf_gain']:+.2f}")
+        cells.append(f"{row['delta_bic']:+.0f}")
+        if in_loop:
+            known = np.isfinite(row["gain_loop"])
+            cells.append(f"{row['gain_loop']:+.2f}" if known else "")
+        rows.append([*cells, numbers])
+    return StoryTable(title, headings, rows, "candidates", list(candidates["effect"]))
+
+
+def p_text(p: float) -> str:
+    """A p-value: below 1e-6 nobody needs to know how far."""
+    return "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
 
 
 def _bare(name: str, candidates: pd.DataFrame) -> pd.Series:
@@ -316,16 +371,17 @@ def _bare(name: str, candidates: pd.DataFrame) -> pd.Series:
     return candidates["effect"] == name.split("-")[0]
 
 
-def _added(row: pd.Series, name: str, path: pd.DataFrame, unit: str | None) -> Iterator[str]:
-    before, after = path.iloc[0], path.iloc[1]
+def _added(row: pd.Series, path: pd.DataFrame, unit: str | None) -> Iterator[str]:
+    before, after = path.iloc[-2], path.iloc[-1]
     unit = f" {unit}" if unit else ""
-    yield f"  {name} is added: VAF {before['vaf']:.1f} -> {after['vaf']:.1f} %, RMSE " + (
-        f"{before['rmse']:.4g} -> {after['rmse']:.4g}{unit}, p = {row['p_value']:.1g}"
-        f"{in_loop_text(before, after)}"
+    yield (
+        f"  with {titles_of(path['effect'].iloc[1:])}: held-out VAF {before['vaf']:.1f} -> "
+        f"{after['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> {after['rmse']:.4g}{unit}, "
+        f"{p_text(row['p_value'])}{in_loop_text(before, after)}"
     )
     yield f"  {row['words']}"
     if row["confused_with"]:
-        yield f"  as good on these runs: {', '.join(row['confused_with'])}"
+        yield f"  as good on these runs: {titles_of(row['confused_with'])}"
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

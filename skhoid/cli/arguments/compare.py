@@ -10,13 +10,14 @@ from .shared import add_channel_options, add_file_options, add_output_options
 
 EXAMPLES = """\
 examples:
-  skhoid compare model.joblib run*.csv --time t
-  skhoid compare model.joblib run*.csv --time t --output u --x x --target f_t --run-in 5
-  skhoid compare model.joblib new.csv --time t --estimation old1.csv old2.csv --out compared.png
-  skhoid compare model.joblib new.csv --time t --domain machine --json --tables tables
+  skhoid compare model.joblib run*.csv
+  skhoid compare model.joblib run*.csv --output stick --x pitch --run-in 5
+  skhoid compare model.joblib new.csv --estimation old1.csv --out compared.png
+  skhoid compare model.joblib new.csv --domain machine --json --tables tables
 
-The model is what joblib.dump(model, "model.joblib") wrote after fit, in Python. Such a file can
-run any code when it is read: take it only from people you trust.
+The model is what joblib.dump(model, "model.joblib") wrote after fit, in Python.
+Such a file can run any code when it is read: take it only from people you
+trust.
 """
 
 
@@ -29,16 +30,17 @@ def add_compare(commands: Any) -> None:
         "Compare a model that was fitted and saved in Python with recorded runs: its free run, "
         "where it fails, the noise ceiling, and what to do next.",
         EXAMPLES,
+        "MODEL FILES [OPTIONS]",
     )
-    add = command.add_argument
+    add = command.section("Data")
     add("model", metavar="FILE", help="the fitted model, a file of joblib or pickle")
     add_file_options(add)
     add(
         "--input",
         nargs="+",
         metavar="NAME",
-        help="channels for the columns that the model was fitted on, in their order (default: "
-        "channels of the same names)",
+        help="columns for those that the model was fitted on, in their order (default: those of "
+        "the same names or roles)",
     )
     add_channel_options(add)
     add(
@@ -47,6 +49,7 @@ def add_compare(commands: Any) -> None:
         metavar="FILES",
         help="files that the model was fitted on, for the verdict on overfit",
     )
+    add = command.section("Comparison")
     add(
         "--domain",
         choices=["human", "machine"],
@@ -59,6 +62,7 @@ def add_compare(commands: Any) -> None:
         metavar="P",
         help="of each test (default: 0.01)",
     )
-    add("--out", metavar="FILE", help="draw the page of panels into this image file")
+    add = command.section("Output")
+    add("--out", metavar="FILE", help="draw the panels (.png, .pdf, .svg), or a page (.html)")
     add("--overwrite", action="store_true", help="replace that FILE if it exists")
     add_output_options(add)

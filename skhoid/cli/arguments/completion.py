@@ -9,8 +9,10 @@ from ..commands import add_command
 EXAMPLES = """\
 examples:
   skhoid completion bash > ~/.local/share/bash-completion/completions/skhoid
-  skhoid completion zsh > ~/.zfunc/_skhoid          with fpath=(~/.zfunc $fpath) before compinit
-  skhoid completion tcsh > ~/.skhoid.tcsh           and `source ~/.skhoid.tcsh` in ~/.tcshrc
+  skhoid completion zsh > ~/.zfunc/_skhoid
+                        with fpath=(~/.zfunc $fpath) before compinit in ~/.zshrc
+  skhoid completion tcsh > ~/.skhoid.tcsh
+                        with `source ~/.skhoid.tcsh` in ~/.tcshrc
 """
 
 
@@ -23,6 +25,7 @@ def add_completion(commands: Any) -> None:
         "Print a script for your shell, with which the tab key completes commands, "
         "options, files and names. Open a new shell afterwards.",
         EXAMPLES,
+        "SHELL",
     )
     command.add_argument("shell", choices=["bash", "zsh", "tcsh"], help="your shell")
     command.add_argument(

@@ -11,9 +11,9 @@ from .shared import add_output_options, add_plot_options, add_search_options
 
 EXAMPLES = """\
 examples:
-  skhoid demo                              a person with a dead zone and an offset
+  skhoid demo                    a person with a dead zone and an offset
   skhoid demo --effect saturation --remnant 0.2 --seed 3
-  skhoid demo --effect none                nothing is hidden: does it say so?
+  skhoid demo --effect none      nothing is hidden: does it say so?
 """
 
 
@@ -28,7 +28,7 @@ def add_demo(commands: Any) -> None:
         "with numbers at each step, and a report in the end.",
         EXAMPLES,
     )
-    add = command.add_argument
+    add = command.section("Data")
     add(
         "--effect",
         nargs="+",
@@ -39,7 +39,8 @@ def add_demo(commands: Any) -> None:
     add("--runs", type=at_least_one, default=4, metavar="N", help="number of runs (default: 4)")
     add("--remnant", type=not_negative, default=0.1, metavar="P", help="P_n (default: 0.1)")
     add("--seed", type=seed, default=0, metavar="N", help="of the simulation (default: 0)")
-    add_search_options(add)
+    add_search_options(command.section("Search"))
+    add = command.section("Output")
     add_plot_options(add, "skhoid-demo")
     add("--no-report", action="store_true", help="do not write report.html into that folder")
     add_output_options(add)

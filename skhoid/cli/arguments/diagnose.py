@@ -14,12 +14,13 @@ from .shared import (
 
 EXAMPLES = """\
 examples:
-  skhoid diagnose                          bundled recordings of a human tracker
-  skhoid diagnose run*.csv --input e --x x --target f_t --output u --time t
-  skhoid diagnose runs.mat --input data.e --output data.u --dt 0.01 --delay 0.28
-  skhoid diagnose sim.csv --input e --role roll=motion --time t --effects motion_feedback bias
-  skhoid diagnose stick.csv --input force --output angle --time t --core arx --na 2 --nb 2 --nk 1
-  skhoid diagnose run*.csv --input e --time t --report out.html --tables out
+  skhoid diagnose                     bundled recordings of a human tracker
+  skhoid diagnose run*.csv            columns are guessed, and said
+  skhoid diagnose run*.csv --output stick --x pitch --target command
+  skhoid diagnose runs.mat --dt 0.01 --delay 0.28
+  skhoid diagnose sim.csv --role roll=motion --effects motion_feedback bias
+  skhoid diagnose arm.csv --input force --output angle --core arx --nk 1
+  skhoid diagnose run*.csv --report out.html --tables out --format pdf
 """
 
 
@@ -33,9 +34,10 @@ def add_diagnose(commands: Any) -> None:
         "physical effects it is missing, on runs held out of the fit. Without files it uses four "
         "bundled recordings of a person tracking a target.",
         EXAMPLES,
+        "[FILES] [OPTIONS]",
     )
-    add = command.add_argument
-    add_recording_options(add)
+    add_recording_options(command)
+    add = command.section("Search")
     add_search_options(add)
     add(
         "--domain",
@@ -43,6 +45,7 @@ def add_diagnose(commands: Any) -> None:
         help="what was recorded: it decides the words, and which effects are tried (default: "
         "machine for an ARX model, unless it answers the error, target or x of a loop)",
     )
+    add = command.section("Output")
     add_plot_options(add, "skhoid-diagnose")
     add("--report", metavar="FILE", help="write a report, one HTML file")
     add("--overwrite", action="store_true", help="replace that FILE if it exists")

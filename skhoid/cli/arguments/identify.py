@@ -16,13 +16,13 @@ from .shared import (
 
 EXAMPLES = """\
 examples:
-  skhoid identify                          identify a bundled recording of a human tracker
-  skhoid identify run*.csv --input e --output u --time t
-  skhoid identify runs.mat --input data.e --output data.u --dt 0.01 --run-in 8.08
-  skhoid identify all.parquet --input e --output u --time t --run trial --validate 7 --json
-  skhoid identify run*.csv --input e --time t --na 2 --nb 2 --nk 29        nothing is searched
-  skhoid identify run*.csv --input e --time t --method iv --instruments f_t
-  skhoid identify run*.csv --input e --time t --memory-time 2.56           an operator who adapts
+  skhoid identify                        a bundled recording of a human tracker
+  skhoid identify run*.csv               columns are guessed, and said
+  skhoid identify runs.mat --dt 0.01 --run-in 8.08
+  skhoid identify all.parquet --run trial --validate 7 --json
+  skhoid identify run*.csv --na 2 --nb 2 --nk 29      nothing is searched
+  skhoid identify run*.csv --method iv --instruments f_t
+  skhoid identify run*.csv --memory-time 2.56         a person who adapts
 """
 LONGEST_DELAY = 0.5  # s
 
@@ -37,12 +37,18 @@ def add_identify(commands: Any) -> None:
         "validate its free run on held-out data: the last run, or the second half of a single "
         "run. Without files it uses a bundled recording of a person tracking a target.",
         EXAMPLES,
+        "[FILES] [OPTIONS]",
     )
-    add = command.add_argument
+    add = command.section("Data")
     add_file_options(add)
-    add("--input", nargs="+", metavar="NAME", help="input channels (default: e)")
-    add("--x", metavar="NAME", help="channel with the controlled element's output: the leak test")
-    add("--target", metavar="NAME", help="channel with the target f_t, for the same")
+    add(
+        "--input",
+        nargs="+",
+        metavar="NAME",
+        help="input columns; then no other channel is guessed (default: guessed, the error)",
+    )
+    add("--x", metavar="NAME", help="the controlled element's output, for the leak test")
+    add("--target", metavar="NAME", help="the target f_t, for the same")
     add_run_in(add)
     add_lost_control(add)
     add(
@@ -52,6 +58,7 @@ def add_identify(commands: Any) -> None:
         metavar="D",
         help="decimation factor (default: 1)",
     )
+    add = command.section("Search")
     add(
         "--longest-delay",
         type=positive,
@@ -81,6 +88,7 @@ def add_identify(commands: Any) -> None:
         choices=["one_step", "vaf"],
         help="which delay to go on with (default: one_step); both are printed",
     )
+    add = command.section("Model")
     several = "; one number, or one per input"
     add(
         "--nk",
@@ -110,21 +118,20 @@ def add_identify(commands: Any) -> None:
         metavar="NAME",
         help="of iv: channels from outside the loop (default: f_t)",
     )
-    memory = command.add_mutually_exclusive_group()
-    memory.add_argument(
+    add(
         "--memory-time",
         type=positive,
         metavar="S",
         help="also fit a model that follows changes, with a memory of this length",
     )
-    memory.add_argument(
-        "--memory-horizon", type=positive, metavar="N", help="the same in samples of the model"
-    )
+    add("--memory-horizon", type=positive, metavar="N", help="the same in samples of the model")
+    add = command.section("Validation")
     add("--validate", nargs="+", metavar="RUN", help="runs to hold out (default: the last)")
     add(
         "--keep-means",
         action="store_true",
         help="no intercept, and VAF with the means kept, as the thesis does",
     )
+    add = command.section("Output")
     add_plot_options(add, "skhoid-identify")
     add_output_options(add)

@@ -9,10 +9,10 @@ from .shared import add_output_options, add_recording_options, add_search_option
 
 EXAMPLES = """\
 examples:
-  skhoid report                            about bundled recordings of a human tracker
-  skhoid report run*.csv --input e --x x --target f_t --output u --time t --out monday.html
-  skhoid report run*.csv --input e --time t --effects none         the model as it is, no search
-  skhoid report run*.csv --input e --time t --title "Subject 3" --overwrite --tables tables
+  skhoid report                            bundled recordings of a human tracker
+  skhoid report run*.csv --out monday.html
+  skhoid report run*.csv --effects none    the model as it is, no search
+  skhoid report run*.csv --title "Subject 3" --overwrite --tables tables
 """
 
 
@@ -26,10 +26,11 @@ def add_report(commands: Any) -> None:
         "no network: data, model, comparison, ranking, error, parameters, and what to do next. "
         "Without files it uses four bundled recordings of a person tracking a target.",
         EXAMPLES,
+        "[FILES] [OPTIONS]",
     )
-    add = command.add_argument
-    add_recording_options(add)
-    add_search_options(add, "; none: no search")
+    add_recording_options(command)
+    add_search_options(command.section("Search"), "; none: no search")
+    add = command.section("Output")
     add("--title", metavar="TEXT", help="title of the report")
     add("--out", default="report.html", metavar="FILE", help="the file (default: report.html)")
     add("--overwrite", action="store_true", help="replace FILE if it exists")

@@ -10,6 +10,7 @@ from ..options import count, not_negative, order, positive, samples
 OF_CORE = {"operator": ["delay"], "arx": ["na", "nb", "nk"]}
 MAX_EFFECTS = 4
 TABLES = "tsv"
+PICTURES = ("png", "pdf", "svg")
 
 
 def add_file_options(add: Callable[..., Any]) -> None:
@@ -19,11 +20,11 @@ def add_file_options(add: Callable[..., Any]) -> None:
         nargs="*",
         default=(),
         metavar="FILES",
-        help="CSV, Parquet or MAT files, or patterns",
+        help="CSV, Parquet or MAT files, or patterns; their columns are guessed, and said",
     )
-    add("--output", metavar="NAME", help="output channel (default: u)")
-    add("--time", metavar="NAME", help="time channel, in seconds")
-    add("--run", metavar="NAME", help="column with run labels (default: one file is one run)")
+    add("--output", metavar="NAME", help="output column (default: guessed)")
+    add("--time", metavar="NAME", help="time column, in seconds (default: guessed)")
+    add("--run", metavar="NAME", help="column with run labels (default: guessed, or each file)")
     add(
         "--dt",
         type=positive,
@@ -46,8 +47,8 @@ def add_file_options(add: Callable[..., Any]) -> None:
 
 def add_channel_options(add: Callable[..., Any]) -> None:
     """Options that say which channels there are besides inputs and output, and the run-in."""
-    add("--x", metavar="NAME", help="channel with the controlled element's output")
-    add("--target", metavar="NAME", help="channel with the target f_t")
+    add("--x", metavar="NAME", help="the controlled element's output (default: guessed)")
+    add("--target", metavar="NAME", help="the target f_t (default: guessed)")
     add(
         "--role",
         action="append",
@@ -69,16 +70,22 @@ def add_run_in(add: Callable[..., Any]) -> None:
     )
 
 
-def add_recording_options(add: Callable[..., Any]) -> None:
+def add_recording_options(command: Any) -> None:
     """Options of files, their channels, and the model."""
+    add = command.section("Data")
     add_file_options(add)
-    add("--input", metavar="NAME", help="input channel, the error (default: e)")
+    add(
+        "--input",
+        metavar="NAME",
+        help="the error, or else the target; then no other channel is guessed (default: guessed)",
+    )
     add_channel_options(add)
     add(
         "--remove-means",
         action="store_true",
         help="subtract the mean of each channel first, for positions far from zero",
     )
+    add = command.section("Model")
     add(
         "--core",
         choices=list(OF_CORE),
@@ -126,6 +133,12 @@ def add_plot_options(add: Callable[..., Any], folder: str) -> None:
     """Options of the plots."""
     add("--out", metavar="FOLDER", help=f"for the plots (default: {folder})")
     add("--no-pictures", action="store_true", help="draw nothing")
+    add_format(add)
+
+
+def add_format(add: Callable[..., Any]) -> None:
+    """The option that says in which format pictures are drawn."""
+    add("--format", choices=PICTURES, help="format of the pictures (default: png)")
 
 
 def add_output_options(add: Callable[..., Any], tables: bool = True) -> None:

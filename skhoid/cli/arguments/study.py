@@ -6,18 +6,17 @@ from typing import Any
 
 from ..commands import add_command
 from ..options import at_least_one, not_negative, positive, seed, workers
-from .shared import add_file_options, add_output_options, add_table_format
+from .shared import add_file_options, add_format, add_output_options, add_table_format
 
 EXAMPLES = """\
 examples:
   skhoid study list
   skhoid study fig13 --replications 20 --jobs 2
-  skhoid study fig13 --replications 100 --jobs 2 --out studies
-                                           kept as it goes; the same command goes on where it was
+  skhoid study fig13 --replications 100 --out studies    kept, and resumed
   skhoid study fig9 --conditions C1 --intensities 0 0.15 0.3
   skhoid study recommend --conditions C4 --intensities 0.15 --rate 50
-  skhoid study experiment                  three simulated subjects, six conditions, seven runs
-  skhoid study experiment s1_*.csv --input e --output u --time t --measurement-time 81.92
+  skhoid study experiment              three simulated subjects, six conditions
+  skhoid study experiment s1_*.csv --measurement-time 81.92
 """
 TABLES = "csv"
 
@@ -33,12 +32,16 @@ def add_study(commands: Any) -> None:
         "subjects, conditions and runs (simulated, or your files of one subject and condition); "
         "'recommend' finds the memory horizon for an experiment to come.",
         EXAMPLES,
+        "NAME [FILES] [OPTIONS]",
     )
-    add = command.add_argument
+    add = command.section("Data")
     add(
         "name", metavar="NAME", help="fig9, fig10, fig12 ... (see list), all, experiment, recommend"
     )
     add_file_options(add)
+    add("--input", metavar="NAME", help="input column of files (default: guessed)")
+    add("--measurement-time", type=positive, metavar="S", help="keep the end of runs of files")
+    add = command.section("Study")
     add("--replications", type=at_least_one, metavar="M", help="runs of each cell (default: 100)")
     add("--validation", type=at_least_one, metavar="V", help="validation runs (default: 10)")
     add("--conditions", nargs="+", metavar="C", help="such as C1 C4")
@@ -49,11 +52,11 @@ def add_study(commands: Any) -> None:
     add("--subjects", type=at_least_one, metavar="N", help="of experiment (default: 3)")
     add("--runs", type=at_least_one, metavar="N", help="of experiment (default: 7)")
     add("--last", type=at_least_one, metavar="N", help="runs used (default: 5)")
-    add("--input", metavar="NAME", help="input channel of files (default: e)")
-    add("--measurement-time", type=positive, metavar="S", help="keep the end of runs of files")
     add("--seed", type=seed, metavar="N", help="of the simulation (default: 0)")
     add("--jobs", type=workers, metavar="N", help="workers (default: 1; -1: all processors)")
+    add = command.section("Output")
     add("--out", metavar="FOLDER", help="keep blocks, tables and plots in FOLDER/NAME")
     add("--no-pictures", action="store_true", help="draw nothing")
+    add_format(add)
     add_table_format(add, TABLES)
     add_output_options(add, tables=False)
