@@ -88,5 +88,5 @@ def test_one_is_not_many(runs):
     X.iloc[200] = np.nan
     assert "1 row in which the output is missing is left out" in compare(model, runs[0], y).notes
     (missing,) = check_channels(X, dt=0.04)
-    assert missing.title == "x misses 1 sample"
+    assert missing.title == "x has 1 missing sample"
     assert "rows is NaN or infinite, the longest stretch 1 row (0.04 s)" in missing.evidence

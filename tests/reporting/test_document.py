@@ -483,4 +483,4 @@ def test_lost_control_is_left_out_and_said():
     page = report(OperatorRegressor(0.28), X, y, effects="bias")
     assert page.comparison.vaf > 90
     assert "lost control" in [finding.name for finding in page.comparison.findings]
-    assert "is left out of fit and judgement, because control was lost" in page.html
+    assert "is left out of fits and scores, because control was lost" in page.html
