@@ -108,8 +108,9 @@ def _save_panel(figure: Any, number: int, file: Path) -> None:
             label.set_size("small")
         if axes.get_legend():
             axes.get_legend().remove()
-    for artist in (*figure.legends, *figure.texts):
-        artist.set(visible=False, in_layout=False)
+    for artist in [*figure.legends, *figure.texts]:  # room is kept for legends that are hidden
+        artist.remove()
+    figure.suptitle("")
     figure.set_size_inches(*THUMBNAIL)
     figure.set_layout_engine("constrained")
     file.parent.mkdir(parents=True, exist_ok=True)
