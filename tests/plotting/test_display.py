@@ -9,7 +9,6 @@ import pytest
 from skhoid import plotting
 from skhoid.plotting._display import Display
 
-
 DISPLAYS = [name for name in plotting.__all__ if name.endswith("Display")]
 
 
