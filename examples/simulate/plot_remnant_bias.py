@@ -68,6 +68,8 @@ print(f"true parameters: {dict(zip(NAMES, truth.round(4).tolist(), strict=True))
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE
+
 COLORS = dict(zip(FILTERS, PALETTE, strict=False))
 TITLES = {order: f"$H_n^{{{order}}}$" for order in FILTERS}
 

@@ -113,6 +113,11 @@ def series_colour(position: int) -> str:
     return PALETTE[position % len(PALETTE)]
 
 
+def remnant_colour(order: object) -> str:
+    """The colour of a remnant filter: of orders 1 to 4 and "nm", in each picture the same."""
+    return PALETTE[(*map(str, range(1, 5)), "nm").index(str(order))]
+
+
 def scaled(width: float) -> float:
     """A line's width in points, wider or thinner as ``lines.linewidth`` is than its default."""
     return width * mpl.rcParams["lines.linewidth"] / DEFAULTS["lines.linewidth"]
