@@ -6,17 +6,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
+import matplotlib as mpl
 import numpy as np
 
-from ._axes import parameter_symbol, seconds_axis
+from ._axes import letters_across, parameter_symbol, seconds_axis
 from ._checks import fitted_end
-from ._display import Display
+from ._display import Display, figure_size
 from ._roles import GREY, dimmed, foreground, scaled, series_colour, sized
 
 STYLES = ("-", "--", "-.", ":")
 LONGEST = 1e6  # samples; a longer horizon is as good as infinite
 DECADES = np.array([10.0, 1000.0])  # samples, shown where all horizons are infinite
 MOSTLY = 90  # percent of the horizons of a factor that varies are inside the panel
+SIZE = (6.4, 3.4)  # inches
+NARROW = 66  # letters across a figure, below which the panels are below each other
+HEIGHT = 6.0  # inches of a narrow figure, of a font of 10 points
 SHOWN = 4  # memory horizons of the past, by default
 
 
@@ -196,9 +200,14 @@ class ForgettingProfileDisplay(Display):
         -------
         self : ForgettingProfileDisplay
         """
+        narrow = letters_across(figure_size(SIZE, 1)[0]) < NARROW
+        shape, ratios = ((2, 1), None) if narrow else ((1, 2), (1.3, 1))
         self.axes_ = self._take_axes(
-            ax, "weights, and memory horizon", (1, 2), figsize=(6.4, 3.4), width_ratios=(1.3, 1)
+            ax, "weights, and memory horizon", shape, figsize=SIZE, width_ratios=ratios
         )
+        if self._own and narrow:
+            letter = mpl.rcParams["font.size"] / 10.0
+            self.figure_.set_figheight(max(self.figure_.get_figheight(), HEIGHT * letter))
         self._draw_weights(self.axes_[0])
         self._draw_horizons(self.axes_[1])
         self._legend_of_panels()
