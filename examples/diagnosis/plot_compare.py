@@ -55,8 +55,8 @@ print(comparison.summary())
 # -------------
 # The upper panel shares out the points lost among windows of the run. Vermilion is what repeats
 # over runs by more than chance: misfit. The rest is remnant, and there is more of it after 41 s. In
-# the lower panel the grey band is what the residual's power would do by chance if nothing changed. Dashed
-# lines are changes that a test finds, after it has paid for looking everywhere.
+# the lower panel the grey band is what the residual's power would do by chance if nothing changed.
+# Dashed lines are changes that a test finds, after it has paid for looking everywhere.
 
 from skhoid.plotting import ResidualTimeDisplay
 

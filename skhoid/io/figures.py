@@ -27,8 +27,7 @@ def save_figure(
     import matplotlib.pyplot as plt
 
     path = Path(path)
-    with written_whole(path) as aside:
-        with mpl.rc_context(EMBEDDED):
-            figure.savefig(aside, dpi=DPI, metadata=metadata)
+    with written_whole(path) as aside, mpl.rc_context(EMBEDDED):
+        figure.savefig(aside, dpi=DPI, metadata=metadata)
     plt.close(figure)
     return path

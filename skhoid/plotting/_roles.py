@@ -138,7 +138,8 @@ def series_colour(position: int) -> str:
 
 def remnant_colour(order: object) -> str:
     """The colour of a remnant filter: of orders 1 to 4 and "nm", in each picture the same."""
-    return PALETTE[(*map(str, range(1, 5)), "nm").index(str(order))]
+    known = ("1", "2", "3", "4", "nm")
+    return PALETTE[known.index(str(order))] if str(order) in known else GREY
 
 
 def scaled(width: float) -> float:

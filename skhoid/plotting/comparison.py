@@ -188,7 +188,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
         entries["remnant"] = Patch(color=ROLES["remnant"].colour)
         entries[chance(self.false_alarm)] = Patch(color=GREY, alpha=0.35, lw=0)
         if place is None:
-            self._legend(list(entries.values()), list(entries), frameon=False)
+            self._legend(list(entries.values()), list(entries))
         else:
             place.set_axis_off()
             place.legend(
