@@ -34,7 +34,7 @@ from ._comparison import (
     residual_label,
     say_instead,
 )
-from ._display import figure_size
+from ._layout import figure_size
 from ._roles import GREY, ROLES, foreground
 from .noise_ceiling import ceiling_text, draw_ceiling_bar
 from .operating_point import draw_bins

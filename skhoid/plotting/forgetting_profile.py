@@ -11,7 +11,8 @@ import numpy as np
 
 from ._axes import letters_across, parameter_symbol, seconds_axis
 from ._checks import fitted_end
-from ._display import Display, figure_size
+from ._display import Display
+from ._layout import figure_size
 from ._roles import GREY, dimmed, foreground, scaled, series_colour, sized
 
 STYLES = ("-", "--", "-.", ":")

@@ -88,13 +88,12 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
         -------
         self : NoiseCeilingDisplay
         """
-        styles = {"bar": bar_kw}
         (self.ax_,) = self._take_axes(ax, "the bar", figsize=(6.4, 2.2))
         note = wrapped(f"Noise ceiling {self.ceiling_note}", letters(self.figure_))
         bar = draw_ceiling_bar(self.ax_, self, note=note if self.ceiling_note else "")
         self.parts_, self.texts_ = bar.parts, bar.texts
         self.ceiling_, self.interval_ = bar.ceiling, bar.interval
-        self._restyle(styles, bar=self.parts_)
+        self._restyle({"bar": bar_kw}, bar=self.parts_)
         self.ax_.set_title(wrapped(ceiling_text(self), letters_above(self.ax_)), fontsize="medium")
         return self
 

@@ -22,7 +22,7 @@ from ._comparison import (
     residual_label,
     say_instead,
 )
-from ._display import figure_size
+from ._layout import figure_size
 from ._roles import GREY, ROLES, dimmed, scaled, sized
 
 COLUMNS = 3
