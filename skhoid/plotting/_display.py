@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Real
 from typing import Any, Self
 
 import matplotlib as mpl
@@ -19,6 +20,7 @@ from matplotlib.axes import Axes
 from ._axes import HANDLE, legend_columns, legend_entries, legend_inside, letters, wrapped
 from ._roles import DEFAULTS
 
+MOST_TOLD = 4  # fields in a repr
 LEAST_ROW = 1.1  # inches that a row of panels takes at least, at a font size of 10 points
 
 
@@ -32,6 +34,12 @@ class Display:
 
     def plot(self, *args: Any, **kwargs: Any) -> Self:
         raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """What it shows, in short: single values, and the sizes of tables."""
+        told = [_in_short(field.name, getattr(self, field.name)) for field in fields(self)]
+        shown = ", ".join([text for text in told if text][:MOST_TOLD])
+        return f"<{type(self).__name__}{shown and f': {shown}'}>"
 
     def _take_axes(
         self,
@@ -105,6 +113,20 @@ def figure_size(default: tuple[float, float], rows: int) -> tuple[float, float]:
     letter = mpl.rcParams["font.size"] / DEFAULTS["font.size"]
     height = default[1] * set_[1] / own[1]
     return set_[0], max(height, LEAST_ROW * letter * (rows + 0.5)) if rows > 1 else height
+
+
+def _in_short(name: str, value: Any) -> str:
+    """A field in a repr; nothing for what is not known, or not short."""
+    if isinstance(value, str):
+        return f"{name} {value!r}" if 0 < len(value) <= 30 else ""
+    if isinstance(value, bool | np.bool_):
+        return f"{name} {value}"
+    if isinstance(value, Real):
+        return f"{name} {float(value):.4g}" if np.isfinite(float(value)) else ""
+    if hasattr(value, "columns"):
+        return f"{name} of {len(value)} rows"
+    shape = np.shape(value) if hasattr(value, "shape") else ()
+    return f"{name} of {' x '.join(map(str, shape))} values" if shape else ""
 
 
 def _given_axes(ax: Any, allowed: Sequence[int], shows: str) -> list[Axes]:
