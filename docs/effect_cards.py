@@ -13,14 +13,14 @@ from typing import Any
 import pandas as pd
 from docutils import nodes
 from effect_examples import EXAMPLES
-from effect_pictures import picture
+from effect_pictures import key_of, picture
 from jinja2 import Environment, FileSystemLoader
 from sphinx.util.docutils import SphinxDirective
 
 from skhoid.effects import Dimension, Effect, title_of
 from skhoid.effects.catalogue import BY_NAME, CLASSES
 from skhoid.effects.composition import PLACES
-from skhoid.search.explanations import EXPERIMENTS
+from skhoid.search.explanations import ANY_EXPERIMENT, EXPERIMENTS
 
 DOCS = Path(__file__).parent
 UNITS = {"u": "[u]", "e": "[e]"}
@@ -128,6 +128,7 @@ def card(name: str, uri: Any) -> str:
         also_at=" or ".join(f"the {at}" for at in effect.choices.get("at", ())[1:]),
         is_for=is_for(effect),
         pictures=[(form_of(example), picture(example)) for example in examples],
+        key=key_of(examples[0]),
         several=len(examples) > 1,
         parameters=parameters,
         signals=signals_of(parameters, "the error" if "human" in effect.domains else "the input"),
@@ -139,6 +140,23 @@ def card(name: str, uri: Any) -> str:
         estimate=f'{model}effects="{name}").fit(X, y)',
         given=re.sub(r"\s+", " ", repr(examples[0])).replace("'", '"'),
     )
+
+
+def pairs() -> str:
+    """Effects that are taken for each other, and what tells them apart, as reStructuredText."""
+    rows = [
+        (" and ".join(_linked(name) for name in sorted(pair)), told)
+        for pair, told in EXPERIMENTS.items()
+    ]
+    rows.append(("others", ANY_EXPERIMENT))
+    lines = [".. list-table::", "   :header-rows: 1", "", "   * - effects", "     - told apart by"]
+    for named, told in rows:
+        lines += [f"   * - {named}", f"     - {told}"]
+    return "\n".join(lines)
+
+
+def _linked(name: str) -> str:
+    return f":doc:`{title_of(name)} </{page_of(BY_NAME[name])}>`"
 
 
 # The numbers of the map: the way of a signal, and what is inside a machine last.
@@ -162,7 +180,7 @@ def grid(place: str, uri: Any) -> str:
 
 
 class _Directive(SphinxDirective):
-    required_arguments = 1
+    optional_arguments = 1
 
     def uri(self, document: str) -> str:
         """The address of a document, seen from this page."""
@@ -171,7 +189,7 @@ class _Directive(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         for module in ("effect_cards", "effect_examples", "effect_pictures"):
             self.env.note_dependency(str(DOCS / f"{module}.py"))
-        return self.made(self.arguments[0])
+        return self.made(" ".join(self.arguments))
 
     def made(self, argument: str) -> list[nodes.Node]:
         raise NotImplementedError
@@ -192,6 +210,13 @@ class EffectCard(_Directive):
         return self.parse_text_to_nodes(card(name, self.uri))
 
 
+class EffectPairs(_Directive):
+    """``effect-pairs::``."""
+
+    def made(self, argument: str) -> list[nodes.Node]:
+        return self.parse_text_to_nodes(pairs())
+
+
 def give_titles(app: Any, config: Any) -> None:
     """Pages of effects are titled as people call them."""
     config.autosummary_context = {
@@ -203,6 +228,7 @@ def give_titles(app: Any, config: Any) -> None:
 def setup(app: Any) -> dict[str, Any]:
     app.add_directive("effect-grid", EffectGrid)
     app.add_directive("effect-card", EffectCard)
+    app.add_directive("effect-pairs", EffectPairs)
     app.connect("config-inited", give_titles)
     app.add_css_file("effects.css")
     return {"parallel_read_safe": True, "parallel_write_safe": True}

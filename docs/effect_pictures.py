@@ -18,6 +18,7 @@ from skhoid.plotting.identified_effect import _runs
 
 WIDTH, HEIGHT = 240, 150
 LEFT, RIGHT, TOP, BOTTOM = 10, 230, 26, 128
+KINDS = ("with", "also")  # classes of the lines with the effect, of effects.css
 STRAIGHT = 0.1  # of a unit of the picture, off a line through its neighbours
 
 
@@ -60,13 +61,19 @@ def picture(effect: Effect, labels: bool = True) -> str:
     )
 
 
+def key_of(effect: Effect) -> list[tuple[str, str]]:
+    """Class and words of each line of its picture."""
+    names = [name.split(":")[0] for name in curves_of(effect).curves]
+    words = ["with the effect"] if len(names) == 1 else [f"with the effect: {n}" for n in names]
+    return [*zip(KINDS, words, strict=False), ("without", "without")]
+
+
 @cache
 def drawn(effect: Effect) -> tuple[str, str, str]:
     """Its curves as parts of an SVG, and the labels of the axes."""
     found = curves_of(effect)
     logarithmic = found.kind == "gain"
-    kinds = ("with", "also")
-    lines = [(c.x, c.y, kind) for c, kind in zip(found.curves.values(), kinds, strict=False)]
+    lines = [(c.x, c.y, kind) for c, kind in zip(found.curves.values(), KINDS, strict=False)]
     lines.append((found.without.x, found.without.y, "without"))
     if logarithmic:
         lines = [(np.log10(x), np.log10(y), kind) for x, y, kind in lines]

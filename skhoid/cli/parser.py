@@ -22,6 +22,7 @@ examples:
   skhoid simulate --remnant 0.1 --out runs.csv
   skhoid compare model.joblib run*.csv
   skhoid study fig13 --replications 20
+  skhoid completion bash
 
 `skhoid COMMAND --help` has more. Without files, identify, diagnose and report
 use bundled recordings.

@@ -91,11 +91,9 @@ def print_source(options: argparse.Namespace, source: str) -> None:
         print_wrapped(str(guess))
 
 
-def print_block(
-    block: str | StoryTable, options: argparse.Namespace, truth: dict[str, float] | None
-) -> None:
+def print_block(block: str, options: argparse.Namespace, truth: dict[str, float] | None) -> None:
     """Print a line or a table of a story."""
-    if isinstance(block, str):
+    if not isinstance(block, StoryTable):
         show = print_bold if block.startswith("Verdict: ") else print_wrapped
         show(reworded(block, options))
         return
@@ -105,7 +103,7 @@ def print_block(
         for row, name in zip(rows, block.ids, strict=True):
             row.insert(1, f"{truth[name]:.4g}" if name in truth else "")
     left = ("effect", "parameter", "unit", "its numbers", "")
-    print_table(block.title, headings, rows, left=left, folded=("effect",))
+    print_table(block.caption, headings, rows, left=left, folded=("effect",))
 
 
 def element_of(text: str | None) -> Any:

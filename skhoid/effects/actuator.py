@@ -182,7 +182,7 @@ class Backlash(Effect):
     physics = "There is play between hand and stick, or in the linkage."
     machine_physics = "There is play in the gears or the linkage."
     formula = "u' stays while |u - u'| < gap, and follows at that distance"
-    tex = r"u' \text{ stays while } |u - u'| < \mathrm{gap}, \text{ and follows at that distance}"
+    tex = r"u'_k = \min(\max(u'_{k-1},\, u_k - \mathrm{gap}),\, u_k + \mathrm{gap})"
     source = "Gelb and Vander Velde (1968)"
     parameters = (Parameter("gap", U, 0.01, 2.0, (0.1, 0.3), "half-width of the play"),)
     neutral = {"gap": 0.0}
@@ -227,8 +227,8 @@ class Stiction(Effect):
     machine_physics = "The output sticks, breaks away and slides, or sticks again."
     formula = "u' stays while |u - u'| < breakaway, then follows kinetic * breakaway behind"
     tex = (
-        r"u' \text{ stays while } |u - u'| < \mathrm{breakaway}, \text{ then follows }"
-        r"\mathrm{kinetic} \cdot \mathrm{breakaway} \text{ behind}"
+        r"u' = \begin{cases} \text{constant} & \text{while } |u - u'| < \mathrm{breakaway} \\"
+        r" u \mp \mathrm{kinetic} \cdot \mathrm{breakaway} & \text{then} \end{cases}"
     )
     source = "Armstrong-Helouvry et al. (1994)"
     parameters = (

@@ -269,6 +269,11 @@ class _Guess:
             for column in runs[:-1]:
                 guess.levels[self._take(column.position).header] = "block"
         found.pop("run", None)
+        if guess.run is None:  # then the innermost label that there is
+            for level in ("block", "session"):
+                if level in found and self.table.kind == "column":
+                    guess.run = self._take(found.pop(level)[0].position).header
+                    break
         for level in ("subject", "session", "condition", "block"):
             for column in found.get(level, ())[:1]:
                 if level not in guess.levels.values():
@@ -345,6 +350,16 @@ class _Guess:
             elif not _equal(signals["e"], difference) and np.isfinite(difference).any():
                 guess.remarks.append("e is not f_t - x in this file, and is taken as it is")
 
+    def _nameless(self) -> list[_Column]:
+        """Signals whose names do not say what they are."""
+        return [
+            c
+            for c in self._signals()
+            if not self._is_count(c)
+            and max(roles_by_name(c.header).values(), default=0) < STRONG
+            and np.nanstd(c.numbers) > 0
+        ]
+
     def _say_ties(self) -> None:
         for role, columns in self.tied.items():
             names = ", ".join(quoted(c.header) for c in columns)
@@ -361,7 +376,7 @@ class _Guess:
         guess, tied = self.guess, self.tied
         there = set(self.signals) | known | set(tied)
         if not output_known and "u" not in there:
-            left = [c for c in self._signals() if not self._is_count(c)]
+            left = self._nameless()
             place = self.found.get("x")
             options = [("output", c.header) for c in left[:4]]
             text = "No column is by its name the output u, what the person did."
@@ -369,8 +384,8 @@ class _Guess:
                 text += " If the person moves x itself, that is the output:"
                 options = [("output", place.header)]
             guess.problems.append(Problem(text, tuple(options) or (("output", "NAME"),)))
-        if signals and not there & {"e", "f_t"} and not guess.channels:
-            left = [c for c in self._signals() if not self._is_count(c)]
+        if signals and not there & {"e", "f_t"}:
+            left = self._nameless()
             options = [("input", c.header) for c in left[:4]] or [("input", "NAME")]
             guess.problems.append(
                 Problem(

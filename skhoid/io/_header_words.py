@@ -26,8 +26,9 @@ ERROR = _words(
     "error err fehler regelfehler abweichung regelabweichung erreur ecart fout afwijking deviation"
 )
 TARGET = _words(
-    "target tgt ref reference goal setpoint desired commanded wanted forcing soll sollwert ziel "
-    "zielposition fuhrungsgrosse fuehrungsgroesse consigne cible doel gewenst guidance"
+    "target tgt trg stimulus ref reference goal setpoint desired des commanded wanted forcing "
+    "soll sollwert ziel zielposition fuhrungsgrosse fuehrungsgroesse consigne cible doel gewenst "
+    "guidance"
 )
 DEVICE = _words(
     "stick joystick sidestick device wheel steering pedal yoke lever throttle handle knob "
@@ -36,14 +37,15 @@ DEVICE = _words(
 )
 ACTOR = _words("operator human pilot person driver rider")
 CONTROL = _words(
-    "control controller command cmd commande steuer steuersignal steuerung stellgrosse "
-    "stellgroesse response action force torque actuator effort stuursignaal commando manipulated"
+    "control controller ctrl ctl command cmd commande steuer steuersignal steuerung stellgrosse "
+    "stellgroesse stellsignal response action force torque actuator effort stuursignaal commando "
+    "manipulated"
 )
 PLANT = _words("plant system vehicle aircraft process controlled strecke procede")
 PLACE = _words(
     "cursor position pos attitude angle pitch roll yaw heading altitude height theta phi psi ist "
     "istwert regelgrosse regelgroesse lage winkel hoek positie displacement location bank "
-    "state uitgang ausgang sortie follower"
+    "actual act measured meas state uitgang ausgang sortie follower"
 )
 DISTURBANCE = _words(
     "disturbance disturb dist perturbation storung stoerung storgrosse verstoring gust wind"
@@ -77,7 +79,7 @@ OUTER["condition"] = _words("condition cond configuration config bedingung condi
 OUTER["session"] = _words("session sitzung sessie seance")
 OUTER["block"] = _words("block bloc blok")
 _NUMBERING = _words("id no nr num number index idx name code label n nummer count")
-TIMES = _words("zeit temps tijd zeitstempel tijdstip clock uhrzeit")
+TIMES = _words("datetime zeit temps tijd zeitstempel tijdstip clock uhrzeit")
 ROW_NUMBERS = _words("sample frame row index idx count counter no nr num tick unnamed step")
 
 
@@ -177,14 +179,14 @@ def _of_words(there: set[str]) -> dict[str, int]:
         return {"u": 8} if there & (CONTROL | {"output", "input", "u"}) else {"u": 3}
     if there & PLANT:
         return {"u": 8} if there & ({"input"} | CONTROL - {"controlled"}) else {"x": 8}
+    if there & MOTION:
+        return {"motion": 6}
     if there & PLACE:
         return {"f_t": 7, "u": 3} if there & {"command", "cmd"} else {"x": 7}
     if there & CONTROL:
         return {"u": 8}
-    if there & MOTION:
-        return {"motion": 6}
-    if "output" in there:
+    if there & {"output", "out"}:
         return {"u": 5, "x": 3}
-    if "input" in there:
+    if there & {"input", "in", "inp"}:
         return {"e": 4, "u": 4}
     return {}

@@ -90,7 +90,7 @@ def note_outside(panel: Axes, values: np.ndarray, corner: tuple[str, str]) -> An
 
 
 def corner_note(panel: Axes, text: str, corner: tuple[str, str], edge: float = 0.04) -> Any:
-    """Small text in a corner of the panel, on white."""
+    """Small text in a corner of the panel, on its background."""
     return panel.text(
         {"left": 0.01, "right": 0.99}[corner[1]],
         {"bottom": edge, "top": 1.0 - edge}[corner[0]],

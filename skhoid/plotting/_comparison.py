@@ -89,7 +89,7 @@ def exceeding(table: pd.DataFrame) -> np.ndarray:
 
 
 def beyond(false_alarm: float) -> str:
-    return f"beyond chance ({100 * false_alarm:g} %)"
+    return f"beyond chance ({100 * (1 - false_alarm):g} %)"
 
 
 def chance(false_alarm: float) -> str:

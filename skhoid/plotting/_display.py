@@ -7,21 +7,20 @@ their legends.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from numbers import Real
 from typing import Any, Self
 
-import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
 from ._axes import HANDLE, legend_columns, legend_entries, legend_inside, letters, wrapped
-from ._roles import DEFAULTS
+from ._layout import FittingLayout, add_lines, figure_size
 
 MOST_TOLD = 4  # fields in a repr
-LEAST_ROW = 1.1  # inches that a row of panels takes at least, at a font size of 10 points
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -64,7 +63,7 @@ class Display:
         if self._own:
             if "figsize" in options:
                 options["figsize"] = figure_size(options["figsize"], shape[0])
-            _, grid = plt.subplots(*shape, squeeze=False, layout="constrained", **options)
+            _, grid = plt.subplots(*shape, squeeze=False, layout=FittingLayout(), **options)
             for spare in set(range(grid.size)) - set(places):
                 grid.flat[spare].remove()
             panels = [grid.flat[place] for place in places]
@@ -74,45 +73,48 @@ class Display:
         self.figure_ = panels[0].figure
         return self._panels
 
+    def _restyle(self, styles: Mapping[str, Any], **artists: Any) -> None:
+        """Give artists (one, or any nest of them) the keywords that are there by the same name.
+
+        To be called before a legend is made, which copies what it finds.
+        """
+        for name, some in artists.items():
+            for artist in _artists_in(some) if styles.get(name) else []:
+                artist.set(**styles[name])
+
     def _legend(
         self,
         handles: Sequence[Any],
         labels: Sequence[str],
         *,
         columns: int | None = None,
-        frameon: bool | None = None,
     ) -> None:
         """One legend: below a figure of our own, else in the first of the given Axes."""
         if not self._own:
             legend_inside(self._panels[0], handles, labels)
         elif labels:
-            self.figure_.legend(
-                handles,
-                [wrapped(label, letters(self.figure_) - HANDLE) for label in labels],
-                loc="outside lower center",
-                ncols=legend_columns(labels, letters(self.figure_), columns),
-                frameon=frameon,
+            width = letters(self.figure_)
+            labels = [wrapped(label, width - HANDLE) for label in labels]
+            columns = legend_columns(labels, width, columns)
+            legend = self.figure_.legend(
+                handles, labels, loc="outside lower center", ncols=columns, frameon=False
             )
+            rows = -(-sum(1 + label.count("\n") for label in labels) // columns)
+            add_lines(self.figure_, rows - 1, legend.get_texts()[0].get_fontsize())
 
-    def _legend_of_panels(self, *, frameon: bool | None = None) -> None:
+    def _legend_of_panels(self) -> None:
         """One legend for what the panels show, each label once."""
         entries = legend_entries(self._panels)
-        self._legend(list(entries.values()), list(entries), frameon=frameon)
+        self._legend(list(entries.values()), list(entries))
 
 
-def figure_size(default: tuple[float, float], rows: int) -> tuple[float, float]:
-    """Size of a figure, in inches, in the style sheet in force; ``default`` is that without one.
-
-    It is as wide as ``figure.figsize`` says, and as much lower or higher than ``default`` as that
-    is than matplotlib's own setting, but that letters do not shrink with it, so that each row of
-    panels keeps a least height.
-    """
-    set_, own = mpl.rcParams["figure.figsize"], DEFAULTS["figure.figsize"]
-    if list(set_) == list(own):
-        return default
-    letter = mpl.rcParams["font.size"] / DEFAULTS["font.size"]
-    height = default[1] * set_[1] / own[1]
-    return set_[0], max(height, LEAST_ROW * letter * (rows + 0.5)) if rows > 1 else height
+def _artists_in(some: Any) -> Iterator[Any]:
+    """All artists in lists, dicts and containers."""
+    if isinstance(some, Artist):
+        yield some
+    elif isinstance(some, (dict, list, tuple, np.ndarray)):
+        for each in some.values() if isinstance(some, dict) else some:
+            yield from _artists_in(each)
 
 
 def _in_short(name: str, value: Any) -> str:

@@ -15,7 +15,7 @@ import pandas as pd
 from ._axes import limits_of, note_outside
 from ._checks import check_some_column
 from ._display import Display
-from ._roles import GREEN, GREY, PALETTE, foreground, scaled
+from ._roles import GREEN, GREY, ORANGE, PALETTE, ROLES, scaled
 
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that limits always hold
 FEW = 20  # estimates, below which limits hold all
@@ -70,8 +70,9 @@ class EstimatesDisplay(Display):
                 panel.set_xlim(first, last)
 
     def _colour(self, position: int) -> str:
-        """Colour of an estimate; green belongs to the references, where there are any."""
-        available = [c for c in PALETTE if c != GREEN or self.references is None]
+        """Colour of an estimate: not those of the truth and, where there are any, of references."""
+        taken = {GREEN} if self.references is None else {GREEN, ORANGE}
+        available = [c for c in PALETTE if c not in taken]
         return available[position % len(available)]
 
     def _draw_over_time(self, panel: Any, name: str, position: int, label: str) -> None:
@@ -90,12 +91,12 @@ class EstimatesDisplay(Display):
             self.bands_[label, name] = _draw_band(panel, time, value, deviation, colour, meaning)
 
     def _draw_known(self, panel: Any, name: str) -> None:
-        """True values in black, references in green, the transition in grey."""
+        """Truth, references, and the transition in grey."""
         if self.references is not None and name in self.references:
             self._draw_references(panel, name, self.references)
         if self.truth is not None and name in self.truth:
             values = self.truth[name].to_numpy(dtype=float)
-            style = {"color": foreground(), "lw": scaled(1.0), "label": "true", "zorder": 2.4}
+            style = {**ROLES["truth"].style(1.4), "label": "truth", "zorder": 2.4}
             if is_over_time(self.truth):
                 (self.truth_[name],) = panel.plot(self.truth.index, values, **style)
             else:
@@ -118,11 +119,11 @@ class EstimatesDisplay(Display):
             if np.isnan(level[0]):
                 continue
             if np.isfinite(deviation):
-                _draw_band(panel, span, level, deviation, GREEN, None).set_zorder(2.2)
+                _draw_band(panel, span, level, deviation, ORANGE, None).set_zorder(2.2)
             (self.references_[str(window), name],) = panel.plot(
                 span,
                 level,
-                color=GREEN,
+                color=ORANGE,
                 lw=scaled(2.0),
                 solid_capstyle="butt",
                 label=label,

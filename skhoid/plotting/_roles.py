@@ -52,7 +52,7 @@ class Role:
     def __init__(self, word: str, colour: str | None, line: str = "-") -> None:
         self.word = word
         self.line = line
-        self.colour = colour  # type: ignore[assignment]
+        self.colour = colour
 
     @property
     def colour(self) -> str:

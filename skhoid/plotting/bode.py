@@ -9,18 +9,14 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
+from matplotlib.patches import Patch
 from scipy.stats import t as student
 
 from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
-from ._axes import phase_ticks, with_unit
+from ._axes import legend_entries, phase_ticks, with_unit
 from ._display import Display
-from ._roles import (
-    GREY,
-    scaled,
-    series_colour,
-    sized,
-)
+from ._roles import GREY, scaled, series_colour, sized
 
 SYMBOLS = "osD^vPX"
 MAX_MARKERS = 40  # responses with more lines than this are curves
@@ -93,6 +89,7 @@ class BodeDisplay(Display):
         view: str = "operator",
         confidence: float = 0.95,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw frequency responses.
 
@@ -108,6 +105,8 @@ class BodeDisplay(Display):
             Of the intervals, for normally distributed errors.
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -134,7 +133,7 @@ class BodeDisplay(Display):
                 else:
                     response = response.select_run(response.labels[0])
             named[label] = response
-        return cls(responses=named, view=view, confidence=confidence).plot(ax)
+        return cls(responses=named, view=view, confidence=confidence).plot(ax, **styles)
 
     @classmethod
     def from_estimator(
@@ -148,6 +147,7 @@ class BodeDisplay(Display):
         compare: Any = None,
         confidence: float = 0.95,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the frequency response of a fitted ARX model, alone or in a pipeline or search.
 
@@ -169,6 +169,8 @@ class BodeDisplay(Display):
             Of the intervals, for normally distributed errors.
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -191,20 +193,32 @@ class BodeDisplay(Display):
             view="operator" if controlled_element is None else "open_loop",
             confidence=confidence,
             ax=ax,
+            **styles,
         )
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of two Axes or None, default=None
             Where to draw magnitude and phase. None makes a figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the responses.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the intervals.
 
         Returns
         -------
         self : BodeDisplay
         """
+        styles = {"line": line_kw, "band": band_kw}
         if self.view not in ("operator", "open_loop"):
             raise ValueError(f"view must be 'operator' or 'open_loop'; got {self.view!r}.")
         if not 0 < self.confidence < 1:
@@ -236,15 +250,9 @@ class BodeDisplay(Display):
         bottom.set_xlabel("frequency, rad/s")
         if self._own or top.get_shared_x_axes().joined(top, bottom):
             top.tick_params(labelbottom=False)
-        # Above the panel, where no error bar runs.
-        top.legend(
-            loc="lower left",
-            bbox_to_anchor=(0, 1.01),
-            borderaxespad=0,
-            frameon=False,
-            title=self._what_intervals_are(),
-            alignment="left",
-        )
+        drawn = [*self.magnitude_.values(), *self.phase_.values()]
+        self._restyle(styles, line=drawn, band=self.intervals_)
+        self._explain()
         return self
 
     def _phase_reference(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -358,10 +366,13 @@ class BodeDisplay(Display):
                 solid_capstyle="butt",
                 label=f"$\\omega_c$ = {omega_c:.2f} rad/s, $\\varphi_m$ = {margin:.0f}°",
             )
-        handles, labels = bottom.get_legend_handles_labels()
-        shown = [(h, t) for h, t in zip(handles, labels, strict=True) if t not in self.responses]
-        bottom.legend(*zip(*shown, strict=True), loc="lower left")
         return pd.DataFrame(rows).T
+
+    def _explain(self) -> None:
+        entries = legend_entries(self.axes_)
+        if what := self._what_intervals_are():
+            entries[what] = Patch(color=GREY, alpha=0.4, lw=0)
+        self._legend(list(entries.values()), list(entries))
 
     def _what_intervals_are(self) -> str | None:
         return f"{100 * self.confidence:g} % intervals" if any(self.intervals_.values()) else None

@@ -45,7 +45,8 @@ class ComparisonDisplay(ComparisonBaseDisplay):
     From above: the measured and the predicted output around the worst window of the worst run;
     the VAF points lost over time, the spectra of output, residual and noise, and the mean residual
     over the channel with the clearest nonlinearity; the output as explained, explainable and
-    remnant. What exceeds chance is red; in time, if runs share the target, what repeats over them.
+    remnant. What exceeds chance is vermilion; in time, if runs share the target, what repeats
+    over them.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -58,7 +59,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
     unit : str or None
         Its unit.
     false_alarm : float
-        Rate of false alarms of what is red.
+        Rate of false alarms of what is vermilion.
     vaf : float
         Free-run VAF in percent.
     noise_ceiling : float
@@ -206,7 +207,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
         legend_above(panel)
 
     def _shade(self, panel: Axes, windows: pd.DataFrame, worst: tuple[float, float]) -> None:
-        """The worst window, red if the model fails there, and others in which it does."""
+        """The worst window, vermilion if the model fails there, and others in which it does."""
         together = self.by_time[is_of_all_runs(self.by_time)]
         rule = windows
         if knows_repeats(together):  # over runs, so it is not known of one alone

@@ -187,7 +187,7 @@ class EffectStepsDisplay(Display):
         top.set_ylabel(with_unit("output", self.unit))
         bottom.set_ylabel(with_unit("residual", self.unit))
         bottom.set_xlabel(f"time in run {self.run_}, s")
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _draw(self, layout: RunLayout, rows: np.ndarray, shown: list[str]) -> None:

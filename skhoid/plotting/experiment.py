@@ -12,7 +12,7 @@ from ..interpret.conversion import UNITS
 from ._axes import limits_of, note_outside, parameter_symbol, with_unit
 from ._display import Display
 from ._estimates import MARGIN, MUCH, typical_range
-from ._roles import GREEN, GREY, PALETTE, foreground, scaled
+from ._roles import GREY, ORANGE, PALETTE, foreground, scaled
 from .operator_parameters import SYMBOLS
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ FORMS = {
     "lambda": "λ, $N_0$ = {N0}",
     "Lambda": "Λ, $N_0$ = ∞ for $a_1$ and $a_2$, {N0} for $b_0$ and $b_1$",
 }
-RUN_COLOURS = [colour for colour in PALETTE if colour not in (GREEN, GREY)]
+RUN_COLOURS = [colour for colour in PALETTE if colour not in (ORANGE, GREY)]
 MOST_NAMED = 7  # runs with an entry of their own in the legend
 MEAN = "mean"
 
@@ -36,8 +36,8 @@ class ExperimentDisplay(Display):
     """Parameters over time of each subject in a condition (Figs. 16, 17, M.1-M.6).
 
     A column for each subject and a row for each parameter. Single runs are thin and coloured,
-    their mean is black, the means of batch models of the first and the last region thick and
-    green, and the change of the controlled element grey.
+    their mean has the colour of text, the means of batch models of the first and the last region
+    are thick and orange, and the change of the controlled element is grey.
 
     The subjects share the limits of a row. These hold the batch models, the mean paths and the
     single runs but for their outer 2 % at each end, where all of them would take twice the range;
@@ -104,6 +104,7 @@ class ExperimentDisplay(Display):
         parameters: str = "arx",
         subjects: Any = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw what :func:`skhoid.experiment.analyse_experiment` found.
 
@@ -121,6 +122,8 @@ class ExperimentDisplay(Display):
             None means all that have runs in this condition.
         ax : sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -164,20 +167,34 @@ class ExperimentDisplay(Display):
             title=forgetting if condition == "all" else f"{condition}: {forgetting}",
             transition_time=result.transition_times.get(condition),
         )
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        mean_kw: dict[str, Any] | None = None,
+        runs_kw: dict[str, Any] | None = None,
+        batch_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of Axes or None, default=None
             One for each parameter and subject, row by row. None makes a figure.
+        mean_kw : dict or None, default=None
+            Keywords of matplotlib for the means of the runs.
+        runs_kw : dict or None, default=None
+            Keywords of matplotlib for the single runs.
+        batch_kw : dict or None, default=None
+            Keywords of matplotlib for the batch models.
 
         Returns
         -------
         self : ExperimentDisplay
         """
+        styles = {"mean": mean_kw, "runs": runs_kw, "batch": batch_kw}
         self.names_ = list(self.names)
         self.subjects_ = list(dict.fromkeys(self.paths["subject"]))
         self._begin(ax)
@@ -204,6 +221,7 @@ class ExperimentDisplay(Display):
             if len(self.subjects_) > 1 or subject != "all":
                 self.ax_[0, column].set_title(str(subject))
             self.ax_[-1, column].set_xlabel("time, s")
+        self._restyle(styles, mean=self.lines_, runs=self.run_lines_, batch=self.batch_)
         self._legend_of_panels()
         return self
 
@@ -257,7 +275,7 @@ class ExperimentDisplay(Display):
                 (self.batch_[subject, name, level["form"]],) = panel.plot(
                     [level["start"], level["stop"]],
                     [level[name]] * 2,
-                    color=GREEN,
+                    color=ORANGE,
                     lw=scaled(3.0),
                     alpha=0.9,
                     solid_capstyle="butt",

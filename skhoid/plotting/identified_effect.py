@@ -184,7 +184,7 @@ class IdentifiedEffectDisplay(Display):
             self._draw_density(self.axes_[1])
         self.axes_[-1].set_xlabel(found.xlabel)
         self.ax_.set_title(self._title_text(), fontsize="medium")
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _draw_curves(self, panel: Axes) -> None:

@@ -96,7 +96,9 @@ class MemoryHorizonDisplay(Display):
     dt: float | None = None
 
     @classmethod
-    def from_estimator(cls, search: Any, *, kind: str = "gain", ax: Any = None) -> Self:
+    def from_estimator(
+        cls, search: Any, *, kind: str = "gain", ax: Any = None, **styles: Any
+    ) -> Self:
         """Draw fitted searches.
 
         Parameters
@@ -109,6 +111,8 @@ class MemoryHorizonDisplay(Display):
             (Eqs. J.3-J.4).
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -134,9 +138,17 @@ class MemoryHorizonDisplay(Display):
             n_runs=str(few) if few == many else f"{few} to {many}",
             dt=steps.pop() if len(steps) == 1 else None,
         )
-        return display.plot(ax, kind=kind)
+        return display.plot(ax, kind=kind, **styles)
 
-    def plot(self, ax: Any = None, *, kind: str = "gain") -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        kind: str = "gain",
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        best_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -145,11 +157,18 @@ class MemoryHorizonDisplay(Display):
             Where to draw. None makes a figure.
         kind : {"gain", "score", "overfit_difference", "overfit_ratio"}, default="gain"
             What to draw, see :meth:`from_estimator`.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the bands.
+        best_kw : dict or None, default=None
+            Keywords of matplotlib for the marks of the best horizons.
 
         Returns
         -------
         self : MemoryHorizonDisplay
         """
+        styles = {"line": line_kw, "band": band_kw, "best": best_kw}
         check_option("kind", kind, LABELS)
         if self.results[kind].isna().all():
             raise ValueError(
@@ -166,6 +185,7 @@ class MemoryHorizonDisplay(Display):
         self.ax_.set_ylabel(LABELS[kind])
         self._limit(kind)
         self.ax_.grid(alpha=0.3)
+        self._restyle(styles, line=self.lines_, band=self.bands_, best=self.best_)
         self._explain()
         return self
 

@@ -120,7 +120,7 @@ class OperatingPointDisplay(ComparisonBaseDisplay):
             self._mark_levels(panel, name)
             if not self._own or i % columns == 0:
                 panel.set_ylabel(residual_label(self.unit))
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _mark_levels(self, panel: Axes, name: str) -> None:

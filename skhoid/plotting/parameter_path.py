@@ -28,8 +28,8 @@ class ParameterPathDisplay(EstimatesDisplay):
     The path of each recursive model with one standard deviation to either side, where the model
     keeps its covariances (``store_covariance=True``). Of a model that averages estimates of single
     runs (``combine="average_estimates"``) these are thin lines under their mean; of more than ten
-    runs the band is their standard deviation. True values are black and references green. Batch
-    models among the recursive ones are dashed levels.
+    runs the band is their standard deviation. The truth is green and
+    dashed, and references are orange. Batch models among the recursive ones are dashed levels.
 
     Limits hold the true values, the references and all estimates, unless those take twice the range
     of their central 96 %, as the first instants from an arbitrary start do. A note in the panel
@@ -45,7 +45,7 @@ class ParameterPathDisplay(EstimatesDisplay):
     truth : DataFrame or None, default=None
         True values in the same columns, over ``time`` or in one row.
     references : DataFrame or None, default=None
-        Result of :func:`skhoid.reference_fits`, drawn as green levels over its windows.
+        Result of :func:`skhoid.reference_fits`, drawn as orange levels over its windows.
     transition_time : float or None, default=None
         Instant to mark, in s.
     runs : dict of ndarray of shape (n_runs, n_instants, n_params), or None, default=None
@@ -104,6 +104,7 @@ class ParameterPathDisplay(EstimatesDisplay):
         *,
         transition_time: float | None = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw fitted recursive models.
 
@@ -121,6 +122,8 @@ class ParameterPathDisplay(EstimatesDisplay):
             Instant to mark, in s.
         ax : sequence of Axes or None, default=None
             One for each parameter. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -159,20 +162,42 @@ class ParameterPathDisplay(EstimatesDisplay):
             references=references,
             transition_time=transition_time,
         )
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        truth_kw: dict[str, Any] | None = None,
+        reference_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of Axes or None, default=None
             One for each parameter. None makes a figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the estimates.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the bands.
+        truth_kw : dict or None, default=None
+            Keywords of matplotlib for the truth.
+        reference_kw : dict or None, default=None
+            Keywords of matplotlib for the references.
 
         Returns
         -------
         self : ParameterPathDisplay
         """
+        styles = {
+            "line": line_kw,
+            "band": band_kw,
+            "truth": truth_kw,
+            "reference": reference_kw,
+        }
         names = _names(self.frames)
         self._begin(_columns(names), ax)
         self.run_lines_: dict[tuple[str, str], Any] = {}
@@ -190,6 +215,13 @@ class ParameterPathDisplay(EstimatesDisplay):
             panel.grid(alpha=0.3)
         for panel in self._bottom:
             panel.set_xlabel("time, s")
+        self._restyle(
+            styles,
+            line=self.lines_,
+            band=self.bands_,
+            truth=self.truth_,
+            reference=self.references_,
+        )
         self._legend_of_panels()
         return self
 

@@ -22,6 +22,13 @@ SHOWN = 1e-5  # of the highest density of the output, down to which spectra are 
 EDGE = 1.3
 NO_RESPONSE = "Measured response: not available, it needs the target f_t."
 
+DRAWN = {  # by the beginnings of the names of lines
+    "measured": ("output", "measured"),
+    "simulated": ("model",),
+    "residual": ("residual",),
+    "remnant": ("noise",),
+}
+
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class ResidualFrequencyDisplay(ComparisonBaseDisplay):
@@ -75,7 +82,16 @@ class ResidualFrequencyDisplay(ComparisonBaseDisplay):
     unit: str | None = None
     false_alarm: float = 0.01
 
-    def plot(self, ax: Any = None, *, phase: bool = False) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        phase: bool = False,
+        measured_kw: dict[str, Any] | None = None,
+        simulated_kw: dict[str, Any] | None = None,
+        residual_kw: dict[str, Any] | None = None,
+        remnant_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -84,11 +100,25 @@ class ResidualFrequencyDisplay(ComparisonBaseDisplay):
             Where to draw spectra, magnitude and phase. None makes a figure.
         phase : bool, default=False
             Draw the phase too, in a figure made here; of given Axes, the third is the phase.
+        measured_kw : dict or None, default=None
+            Keywords of matplotlib for the spectrum and response of the measured output.
+        simulated_kw : dict or None, default=None
+            Keywords of matplotlib for the response of the model.
+        residual_kw : dict or None, default=None
+            Keywords of matplotlib for the spectrum of the residual.
+        remnant_kw : dict or None, default=None
+            Keywords of matplotlib for the spectrum of the noise.
 
         Returns
         -------
         self : ResidualFrequencyDisplay
         """
+        styles = {
+            "measured": measured_kw,
+            "simulated": simulated_kw,
+            "residual": residual_kw,
+            "remnant": remnant_kw,
+        }
         self.axes_ = self._take_axes(
             ax,
             "spectra, magnitude and, if wanted, phase",
@@ -118,7 +148,11 @@ class ResidualFrequencyDisplay(ComparisonBaseDisplay):
         for panel in self.axes_ if self._own else []:
             panel.tick_params(labelbottom=panel is lowest)
         lowest.set_xlabel("frequency, rad/s")
-        self._legend_of_panels(frameon=False)
+        drawn = {**self.lines_, **self.gain_, **{f"{k} phase": v for k, v in self.phase_.items()}}
+        for role, names in DRAWN.items():
+            some = [line for name, line in drawn.items() if name.startswith(names)]
+            self._restyle(styles, **{role: some})
+        self._legend_of_panels()
         return self
 
 
@@ -143,13 +177,14 @@ def draw_spectra(
             color=ROLES["remnant"].colour,
             lw=scaled(3.0),
             alpha=0.6,
-            label="noise",
+            label=ROLES["remnant"].word,
         )
     excited = table[table["kind"] == "excited"]
-    for name, colour in (
-        ("output", ROLES["measured"].colour),
-        ("residual", ROLES["residual"].colour),
+    for name, role in (
+        ("output", ROLES["measured"]),
+        ("residual", ROLES["residual"]),
     ):
+        colour = role.colour
         values = curve[f"psd_{name}"].where(curve[f"psd_{name}"] > 0)
         (lines[name],) = panel.plot(curve["omega"], values, color=colour, lw=scaled(1.3))
         (lines[f"{name} lines"],) = panel.plot(
@@ -161,7 +196,12 @@ def draw_spectra(
             ms=sized(5),
         )
         panel.plot(
-            [], [], color=colour, lw=scaled(1.3), marker="o" if len(excited) else None, label=name
+            [],
+            [],
+            color=colour,
+            lw=scaled(1.3),
+            marker="o" if len(excited) else None,
+            label=role.word,
         )
     for kind, label in HARMONICS.items():
         rows = table[table["kind"] == kind]
@@ -249,7 +289,7 @@ def _draw_response(panel: Axes, measured: pd.DataFrame, part: str, interval: Any
         measured[f"model_{part}"],
         color=ROLES["simulated"].colour,
         lw=scaled(1.4),
-        label="model",
+        label=ROLES["simulated"].word,
     )
     plain_logarithmic(panel.xaxis)
     panel.grid(alpha=0.3)

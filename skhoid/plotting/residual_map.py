@@ -64,18 +64,21 @@ class ResidualMapDisplay(ComparisonBaseDisplay):
     time_frequency: pd.DataFrame
     false_alarm: float = 0.01
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(self, ax: Any = None, *, mesh_kw: dict[str, Any] | None = None) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        mesh_kw : dict or None, default=None
+            Keywords of matplotlib for the map.
 
         Returns
         -------
         self : ResidualMapDisplay
         """
+        styles = {"mesh": mesh_kw}
         (self.ax_,) = self._take_axes(ax, "the map", figsize=(6.4, 4.2))
         self.mesh_: Any = None
         self.colorbar_: Any = None
@@ -112,7 +115,8 @@ class ResidualMapDisplay(ComparisonBaseDisplay):
                 ls="none",
                 label=beyond(self.false_alarm),
             )
-        self._legend_of_panels(frameon=False)
+        self._restyle(styles, mesh=self.mesh_)
+        self._legend_of_panels()
         self.ax_.set_yscale("log")
         plain_logarithmic(self.ax_.yaxis)
         self.ax_.set_xlabel("time in the run, s")

@@ -88,18 +88,32 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
     tests: pd.DataFrame
     false_alarm: float = 0.01
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        residual_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        misfit_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of two Axes or None, default=None
             Where to draw VAF points and relative power. None makes a figure.
+        residual_kw : dict or None, default=None
+            Keywords of matplotlib for the residual of all runs.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the band of chance.
+        misfit_kw : dict or None, default=None
+            Keywords of matplotlib for the bars of what exceeds chance.
 
         Returns
         -------
         self : ResidualTimeDisplay
         """
+        styles = {"residual": residual_kw, "band": band_kw, "misfit": misfit_kw}
         self.axes_ = self._take_axes(
             ax, "VAF points lost and relative power", (2, 1), sharex=True, figsize=(6.4, 5.2)
         )
@@ -118,7 +132,10 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
             mark_changes(panel, self.changes_)
         bottom.set_xlabel("time in the run, s")
         bottom.set_xlim(together["start"].min(), together["stop"].max())
-        self._legend_of_panels(frameon=False)
+        self._restyle(
+            styles, residual=[self.line_, self.bars_], band=self.band_, misfit=self.misfit_
+        )
+        self._legend_of_panels()
         return self
 
     def _draw_power(self, panel: Axes, together: pd.DataFrame) -> None:

@@ -37,7 +37,7 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
     noise_ceiling : float
         In percent; NaN if it is not known.
     noise_ceiling_interval : (float, float)
-        Its 90 % interval.
+        Its 95 % interval.
     false_alarm : float, default=0.01
         Rate of false alarms of what is marked.
 
@@ -74,18 +74,29 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
     noise_ceiling_interval: tuple[float, float]
     false_alarm: float = 0.01
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        marker_kw: dict[str, Any] | None = None,
+        ceiling_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        marker_kw : dict or None, default=None
+            Keywords of matplotlib for the dots of the runs.
+        ceiling_kw : dict or None, default=None
+            Keywords of matplotlib for the noise ceiling.
 
         Returns
         -------
         self : RunComparisonDisplay
         """
+        styles = {"marker": marker_kw, "ceiling": ceiling_kw}
         (self.ax_,) = self._take_axes(ax, "the VAF of the runs", figsize=(6.4, 4.2))
         self.lines_: dict[str, Any] = {}
         self.exceeding_: Any = None
@@ -101,10 +112,11 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         self._draw_levels(n_validation)
         self._draw_runs(table, at)
         self._name_runs(table, at)
-        self.ax_.set_ylabel("free-run VAF, %")
+        self.ax_.set_ylabel("VAF, %")
         self.ax_.set_title(self._title_text(table), fontsize="medium")
         self.ax_.grid(alpha=0.3, axis="y")
-        self._legend_of_panels(frameon=False)
+        self._restyle(styles, marker=self.lines_, ceiling=self.ceiling_)
+        self._legend_of_panels()
         return self
 
     def _draw_levels(self, n_validation: int) -> None:
@@ -113,13 +125,14 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         if not np.isnan(self.noise_ceiling):
             low, high = self.noise_ceiling_interval
             if np.isfinite([low, high]).all():
-                self.ax_.fill_between(span, low, high, color=foreground(), alpha=0.12, lw=0)
+                self.ax_.fill_between(
+                    span, low, high, color=ROLES["ceiling"].colour, alpha=0.2, lw=0
+                )
             (self.ceiling_,) = self.ax_.plot(
                 span,
                 np.repeat(self.noise_ceiling, 2),
-                color=foreground(),
-                lw=scaled(1.4),
-                label=f"noise ceiling {percent(self.noise_ceiling)}, 90 % interval",
+                **ROLES["ceiling"].style(1.6),
+                label=f"noise ceiling {percent(self.noise_ceiling)}, 95 % interval",
             )
         self.ax_.plot(
             span,

@@ -127,6 +127,7 @@ class StudyBoxDisplay(Display):
         reference: Any = None,
         scale: str = "auto",
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the table of a study.
 
@@ -154,6 +155,8 @@ class StudyBoxDisplay(Display):
             Of the vertical axes.
         ax : Axes, array of Axes or None, default=None
             Where to draw, one for each panel. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -186,9 +189,11 @@ class StudyBoxDisplay(Display):
             difference=difference,
             reference=reference,
         )
-        return display.plot(ax, scale=scale)
+        return display.plot(ax, **styles, scale=scale)
 
-    def plot(self, ax: Any = None, *, scale: str = "auto") -> Self:
+    def plot(
+        self, ax: Any = None, *, scale: str = "auto", box_kw: dict[str, Any] | None = None
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -197,11 +202,14 @@ class StudyBoxDisplay(Display):
             Where to draw, one for each panel. None makes a figure.
         scale : {"auto", "linear", "symlog"}, default="auto"
             Of the vertical axes.
+        box_kw : dict or None, default=None
+            Keywords of matplotlib for the boxes.
 
         Returns
         -------
         self : StudyBoxDisplay
         """
+        styles = {"box": box_kw}
         check_option("scale", scale, SCALES)
         rows, columns = self._grid()
         shape = len(rows), len(columns)
@@ -231,6 +239,7 @@ class StudyBoxDisplay(Display):
                 self._colour_flat_boxes(panel)
                 every = np.concatenate([*boxes["values"], np.empty(0)])
                 self.notes_.append(note_outside(panel, every, ("top", "right")))
+        self._restyle(styles, box=[drawn["boxes"] for d in self.artists_ for drawn in d.values()])
         self._label(columns)
         return self
 

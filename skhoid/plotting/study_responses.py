@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from ._axes import MARKERS, corner_note, phase_ticks, plain_logarithmic
 from ._display import Display
-from ._roles import PALETTE, foreground, scaled, series_colour, sized
+from ._roles import PALETTE, ROLES, scaled, series_colour, sized
 from ._study import (
     REPLICATION,
     cell_text,
@@ -135,6 +135,7 @@ class StudyResponseDisplay(Display):
         remnant_intensity: float | Sequence[float] | None = None,
         truth: Truth | pd.DataFrame | None = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the table of a study of frequency responses.
 
@@ -156,6 +157,8 @@ class StudyResponseDisplay(Display):
             which a long delay between lines far apart makes slip.
         ax : array of Axes or None, default=None
             Where to draw, four rows of one for each method. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -180,20 +183,31 @@ class StudyResponseDisplay(Display):
             truth=true,
             title=str(table["condition"].iloc[0]),
         )
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        truth_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : array of Axes or None, default=None
             Where to draw, four rows of one for each method. None makes a figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves and marks of the estimates.
+        truth_kw : dict or None, default=None
+            Keywords of matplotlib for the truth.
 
         Returns
         -------
         self : StudyResponseDisplay
         """
+        styles = {"line": line_kw, "truth": truth_kw}
         methods = ordered(self.responses["method"])
         self.methods_ = [m for m in METHODS if m in methods]
         self.methods_ += [m for m in methods if m not in METHODS]
@@ -228,12 +242,7 @@ class StudyResponseDisplay(Display):
                 panel.set_yscale("log")
             if self.truth is not None:
                 for panel, name in zip(four[:2], PARTS, strict=True):
-                    style = {
-                        "color": foreground(),
-                        "lw": scaled(1.0),
-                        "label": "true",
-                        "zorder": 1.8,
-                    }
+                    style = {**ROLES["truth"].style(1.4), "label": "truth", "zorder": 1.8}
                     self.truth_ += panel.plot(self.truth["omega"], self.truth[name], **style)
             for position, P_n in enumerate(self._intensities):
                 shift = wide * (2 * position - len(self._intensities) + 0.5)
@@ -243,6 +252,8 @@ class StudyResponseDisplay(Display):
                     self._draw_deviations(four[2:], rows, (method, P_n), position)
             four[0].set_title(cell_text("method", method), fontsize="medium")
         self._limit()
+        drawn = [self.magnitude_, self.phase_, self.sd_lines_]
+        self._restyle(styles, line=drawn, truth=self.truth_)
         self._label()
         return self
 
@@ -360,7 +371,7 @@ class StudyResponseDisplay(Display):
             labels.append("± 1 sd stated, Eqs. H.9-H.10")
         if self.truth_:
             handles.append(self.truth_[0])
-            labels.append("true")
+            labels.append("truth")
         if self._own:
             if self.title:
                 self.figure_.suptitle(self.title, fontsize="medium")

@@ -107,7 +107,9 @@ class StudyTradeOffDisplay(Display):
     means: pd.DataFrame
 
     @classmethod
-    def from_table(cls, table: pd.DataFrame, *, kind: str = "gain", ax: Any = None) -> Self:
+    def from_table(
+        cls, table: pd.DataFrame, *, kind: str = "gain", ax: Any = None, **styles: Any
+    ) -> Self:
         """Draw the table of a study of forgetting.
 
         Parameters
@@ -125,6 +127,8 @@ class StudyTradeOffDisplay(Display):
         ax : array of Axes or None, default=None
             Where to draw, one for each condition and form, the forms of a condition after each
             other. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -140,9 +144,16 @@ class StudyTradeOffDisplay(Display):
         """
         check_table(table, [*TRADE_OFF_KEYS, *VAF, REPLICATION], NAME)
         refuse_mixtures(table, TRADE_OFF_KEYS, NAME)
-        return cls(means=trade_off_means(table)).plot(ax, kind=kind)
+        return cls(means=trade_off_means(table)).plot(ax, kind=kind, **styles)
 
-    def plot(self, ax: Any = None, *, kind: str = "gain") -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        kind: str = "gain",
+        line_kw: dict[str, Any] | None = None,
+        best_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -151,11 +162,16 @@ class StudyTradeOffDisplay(Display):
             Where to draw, one for each condition and form. None makes a figure.
         kind : str, default="gain"
             What to draw, see :meth:`from_table`.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves.
+        best_kw : dict or None, default=None
+            Keywords of matplotlib for the marks of the best horizons.
 
         Returns
         -------
         self : StudyTradeOffDisplay
         """
+        styles = {"line": line_kw, "best": best_kw}
         check_option("kind", kind, LABELS)
         if not np.isfinite(self.means[kind]).any():
             raise ValueError(
@@ -200,6 +216,7 @@ class StudyTradeOffDisplay(Display):
                 self.notes_.append(note_outside(panel, shown, corner))
                 panel.tick_params(labelleft=not self._own or form == forms[0])
         self._label(panels, shape, len(forms), kind)
+        self._restyle(styles, line=self.lines_, best=self.best_)
         self._explain(intensities)
         return self
 

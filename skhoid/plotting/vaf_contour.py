@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator
@@ -107,6 +108,7 @@ class VAFContourDisplay(Display):
         nk: Any = None,
         levels: Any = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw a fitted search.
 
@@ -123,6 +125,8 @@ class VAFContourDisplay(Display):
             Contour levels, see :meth:`plot`.
         ax : Axes, sequence of Axes or None, default=None
             One Axes per delay. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -167,9 +171,16 @@ class VAFContourDisplay(Display):
             chosen=chosen,
             n_nk_searched=len(values["nk"]) if nk is None else None,
         )
-        return display.plot(ax, levels=levels)
+        return display.plot(ax, **styles, levels=levels)
 
-    def plot(self, ax: Any = None, *, levels: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        levels: Any = None,
+        contour_kw: dict[str, Any] | None = None,
+        line_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -180,11 +191,16 @@ class VAFContourDisplay(Display):
             Contour levels in percent, increasing. None takes about ten round ones that reach
             from the lower quartile of the positive values to the highest, over at least 5 %; what
             lies below the first one has the darkest colour. They are the same in all panels.
+        contour_kw : dict or None, default=None
+            Keywords of matplotlib for the filled contours.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves, where there is one row of orders.
 
         Returns
         -------
         self : VAFContourDisplay
         """
+        styles = {"contour": contour_kw, "line": line_kw}
         n_panels = len(self.nk)
         columns = n_panels if n_panels <= 3 else min(math.ceil(math.sqrt(n_panels)), 4)
         rows = -(-n_panels // columns)
@@ -219,6 +235,7 @@ class VAFContourDisplay(Display):
                 panel.tick_params(labelbottom=True)
             if not self._own or i % columns == 0:
                 panel.set_ylabel(self._labels[1])
+        self._restyle(styles, contour=self.contours_, line=self.lines_)
         self._explain()
         return self
 
@@ -251,8 +268,16 @@ class VAFContourDisplay(Display):
             self.chosen_ = _mark(self.axes_[number], x[column], y[row], _ring())
         if some:
             self.colorbar_ = self.figure_.colorbar(
-                self.contours_[0], ax=list(self.axes_), label="VAF, %", ticks=levels
+                self.contours_[0],
+                ax=list(self.axes_),
+                label="VAF, %",
+                ticks=levels[:: self._every(len(levels))],
             )
+
+    def _every(self, n_levels: int) -> int:
+        """Which of the levels have a number beside a bar of this height."""
+        height = 72.0 * 0.6 * self.figure_.get_figheight()
+        return max(1, math.ceil(2.0 * n_levels * mpl.rcParams["font.size"] / height))
 
     @staticmethod
     def _draw_single(panel: Any, x: np.ndarray, y: np.ndarray, vaf: np.ndarray, like: Any) -> Any:
@@ -305,14 +330,7 @@ class VAFContourDisplay(Display):
         if self._own:
             if note:
                 handles[note] = Line2D([], [], ls="none")
-            self.figure_.legend(
-                handles.values(),
-                handles.keys(),
-                loc="outside lower center",
-                frameon=False,
-                ncols=len(handles),
-                numpoints=1,
-            )
+            self._legend(list(handles.values()), list(handles))
         elif handles:
             self.ax_.legend(
                 handles.values(),

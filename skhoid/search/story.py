@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -50,25 +49,36 @@ HIDDEN: dict[str, Effect] = {
 SHOWN = 3  # candidates of a step, and findings of the comparison
 
 
-@dataclass(frozen=True)
-class StoryTable:
-    """A table of a story; ``ids`` are the names of its rows as one types them."""
+class StoryTable(str):
+    """A table of a story, as plain text and in its parts.
 
-    title: str
+    ``ids`` are the names of its rows as one types them; a cell may have several lines.
+    """
+
+    caption: str
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
     kind: str
     ids: Sequence[str]
 
-    def __str__(self) -> str:
-        """The table as plain text, its cells on one line each."""
-        rows = [[cell.replace("\n", ", ") for cell in row] for row in (self.headings, *self.rows)]
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    def __new__(
+        cls,
+        caption: str,
+        headings: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        kind: str,
+        ids: Sequence[str],
+    ) -> StoryTable:
+        cells = [[cell.replace("\n", ", ") for cell in row] for row in (headings, *rows)]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
         lines = [
             "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
+            for row in cells
         ]
-        return "\n".join([self.title, *(f"  {line}" for line in lines)])
+        table = super().__new__(cls, "\n".join([caption, *(f"  {line}" for line in lines)]))
+        table.caption, table.headings, table.rows = caption, headings, rows
+        table.kind, table.ids = kind, ids
+        return table
 
 
 class Story:
@@ -105,7 +115,7 @@ class Story:
     ...     effects=Bias(level=0.1),
     ... )
     >>> story = Story(EffectSearchCV(OperatorRegressor(), effects=["bias", "drift"]), X, y)
-    >>> lines = [str(block) for block in story.tell()]
+    >>> lines = list(story.tell())
     >>> lines[0]
     'Measured: 2 runs, 8192 rows at 50 Hz, 164 s in all'
     >>> story.search_.best_effects_
@@ -117,13 +127,13 @@ class Story:
         self.X = X
         self.y = y
 
-    def tell(self) -> Iterator[str | StoryTable]:
+    def tell(self) -> Iterator[str]:
         """Run the steps, and report each result as soon as it is known, the verdict first.
 
         Yields
         ------
-        block : str or StoryTable
-            A line, or a table; both print as text.
+        block : str
+            A line, or a table, a :class:`StoryTable`.
         """
         estimator = self.search.estimator
         self._lost = control_of(estimator, self.X, self.search.lost_control, self.search.domain)
@@ -206,7 +216,7 @@ class Story:
         for note in found.notes:
             yield f"  note: {note}"
 
-    def _searched(self) -> Iterator[str | StoryTable]:
+    def _searched(self) -> Iterator[str]:
         search, path = self.search_, self.search_.error_path_
         unit = self.units.get(self._output)
         position = 0
@@ -241,7 +251,7 @@ class Story:
                     best = tried.iloc[0]
                     yield f"  No effect is added. {title_of(best['effect'])}: {best['reason']}"
 
-    def _ended(self) -> Iterator[str | StoryTable]:
+    def _ended(self) -> Iterator[str]:
         search = self.search_
         path, model = search.error_path_, search.best_estimator_
         names = list(path["effect"].iloc[1:])

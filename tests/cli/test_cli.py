@@ -13,7 +13,7 @@ from support.places import ROOT
 
 from skhoid import exceptions, make_tracking_runs, write_runs
 from skhoid.cli import main
-from skhoid.cli.parser import make_parser, make_parsers
+from skhoid.cli.parser import make_parsers
 from skhoid.search.story import HIDDEN
 
 COMMANDS = ["demo", "identify", "compare", "diagnose", "simulate", "study", "report", "completion"]
@@ -23,7 +23,7 @@ COMMANDS = ["demo", "identify", "compare", "diagnose", "simulate", "study", "rep
     ("words", "message"),
     [
         (["nothing-here.csv", "--time", "t"], "nothing-here.csv"),
-        (["run.csv"], "--time NAME, or --dt SECONDS"),
+        (["run.csv"], "There is no file run.csv"),
         (["run.csv", "--dt", "0.01", "--unit", "deg"], "--unit takes NAME=UNIT"),
     ],
 )
@@ -70,7 +70,7 @@ def test_commands_of_the_docs_are_right():
     root = ROOT
     if not (root / "docs").is_dir():
         pytest.skip("no docs beside the tests")
-    parser = make_parser()
+    parser = make_parsers()[0]
     pages = [root / "README.md", *(root / "docs").glob("*.md")]
     blocks = [
         block
@@ -118,7 +118,17 @@ def test_unknown_words(capsys):
     with pytest.raises(SystemExit) as stop:
         main(["identfy"])
     assert stop.value.code == 2
-    assert "invalid choice: 'identfy'" in capsys.readouterr().err
+    assert "no command 'identfy'. Did you mean 'identify'?" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["identify", "--critrion", "vaf"])
+    assert "Did you mean '--criterion'?" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["identify", "--criterion", "vav"])
+    assert "Did you mean 'vaf'?" in capsys.readouterr().err
+    Path("runs.csv").touch()
+    with pytest.raises(SystemExit):
+        main(["runs.csv"])
+    assert "skhoid diagnose runs.csv" in capsys.readouterr().err
 
 
 def test_an_unknown_column_names_those_near(capsys, tmp_path):
@@ -127,8 +137,8 @@ def test_an_unknown_column_names_those_near(capsys, tmp_path):
     for command in ("identify", "diagnose", "report"):
         assert main([command, "run.csv", "--time", "time", "--input", "eror"]) == 2
         assert capsys.readouterr().err == (
-            "skhoid: error: run.csv has no column 'eror'. It has: 'run', 'time', 'error [deg]', "
-            "'u'. Did you mean 'error'?\n"
+            "skhoid: error: run.csv: There is no column 'eror'. Did you mean 'error'? It has: "
+            "'run', 'time', 'error [deg]', 'u'.\n"
         )
 
 

@@ -72,12 +72,12 @@ def test_a_grid_without_end(capsys):
     assert "A grid of dt = 1e-12 s would take" in capsys.readouterr().err
 
 
-def test_a_run_column_is_offered(capsys):
-    assert main(["simulate", "--out", "a.csv", "--runs", "2"]) == 0
-    assert main(["identify", "a.csv", "--time", "time"]) == 2
-    said = capsys.readouterr().err
-    assert "column 'run' of a.csv has 2 labels" in said
-    assert said.endswith("On the command line: --run.\n")
+def test_a_run_column_is_found(run_json, capsys):
+    assert main(["simulate", "--out", "a.csv", "--runs", "2", "--remnant", "0.1"]) == 0
+    capsys.readouterr()
+    words = ["a.csv", "--time", "time", "--na", "1", "--nk", "29", "--no-pictures"]
+    found = run_json("identify", *words)
+    assert (found["columns"]["run"], found["n_runs"]) == ("run", 2)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows lets not everyone make links")

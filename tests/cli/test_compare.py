@@ -43,7 +43,7 @@ def words(files, *more, model="model.joblib"):
 
 def test_figures_are_those_of_compare(files, run_json):
     _, model, X, y = files
-    found = run_json(*words(files, "--run-in", "2"))
+    found = run_json(*words(files, "--run-in", "2", "--input", "e"))
     held_out = select_runs(X, y, runs=[1, 2])
     twin = compare(model, held_out[0][["e"]], held_out[1], run_in=2)
     np.testing.assert_allclose(found["vaf"], twin.vaf, rtol=1e-4)

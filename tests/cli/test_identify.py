@@ -20,7 +20,14 @@ def identify(run_json, *words):
 def test_main_job_finds_the_delay_of_the_bundled_recording(capsys, tmp_path):
     assert main(["identify", "--out", str(tmp_path / "pictures")]) == 0
     printed = capsys.readouterr().out
-    for expected in ("difficulty 80", "60 Hz", "lowest one-step error", "VAF held out, %", "px"):
+    for expected in (
+        "difficulty 80",
+        "60 Hz",
+        "lowest one-step error",
+        "held out",
+        "px",
+        "What to do next",
+    ):
         assert expected in printed
     names = {path.name for path in (tmp_path / "pictures").iterdir()}
     assert names == {"simulation.png", "delay.png", "delay-vaf.png", "orders.png"}
@@ -136,17 +143,15 @@ def test_instrumental_variables_need_and_use_the_target(capsys, run_json, tmp_pa
     X, y = make_tracking_runs(
         "C1", 2, remnant_intensity=0.2, random_state=0, channels=["e", "f_t"], sampling_rate=50
     )
-    X.rename(columns={"f_t": "wanted"}).assign(u=y).to_csv(tmp_path / "runs.csv")
+    X.rename(columns={"f_t": "multisine"}).assign(u=y).to_csv(tmp_path / "runs.csv")
     words = ["runs.csv", "--time", "time", "--run", "run", "--keep-means", "--nk", "15"]
     words += ["--na", "2", "--method", "iv"]
-    (model,) = identify(run_json, *words, "--instruments", "wanted")["models"]
+    (model,) = identify(run_json, *words, "--instruments", "multisine")["models"]
     fit = X[X.index.get_level_values("run") == 0], y[y.index.get_level_values("run") == 0]
     expected = ARXRegressor(nk=15, inputs=["e"], method="iv", instruments=["f_t"]).fit(*fit)
     np.testing.assert_allclose([p["value"] for p in model["parameters"]], expected.coef_)
     assert main(["identify", *words]) == 2
-    assert "has no column 'f_t'. It has: 'run', 'time', 'e', 'wanted', 'u'." in (
-        capsys.readouterr().err
-    )
+    assert "--method iv takes 'f_t' as its instrument" in capsys.readouterr().err
     assert main(["identify", *words, "--instruments", "e"]) == 2
     assert "'e' is an input and cannot be its own instrument" in capsys.readouterr().err
     assert main(["identify", "--method", "iv"]) == 2
@@ -156,7 +161,7 @@ def test_instrumental_variables_need_and_use_the_target(capsys, run_json, tmp_pa
 def test_instruments_that_nobody_named(capsys, run_files):
     words = [*run_files, "--input", "target", "--output", "cursor", "--time", "t"]
     assert main(["identify", *words, "--method", "iv"]) == 2
-    assert "has no column 'f_t'" in (said := capsys.readouterr().err)
+    assert "There is no column 'f_t'" in (said := capsys.readouterr().err)
     assert "unless --instruments names others" in said
     assert main(["identify", *words, "--method", "iv", "--instruments", "f"]) == 2
     assert "--instruments" not in capsys.readouterr().err
@@ -188,10 +193,8 @@ def test_a_model_can_follow_changes(capsys, run_json):
 
 
 def test_memory_is_said_once(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["identify", "--memory-time", "2", "--memory-horizon", "100"])
-    assert stop.value.code == 2
-    assert "not allowed with argument --memory-time" in capsys.readouterr().err
+    assert main(["identify", "--memory-time", "2", "--memory-horizon", "100"]) == 2
+    assert "--memory-horizon and --memory-time say the same" in capsys.readouterr().err
 
 
 def test_every_table_is_written(run_json):
@@ -246,7 +249,7 @@ def test_lost_control_is_left_out_unless_it_is_to_be_kept(capsys, run_json, lost
     assert kept["left_out"] == []
     assert found["models"][0]["vaf_validation"] > kept["models"][0]["vaf_validation"]
     assert main(["identify", *lost_file, *words, "--tables", str(tmp_path / "tables")]) == 0
-    printed = capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())
     assert "run 1 from 9" in printed
     assert "On the command line: --lost-control." in printed
     table = pd.read_csv(tmp_path / "tables" / "left_out.tsv", sep="\t")
@@ -265,7 +268,7 @@ def test_a_model_that_rebuilds_the_output_is_refused(capsys, run_json, tmp_path)
     assert model["leaks"] is True
     assert model["verdict"] == "rebuilds the output from the controlled element's response"
     assert main(["identify", *words]) == 0
-    printed = capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())
     assert "The model 'as given' is no answer" in printed
     assert "within 0.1 s" in printed
     assert "Give a least delay that is longer than 0.1 s, or other inputs" in printed
@@ -276,7 +279,7 @@ def test_channels_of_the_leak_test_are_no_inputs(run_json, lost_file):
     found = identify(run_json, *lost_file, *words)
     assert found["inputs"] == ["e"]
     assert found["models"][0]["leak_reason"].startswith("Leaks cannot be tested")
-    alone = identify(run_json, *lost_file, *words[:-4])
+    alone = identify(run_json, *lost_file, *words[:-4], "--input", "e")
     assert alone["models"][0]["leak_reason"] is None
     (model,) = identify(run_json, *lost_file, *words, "--method", "iv")["models"]
     assert model["nk"] == [11]

@@ -8,7 +8,7 @@ import pytest
 from skhoid import ControlledElement, load_human_tracking, read_runs
 from skhoid.cli import main
 from skhoid.cli.options import with_one_element
-from skhoid.cli.parser import make_parser
+from skhoid.cli.parser import make_parsers
 from skhoid.cli.recordings import read_recordings
 from skhoid.cli.search_output import element_of
 
@@ -98,7 +98,7 @@ def test_options_without_effect_are_refused(capsys, words):
         (["--input", "e", "--x", "e"], "'e' by --input and 'x' by --x"),
         (["--x", "x", "--target", "x"], "'x' by --x and 'f_t' by --target"),
         (["--role", "x=motion1", "--x", "x"], "'motion1' by --role and 'x' by --x"),
-        (["--role", "e=motion"], "'motion' by --role and 'e' by --input"),
+        (["--input", "e", "--role", "e=motion"], "'motion' by --role and 'e' by --input"),
     ],
 )
 def test_a_channel_has_one_role(capsys, words, roles):
@@ -109,7 +109,7 @@ def test_a_channel_has_one_role(capsys, words, roles):
 
 def test_a_target_seen_is_input_and_target(run_files):
     words = ["--input", "target", "--target", "target", "--output", "cursor", "--time", "t"]
-    options = make_parser().parse_args(["report", *run_files, *words, "--role", "target=f_t"])
+    options = make_parsers()[0].parse_args(["report", *run_files, *words, "--role", "target=f_t"])
     _, _, estimator, _ = read_recordings(options)
     assert (estimator.inputs, estimator.roles) == (["target"], {"target": "f_t"})
 
@@ -153,7 +153,9 @@ def test_some_lengths_may_be_zero(capsys, words):
 def test_files_of_a_study_are_optional(capsys):
     with pytest.raises(SystemExit):
         main(["study"])
-    assert capsys.readouterr().err.endswith("arguments are required: NAME\n")
+    assert capsys.readouterr().err.endswith(
+        "arguments are required: NAME (see skhoid study --help)\n"
+    )
 
 
 def test_resampling_takes_the_sampling_time(run_json, run_files):
@@ -191,7 +193,7 @@ def test_names_are_printed_and_drawn_as_they_are(capsys):
 )
 def test_controlled_elements(words, element):
     given = ["diagnose", "--input", "e", "--controlled-element", *words]
-    options = make_parser().parse_args(with_one_element(given))
+    options = make_parsers()[0].parse_args(with_one_element(given))
     assert element_of(options.controlled_element) == element
 
 

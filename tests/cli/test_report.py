@@ -68,7 +68,9 @@ def test_report_without_a_search(capsys, run_json, calls, biased_file):
     vaf = 100 * (1 - lost / (predictions["measured"] ** 2).sum())
     assert found["vaf"] == pytest.approx(vaf)
     assert main([*words, "--overwrite"]) == 0
-    assert f"VAF {vaf:.1f} %: K_e = " in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert f"VAF {vaf:.1f} % of the simulated output" in printed
+    assert "\n  K_e  " in printed
 
 
 @pytest.mark.slow

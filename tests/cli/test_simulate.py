@@ -101,8 +101,9 @@ def test_json_says_what_is_in_the_file(run_json):
     words = ["--runs", "2", "--remnant", "0.1", "--rate", "50", "--seed", "4", "--out", "a b.tsv"]
     found = run_json("simulate", *words)
     assert (found["file"], found["n_runs"], found["seed"]) == ("a b.tsv", 2, 4)
-    assert found["channels"] == ["e", "u"]
+    assert found["channels"] == ["e", "x", "f_t", "u"]
     assert all(0.05 < share < 0.2 for share in found["remnant"].values())
     X, _ = read_runs("a b.tsv", inputs="e", output="u", time="time", run="run")
     assert found["n_rows"] == len(X)
-    run_json(*shlex.split(found["next"])[1:], "--no-pictures")
+    few = ["--effects", "bias", "--no-pictures"]
+    run_json(*shlex.split(found["next"])[1:], *few)

@@ -5,7 +5,7 @@ import pytest
 
 from skhoid import make_tracking_runs, write_runs
 from skhoid.cli import main
-from skhoid.cli.parser import make_parser
+from skhoid.cli.parser import make_parsers
 from skhoid.cli.wording import reworded
 from skhoid.exceptions import PYTHON_ONLY
 
@@ -27,7 +27,7 @@ from skhoid.exceptions import PYTHON_ONLY
     ],
 )
 def test_options_for_arguments(words, text, said):
-    found = reworded(text, make_parser().parse_args(words.split()))
+    found = reworded(text, make_parsers()[0].parse_args(words.split()))
     end = "" if text.endswith(".") else "."
     assert found == (text if said is None else f"{text}{end} On the command line: {said}")
 
@@ -43,7 +43,7 @@ def test_what_helps_in_python_alone_is_left_out(capsys, monkeypatch, biased_file
     assert main(words) == 0
     for part in PYTHON_ONLY:
         assert any(part in line for line in said)
-    options = make_parser().parse_args(words)
+    options = make_parsers()[0].parse_args(words)
     shown = [reworded(line, options) for line in said]
     assert not any(part in line for part in PYTHON_ONLY for line in shown)
     assert not any("=" in line for line in shown if line.startswith("  note"))

@@ -17,11 +17,11 @@ from support.fuzzing import RAW, fuzz
 
 from skhoid import ARXRegressor, make_tracking_runs, write_runs
 from skhoid.cli import main
-from skhoid.cli.parser import make_parser
+from skhoid.cli.parser import make_parsers
 
 COMMANDS = next(
     action.choices
-    for action in make_parser()._actions
+    for action in make_parsers()[0]._actions
     if isinstance(action, argparse._SubParsersAction)
 )
 FILES = ["runs.csv", "runs.parquet", "one.csv", "empty.csv", "text.csv", "head.csv", "bytes.mat"]

@@ -11,7 +11,7 @@ from numpydoc.docscrape import FunctionDoc
 from support.places import ROOT
 
 import skhoid.effects
-from skhoid.effects import CoreKind, catalogue
+from skhoid.effects import CoreKind, catalogue, title_of
 from skhoid.effects.catalogue import BY_NAME, CLASSES
 from skhoid.effects.composition import PLACES
 from skhoid.search.explanations import ANY_EXPERIMENT, EXPERIMENTS
@@ -120,22 +120,13 @@ def test_pages_name_no_plumbing():
     assert ".. autoclass::" in template
 
 
-def rows_of(page, heading):
-    """Rows of the first table under a heading of a page."""
-    lines = text_of(page).split(f"## {heading}\n")[1].splitlines()
-    begin = next(i for i, line in enumerate(lines) if line.startswith("| --- |")) + 1
-    end = next(i for i in range(begin, len(lines)) if not lines[i].startswith("|"))
-    return lines[begin:end]
-
-
-def test_table_of_experiments():
-    wanted = {
-        f"| {', '.join(f'`{name}`' for name in sorted(names))} | {told} |"
-        for names, told in EXPERIMENTS.items()
-    }
-    wanted.add(f"| others | {ANY_EXPERIMENT} |")
-    found = rows_of("trust-a-name.md", "What cannot be told apart, with which data")
-    assert set(found) == wanted
+def test_table_of_experiments(cards):
+    rows = re.findall(r"^   \* - (.*)\n     - (.*)$", cards.pairs(), re.M)
+    assert rows[0] == ("effects", "told apart by")
+    assert [told for _, told in rows[1:]] == [*EXPERIMENTS.values(), ANY_EXPERIMENT]
+    for (named, _), pair in zip(rows[1:], EXPERIMENTS, strict=False):
+        assert {title_of(name) for name in pair} == set(re.findall(r":doc:`(.*?) <", named))
+    assert ".. effect-pairs::" in text_of("trust-a-name.md")
 
 
 def test_number_of_effects_is_said_right():

@@ -34,7 +34,6 @@ def csv(folder, text, name="run.csv"):
 class TestArguments:
     def test_clock(self, tmp_path, write):
         path = write(tmp_path, "csv", COLUMNS)
-        fails("no clock: name the time column .* or give the sampling time", path, time=None)
         fails("'t'.* or dt .*, not both", path, dt=0.01)
         for dt in (0, -1, np.nan, np.inf):
             fails("'dt' parameter of read_runs must be a float", path, time=None, dt=dt)

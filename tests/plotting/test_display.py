@@ -28,7 +28,9 @@ def test_displays_are_keyword_dataclasses_on_one_base(name):
 def test_a_display_says_in_short_what_it_shows():
     path = pd.DataFrame({"effect": ["baseline", "bias"], "vaf": [50.0, 60.0], "rmse": [2.0, 1.0]})
     path = path.assign(ceiling=np.nan, explainable_gap=np.nan)
-    display = plotting.ErrorPathDisplay(error_path=path, verdict="effects found", unit="deg")
+    display = plotting.ErrorPathDisplay(
+        error_path=path, best_effects=["bias"], verdict="effects found", unit="deg"
+    )
     told = repr(display)
     assert told.startswith("<ErrorPathDisplay: error_path of 2 rows, verdict 'effects found'")
     assert len(told) < 120

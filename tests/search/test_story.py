@@ -31,18 +31,19 @@ def test_story_names_what_is_hidden_with_numbers_at_each_step(biased):
     search = EffectSearchCV(OperatorRegressor(), effects=["bias", "drift", "dead_zone"])
     story = Story(search, *biased)
     told = "\n".join(story.tell())
-    path = story.search_.error_path_
+    path, ceiling = story.search_.error_path_, story.comparison_.noise_ceiling
     assert story.search_.best_effects_ == ["bias"]
     for expected in (
         "Measured: 3 runs, 6144 rows at 50 Hz, 123 s in all",
         "input e (deg), output u (deg); channels that effects may use: x (deg), f_t (deg)",
-        f"explains a VAF of {story.comparison_.vaf:.1f} %",
-        f"can reach {story.comparison_.noise_ceiling:.1f} %",
-        f"bias is added: VAF {path['vaf'][0]:.1f} -> {path['vaf'][1]:.1f} %",
-        "Verdict: effects found",
+        f"on the rows of its fit it has a VAF of {story.comparison_.vaf:.1f} %",
+        f"noise ceiling on these rows, judged by this model: {ceiling:.1f} %",
+        f"with bias: held-out VAF {path['vaf'][0]:.1f} -> {path['vaf'][1]:.1f} %",
+        "Verdict: effects found: bias",
+        "p < 1e-6",
     ):
         assert expected in told
-    assert told.index("Search, step 1") < told.index("bias is added") < told.index("step 2")
+    assert told.index("Verdict") < told.index("step 1") < told.index("with bias: held-out")
     assert json.loads(json.dumps(story.as_dict()["parameters"]))[-1]["parameter"] == "bias__level"
 
 
