@@ -79,6 +79,8 @@ numpydoc_xref_param_type = True
 numpydoc_xref_ignore = "all"  # but for these, and numpydoc's own list
 numpydoc_xref_aliases = {
     **{name: f"skhoid.{name}" for name in skhoid.__all__ if name[0].isupper()},
+    "Effect": "skhoid.effects.Effect",
+    "Effects": "skhoid.effects.Effects",
     "Path": "pathlib.Path",
     "DataFrame": "pandas.DataFrame",
     "Series": "pandas.Series",

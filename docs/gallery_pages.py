@@ -1,6 +1,5 @@
 """Pages and pictures of the gallery: their order, their words, their size, their thumbnails."""
 
-import pickle
 import re
 from pathlib import Path
 from typing import Any
@@ -28,19 +27,20 @@ class PageOrder(NumberOfCodeLinesSortKey):
 
 def pictures(block: Any, variables: dict[str, Any], *rest: Any, **options: Any) -> str:
     """The pictures of a block; what axes show joins titles in the alternative text."""
-    first = Path(variables["image_path_iterator"].image_path.format(1))
+    images = variables["image_path_iterator"]
     number, panel = PANELS.get(Path(variables["src_file"]).stem, (1, 0))
-    wanted = number - len(variables["image_path_iterator"])
-    for position, figure in enumerate(map(plt.figure, plt.get_fignums()), start=1):
-        if position == wanted:
-            _save_panel(figure, panel, _panel_file(first))
+    wanted = number - len(images)
+    figures = [plt.figure(number) for number in plt.get_fignums()]
+    for figure in figures:
         if not figure.get_suptitle():
-            panels = figure.axes
-            shown = [_joined(panel.get_ylabel() for panel in panels)]
-            shown.append(_joined(panel.get_xlabel() for panel in panels))
+            shown = [_joined(axes.get_ylabel() for axes in figure.axes)]
+            shown.append(_joined(axes.get_xlabel() for axes in figure.axes))
             text = figure.suptitle(" over ".join(filter(None, shown)))
             text.set(visible=False, in_layout=False)
-    return matplotlib_scraper(block, variables, *rest, **options)
+    page = matplotlib_scraper(block, variables, *rest, **options)  # closes them
+    if 0 < wanted <= len(figures):
+        _save_panel(figures[wanted - 1], panel, _panel_file(Path(images.image_path.format(1))))
+    return page
 
 
 def show_panels(app: Any) -> None:
@@ -74,27 +74,24 @@ def _panel_file(image: Path) -> Path:
 
 def _save_panel(figure: Any, number: int, file: Path) -> None:
     """One panel of a picture, alone and drawn small, so that its words are large."""
-    copy = pickle.loads(pickle.dumps(figure))
-    panel = copy.axes[number]
-    place = panel.get_subplotspec()
-    for axes in copy.axes:
-        twin = axes is not panel and place is not None and axes.get_subplotspec() == place
-        if not (axes is panel or twin):
-            axes.remove()
-        else:
-            axes.set_subplotspec(GridSpec(1, 1, figure=copy)[0])
-            axes.set_title("")
+    shown = figure.axes[number]
+    place = shown.get_subplotspec()
+    for axes in figure.axes:
+        if axes is shown or (place is not None and axes.get_subplotspec() == place):
+            axes.set_subplotspec(GridSpec(1, 1, figure=figure)[0])
+            for side in ("left", "center", "right"):
+                axes.set_title("", loc=side)
             axes.tick_params(labelbottom=True)
             if axes.get_legend():
                 axes.get_legend().remove()
-    for artist in (*copy.legends, *copy.texts):
-        artist.remove()
-    copy.suptitle("")
-    copy.set_size_inches(*THUMBNAIL)
-    copy.set_layout_engine("constrained")
+        else:
+            axes.set(visible=False, in_layout=False)  # removed, it would be missed by shared axes
+    for artist in (*figure.legends, *figure.texts):
+        artist.set(visible=False, in_layout=False)
+    figure.set_size_inches(*THUMBNAIL)
+    figure.set_layout_engine("constrained")
     file.parent.mkdir(parents=True, exist_ok=True)
-    copy.savefig(file, dpi=200)
-    plt.close(copy)
+    figure.savefig(file, dpi=200)
 
 
 def _joined(labels: Any) -> str:
