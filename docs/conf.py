@@ -1,11 +1,20 @@
-"""Sphinx configuration; build with `sphinx-build -W -b html docs docs/_build/html`."""
+"""Sphinx configuration; build with `sphinx-build -W -b html docs docs/_build/html`.
+
+The build needs no network, and neither does what it builds: equations are set by the MathJax in
+_static/mathjax (tex-svg.js of npm's mathjax 3.2.2, one file with its fonts: 2.1 MB, 0.7 MB
+compressed, loaded by pages that have equations), and links to other projects come from
+_inventories, which tools/inventories.py writes.
+"""
 
 import sys
 from pathlib import Path
 
 import skhoid
 
-sys.path.insert(0, str(Path(__file__).parent))  # gallery_pages
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "tools")]  # effect_cards, gallery_pages, inventories
+import gallery_pages  # noqa: E402
+from inventories import SITES  # noqa: E402
 
 project = "skhoid"
 author = "skhoid developers"
@@ -15,12 +24,15 @@ version = release = skhoid.__version__
 extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
+    "sphinx.ext.intersphinx",
     "sphinx.ext.mathjax",
+    "sphinx.ext.viewcode",
     "numpydoc",
     "myst_parser",
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
+    "effect_cards",
 ]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
 templates_path = ["_templates"]
@@ -28,12 +40,20 @@ exclude_patterns = ["_build", "gallery/**/*.ipynb", "sg_execution_times.rst"]
 default_role = "py:obj"
 
 html_theme = "pydata_sphinx_theme"
+html_favicon = "_static/favicon.svg"
 html_title = f"skhoid {release}"
 html_show_sourcelink = False
 html_context = {"default_mode": "auto"}  # light or dark as the reader has it
 html_static_path = ["_static"]
-html_css_files = ["width.css"]
+html_css_files = ["site.css"]
+html_sidebars = {"index": [], "api": [], "generated/**": []}  # a list of 170 names helps nobody
 html_theme_options = {
+    "logo": {
+        "image_light": "_static/logo.svg",
+        "image_dark": "_static/logo-dark.svg",
+        "text": "skhoid",
+        "alt_text": "skhoid: start page",
+    },
     "header_links_before_dropdown": 7,  # the sections, all in sight
     "navbar_persistent": ["search-button"],
     "navigation_with_keys": False,
@@ -45,9 +65,29 @@ html_theme_options = {
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
+mathjax_path = "mathjax/tex-svg.js"
+mathjax3_config = {"options": {"enableMenu": False}}  # the menu would load parts that are not here
+intersphinx_mapping = {
+    project: (site, f"_inventories/{project}.inv") for project, site in SITES.items()
+}
+
+toc_object_entries_show_parents = "hide"  # fit(), not ARXRegressor.fit()
 autosummary_generate = True
 autodoc_typehints = "none"  # numpydoc's Parameters section gives the types
 numpydoc_show_class_members = False  # the autosummary template lists them
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"  # but for these, and numpydoc's own list
+numpydoc_xref_aliases = {
+    **{name: f"skhoid.{name}" for name in skhoid.__all__ if name[0].isupper()},
+    "Effect": "skhoid.effects.Effect",
+    "Effects": "skhoid.effects.Effects",
+    "Path": "pathlib.Path",
+    "DataFrame": "pandas.DataFrame",
+    "Series": "pandas.Series",
+    "Axes": "matplotlib.axes.Axes",
+    "Figure": "matplotlib.figure.Figure",
+    "Generator": "numpy.random.Generator",
+}
 
 copybutton_exclude = ".linenos, .gp, .go"
 
@@ -58,6 +98,8 @@ sphinx_gallery_conf = {
     "doc_module": ("skhoid",),
     "backreferences_dir": "generated/backreferences",
     "image_scrapers": ("gallery_pages.pictures",),
+    "thumbnail_size": (640, 448),
+    "image_srcset": ["2x"],  # sharp on the screens of today
     "subsection_order": [
         f"../examples/{topic}"
         for topic in (
@@ -86,3 +128,5 @@ def leave_out_sklearn_members(app, what, name, obj, skip, options):
 
 def setup(app):
     app.connect("autodoc-skip-member", leave_out_sklearn_members)
+    app.connect("builder-inited", gallery_pages.show_panels, priority=900)  # after the gallery
+    app.connect("doctree-read", gallery_pages.show_sharp, priority=400)  # before copies are made

@@ -1,7 +1,8 @@
 """Draws the pictures of a page: ``python docs/draw.py docs/find-what-is-missing.md``.
 
 Runs the page's Python blocks. Where the page shows ``_static/<page>-<name>.png``, the Display that
-it calls ``name`` is saved there.
+it calls ``name`` is saved there, with twice the pixels that it has on the page: sharp screens show
+them, and the build takes its size from the resolution in the file.
 """
 
 import re
@@ -22,5 +23,5 @@ for block in blocks:
         exec(compile(block, str(page), "exec"), variables)
 for name in re.findall(rf"_static/{page.stem}-(\w+)\.png", text):
     file = page.parent / "_static" / f"{page.stem}-{name}.png"
-    variables[name].figure_.savefig(file, dpi=100, bbox_inches="tight", metadata={"Software": None})
+    variables[name].figure_.savefig(file, dpi=200, bbox_inches="tight", metadata={"Software": None})
     print(file)

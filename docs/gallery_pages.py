@@ -1,13 +1,20 @@
-"""Order of the pages of the gallery, and what their pictures show in words."""
+"""Pages and pictures of the gallery: their order, their words, their size, their thumbnails."""
 
 import re
+from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+from docutils import nodes
+from matplotlib.gridspec import GridSpec
+from PIL import Image
 from sphinx_gallery.scrapers import matplotlib_scraper
 from sphinx_gallery.sorting import NumberOfCodeLinesSortKey
 
 FIRST = ("plot_hidden_effect.py", "plot_real_effects.py", "plot_report.py", "plot_free_run.py")
+# The picture, and its panel, that stands for an example; the first ones unless said here.
+PANELS: dict[str, tuple[int, int]] = {}
+THUMBNAIL = 3.2, 2.24  # inches, at which its words can be read on a card
 
 
 class PageOrder(NumberOfCodeLinesSortKey):
@@ -18,17 +25,73 @@ class PageOrder(NumberOfCodeLinesSortKey):
         return FIRST.index(name) if name in FIRST else len(FIRST), super().__call__(filename)
 
 
-def pictures(*of_block: Any) -> str:
+def pictures(block: Any, variables: dict[str, Any], *rest: Any, **options: Any) -> str:
     """The pictures of a block; what axes show joins titles in the alternative text."""
-    for number in plt.get_fignums():
-        figure = plt.figure(number)
+    images = variables["image_path_iterator"]
+    number, panel = PANELS.get(Path(variables["src_file"]).stem, (1, 0))
+    wanted = number - len(images)
+    figures = [plt.figure(number) for number in plt.get_fignums()]
+    for figure in figures:
         if not figure.get_suptitle():
-            panels = figure.axes
-            shown = [_joined(panel.get_ylabel() for panel in panels)]
-            shown.append(_joined(panel.get_xlabel() for panel in panels))
+            shown = [_joined(axes.get_ylabel() for axes in figure.axes)]
+            shown.append(_joined(axes.get_xlabel() for axes in figure.axes))
             text = figure.suptitle(" over ".join(filter(None, shown)))
             text.set(visible=False, in_layout=False)
-    return matplotlib_scraper(*of_block)
+    page = matplotlib_scraper(block, variables, *rest, **options)  # closes them
+    if 0 < wanted <= len(figures):
+        _save_panel(figures[wanted - 1], panel, _panel_file(Path(images.image_path.format(1))))
+    return page
+
+
+def show_panels(app: Any) -> None:
+    """Put the panels in place of sphinx-gallery's thumbnails, which shrink whole pictures."""
+    for file in Path(app.srcdir, "gallery").rglob("panel_*.png"):
+        file.with_name("thumb").mkdir(exist_ok=True)
+        name = file.name.replace("panel_", "sphx_glr_").replace(".png", "_thumb.png")
+        (file.parent / "thumb" / name).write_bytes(file.read_bytes())
+
+
+def show_sharp(app: Any, document: nodes.document) -> None:
+    """Show a picture at the size that its resolution says, from a finer file if there is one."""
+    for image in document.findall(nodes.image):
+        file = Path(app.env.relfn2path(image["uri"])[1])
+        if file.parent.name == "thumb":  # the cards of the gallery have a size of their own
+            continue
+        fine = file.with_name(f"{file.stem}_2_00x.png")
+        if fine.is_file():
+            file = fine
+            image["uri"] = str(Path(image["uri"]).with_name(fine.name))
+        if file.suffix == ".png" and file.is_file() and "width" not in image:
+            with Image.open(file) as picture:
+                inches = picture.width / picture.info.get("dpi", (100, 100))[0]
+            image["width"] = f"{round(100 * inches)}px"
+
+
+def _panel_file(image: Path) -> Path:
+    """sphx_glr_plot_name_001.png -> panel_plot_name.png"""
+    return image.with_name(re.sub(r"^sphx_glr_(.*)_\d+\.png$", r"panel_\1.png", image.name))
+
+
+def _save_panel(figure: Any, number: int, file: Path) -> None:
+    """One panel of a picture, alone and drawn small, so that its words are large."""
+    shown = figure.axes[number]
+    place = shown.get_subplotspec()
+    for axes in figure.axes:
+        if axes is shown or (place is not None and axes.get_subplotspec() == place):
+            axes.set_subplotspec(GridSpec(1, 1, figure=figure)[0])
+            for side in ("left", "center", "right"):
+                axes.set_title("", loc=side)
+            axes.tick_params(labelbottom=True)
+            if axes.get_legend():
+                axes.get_legend().remove()
+        else:
+            axes.set(visible=False, in_layout=False)  # removed, it would be missed by shared axes
+    for artist in (*figure.legends, *figure.texts):
+        artist.set(visible=False, in_layout=False)
+    figure.set_size_inches(*THUMBNAIL)
+    figure.set_layout_engine("constrained")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file, dpi=200)
 
 
 def _joined(labels: Any) -> str:

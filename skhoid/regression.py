@@ -35,7 +35,7 @@ from .runs import (
 )
 from .runs.empty import empty_runs, rows_of_runs
 from .runs.selection import warn_of_pooled
-from .summaries import Summary
+from .summaries import ModelSummary, Summary
 
 NOTED_JITTER = 0.01  # of a sampling time
 STILL = 1e-9  # relative to the norm of a channel
@@ -295,7 +295,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         prediction = grid.to_full_rate(self._run_from(grid, values, output))
         return prediction, self._fed(grid.layout, values)
 
-    def summary(self, X: Any = None, y: Any = None) -> str:
+    def summary(self, X: Any = None, y: Any = None) -> Summary:
         """Say in a table what was fitted, how, and how sure the parameters are.
 
         Parameters
@@ -308,8 +308,8 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        text : str
-            Lines of at most 88 columns.
+        text : Summary
+            A string, of lines of at most 88 columns, that notebooks show line by line.
         """
         self._check_fitted()
         found = self._summary()
@@ -317,7 +317,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             found = replace(found, facts=found.facts | self._validation(X, y))
         return found.text()
 
-    def _summary(self) -> Summary:
+    def _summary(self) -> ModelSummary:
         raise NotImplementedError
 
     def _found_html(self) -> str:

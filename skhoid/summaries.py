@@ -1,4 +1,8 @@
-"""Summaries of fitted models, as text and as HTML."""
+"""Summaries, as text and as HTML; and the words that all of them share.
+
+Open it for how a summary shows in a notebook, or how a VAF, a p-value, a gap or an estimate is
+written.
+"""
 
 from __future__ import annotations
 
@@ -39,6 +43,8 @@ STYLE = """<style>
   border-bottom: 1px solid color-mix(in srgb, currentColor 25%, transparent);
   font-variant-numeric: tabular-nums; padding: 0.2em 0.7em; text-align: right}
 .skhoid-summary .left {text-align: left}
+pre.skhoid-summary {background: none; line-height: 1.4; margin: 0.5em 0; padding: 0;
+  white-space: pre}
 </style>"""
 
 
@@ -88,8 +94,34 @@ class TextTable:
         )
 
 
+class Summary(str):
+    """Text that shows line by line, also as the last expression of a notebook's cell.
+
+    It is a string in all else.
+
+    Examples
+    --------
+    >>> from skhoid.summaries import Summary
+    >>> Summary("first line\\nsecond line")
+    first line
+    second line
+    """
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        title = next((line.strip() for line in self.splitlines() if line.strip()), "Summary")
+        return (
+            f'{STYLE}<pre class="skhoid-summary" role="region" tabindex="0" '
+            f'aria-label="{escape(title)}">{escape(self)}</pre>'
+        )
+
+
 @dataclass(frozen=True)
-class Summary:
+class ModelSummary:
     """The summary of a fitted model: facts, tables and notes."""
 
     title: str
@@ -98,7 +130,7 @@ class Summary:
     notes: Sequence[str] = ()
     more: Sequence[TextTable] = field(default=())
 
-    def text(self) -> str:
+    def text(self) -> Summary:
         lines = [
             _shortened(self.title, WIDTH).center(WIDTH).rstrip(),
             "=" * WIDTH,
@@ -110,7 +142,7 @@ class Summary:
         lines += ["=" * WIDTH]
         for number, note in enumerate(self.notes, 1):
             lines += wrapped(f"[{number}] {note}", "    ")
-        return "\n".join(lines)
+        return Summary("\n".join(lines))
 
     def html(self, above: str = "") -> str:
         """A table and a line of facts, below a line on what found the model."""
@@ -241,6 +273,47 @@ def number(value: float, sd: float = np.nan) -> str:
 
 def quantity(value: float, unit: str | None) -> str:
     return number(value) + (f" {unit}" if unit else "")
+
+
+def vaf_name(*, centered: bool = False, clipped: bool = False) -> str:
+    """What a VAF is called: the plain word is about zero and not clipped (``VAF_RULE``).
+
+    Examples
+    --------
+    >>> from skhoid.summaries import vaf_name
+    >>> vaf_name(), vaf_name(centered=True), vaf_name(clipped=True)
+    ('VAF', 'VAF (about the mean)', 'VAF (clipped at 0)')
+    """
+    kinds = ["about the mean"] * centered + ["clipped at 0"] * clipped
+    return f"VAF ({', '.join(kinds)})" if kinds else "VAF"
+
+
+def p_text(p: float) -> str:
+    """A p-value: two digits, and a bound where it is tiny.
+
+    Examples
+    --------
+    >>> from skhoid.summaries import p_text
+    >>> p_text(0.00321), p_text(1e-303)
+    ('p = 0.0032', 'p < 1e-6')
+    """
+    return "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
+
+
+def gap_text(gap: float) -> str:
+    """What is left to explain, never less than nothing.
+
+    Chance may take the VAF of a model above the estimated ceiling.
+
+    Examples
+    --------
+    >>> from skhoid.summaries import gap_text
+    >>> gap_text(34.6), gap_text(-0.3)
+    ('34.6 VAF points', 'nothing')
+    """
+    if not np.isfinite(gap):
+        return "not known"
+    return f"{gap:.1f} VAF points" if gap >= 0.05 else "nothing"
 
 
 def counted(n: int, what: str) -> str:

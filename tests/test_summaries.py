@@ -434,7 +434,7 @@ def test_pipelines_show_the_diagram_of_scikit_learn(runs):
 
 def test_search_in_a_notebook_says_what_it_found(runs):
     search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(*runs)
-    assert search.verdict_ in search._repr_html_()
+    assert "EffectSearchCV. " + search.summary().splitlines()[0] in search._repr_html_()
 
 
 @pytest.mark.parametrize("kind", ["one input", "two inputs", "search", "recursive", "operator"])

@@ -1,4 +1,4 @@
-"""The confusion matrix of the whole trial as a table and as the picture of docs/effects.md.
+"""The confusion matrix of the whole trial as a table and as the picture of docs/trust-a-name.md.
 
     python benchmarks/blind/picture.py main.csv null.csv left_out.csv
 

@@ -33,11 +33,11 @@ page = comparison.plot()
 
 # %%
 # The bar at the foot is the answer in short. Blue is explained. Grey does not repeat when the same
-# target is shown again: remnant, which no model can predict. What lies between, red, repeats, and a
+# target is shown again: remnant, which no model can predict. What lies between, vermilion, repeats, and a
 # better model could explain it.
 #
 # The panels above say where. Most is lost from 41 s on, but what repeats, the part of the bars that
-# is red, most of all before. In frequency it is lost at some lines of the target, those that stand
+# is vermilion, most of all before. In frequency it is lost at some lines of the target, those that stand
 # out of the noise.
 #
 # In words
@@ -53,7 +53,7 @@ print(comparison.summary())
 #
 # Where in time
 # -------------
-# The upper panel shares out the points lost among windows of the run. Red is what repeats over runs
+# The upper panel shares out the points lost among windows of the run. Vermilion is what repeats over runs
 # by more than chance: misfit. The rest is remnant, and there is more of it after 41 s. In the lower
 # panel the grey band is what the residual's power would do by chance if nothing changed. Dashed
 # lines are changes that a test finds, after it has paid for looking everywhere.

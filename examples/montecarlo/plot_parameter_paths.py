@@ -24,7 +24,7 @@ print(found.table.groupby(["remnant_intensity", "form"]).size().unstack())
 # ARX parameters
 # --------------
 # Fig. 14: black is the mean over the runs, with a band of one standard deviation; thin lines are
-# single runs, green the batch models, and orange is the truth.
+# single runs, orange the batch models, and dashed green is the truth.
 
 from skhoid import make_tracking_runs
 from skhoid.plotting import StudyPathDisplay

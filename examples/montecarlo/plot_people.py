@@ -39,7 +39,7 @@ print(result.score_table("C4").round(3).to_string())
 # %%
 # The path, with one λ
 # --------------------
-# Thin lines are single runs, black is their mean, green the batch models.
+# Thin lines are single runs, black is their mean, orange the batch models.
 
 _ = result.plot("C4", form="lambda")
 

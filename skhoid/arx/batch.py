@@ -19,7 +19,7 @@ from ..greybox.model import Model
 from ..greybox.prepared import Prepared, SimulatedCore
 from ..human import ELEMENT
 from ..preprocessing.grid import ModelGrid
-from ..summaries import Summary
+from ..summaries import ModelSummary
 from .base import BaseARX, check_lengths
 from .model_summary import orders_text
 from .orders import Orders
@@ -349,5 +349,5 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     ) -> np.ndarray:
         return self._strategy.simulated(self, grid, values, output)
 
-    def _summary(self) -> Summary:
+    def _summary(self) -> ModelSummary:
         return self._strategy.summary(self)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..preprocessing.base import as_fitted
 from ..summaries import (
-    Summary,
+    ModelSummary,
     TextTable,
     estimates_table,
     grid_facts,
@@ -34,7 +34,7 @@ CLOSED_LOOP = (
 WHITE = "Standard errors take the equation error as white{}."
 
 
-def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> Summary:
+def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> ModelSummary:
     """Summary of an ARX model whose equation error was minimised."""
     n, p = model.n_rows_used_, len(model.coef_)
     facts = {"Model": orders_text(model.orders_), **signal_facts(model)}
@@ -72,7 +72,7 @@ def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> 
     notes.append(JUDGE.format(", AIC and BIC are" if criteria else " is"))
     if criteria:
         notes.append("AIC and BIC are without constants; compare them on the same rows only.")
-    return Summary(
+    return ModelSummary(
         f"{type(model).__name__}: {_response(model)}",
         facts,
         estimates_table(model.parameters_),
@@ -80,7 +80,7 @@ def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> 
     )
 
 
-def recursive_summary(model: RecursiveARX) -> Summary:
+def recursive_summary(model: RecursiveARX) -> ModelSummary:
     """Summary of a recursive model: its last parameters, and their path."""
     has_path = "coef_path_" in vars(model)
     smoothed = has_path and getattr(as_fitted(model), "smooth", False)
@@ -107,7 +107,7 @@ def recursive_summary(model: RecursiveARX) -> Summary:
         notes.append("After partial_fit no path is kept: predictions use the last parameters.")
     elif smoothed:
         notes.append("The last parameters are not smoothed; the path is.")
-    return Summary(
+    return ModelSummary(
         f"{type(model).__name__}: {_response(model)}",
         facts,
         estimates_table(model.parameters_, "Parameters at the end"),

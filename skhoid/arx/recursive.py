@@ -14,7 +14,7 @@ from ..exceptions import RunTimeWarning
 from ..greybox.estimates import arx_parameter_table
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
-from ..summaries import Summary
+from ..summaries import ModelSummary
 from .base import check_row_count
 from .forgetting import Forgetting, read_forgetting
 from .model_summary import recursive_summary
@@ -461,7 +461,7 @@ class RecursiveARX(PartialFit):
             return 0
         return int(sum(state.count("held").sum() for state in self._states))
 
-    def _summary(self) -> Summary:
+    def _summary(self) -> ModelSummary:
         return recursive_summary(self)
 
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:

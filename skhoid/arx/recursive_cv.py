@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
+from sklearn.callback import CallbackSupportMixin, with_callbacks
 
 from .. import _kernels
 from .._sklearn import fit_context
 from ..exceptions import RunCutWarning
 from ..metrics import VAFScorer, scored_rows, vaf_of_rows, vaf_of_sums
-from ..summaries import Summary, TextTable, number
+from ..summaries import ModelSummary, TextTable, number, vaf_name
 from .base import BOUND
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursive import RecursiveARX
@@ -25,7 +26,7 @@ from .searches.text import highest, standard_error_over_folds
 HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 
 
-class RecursiveARXCV(SplitsRuns, RecursiveARX):
+class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
     """Recursive ARX model whose memory horizon is chosen on validation runs.
 
     All horizons are estimated side by side, in one pass over the data of each fold, and the free
@@ -94,7 +95,8 @@ class RecursiveARXCV(SplitsRuns, RecursiveARX):
     Notes
     -----
     ``GridSearchCV`` over ``memory_horizon`` of a :class:`RecursiveARX` gives the same scores.
-    Other attributes are those of :class:`RecursiveARX`.
+    Other attributes are those of :class:`RecursiveARX`. For progress, call
+    ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
 
     Runs of one forcing function share more than the operator: a path of very short memory can
     learn the response to that very function, and then fails on any other. Where the best horizon
@@ -171,6 +173,7 @@ class RecursiveARXCV(SplitsRuns, RecursiveARX):
         self.dt = dt
         self.run = run
 
+    @with_callbacks
     @fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: Any, y: Any, groups: Any = None, **params: Any) -> RecursiveARXCV:
         """Score all memory horizons, and fit the best one on all runs.
@@ -201,13 +204,27 @@ class RecursiveARXCV(SplitsRuns, RecursiveARX):
         routed = self._routed(X, data.grid.layout, groups, params)
         validation = _HorizonScores(self, data, self._read_y(X, y))
         folds = self._folds(validation, routed)
-        scored = Parallel(n_jobs=self.n_jobs, prefer="threads")(
+        context = self._init_callback_context(max_subtasks=len(folds) + 1)
+        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
+        scored = []
+        in_turn = Parallel(n_jobs=self.n_jobs, prefer="threads", return_as="generator")(
             delayed(validation.scores)(runs, settings) for runs in folds
         )
+        for of_fold in in_turn:
+            scored.append(of_fold)
+            self._told_of(context, f"fold {len(scored)}")
         self.n_runs_pooled_ = min(len(train) for train, _ in folds)
         self._set_results(settings, np.array(scored))
         self._fit_recursion(data, settings[self.best_index_])
+        self._told_of(context, "refit")
+        context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
+
+    def _told_of(self, context: Any, part: str) -> None:
+        """Tell callbacks that a part of the fit is done."""
+        task = context.subcontext(task_name=part)
+        task.call_on_fit_task_begin(estimator=self)
+        task.call_on_fit_task_end(estimator=self)
 
     def _settings(self, data: RecursionData) -> list[Forgetting]:
         entries: tuple[Any, ...] = HORIZONS
@@ -291,7 +308,7 @@ class RecursiveARXCV(SplitsRuns, RecursiveARX):
         self.best_memory_horizon_ = self._entries[self.best_index_]
         self.best_score_ = float(test[self.best_index_])
 
-    def _summary(self) -> Summary:
+    def _summary(self) -> ModelSummary:
         results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
         shown, caption = highest(vaf, standard_error_over_folds(results, self.best_index_))
         header = ["N0 (samples)", "VAF (%)", "VAF, train (%)", "gain"]
@@ -304,7 +321,8 @@ class RecursiveARXCV(SplitsRuns, RecursiveARX):
             for i in shown
         ]
         found = super()._summary()
-        searched = f"{len(vaf)} memory horizons, by cross-validated VAF {self.best_score_:.1f} %"
+        name = vaf_name(centered=self.scoring is not None and self.scoring.centered)
+        searched = f"{len(vaf)} memory horizons, by cross-validated {name} {self.best_score_:.1f} %"
         facts = {**found.facts, "Searched": searched}
         return replace(found, facts=facts, more=[TextTable(caption, header, rows), *found.more])
 

@@ -27,7 +27,7 @@ from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, segments
 from ..runs import input_columns
 from ..runs.roles import is_external, role_of
-from ..summaries import Summary
+from ..summaries import ModelSummary
 from .base import BaseARX, check_row_count
 from .beginning import Beginning
 from .excitation import rank_error
@@ -71,7 +71,7 @@ class Strategy(Protocol):
     ) -> np.ndarray:
         """Free run on the grid from rest, or from initial states that fit an output."""
 
-    def summary(self, model: ARXRegressor) -> Summary:
+    def summary(self, model: ARXRegressor) -> ModelSummary:
         """What was estimated, and how."""
 
 
@@ -168,7 +168,7 @@ class EquationError(AnswersByEquation):
         _show(model, found.theta, found.covariance, found.noise_variance, found.n_rows)
         return cls(hac, Beginning.seen(model, grid, inputs, output), names)
 
-    def summary(self, model: ARXRegressor) -> Summary:
+    def summary(self, model: ARXRegressor) -> ModelSummary:
         return batch_summary(model, hac=self.hac, instruments=self.instruments)
 
 
@@ -237,7 +237,7 @@ class SimulationError:
             return self.simulation.from_rest(model, grid, values)
         return self.simulation.run_from(model, grid, values, output, ESTIMATE)
 
-    def summary(self, model: ARXRegressor) -> Summary:
+    def summary(self, model: ARXRegressor) -> ModelSummary:
         return simulated_summary(model, self.simulation)
 
 
@@ -248,7 +248,7 @@ class LinearSimulationError(AnswersByEquation):
     simulation: Simulation
     begins: Beginning
 
-    def summary(self, model: ARXRegressor) -> Summary:
+    def summary(self, model: ARXRegressor) -> ModelSummary:
         return simulated_summary(model, self.simulation)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..recordings.findings import Finding
-from ..summaries import counted
+from ..summaries import counted, gap_text, p_text, vaf_name
 from .element_inverse import band_edge
 from .next_steps import NextSteps
 from .run_signals import Signals
@@ -47,8 +47,9 @@ def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[
                 "leak",
                 "The model rebuilds the output from x instead of predicting it",
                 c.leak.reason,
-                "x is a function of the output: with hardly a delay between them, the inverse of "
-                "the controlled element gives the output back. Its VAF says nothing.",
+                "x is a function of the output: with hardly any delay between them, the inverse "
+                "of the controlled element returns the output. The VAF of such a model says "
+                "nothing.",
                 then.leak(),
                 "ResidualCorrelationDisplay",
             )
@@ -67,11 +68,11 @@ def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[
 
 
 def _p(test: Any) -> str:
-    return "p < 1e-6" if test.p < 1e-6 else f"p = {test.p:.2g}"
+    return p_text(test.p)
 
 
 def _points(c: Comparison, value: float) -> str:
-    about = " about the mean" if c.mean_dominates else ""
+    about = " (about the mean)" if c.mean_dominates else ""
     return f"{c.point_scale * value:.1f} VAF points{about}"
 
 
@@ -81,8 +82,7 @@ def _runs(c: Comparison, sure: dict[Any, Any], words: Words) -> Iterator[Finding
             yield Finding(
                 "lost control",
                 f"In run {run} control was lost at about {test.where:.4g} s",
-                f"For 4 s and more the error there is {test.size:.1f} times what is usual in these "
-                "runs.",
+                f"For 4 s or more the error is {test.size:.1f} times its usual size in these runs.",
                 words.lost_control,
                 "Leave the stretch out of estimation and validation. EffectSearchCV and skhoid "
                 "identify do so.",
@@ -92,7 +92,7 @@ def _runs(c: Comparison, sure: dict[Any, Any], words: Words) -> Iterator[Finding
             yield Finding(
                 "outlying run",
                 f"Run {run} is unlike the others: {test.size:.2f} times their residual power",
-                f"{_p(test)}, from what remnant of this spectrum scatters between runs.",
+                f"{_p(test)}, given how much remnant of this spectrum scatters between runs.",
                 words.outlying_run,
                 "Look at its traces. Validate with and without it.",
                 "RunComparisonDisplay",
@@ -101,7 +101,7 @@ def _runs(c: Comparison, sure: dict[Any, Any], words: Words) -> Iterator[Finding
             more = "grows" if test.size > 0 else "falls"
             yield Finding(
                 "learning",
-                f"The residual power {more} by {abs(test.size):.0f} % a run",
+                f"The residual power {more} by {abs(test.size):.0f} % per run",
                 f"Trend of its logarithm over the runs, {_p(test)}.",
                 words.learning,
                 "Fit the last runs only, select_runs(X, y, last=5), or compare first and last.",
@@ -118,7 +118,7 @@ def _effects(
     if bias is not None:
         yield Finding(
             "bias",
-            f"The measured output is {bias.size:+.3g}{_unit(c)} beside the predicted one",
+            f"The measured output is offset from the simulation by {bias.size:+.3g}{_unit(c)}",
             f"Mean residual, {_p(bias)}; it costs {_points(c, bias.cost)}.",
             words.bias,
             then.bias(),
@@ -148,7 +148,7 @@ def _effects(
                 "outlier",
                 f"A single event in run {signal} at {test.where:.4g} s: {test.size:.0f} standard "
                 "deviations",
-                f"Largest whitened residual, {_p(test)}, for normal remnant.",
+                f"Largest whitened residual; {_p(test)} if the remnant is normal.",
                 words.outlier,
                 "Look at the traces there; set wrong samples to NaN (they are then left out).",
                 "ResidualTimeDisplay",
@@ -156,18 +156,18 @@ def _effects(
 
 
 def _distorted(c: Comparison, test: Any, signal: str) -> Finding:
+    odd = " of odd order, such as a cubic gain or stiffness, a dead zone, saturation"
     order = {
-        "odd lines": "of odd order, such as a cubic gain or stiffness, a dead zone, saturation",
-        "odd harmonics": "of odd order, such as a cubic gain or stiffness, a dead zone, saturation",
-        "even harmonics": "of even order: asymmetry, rectification, an offset before a gain",
-    }.get(signal, "or a response that varies in time")
+        "odd lines": odd,
+        "odd harmonics": odd,
+        "even harmonics": " of even order: asymmetry, rectification, an offset before a gain",
+    }.get(signal, ", or a response that varies in time")
     where = "between the excited lines" if signal == "between lines" else f"at the {signal}"
     return Finding(
         "distortion",
-        f"The residual holds distortion {where}",
-        f"{test.size:.3g} times the power that noise has there, {_p(test)}; "
-        f"{_points(c, test.cost)}.",
-        f"A nonlinearity {order}. No linear model makes it.",
+        f"The residual contains distortion {where}",
+        f"{test.size:.3g} times the power of the noise there, {_p(test)}; {_points(c, test.cost)}.",
+        f"A nonlinearity{order}. No linear model can produce it.",
         "Look at the amplitude view for its shape; add the nonlinearity.",
         "ResidualFrequencyDisplay",
         test.cost,
@@ -181,14 +181,14 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
     gain = sure.get(("gain", c.output))
     if delay is not None and not (lag is not None and delay.size * lag.size < 0):
         samples = counted(round(abs(delay.size) / c.dt), "sample")
-        later = "later" if delay.size > 0 else "earlier"
+        longer = "longer" if delay.size > 0 else "shorter"
         yield Finding(
             "delay",
-            f"The delay is {abs(delay.size):.2g} s {later} than that of the model",
+            f"The delay is {abs(delay.size):.2g} s {longer} than the model's",
             f"Best delay {delay.where:.2g} s, with gain, lead and two lags free; off by "
-            f"{samples}, {_p(delay)}; a response of that form with this delay wins "
+            f"{samples}, {_p(delay)}; a response of that form with this delay gains "
             f"{_points(c, delay.cost)}.",
-            "The delay of the model is wrong, whatever its lags make up for.",
+            "The delay of the model is wrong, however much its lags make up for it.",
             then.delay(delay.size),
             "ResidualFrequencyDisplay",
             delay.cost if lag is None else max(delay.cost, lag.cost),
@@ -197,7 +197,7 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
         later = "later" if lag.size > 0 else "earlier"
         yield Finding(
             "lag",
-            f"The measured response is {abs(lag.size):.2g} s {later} than the predicted one",
+            f"The measured response is {abs(lag.size):.2g} s {later} than the simulated one",
             f"{_p(lag)}; it costs about {_points(c, lag.cost)}.",
             "The delay of the model is wrong, or its lag or lead: a fit biased by remnant in the "
             "loop does that too.",
@@ -209,10 +209,10 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
         more = "larger" if gain.size > 0 else "smaller"
         yield Finding(
             "gain",
-            f"The measured response is {100 * abs(gain.size):.0f} % {more} than the predicted one",
+            f"The measured response is {100 * abs(gain.size):.0f} % {more} than the simulated one",
             f"{_p(gain)}; it costs about {_points(c, gain.cost)}.",
-            "Another gain than in the runs it was fitted on, or a fit biased by remnant in the "
-            "loop or by a short memory.",
+            "The gain differs from that of the runs it was fitted on, or the fit is biased by "
+            "remnant in the loop or by a short memory.",
             "Fit on runs of the same condition; compare with Fourier coefficients or instruments "
             '(ARXRegressor(method="iv")).',
             "ResidualFrequencyDisplay",
@@ -241,8 +241,8 @@ def _in_time(
         known = c.ceiling_route != "none"
         yield Finding(
             "remnant power change",
-            f"The {'remnant' if known else 'residual'}'s power changes to {1 + power.size:.2g} "
-            f"times at about {power.where:.3g} s",
+            f"The {'remnant' if known else 'residual'}'s power changes by a factor of "
+            f"{1 + power.size:.2g} at about {power.where:.3g} s",
             f"Largest of all single changes, {_p(power)} for the whole search.",
             words.power_change + ("" if known else " " + MAYBE_MISFIT),
             "Weight the parts of the run by it, or fit them separately; check the response there.",
@@ -275,10 +275,10 @@ def _over_amplitude(
         harder = _curvature(c.by_operating_point, best.signal) > 0
         also = f" (also over {', '.join(others)})" if others else ""
         if harder:
-            title = f"The response is weaker at small {best.signal} than at large"
+            title = f"The response is weaker at small {best.signal} than at large {best.signal}"
             meaning = "An indifference threshold (dead zone), or a gain that grows with amplitude."
         else:
-            title = f"The response is weaker at large {best.signal} than at small"
+            title = f"The response is weaker at large {best.signal} than at small {best.signal}"
             meaning = "Saturation or a rate limit of the output, or a gain that falls with size."
         yield Finding(
             "nonlinearity",
@@ -296,7 +296,7 @@ def _over_amplitude(
         yield Finding(
             "asymmetry",
             f"The response to {side} {best.signal} is stronger",
-            f"Mean residual over {best.signal}: part that does not change sign with it, "
+            f"Mean residual over {best.signal}: the part that does not change sign with it, "
             f"{_p(best)}.",
             words.asymmetry,
             then.asymmetry(),
@@ -321,13 +321,13 @@ def _follows(
     lag = test.where
     when = f"{abs(lag):.2g} s " + ("after" if lag >= 0 else "before")
     linear = [name for name in ("gain", "lag", "delay", "bias") if (name, c.output) in sure]
-    also = f" An error of {' and '.join(linear)} (see there) shows here as well." if linear else ""
+    also = f" A wrong {' and '.join(linear)} (see there) shows here as well." if linear else ""
     meaning = (words.follows_target if signal == "f_t" else words.follows_disturbance) + also
     return Finding(
         "cross-correlation",
         f"The residual follows {signal}: most {when} it",
         f"Prewhitened correlation {test.size:+.2f} at that lag, {_p(test)} over all lags. "
-        f"{signal} comes from outside the loop, so that no remnant can make it.",
+        f"{signal} comes from outside the loop, so remnant cannot cause it.",
         meaning,
         then.follow(signal),
         "ResidualCorrelationDisplay",
@@ -342,8 +342,8 @@ def _model(c: Comparison, signals: Signals, then: NextSteps) -> Iterator[Finding
             "overfit",
             f"{'Overfit: the' if could else 'The'} error on validation runs is "
             f"{c.overfit_ratio:.2f} times that on estimation runs",
-            f"VAF {c.estimation_vaf:.1f} on estimation, {c.vaf:.1f} on validation runs; the limit "
-            "is 1.1.",
+            f"VAF {c.estimation_vaf:.1f} % on estimation runs, {c.vaf:.1f} % on validation runs; "
+            "the limit is 1.1.",
             meaning,
             then.overfit(could),
             "RunComparisonDisplay",
@@ -351,8 +351,8 @@ def _model(c: Comparison, signals: Signals, then: NextSteps) -> Iterator[Finding
     if c.one_step_vaf > GOOD_ONE_STEP and c.vaf < POOR:
         yield Finding(
             "one step only",
-            f"Good one step ahead ({c.one_step_vaf:.1f}), poor as a free run ({c.vaf:.1f})",
-            "VAF in percent of the same runs.",
+            f"Good one step ahead ({c.one_step_vaf:.1f} %), poor as a free run ({c.vaf:.1f} %)",
+            "VAF of the same runs.",
             "The next sample is close to the last one, whatever the model. Only a free run shows "
             "whether it has the response.",
             "Judge by the free run; lower the sampling rate (Decimator), or search the orders.",
@@ -366,8 +366,8 @@ def _overfit(c: Comparison, signals: Signals, then: NextSteps) -> tuple[bool, st
     p parameters fitted to N independent values of noise raise the error of other runs to
     (N + p)/(N - p) times their own; N is twice the bandwidth of the output times the duration.
     """
-    differ = "These runs differ from those it was fitted on"
-    either = f"The model has learnt the noise of the runs it was fitted on, or {differ.lower()}."
+    differ = "These runs differ from those the model was fitted on"
+    either = f"The model has learnt the noise of its own runs, or {differ[0].lower()}{differ[1:]}."
     if then.n_parameters is None:
         return True, either
     p = then.n_parameters
@@ -388,15 +388,12 @@ def _not_located(
 ) -> Iterator[Finding]:
     gap = sure.get(("explainable gap", "residual"))
     several = bool(c.by_frequency["exceeds"].any() or c.by_time["exceeds"].any())
-    low, high = (c.about_mean(edge) for edge in c.noise_ceiling_interval)
     if gap is not None and c.point_scale * gap.cost > SMALL and named < gap.cost / 2:
-        beside = " by the above" if any_located else ""
+        what = "the findings above do not account for" if any_located else "no test locates"
         yield Finding(
             "unknown",
-            f"{_points(c, gap.cost - named)} are left to explain that are not located{beside}",
-            f"The residual repeats with the target, {_p(gap)}: ceiling "
-            f"{c.about_mean(c.noise_ceiling):.1f} ({low:.1f} to {high:.1f}), VAF "
-            f"{c.about_mean(c.vaf):.1f}{' about the mean' if c.mean_dominates else ''}.",
+            f"{_points(c, gap.cost - named)} are left to explain that {what}",
+            f"The residual repeats with the target, {_p(gap)}: {_both(c)}.",
             "Several small misfits (order, lag, second mode), or an effect that these views do "
             "not separate.",
             then.unknown(),
@@ -407,11 +404,10 @@ def _not_located(
         yield Finding(
             "none",
             "Nothing is missing that these runs could show",
-            f"No test exceeds chance when all are counted; {_points(c, c.explainable_gap)} between "
-            f"the VAF and the ceiling of {c.about_mean(c.noise_ceiling):.1f} ({low:.1f} to "
-            f"{high:.1f}).",
-            "What the model does not explain does not repeat: it is remnant, as far as these runs "
-            "can tell.",
+            f"No test exceeds chance when all are counted. {_both(c)}; left to explain: "
+            f"{gap_text(c.point_scale * c.explainable_gap)}.",
+            "What the model does not explain does not repeat: as far as these runs can tell, it "
+            "is remnant.",
             "Stop here, or record more runs to see smaller effects.",
             "ComparisonDisplay",
         )
@@ -423,7 +419,7 @@ def _design(c: Comparison, signals: Signals) -> Iterator[Finding]:
             "no ceiling",
             "How much is left to explain is not known",
             f"There is no noise ceiling: {c.ceiling_note.removeprefix('none: ')}.",
-            "A low VAF may be remnant, or misfit: these runs cannot tell.",
+            "A low VAF may be due to remnant or to misfit: these runs cannot tell.",
             "Record runs that share the target and the disturbance, or a whole number of periods "
             "of a multisine.",
             "NoiseCeilingDisplay",
@@ -433,11 +429,21 @@ def _design(c: Comparison, signals: Signals) -> Iterator[Finding]:
         yield Finding(
             "one target",
             "All runs share one forcing function",
-            f"{several[0].n_runs} runs, one target.",
+            f"{several[0].n_runs} runs have the same target.",
             "Validation cannot separate what repeats with the target from what repeats with time.",
             "Record a second realisation of the target (make_tracking_runs(random_phases=True) "
             "shows how they differ).",
         )
+
+
+def _both(c: Comparison) -> str:
+    """VAF and noise ceiling with its interval."""
+    low, high = (c.about_mean(edge) for edge in c.noise_ceiling_interval)
+    name = vaf_name(centered=c.mean_dominates)
+    return (
+        f"{name} {c.about_mean(c.vaf):.1f} %, noise ceiling {c.about_mean(c.noise_ceiling):.1f} % "
+        f"(95 % interval {low:.1f} to {high:.1f} %)"
+    )
 
 
 def _unit(c: Comparison) -> str:

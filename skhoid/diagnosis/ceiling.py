@@ -16,7 +16,7 @@ from .noise_density import NoiseDensity, noise_density
 from .repeats import Group
 from .run_signals import Signals
 
-CONFIDENCE = 0.90
+CONFIDENCE = 0.95
 SIGMAS = 4.0  # standard errors by which chance takes a VAF above the ceiling
 LEAST_EXCESS = 0.5  # points, the same for what the standard error does not count
 LEAST_PART = 0.5  # of the power of the output, at least, that the rows of a ceiling hold
@@ -340,10 +340,10 @@ def _instrument(signals: Signals, group: Group, e: np.ndarray) -> np.ndarray | N
 def _note(signals: Signals, route: str) -> str:
     if route == "repeats":
         return (
-            "from what the residual does not repeat over runs that share the target"
+            "from the part of the residual that does not repeat between runs with the same target"
             f"{f' ({signals.decided})' if signals.decided else ''}; a lower bound "
-            "where a missing effect answers the remnant otherwise than a linear response does "
-            "(dead zone, steps, lapses, fast changes) or differs from run to run"
+            "if a missing effect does not respond to the remnant linearly "
+            "(dead zone, steps, lapses, fast changes) or differs between runs"
         )
     if route == "lines":
         return (

@@ -19,6 +19,7 @@ from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
 from ..recordings.findings import Finding
+from ..summaries import Summary
 from .advice import advise
 from .ceiling import Ceiling, consistent_ceiling, noise_ceiling
 from .changes import BlockSums, cusum, tests_of_changes
@@ -80,7 +81,7 @@ class Comparison:
         Highest VAF of a free run that any model driven by the measured signals could reach on
         these runs: between ``vaf`` and 100. NaN if it is not known.
     noise_ceiling_interval : (float, float)
-        Its 90 % confidence interval.
+        Its 95 % confidence interval.
     explainable_gap : float
         Estimated ceiling less ``vaf``, in VAF points: what a better model could still win. Not
         thresholded: below 0 by chance where nothing is left, and the ceiling is then the VAF.
@@ -160,8 +161,8 @@ class Comparison:
     notes: list[str]
 
     def __repr__(self) -> str:
-        ceiling = "" if np.isnan(self.noise_ceiling) else f", ceiling {self.noise_ceiling:.1f}"
-        return f"<Comparison of {self.model_name}: VAF {self.vaf:.1f}{ceiling}>"
+        ceiling = "" if np.isnan(self.noise_ceiling) else f", ceiling {self.noise_ceiling:.1f} %"
+        return f"<Comparison of {self.model_name}: VAF {self.vaf:.1f} %{ceiling}>"
 
     @property
     def mean_dominates(self) -> bool:
@@ -187,12 +188,13 @@ class Comparison:
         """
         return 100 - self.point_scale * (100 - vaf)
 
-    def summary(self) -> str:
+    def summary(self) -> Summary:
         """Say how good the model is, where it fails, and what to do next.
 
         Returns
         -------
-        text : str
+        text : Summary
+            A string that notebooks show line by line.
         """
         return summary(self)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..summaries import VAF_RULE, rendered
+from ..summaries import VAF_RULE, Summary, gap_text, rendered, vaf_name
 
 if TYPE_CHECKING:
     from .comparison import Comparison
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 MOST_RUNS = 12  # listed
 
 
-def summary(c: Comparison) -> str:
+def summary(c: Comparison) -> Summary:
     lines = [f"{c.model_name} against measured {c.output}", ""]
     lines += [f"{name:<22} {value}" for name, value in figures(c)]
     lines += ["", *_runs(c), ""]
@@ -26,30 +26,30 @@ def summary(c: Comparison) -> str:
         ]
     lines += [
         "",
-        VAF_RULE,
-        f"Each test is wrong in {100 * c.false_alarm:g} % of cases with nothing missing; "
-        "all findings together are, too.",
+        f"{VAF_RULE} Intervals are 95 %.",
+        f"With nothing missing, each test raises a false alarm in {100 * c.false_alarm:g} % of "
+        "cases, and so do all findings together.",
         "Costs overlap, and later findings may follow from earlier ones: correct the first, and "
         "compare again.",
     ]
     lines += [f"Note: {note}." for note in c.notes]
-    return "\n".join(lines)
+    return Summary("\n".join(lines))
 
 
 def figures(c: Comparison) -> list[tuple[str, str]]:
     """The figures of a comparison, with what they are called."""
     unit = f" {c.unit}" if c.unit else ""
     ahead = "not available" if np.isnan(c.one_step_vaf) else f"{c.one_step_vaf:.1f} %"
-    about = " about the mean" if c.mean_dominates else ""
+    about = " (about the mean)" if c.mean_dominates else ""
     if np.isnan(c.noise_ceiling):
         ceiling, gap = c.ceiling_note, "not known"
     else:
         top, low, high = (
             c.about_mean(value) for value in (c.noise_ceiling, *c.noise_ceiling_interval)
         )
-        ceiling = f"{top:.1f} %{about} ({low:.1f} to {high:.1f}), {c.ceiling_note}"
-        nothing = ": nothing, within its error" if c.explainable_gap < 0 else ""
-        gap = f"{c.point_scale * c.explainable_gap:.1f} VAF points{about}{nothing}"
+        ceiling = f"{top:.1f} %{about} ({low:.1f} to {high:.1f} %), {c.ceiling_note}"
+        gap = gap_text(c.point_scale * c.explainable_gap)
+        gap += about if gap[0].isdigit() else ""
     if c.overfit is None:
         overfit = "not available (give estimation=(X, y))"
     else:
@@ -57,8 +57,8 @@ def figures(c: Comparison) -> list[tuple[str, str]]:
             f"{'yes' if c.overfit else 'no'}: squared error {c.overfit_ratio:.2f} times that on "
             f"estimation runs (limit 1.1), VAF there {c.estimation_vaf:.1f} %"
         )
-    of_mean = f" about zero: {100 * c.mean_share:.0f} % of the power is the mean"
-    beside = [("VAF about the mean", f"{c.vaf_about_mean:.1f} %")] if about else []
+    of_mean = f" ({100 * c.mean_share:.0f} % of the power is the mean)"
+    beside = [(vaf_name(centered=True), f"{c.vaf_about_mean:.1f} %")] if about else []
     leak = [] if c.leak is None else [("Leak test", c.leak.reason)]
     return [
         ("VAF, free run", f"{c.vaf:.1f} %{of_mean if about else ''}"),

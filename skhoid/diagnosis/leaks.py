@@ -27,7 +27,7 @@ SIGMAS = 3.0  # standard errors by which the slope exceeds half of that
 LEAST_DISTURBANCE = 0.1  # rms, of that of the output; less is no probe
 POWER = 0.99  # of the output, below the band's edge
 WIDER = 2.0  # times that edge: a disturbance is faster than the answer to it
-HONEST = "No more than an answer with a delay would hold: "
+HONEST = "No more than a delayed answer would contain: "
 REBUILT = ": the model rebuilds the output from the element's response instead of predicting it"
 LEAST_ROWS = 16  # of a run
 LEAST_PERIODS = 20  # of the edge of the band, of all runs
@@ -183,7 +183,7 @@ def leak_test(
     if element is None and _changes(low_all, dt, taps, trim) < LEFT_BY_CHANGE * size:
         return _unknown(
             "what looks like an unseen disturbance is an element that changes in time, or is not "
-            "linear; say which element it is"
+            "linear; give the controlled element"
         )
     slope, sd = _immediate(low, unseen, dt, taps, trim, least_delay)
     with_inverse, reference, with_disturbance = (

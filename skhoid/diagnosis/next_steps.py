@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..effects.composition import Effects
+from ..effects.registry import title_of
 from ..greybox.operator_regressor import OperatorRegressor
 from ..interpret.channel import is_arx
 from ..pipelines import taken_apart
@@ -59,11 +60,11 @@ class NextSteps:
 
     def _has(self, *effects: str) -> str:
         """Name of the first of these effects that the model has, in words; else empty."""
-        return next((name.replace("_", " ") for name in effects if name in self._effects), "")
+        return next((title_of(name) for name in effects if name in self._effects), "")
 
     def _refit(self, name: str) -> str:
         return (
-            f"The model has the effect {name} already: fit it on runs of the same condition, or "
+            f"The model already has the effect {name}: fit it on runs of the same condition, or "
             "search what else is missing (EffectSearchCV)."
         )
 
@@ -75,19 +76,19 @@ class NextSteps:
             more = "more" if seconds > 0 else "less"
             return f"Delay the inputs of the model {abs(seconds):.2g} s {more}."
         if seconds > 0:
-            return "Search the delay again, DelaySearchCV, or shift by as much with DelayShift."
+            return "Search the delay again (DelaySearchCV), or shift by as much with DelayShift."
         if any(isinstance(step, DelayShift) and step.delay_ for step in self._before):
-            return "Shift by as much less with DelayShift, or search the delay with DelaySearchCV."
+            return "Shift that much less with DelayShift, or search the delay with DelaySearchCV."
         samples = round(-seconds / self._model.dt_)
         if 0 < samples <= min(self._model.orders_.nk):
-            return f"Take {counted(samples, 'sample')} off nk, or search it with DelaySearchCV."
+            return f"Lower nk by {counted(samples, 'sample')}, or search it with DelaySearchCV."
         return "Search the delay again with DelaySearchCV."
 
     def _delay_of_operator(self) -> str:
         delay = self._told.delay
         if delay is not None and "wrong_delay" not in self._effects:
             return (
-                f"Free the delay, which is given as {delay:g} s: delay=None, or "
+                f"Free the delay, which was given as {delay:g} s: delay=None, or "
                 '.with_effect("wrong_delay").'
             )
         return (
@@ -99,7 +100,7 @@ class NextSteps:
         """For a model that rebuilds the output from what it caused."""
         what = "nk" if self._arx else "the delay"
         return (
-            f"Keep a least delay of every path from e, x and f_t ({what}), or leave x out; judge "
+            f"Give every path from e, x and f_t a least delay ({what}), or leave x out; judge "
             "by simulating the closed loop."
         )
 
@@ -180,8 +181,11 @@ class NextSteps:
         if self._operator:
             if self._has("extra_lead"):
                 return 'Add .with_effect("feedforward") on a pursuit display.'
-            return 'Add .with_effect("feedforward") on a pursuit display, else "extra_lead".'
-        return "On a pursuit display add the target as an input, inputs=['e', 'f_t']; else a lead."
+            return 'Add .with_effect("feedforward") on a pursuit display, otherwise "extra_lead".'
+        return (
+            "On a pursuit display, add the target as an input, inputs=['e', 'f_t']; otherwise a "
+            "lead."
+        )
 
     def _inputs(self) -> list[Any]:
         inputs = getattr(self._told, "inputs", None)

@@ -15,13 +15,13 @@ from scipy.signal.windows import tukey
 from scipy.stats import chi2, norm
 
 from .._sklearn import DT, ROLES, RUN_IN, HasMethods, checked
-from ..summaries import counted
+from ..summaries import Summary, counted, p_text
 from .ceiling import Ceiling, noise_ceiling
 from .repeats import Group
 from .run_signals import Signals, read_signals
 
 ORDERS = (1, 2, 3, 4)
-Z90 = float(norm.ppf(0.95))
+Z95 = float(norm.ppf(0.975))
 SILENT = 1e-9  # of the output power; a residual below is rounding
 HIGHEST = 60.0  # rad/s; above, the remnant of a tracking task holds next to nothing
 TOP = ((0.5, 0.7), (0.8, 1.0))  # of the Nyquist frequency: bands whose densities are compared
@@ -43,17 +43,17 @@ FIRST_ORDER = (
 )
 MAYBE_FIRST_ORDER = "A first order is not excluded (probability {:.2f}). If it is: " + FIRST_ORDER
 ROUTES = {
-    "repeats": "what the residual does not repeat over runs that share the target",
+    "repeats": "what does not repeat between runs with the same target",
     "lines": "the residual between the excited lines of the target",
     "none": "the whole residual, an upper bound: it holds what the model lacks as well",
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RemnantEstimate:
     """Remnant of an operator, as :func:`remnant_estimate` finds it.
 
-    Intervals hold the value with 90 % probability. K_n and T_n, and their intervals, are those of
+    Intervals hold the value with 95 % probability. K_n and T_n, and their intervals, are those of
     the order chosen; ``orders`` has them for every order.
 
     Parameters
@@ -123,18 +123,29 @@ class RemnantEstimate:
     output: str
     unit: str | None
 
-    def summary(self) -> str:
+    def __repr__(self) -> str:
+        order = "" if self.order is None else f", order {self.order}"
+        return (
+            f"<{type(self).__name__} of {self.output}: P_n = {self.intensity:.3f} "
+            f"({_span(self.interval, '.3f')}){order}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return self.summary()._repr_html_()
+
+    def summary(self) -> Summary:
         """The estimate as text, with intervals and warnings.
 
         Returns
         -------
-        text : str
+        text : Summary
+            A string that notebooks show line by line.
         """
         runs = counted(self.n_runs, "run")
         unit = "" if self.unit is None else f" {self.unit}"
         lines = [
-            f"Remnant in {self.output}, from {ROUTES[self.route]} ({runs});",
-            "90 % intervals",
+            f"Remnant in {self.output}, from {ROUTES[self.route]} ({runs}).",
+            "Intervals are 95 %.",
             f"  intensity P_n       {self.intensity:.3f}  ({_span(self.interval, '.3f')})",
         ]
         if self.order is None:
@@ -150,12 +161,12 @@ class RemnantEstimate:
             ]
         if self.p_value < UNLIKELY:
             lines.append(
-                f"  No order describes the spectrum (p = {self.p_value:.1g}): order, time constant "
+                f"  No order describes the spectrum ({p_text(self.p_value)}): order, time constant "
                 "and gain are a rough picture."
             )
         if self.warning:
             lines.append(f"Warning: {self.warning}")
-        return "\n".join(lines)
+        return Summary("\n".join(lines))
 
 
 @checked(
@@ -251,7 +262,7 @@ def remnant_estimate(
     >>> remnant.orders["probability"].round(2).to_dict()
     {1: 0.0, 2: 0.0, 3: 1.0, 4: 0.0}
     >>> print(remnant.summary().splitlines()[0])
-    Remnant in u, from what the residual does not repeat over runs that share the target (5 runs);
+    Remnant in u, from what does not repeat between runs with the same target (5 runs).
     """
     signals = read_signals(model, X, y, repeats=repeats, roles=roles, run_in=run_in, dt=dt, run=run)
     ceiling = noise_ceiling(signals)
@@ -483,10 +494,10 @@ def _warning(orders: pd.DataFrame) -> str:
 
 
 def _log_interval(value: float, sd: float) -> tuple[float, float]:
-    """Interval of a positive number, of 90 %, that stays positive."""
+    """Interval of a positive number, of 95 %, that stays positive."""
     if not value > 0:
         return float(value), float(value)
-    factor = float(np.exp(Z90 * sd / value))
+    factor = float(np.exp(Z95 * sd / value))
     return float(value) / factor, float(value) * factor
 
 

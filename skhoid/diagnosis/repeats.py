@@ -80,7 +80,7 @@ def grouped(
     groups, notes = [], []
     decided = ""
     if labels is not None:
-        decided = "which runs repeat was said by repeats="
+        decided = "repeats= says which runs repeat"
     elif apart:
         names = ", ".join(sorted(apart))
         decided = f"runs that share the target differ in the recorded disturbance {names}"
@@ -111,7 +111,7 @@ def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
         return [repeats.get(label, ("alone", label)) for label in layout.labels]
     if isinstance(repeats, str) or not isinstance(repeats, Iterable):
         raise TypeError(
-            "repeats is None, True, False, a dict {run: label} or a sequence of one label a run; "
+            "repeats is None, True, False, a dict {run: label} or a sequence of one label per run; "
             f"got {repeats!r}."
         )
     labels = list(repeats)
@@ -119,9 +119,9 @@ def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
         raise TypeError(f"repeats has a label for each run, a number or a name; got {repeats!r}.")
     if len(labels) != n_runs:
         raise ValueError(
-            f"repeats has {len(labels)} entries for {n_runs} runs: give one label a run (runs "
-            "of one label repeat each other), a dict {run: label}, True (all are repeats) or "
-            "False (none are)."
+            f"repeats has {len(labels)} entries for {n_runs} runs: give one label per run (runs "
+            "with the same label repeat each other), a dict {run: label}, True (all are repeats) "
+            "or False (none are)."
         )
     return labels
 
@@ -234,9 +234,9 @@ def _in_whole_periods(
     if kept == n:
         return replace(group, lines=lines), []
     note = (
-        f"the target has a period of {period * layout.dt:.4g} s: spectra, tests and ceiling take "
-        f"the last {counted(kept // period, 'whole period')}, from "
-        f"{(n - kept) * layout.dt:.3g} s later on than the VAF"
+        f"the target has a period of {period * layout.dt:.4g} s: spectra, tests and ceiling use "
+        f"the last {counted(kept // period, 'whole period')}, and so begin "
+        f"{(n - kept) * layout.dt:.3g} s later than the VAF"
     )
     return Group(group.runs, rows, lines), [note]
 

@@ -229,8 +229,8 @@ def sorted_signals(
             )
             if not settles:
                 notes.append(
-                    "the free run has not forgotten its start at rest by then, and what follows is "
-                    "judged with it: give a longer run_in"
+                    "the free run still shows its start at rest after that, which affects all "
+                    "figures: give a longer run_in"
                 )
             # Spectra and tests go over whole periods of the target; nothing is missing there.
             predicted = np.where(used & unsettled, measured, predicted)
@@ -256,15 +256,15 @@ def sorted_signals(
     beside = int(used.sum()) - covered
     if beside:
         notes.append(
-            f"{counted(beside, 'row')} beside the longest gapless stretch of "
-            f"{'its' if beside == 1 else 'their'} run count{'s' * (beside == 1)} in the VAF, and "
+            f"{counted(beside, 'row')} outside the longest gapless stretch of "
+            f"{'its' if beside == 1 else 'their'} run count{'s' * (beside == 1)} in the VAF, but "
             "not in spectra and tests"
         )
     mean, sd = (float(f(measured[scored])) for f in (np.mean, np.std))
     if abs(mean) > sd:
         notes.append(
             f"the mean of the output ({mean:.4g}) is larger than its spread ({sd:.4g}), and VAF "
-            "counts it as explained: subtract the means of X and y for a VAF about them"
+            "counts it as explained: subtract the means of X and y for a VAF about the mean"
         )
     groups = grouped(layout, stretches, measured, channels, repeats)
     return Signals(

@@ -65,6 +65,10 @@ class Saturation(StaticMap):
     }
     machine_physics = "The output reaches a stop, or the end of the sensor's range."
     formula = "u' = min(max(u, -limit), limit), or limit tanh(u / limit)"
+    tex = (
+        r"u' = \begin{cases} \min(\max(u, -\mathrm{limit}),\, \mathrm{limit}) & \text{hard} \\"
+        r" \mathrm{limit}\,\tanh(u / \mathrm{limit}) & \text{soft} \end{cases}"
+    )
     source = "Gelb and Vander Velde (1968)"
     choices = {
         "at": ("output", "command", "error"),
@@ -142,6 +146,7 @@ class RateLimit(Effect):
     physics = "Hand or actuator cannot move faster."
     machine_physics = "The actuator cannot move faster."
     formula = "|du'/dt| <= limit"
+    tex = r"\left|\frac{\mathrm{d}u'}{\mathrm{d}t}\right| \le \mathrm{limit}"
     source = "Duda (1997)"
     kinks = True
     parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "greatest rate"),)
@@ -177,6 +182,7 @@ class Backlash(Effect):
     physics = "There is play between hand and stick, or in the linkage."
     machine_physics = "There is play in the gears or the linkage."
     formula = "u' stays while |u - u'| < gap, and follows at that distance"
+    tex = r"u'_k = \min(\max(u'_{k-1},\, u_k - \mathrm{gap}),\, u_k + \mathrm{gap})"
     source = "Gelb and Vander Velde (1968)"
     parameters = (Parameter("gap", U, 0.01, 2.0, (0.1, 0.3), "half-width of the play"),)
     neutral = {"gap": 0.0}
@@ -220,6 +226,10 @@ class Stiction(Effect):
     physics = "The stick sticks, breaks away and slides, or sticks again."
     machine_physics = "The output sticks, breaks away and slides, or sticks again."
     formula = "u' stays while |u - u'| < breakaway, then follows kinetic * breakaway behind"
+    tex = (
+        r"u' = \begin{cases} \text{constant} & \text{while } |u - u'| < \mathrm{breakaway} \\"
+        r" u \mp \mathrm{kinetic} \cdot \mathrm{breakaway} & \text{then} \end{cases}"
+    )
     source = "Armstrong-Helouvry et al. (1994)"
     parameters = (
         Parameter("breakaway", U, 0.01, 2.0, (0.1, 0.2, 0.4, 0.7), "static friction"),
@@ -311,6 +321,7 @@ class Quantised(StaticMap):
     }
     machine_physics = "The output moves in steps: detents, or a coarse converter."
     formula = "u' = step round(u / step - offset)"
+    tex = r"u' = \mathrm{step}\,\operatorname{round}(u / \mathrm{step} - \mathrm{offset})"
     source = "Widrow and Kollar (2008)"
     shades = True
     # The smooth form comes first: the others start from what it finds as well.
@@ -428,6 +439,11 @@ class HardeningStiffness(Effect):
     physics = "The spring of limb or stick stiffens with deflection."
     machine_physics = "The spring stiffens with deflection."
     formula = "u + stiffness u^3, or u + stiffness u |u|, in place of u in the spring"
+    tex = (
+        r"u \to \begin{cases} u + \mathrm{stiffness}\; u^3 & \text{cubic} \\"
+        r" u + \mathrm{stiffness}\; u\,|u| & \text{square} \end{cases}"
+        r" \quad\text{in the spring}"
+    )
     source = "Wigren and Schoukens (2013)"
     shades = True
     neutral = {"stiffness": 0.0}

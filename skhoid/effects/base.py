@@ -39,6 +39,8 @@ class Effect(Composable, BaseEstimator):
         One sentence.
     formula : str
         The same as a formula.
+    tex : str
+        The formula in LaTeX, with the names of parameters as they are; "" where there is none.
     source : str
         Where it comes from.
     parameters : tuple of Parameter
@@ -108,6 +110,7 @@ class Effect(Composable, BaseEstimator):
     place: ClassVar[str]
     physics: ClassVar[str] = ""
     formula: ClassVar[str] = ""
+    tex: ClassVar[str] = ""
     source: ClassVar[str] = ""
     domains: ClassVar[tuple[str, ...]] = ("human", "machine")
     machine_physics: ClassVar[str] = ""

@@ -38,6 +38,7 @@ class ExtraLag(Effect):
     physics = "The operator smooths what is seen."
     machine_physics = "The input passes a further lag."
     formula = "1 / (time s + 1)"
+    tex = r"H(s) = \frac{1}{\mathrm{time}\; s + 1}"
     source = "McRuer and Krendel (1974)"
     parameters = (Parameter("time", S, 0.0, 20.0, (0.1, 1.0), "lag time constant T_I"),)
     neutral = {"time": 0.0}
@@ -73,6 +74,7 @@ class ExtraLead(Effect):
     physics = "The operator answers the acceleration of the error too."
     machine_physics = "The input passes a further lead."
     formula = "time s + 1"
+    tex = r"H(s) = \mathrm{time}\; s + 1"
     source = "McRuer and Krendel (1974)"
     parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "second lead"),)
     neutral = {"time": 0.0}
@@ -115,6 +117,7 @@ class NeuromuscularMode(Effect):
     physics = "Limb and stick together have a second mode."
     machine_physics = "There is a second mode."
     formula = "omega^2 / (s^2 + 2 zeta omega s + omega^2)"
+    tex = r"H(s) = \frac{\omega^2}{s^2 + 2 \zeta \omega s + \omega^2}"
     source = "Magdaleno and McRuer (1971)"
     parameters = (
         Parameter("omega", RAD / S, 4.0, 60.0, (15.0, 25.0), "frequency of the mode"),
@@ -159,6 +162,10 @@ class HigherOrder(Effect):
     place = "command"
     physics = "The linear dynamics are of higher order."
     formula = "(s^2/w_z^2 + 2 z_z s/w_z + 1) / (s^2/w_p^2 + 2 z_p s/w_p + 1)"
+    tex = (
+        r"H(s) = \frac{s^2 / \omega_z^2 + 2 \zeta_z s / \omega_z + 1}"
+        r"{s^2 / \omega_p^2 + 2 \zeta_p s / \omega_p + 1}"
+    )
     source = "Ljung (1999)"
     parameters = (
         Parameter("zero_frequency", RAD / S, 0.3, 40.0, (1.5, 6.0, 15.0), "of the zeros"),

@@ -54,6 +54,11 @@ class DeadZone(StaticMap):
     }
     machine_physics = "Inputs below a threshold have no effect: play, overlap, or friction at rest."
     formula = "e' = sign(e) max(|e| - width, 0), or e where |e| > width"
+    tex = (
+        r"e' = \begin{cases} \operatorname{sign}(e)\max(|e| - \mathrm{width},\, 0) & \text{gap} \\"
+        r" e - \mathrm{width}\,\tanh(e / \mathrm{width}) & \text{smooth} \\"
+        r" e \text{ where } |e| > \mathrm{width}, \text{ else } 0 & \text{jump} \end{cases}"
+    )
     source = "McRuer and Krendel (1974)"
     shades = True
     choices = {"at": ("error", "command", "output"), "form": ("gap", "smooth", "jump", "behind")}
@@ -137,6 +142,10 @@ class AsymmetricGain(StaticMap):
     }
     machine_physics = "Inputs to one side act more strongly than to the other."
     formula = "e' = e + asymmetry |e|, or e + asymmetry max(|e| - level, 0)"
+    tex = (
+        r"e' = \begin{cases} e + \mathrm{asymmetry}\,|e| & \text{all} \\"
+        r" e + \mathrm{asymmetry}\,\max(|e| - \mathrm{level},\, 0) & \text{large} \end{cases}"
+    )
     source = "McRuer and Krendel (1974)"
     shades = True
     neutral = {"asymmetry": 0.0}
@@ -207,6 +216,11 @@ class Rectified(Effect):
     physics = "Only errors of one sign are answered."
     machine_physics = "Only inputs of one sign act."
     formula = "e' = max(e, leak e), or min(e, leak e)"
+    tex = (
+        r"e' = \begin{cases} \max(e,\, \mathrm{leak}\; e) & \text{sharp} \\"
+        r" \tfrac{1}{2}\bigl(e + \sqrt{e^2 + \mathrm{width}^2} - \mathrm{width}\bigr) &"
+        r" \text{soft} \end{cases}"
+    )
     source = "Young (1973)"
     shades = True
     choices = {"form": ("sharp", "soft"), "side": ("positive", "negative")}
@@ -276,6 +290,11 @@ class CubicGain(StaticMap):
     physics_at = {"command": "Large commands are carried out more (or less) than in proportion."}
     machine_physics = "Large inputs act more (or less) than in proportion."
     formula = "e' = e + hardening e^3, e + hardening e |e|, or sign(e) |e|^(1 + hardening)"
+    tex = (
+        r"e' = \begin{cases} e + \mathrm{hardening}\; e^3 & \text{cubic} \\"
+        r" e + \mathrm{hardening}\; e\,|e| & \text{square} \\"
+        r" \operatorname{sign}(e)\,|e|^{1 + \mathrm{hardening}} & \text{power} \end{cases}"
+    )
     source = "Hammerstein models, Ljung (1999)"
     shades = True
     choices = {"at": ("error", "command"), "form": ("cubic", "square", "power")}
@@ -354,6 +373,7 @@ class AbsoluteValue(Effect):
     physics = "The stick moves to one side with the size of the error, whatever its sign."
     machine_physics = "The output moves to one side with the size of the input, whatever its sign."
     formula = "command + gain |e(t - tau_e - later)|"
+    tex = r"c' = c + \mathrm{gain}\;|e(t - \tau_e - \mathrm{later})|"
     source = "McRuer and Krendel (1974)"
     shades = True
     neutral = {"gain": 0.0}

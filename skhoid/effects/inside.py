@@ -90,6 +90,14 @@ class Friction(_Inside):
     name = "friction"
     physics = "Dry friction opposes the motion, whatever its speed."
     formula = "A y = B (x - coulomb sign(v) (1 + excess exp(-(v / fall)^2)))"
+    tex = (
+        r"A\,y = B\,(x - F(v)), \quad F = \begin{cases}"
+        r" \mathrm{coulomb}\,\operatorname{sign}(v) & \text{coulomb} \\"
+        r" \mathrm{coulomb}\,\tanh(v / \mathrm{width}) & \text{smooth} \\"
+        r" \mathrm{coulomb}\,\operatorname{sign}(v)\,"
+        r"\bigl(1 + \mathrm{excess}\; e^{-(v / \mathrm{fall})^2}\bigr) & \text{stribeck}"
+        r" \end{cases}"
+    )
     source = "Armstrong-Helouvry et al. (1994)"
     shades = True
     neutral = {"coulomb": 0.0}
@@ -215,6 +223,10 @@ class RootFlow(_Inside):
     title = "square-root flow"
     physics = "What flows out grows with the root of the level (or pressure), not in proportion."
     formula = "A y = B (x - flow sqrt(max(y - level, 0) / reference))"
+    tex = (
+        r"A\,y = B\,\bigl(x - \mathrm{flow}"
+        r" \sqrt{\max(y - \mathrm{level},\, 0) / \mathrm{reference}}\bigr)"
+    )
     source = "Schoukens and Noel (2017), cascaded tanks"
     shades = True
     neutral = {"flow": 0.0}
@@ -293,6 +305,7 @@ class Stops(_Inside):
     title = "end stops"
     physics = "The machine runs into a stop, or a tank over, and comes back from there at once."
     formula = "y = min(max(y, low), high) in the recursion"
+    tex = r"y = \min(\max(y,\, \mathrm{low}),\, \mathrm{high}) \quad\text{in the recursion}"
     source = "Schoukens and Noel (2017), cascaded tanks"
     shades = True
     choices = {"form": ("both", "high", "low")}

@@ -71,6 +71,7 @@ class Intermittent(Effect):
     physics = "The operator decides at instants, and holds the command between."
     machine_physics = "The input is sampled at instants, and held between."
     formula = "command(t_i) for t_i <= t < t_(i+1)"
+    tex = r"c'(t) = c(t_i) \quad\text{for } t_i \le t < t_{i+1}"
     source = "Gawthrop et al. (2011)"
     smooth = False
     choices = {"trigger": ("clock", "event", "error")}

@@ -37,6 +37,7 @@ class Bias(Effect):
     physics = "The output is off its zero: trim, or a sensor's offset."
     machine_physics = "The output is off its zero: a sensor's offset, or a constant load."
     formula = "u + level"
+    tex = r"u' = u + \mathrm{level}"
     source = "Ljung (1999)"
     parameters = (Parameter("level", U, -20.0, 20.0, (0.1,), "offset"),)
     neutral = {"level": 0.0}
@@ -83,6 +84,12 @@ class Drift(Effect):
     place = "sum"
     physics = "The output drifts away steadily, or settles from the start on."
     formula = "u + rate (t - reference), or u + level - rate tau exp(-(t - reference) / tau)"
+    tex = (
+        r"u' = u + \begin{cases} \mathrm{rate}\,(t - \mathrm{reference}) & \text{linear} \\"
+        r" \mathrm{level} - \mathrm{rate}\;\mathrm{tau}\; e^{-(t - \mathrm{reference}) /"
+        r" \mathrm{tau}}"
+        r" & \text{settling} \end{cases}"
+    )
     source = "Ljung (1999)"
     choices = {"form": ("linear", "settling")}
 
@@ -168,6 +175,7 @@ class Integral(Effect):
     physics = "A standing error is trimmed away slowly."
     machine_physics = "The machine integrates its input besides."
     formula = "command + gain * integral of e(t - tau_e)"
+    tex = r"c' = c + \mathrm{gain} \int e(t - \tau_e)\,\mathrm{d}t"
     source = "McRuer and Krendel (1974)"
     neutral = {"gain": 0.0}
     choices = {"form": ("pure", "leaky")}

@@ -94,6 +94,12 @@ class Feedforward(_AnswerToTarget):
     physics = "The operator answers the target itself, as a pursuit display allows."
     machine_physics = "The target acts on the output besides the input."
     formula = "command + gain f_t(t - delay) / H_CE"
+    tex = (
+        r"c' = c + \mathrm{gain} \cdot \begin{cases}"
+        r" H_{CE}^{-1} f_t(t - \mathrm{delay}) & \text{inverse} \\"
+        r" \dot f_t(t - \mathrm{delay}) & \text{rate} \\ f_t(t - \mathrm{delay}) & \text{gain}"
+        r" \end{cases}"
+    )
     source = "Wasicko et al. (1966)"
 
     def __init__(
@@ -147,6 +153,7 @@ class Preview(_AnswerToTarget):
     physics = "The operator sees the target coming and answers ahead."
     machine_physics = "The target acts on the output before its time."
     formula = "command + gain f_t(t + time) / H_CE"
+    tex = r"c' = c + \mathrm{gain}\; H_{CE}^{-1} f_t(t + \mathrm{time})"
     source = "Van der El et al. (2016)"
     ahead = 1.0
     choices = {"form": ("inverse", "rate", "gain", "spread")}
@@ -213,6 +220,10 @@ class OutputFeedback(Effect):
     physics = "The operator answers the motion of the controlled element besides the error."
     machine_physics = "The channel x acts on the output besides the input."
     formula = "command - gain x(t - delay) - rate_gain dx/dt(t - delay)"
+    tex = (
+        r"c' = c - \mathrm{gain}\; x(t - \mathrm{delay})"
+        r" - \mathrm{rate\_gain}\; \dot x(t - \mathrm{delay})"
+    )
     source = "Wasicko et al. (1966)"
     parameters = (
         Parameter("gain", U / X, 0.0, 20.0, (0.05,), "on x", U / E),
@@ -279,6 +290,7 @@ class MotionFeedback(Effect):
     physics = "The operator feels the vehicle's motion and answers it."
     machine_physics = "A measured motion acts on the output besides the input."
     formula = "command - gain motion(t - delay)"
+    tex = r"c' = c - \mathrm{gain}\; \mathrm{motion}(t - \mathrm{delay})"
     source = "Hosman and Stassen (1999)"
     neutral = {"gain": 0.0}
     choices = {"form": ("direct", "canal", "feedthrough")}
@@ -376,6 +388,7 @@ class Disturbance(Effect):
     physics = "The operator sees or feels the disturbance and answers it before the error shows."
     machine_physics = "A measured disturbance acts on the output besides the input."
     formula = "command - gain dist(t - delay)"
+    tex = r"c' = c - \mathrm{gain}\; \mathrm{dist}(t - \mathrm{delay})"
     source = "Pool et al. (2011)"
     neutral = {"gain": 0.0}
 
@@ -446,6 +459,10 @@ class CrossAxis(Effect):
     physics = "The error of another axis leaks into this hand."
     machine_physics = "Another channel leaks into the input."
     formula = "e' = e + gain channel, or command + gain channel"
+    tex = (
+        r"e' = e + \mathrm{gain} \cdot \mathrm{channel}"
+        r" \quad\text{or}\quad c' = c + \mathrm{gain} \cdot \mathrm{channel}"
+    )
     source = "Barendswaard et al. (2019)"
     neutral = {"gain": 0.0}
     choices = {"form": ("error", "command")}

@@ -62,6 +62,10 @@ class RateReflex(Effect):
     physics = "Stretch, and not release, is answered late by a reflex in proportion to its rate."
     machine_physics = "The rate of the input is answered late, and in one direction only."
     formula = "u +- gain H(s) max(+-de/dt(t - delay), 0)"
+    tex = (
+        r"u' = u \pm \mathrm{gain}\; H(s) \max(\pm \dot e(t - \mathrm{delay}),\, 0),"
+        r" \quad H(s) = \frac{\omega^2}{s^2 + 2 \zeta \omega s + \omega^2}"
+    )
     source = "Mirbagheri et al. (2000)"
     neutral = {"gain": 0.0}
     choices = {"side": ("positive", "negative")}

@@ -51,6 +51,11 @@ class ScheduledDynamics(ScheduledGain):
     physics = "The dynamics become faster or slower with a measured condition, such as position."
     machine_physics = physics
     formula = "omega (1 + slope (channel - reference)) in place of omega, of all poles"
+    tex = (
+        r"\omega(t) = \omega\,\bigl(1 + \mathrm{slope}\,(\mathrm{channel}(t) -"
+        r" \mathrm{reference})\bigr)"
+        r" \quad\text{of all poles}"
+    )
     source = "Toth (2010)"
     domains = ("machine",)
 
@@ -107,6 +112,13 @@ class InputFilter(Effect):
     place = "input"
     physics = "The input passes a filter before it meets a threshold, a limit or a curve."
     formula = "e' = map(H(s) e), with dead zone, limits, cube or square as the map"
+    tex = (
+        r"w = \frac{e}{\mathrm{time}\; s + 1}, \quad e' = \begin{cases}"
+        r" \operatorname{sign}(w)\max(|w| - \mathrm{width},\, 0) & \text{dead\_zone} \\"
+        r" \min(\max(w, -\mathrm{width}),\, \mathrm{width}) & \text{clipped} \\"
+        r" w + \mathrm{hardening}\; w^3 & \text{cubic} \\"
+        r" w + \mathrm{hardening}\; w\,|w| & \text{square} \end{cases}"
+    )
     source = "Schoukens, Suykens and Ljung (2009)"
     domains = ("machine",)
     shades = True

@@ -36,6 +36,7 @@ class SensorMagnitude(Effect):
     place = "output"
     physics = "The sensor shows how fast or how far, and not in which direction."
     formula = "y' = |y|"
+    tex = r"y' = |y|"
     source = "Wigren and Schoukens (2017)"
     domains = ("machine",)
 

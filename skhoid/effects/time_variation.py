@@ -62,6 +62,10 @@ class TimeVaryingGain(Effect):
     physics = "The operator adapts: gain and lead change in the run."
     machine_physics = "The gain changes in the run."
     formula = "K (1 + change / (1 + exp(-rate (t - time))))"
+    tex = (
+        r"K(t) = K \left(1 + \frac{\mathrm{change}}{1 + e^{-\mathrm{rate}\,(t -"
+        r" \mathrm{time})}}\right)"
+    )
     source = "Thesis, Eqs. 2, 3 and 5"
     neutral = {
         "K_e_change": 0.0,
@@ -168,6 +172,7 @@ class GainDrift(Effect):
     physics = "The operator's gain falls (fatigue) or grows steadily."
     machine_physics = "The gain falls or grows steadily, as with temperature or wear."
     formula = "K (1 + rate (t - reference))"
+    tex = r"K(t) = K\,\bigl(1 + \mathrm{rate}\,(t - \mathrm{reference})\bigr)"
     source = "Thesis, Section II"
     parameters = (
         Parameter("rate", ONE / S, -1.9, 1.9, (0.4, -0.4), "relative, per second", ONE / T),
@@ -213,6 +218,7 @@ class ScheduledGain(Effect):
     physics = "The operator adapts the gain to a measured condition, such as speed."
     machine_physics = "The gain follows a measured condition, such as speed."
     formula = "K (1 + slope (channel - reference))"
+    tex = r"K(t) = K\,\bigl(1 + \mathrm{slope}\,(\mathrm{channel}(t) - \mathrm{reference})\bigr)"
     source = "Toth (2010)"
     neutral = {"slope": 0.0}
 
@@ -282,6 +288,7 @@ class Lapses(Effect):
     physics = "The operator looks away, and does not answer for seconds."
     machine_physics = "The input is cut off in stretches of time."
     formula = "command (1 - depth) within the intervals, or + depth times the first command there"
+    tex = r"c'(t) = (1 - \mathrm{depth})\,c(t) \quad\text{within the lapses}"
     source = "Viterbi (1967)"
     parameters = (
         Parameter("depth", ONE, 0.0, 1.0, (0.95,), "share not answered"),

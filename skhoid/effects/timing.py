@@ -46,6 +46,7 @@ class WrongDelay(Effect):
     physics = "The answer comes earlier or later than the model assumes."
     machine_physics = "The dead time is shorter or longer than the model assumes."
     formula = "e(t - delay - extra)"
+    tex = r"e(t) \to e(t - \tau_e - \mathrm{extra})"
     source = "Thesis, Section V"
     parameters = (Parameter("extra", S, -0.4, 0.6, (-0.08, 0.08), "longer than assumed"),)
     neutral = {"extra": 0.0}
@@ -103,6 +104,7 @@ class TimeVaryingDelay(Effect):
     physics = "The operator becomes slower, or faster, to answer in the run."
     machine_physics = "The dead time changes in the run."
     formula = "tau_e + change / (1 + exp(-rate (t - time)))"
+    tex = r"\tau(t) = \tau_e + \frac{\mathrm{change}}{1 + e^{-\mathrm{rate}\,(t - \mathrm{time})}}"
     source = "Thesis, Eq. 2"
     parameters = (
         Parameter("change", S, -0.5, 0.5, (0.05, -0.05), "of the delay"),

@@ -49,6 +49,10 @@ class Tremor(Effect):
     physics = "The hand trembles at a steady frequency."
     machine_physics = "The output carries a vibration of a steady frequency."
     formula = "u + amplitude sin(2 pi frequency t + phase), the phase unknown"
+    tex = (
+        r"u' = u + \mathrm{amplitude}\,\sin(2\pi\,\mathrm{frequency}\; t + \varphi),"
+        r" \quad \varphi \text{ unknown}"
+    )
     source = "Elble and Randall (1978)"
     noise = "a sine"
     parameters = (

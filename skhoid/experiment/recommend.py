@@ -18,6 +18,7 @@ from ..montecarlo.study import MonteCarloStudy
 from ..simulation.conditions import Condition
 from ..simulation.physics import parameters_of
 from ..simulation.task import CompensatoryTask
+from ..summaries import Summary
 
 FIRST = 3 / 8  # of the duration, in which nothing changes: 30.72 s of 81.92 s
 HALF_WIDTH = 1 / 8  # of the duration, on either side of the change
@@ -28,7 +29,7 @@ SIGNIFICANT = 2.0  # standard errors
 RUNS = ["remnant_intensity", "replication", "validation"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ForgettingAdvice:
     """Which memory horizon suits an experiment, and the results that say so.
 
@@ -72,6 +73,12 @@ class ForgettingAdvice:
     table: pd.DataFrame
     window: tuple[float, float]
     sampling_rate: float
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return Summary(self)._repr_html_()
 
     def __str__(self) -> str:
         runs = self.table["replication"].nunique()

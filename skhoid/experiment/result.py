@@ -10,7 +10,7 @@ import pandas as pd
 from scipy import stats
 
 from ..runs import RUN
-from ..summaries import counted
+from ..summaries import Summary, counted
 from .read import ALL, CONDITION, SUBJECT
 
 SIGNIFICANT = 0.005  # of each of two gains, so that a cell is wrong in 1 % of cases
@@ -149,14 +149,15 @@ class ExperimentResult:
         subjects = [subject for subject in self.subjects if subject in mean.index]
         return mean.loc[subjects, [(s, w) for s in SCORES for w in windows]]
 
-    def summary(self) -> str:
+    def summary(self) -> Summary:
         """The result as text.
 
         Returns
         -------
-        text : str
+        text : Summary
+            A string that notebooks show line by line.
         """
-        return "\n".join(_summary(self))
+        return Summary("\n".join(_summary(self)))
 
     def plot(
         self,

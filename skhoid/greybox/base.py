@@ -25,7 +25,7 @@ from ..human import ELEMENT, LinearElement
 from ..preprocessing.base import keep_parameters
 from ..preprocessing.grid import ModelGrid
 from ..regression import RunRegressor
-from ..summaries import Summary
+from ..summaries import ModelSummary
 from .cores import Core
 from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
@@ -276,7 +276,7 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
     def _run_from(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
         return self._simulation.run_from(self, grid, values, output, self._simulation.initial)
 
-    def _summary(self) -> Summary:
+    def _summary(self) -> ModelSummary:
         return simulated_summary(self, self._simulation)
 
 

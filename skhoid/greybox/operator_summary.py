@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from ..human import ControlledElement
-from ..summaries import VAF_RULE, Summary, estimates_table, grid_facts, quantity, signal_facts
+from ..summaries import VAF_RULE, ModelSummary, estimates_table, grid_facts, quantity, signal_facts
 from .model import AT_BOUND
 from .two_estimates import difference_notes
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .base import Simulation
 
 
-def simulated_summary(model: Any, simulation: Simulation) -> Summary:
+def simulated_summary(model: Any, simulation: Simulation) -> ModelSummary:
     """Summary of a model whose parameters minimise the error of simulation."""
     output, element = model._output_name, model.controlled_element_
     facts = {
@@ -53,7 +53,7 @@ def simulated_summary(model: Any, simulation: Simulation) -> Summary:
     least_error = getattr(model, "simulation_parameters_", None)  # of an operator
     if least_error is not None:
         notes += difference_notes(table, least_error)
-    return Summary(
+    return ModelSummary(
         f"{type(model).__name__}: {output} from {model.inputs_[0]}",
         facts,
         estimates_table(table),

@@ -4,6 +4,7 @@ A new Display is a dataclass on the base in ``_display`` and a name in the list 
 displays share is in the files with an underscore.
 """
 
+from ._roles import PALETTE, ROLES
 from .bode import BodeDisplay
 from .comparison import ComparisonDisplay
 from .delay_loss import DelayLossDisplay
@@ -32,6 +33,8 @@ from .tracking import TrackingDisplay
 from .vaf_contour import VAFContourDisplay
 
 __all__ = [
+    "PALETTE",
+    "ROLES",
     "BodeDisplay",
     "ComparisonDisplay",
     "DelayLossDisplay",

@@ -6,9 +6,11 @@ Open it for what is drawn the same way in plots that have nothing else in common
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -22,21 +24,12 @@ from matplotlib.ticker import (
     StrMethodFormatter,
 )
 
-# Okabe and Ito's colours, which people with any colour vision tell apart.
-BLACK = "#000000"
-GREY = "#999999"
-BLUE = "#0072B2"
-VERMILION = "#D55E00"
-GREEN = "#009E73"
-PURPLE = "#CC79A7"
-ORANGE = "#E69F00"
-SKY = "#56B4E9"
-COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY)
+from ._roles import background
 
-LETTERS = 88  # in a row of a legend, of which each handle takes
-HANDLE = 9
+LETTER = 0.523  # mean width of a letter, of the size of its font
+HANDLE = 9  # letters that a handle takes in a legend
+TITLE = 1.1  # of the width of a panel before layout, which widens it
 MARKERS = "os^Dv<>"
-OUTLINED: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6}
 FEW_DECADES = 300.0  # from one end of an axis to the other
 
 
@@ -44,12 +37,27 @@ def with_unit(quantity: str, unit: str | None) -> str:
     return f"{quantity}, {unit}" if unit else quantity
 
 
-def legend_columns(labels: Iterable[str]) -> int:
-    """Columns of a legend with as few rows as fit into a figure of 6.4 inches."""
+def letters(figure: Any, size: float | None = None) -> int:
+    """Letters of a ``size`` in points (None: that of the style) in a line across the figure."""
+    return int(72.0 * figure.get_figwidth() / (LETTER * (size or mpl.rcParams["font.size"])))
+
+
+def letters_above(panel: Axes) -> int:
+    """Letters in a line of a title of medium size above a panel."""
+    share = panel.get_window_extent().width / panel.figure.bbox.width
+    return max(int(TITLE * share * letters(panel.figure)), 12)
+
+
+def wrapped(text: str, width: int) -> str:
+    return "\n".join(textwrap.wrap(text, max(width, 1)))
+
+
+def legend_columns(labels: Iterable[str], width: int, most: int | None = None) -> int:
+    """Columns of a legend with as few rows as fit into so many letters; no more than ``most``."""
     lengths = [len(re.sub(r"[$\\_^{}]", "", label)) + HANDLE for label in labels]
     for rows in range(1, len(lengths)):
-        columns = -(-len(lengths) // rows)
-        if sum(part.max() for part in np.array_split(lengths, columns)) <= LETTERS:
+        columns = min(-(-len(lengths) // rows), most or len(lengths))
+        if sum(part.max() for part in np.array_split(lengths, columns)) <= width:
             return columns
     return 1
 
@@ -82,7 +90,7 @@ def note_outside(panel: Axes, values: np.ndarray, corner: tuple[str, str]) -> An
 
 
 def corner_note(panel: Axes, text: str, corner: tuple[str, str], edge: float = 0.04) -> Any:
-    """Small text in a corner of the panel, on white."""
+    """Small text in a corner of the panel, on its background."""
     return panel.text(
         {"left": 0.01, "right": 0.99}[corner[1]],
         {"bottom": edge, "top": 1.0 - edge}[corner[0]],
@@ -91,7 +99,7 @@ def corner_note(panel: Axes, text: str, corner: tuple[str, str], edge: float = 0
         ha=corner[1],
         va=corner[0],
         fontsize="small",
-        bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
+        bbox={"facecolor": background(), "alpha": 0.8, "edgecolor": "none", "pad": 1.5},
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
-from ._axes import GREY
+from ._roles import GREY, scaled
 
 LINEAR = 1.5  # decades that half of the linear part is as high as
 
@@ -29,7 +29,7 @@ def bend_axes(panels: Any, bend: float, every: np.ndarray) -> None:
         panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         panel.yaxis.set_minor_locator(NullLocator())
         for edge in (-bend, bend):
-            panel.axhline(edge, color=GREY, lw=0.6, alpha=0.6, zorder=1)
+            panel.axhline(edge, color=GREY, lw=scaled(0.6), alpha=0.6, zorder=1)
 
 
 def round_up(value: float) -> float:

@@ -5,7 +5,6 @@ Open it for the colours, names and labels of measured, predicted and residual si
 
 from __future__ import annotations
 
-import textwrap
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -14,15 +13,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..diagnosis.comparison import Comparison, compare
-from ._axes import BLACK, BLUE, GREY, PURPLE, VERMILION, legend_entries, with_unit
+from ._axes import legend_entries, with_unit, wrapped
 from ._display import Display
-
-# One meaning a colour on every plot of a comparison.
-MEASURED = BLACK
-PREDICTED = BLUE
-RESIDUAL = PURPLE
-NOISE = GREY
-EXCEEDING = VERMILION
+from ._roles import dimmed
 
 ALL_RUNS = "all"  # the name in by_time of all validation runs together
 CLOSED_LOOP = "closed loop: not a test"
@@ -34,7 +27,7 @@ class ComparisonBaseDisplay(Display):
     """A Display whose fields are attributes of a Comparison, by the same names."""
 
     @classmethod
-    def from_comparison(cls, comparison: Comparison, *, ax: Any = None) -> Self:
+    def from_comparison(cls, comparison: Comparison, *, ax: Any = None, **styles: Any) -> Self:
         """Draw a comparison.
 
         Parameters
@@ -43,6 +36,8 @@ class ComparisonBaseDisplay(Display):
             Result of :func:`skhoid.compare`.
         ax : Axes, sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -55,7 +50,7 @@ class ComparisonBaseDisplay(Display):
                 f"{type(comparison).__name__}. from_estimator(model, X, y) compares first."
             )
         drawn = {field.name: getattr(comparison, field.name) for field in fields(cls)}
-        return cls(**drawn).plot(ax)
+        return cls(**drawn).plot(ax, **styles)
 
     @classmethod
     def from_estimator(cls, model: Any, X: Any, y: Any, *, ax: Any = None, **options: Any) -> Self:
@@ -72,14 +67,16 @@ class ComparisonBaseDisplay(Display):
         ax : Axes, sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`. None makes a figure.
         **options : dict
-            Other arguments of :func:`skhoid.compare`.
+            Keywords of :meth:`plot` whose names end in ``_kw``, and other arguments of
+            :func:`skhoid.compare`.
 
         Returns
         -------
         display : Display
             Of the class that this is called on.
         """
-        return cls.from_comparison(compare(model, X, y, **options), ax=ax)
+        styles = {name: options.pop(name) for name in list(options) if name.endswith("_kw")}
+        return cls.from_comparison(compare(model, X, y, **options), ax=ax, **styles)
 
 
 def is_of_all_runs(table: pd.DataFrame) -> np.ndarray:
@@ -92,7 +89,7 @@ def exceeding(table: pd.DataFrame) -> np.ndarray:
 
 
 def beyond(false_alarm: float) -> str:
-    return f"beyond chance ({100 * false_alarm:g} %)"
+    return f"beyond chance ({100 * (1 - false_alarm):g} %)"
 
 
 def chance(false_alarm: float) -> str:
@@ -111,10 +108,6 @@ def residual_label(unit: str | None) -> str:
     return with_unit("mean residual", unit)
 
 
-def wrapped(text: str, width: int) -> str:
-    return "\n".join(textwrap.wrap(text, width))
-
-
 def say_instead(panel: Axes, text: str, width: int = 46) -> None:
     """What is not available, in the place where it would be drawn."""
     # Not set_xticks([]), which panels that share the axis would lose their ticks by.
@@ -126,7 +119,7 @@ def say_instead(panel: Axes, text: str, width: int = 46) -> None:
         transform=panel.transAxes,
         ha="center",
         va="center",
-        color="0.35",
+        color=dimmed(),
         fontsize="small",
     )
 

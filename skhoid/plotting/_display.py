@@ -7,15 +7,17 @@ their legends.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
-from ._axes import legend_columns, legend_entries, legend_inside
+from ._axes import HANDLE, legend_columns, legend_entries, legend_inside, letters, wrapped
+from ._layout import FittingLayout, add_lines, figure_size
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -26,7 +28,7 @@ class Display:
     ``plot`` draws are attributes that end in an underscore.
     """
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(self, *args: Any, **kwargs: Any) -> Self:
         raise NotImplementedError
 
     def _take_axes(
@@ -43,13 +45,16 @@ class Display:
 
         ``shows`` says what they are, for who gives the wrong number of them. A figure of our own
         has panels in rows and columns of this ``shape``, made with the ``options`` of
-        ``plt.subplots``; those that are not among ``used`` are taken away. As many Axes as there
-        are panels are allowed, or as many as one of ``allowed``.
+        ``plt.subplots`` (``figsize`` for the default style, see :func:`figure_size`); those that
+        are not among ``used`` are taken away. As many Axes as there are panels are allowed, or as
+        many as one of ``allowed``.
         """
         self._own = ax is None
         places = list(range(math.prod(shape)) if used is None else used)
         if self._own:
-            _, grid = plt.subplots(*shape, squeeze=False, layout="constrained", **options)
+            if "figsize" in options:
+                options["figsize"] = figure_size(options["figsize"], shape[0])
+            _, grid = plt.subplots(*shape, squeeze=False, layout=FittingLayout(), **options)
             for spare in set(range(grid.size)) - set(places):
                 grid.flat[spare].remove()
             panels = [grid.flat[place] for place in places]
@@ -59,30 +64,48 @@ class Display:
         self.figure_ = panels[0].figure
         return self._panels
 
+    def _restyle(self, styles: Mapping[str, Any], **artists: Any) -> None:
+        """Give artists (one, or any nest of them) the keywords that are there by the same name.
+
+        To be called before a legend is made, which copies what it finds.
+        """
+        for name, some in artists.items():
+            for artist in _artists_in(some) if styles.get(name) else []:
+                artist.set(**styles[name])
+
     def _legend(
         self,
         handles: Sequence[Any],
         labels: Sequence[str],
         *,
         columns: int | None = None,
-        frameon: bool | None = None,
     ) -> None:
         """One legend: below a figure of our own, else in the first of the given Axes."""
         if not self._own:
             legend_inside(self._panels[0], handles, labels)
         elif labels:
-            self.figure_.legend(
-                handles,
-                labels,
-                loc="outside lower center",
-                ncols=columns or legend_columns(labels),
-                frameon=frameon,
+            width = letters(self.figure_)
+            labels = [wrapped(label, width - HANDLE) for label in labels]
+            columns = legend_columns(labels, width, columns)
+            legend = self.figure_.legend(
+                handles, labels, loc="outside lower center", ncols=columns, frameon=False
             )
+            rows = -(-sum(1 + label.count("\n") for label in labels) // columns)
+            add_lines(self.figure_, rows - 1, legend.get_texts()[0].get_fontsize())
 
-    def _legend_of_panels(self, *, frameon: bool | None = None) -> None:
+    def _legend_of_panels(self) -> None:
         """One legend for what the panels show, each label once."""
         entries = legend_entries(self._panels)
-        self._legend(list(entries.values()), list(entries), frameon=frameon)
+        self._legend(list(entries.values()), list(entries))
+
+
+def _artists_in(some: Any) -> Iterator[Any]:
+    """All artists in lists, dicts and containers."""
+    if isinstance(some, Artist):
+        yield some
+    elif isinstance(some, (dict, list, tuple, np.ndarray)):
+        for each in some.values() if isinstance(some, dict) else some:
+            yield from _artists_in(each)
 
 
 def _given_axes(ax: Any, allowed: Sequence[int], shows: str) -> list[Axes]:

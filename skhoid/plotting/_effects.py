@@ -10,7 +10,7 @@ from typing import Any
 
 from sklearn.exceptions import NotFittedError
 
-from ._axes import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from ._roles import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 BASELINE = "baseline"
 UNKNOWN = "unknown"

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, COLOURS, GREEN, GREY, limits_of, note_outside
+from ._axes import limits_of, note_outside
 from ._checks import check_some_column
 from ._display import Display
+from ._roles import GREEN, GREY, ORANGE, PALETTE, ROLES, scaled
 
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that limits always hold
 FEW = 20  # estimates, below which limits hold all
@@ -69,15 +70,16 @@ class EstimatesDisplay(Display):
                 panel.set_xlim(first, last)
 
     def _colour(self, position: int) -> str:
-        """Colour of an estimate; green belongs to the references, where there are any."""
-        available = [c for c in COLOURS if c != GREEN or self.references is None]
+        """Colour of an estimate: not those of the truth and, where there are any, of references."""
+        taken = {GREEN} if self.references is None else {GREEN, ORANGE}
+        available = [c for c in PALETTE if c not in taken]
         return available[position % len(available)]
 
     def _draw_over_time(self, panel: Any, name: str, position: int, label: str) -> None:
         """A line and its band; a batch model is level over all of the time that others span."""
         table, colour = self.frames[label], self._colour(position)
         time, value, deviation = table.index, table[name].to_numpy(), deviation_of(table, name)
-        style = {"ls": "-", "lw": 1.0}
+        style = {"ls": "-", "lw": scaled(1.0)}
         if not is_over_time(table):
             times = times_of(self.frames.values())
             time = pd.Index([min(t.min() for t in times), max(t.max() for t in times)])
@@ -89,18 +91,24 @@ class EstimatesDisplay(Display):
             self.bands_[label, name] = _draw_band(panel, time, value, deviation, colour, meaning)
 
     def _draw_known(self, panel: Any, name: str) -> None:
-        """True values in black, references in green, the transition in grey."""
+        """Truth, references, and the transition in grey."""
         if self.references is not None and name in self.references:
             self._draw_references(panel, name, self.references)
         if self.truth is not None and name in self.truth:
             values = self.truth[name].to_numpy(dtype=float)
-            style = {"color": BLACK, "lw": 1.0, "label": "true", "zorder": 2.4}
+            style = {**ROLES["truth"].style(1.4), "label": "truth", "zorder": 2.4}
             if is_over_time(self.truth):
                 (self.truth_[name],) = panel.plot(self.truth.index, values, **style)
             else:
                 self.truth_[name] = panel.axhline(values[0], **style)
         if self.transition_time is not None:
-            style = {"color": GREY, "lw": 1.2, "ls": ":", "label": "transition", "zorder": 1.5}
+            style = {
+                "color": GREY,
+                "lw": scaled(1.2),
+                "ls": ":",
+                "label": "transition",
+                "zorder": 1.5,
+            }
             panel.axvline(self.transition_time, **style)
 
     def _draw_references(self, panel: Any, name: str, references: pd.DataFrame) -> None:
@@ -111,9 +119,15 @@ class EstimatesDisplay(Display):
             if np.isnan(level[0]):
                 continue
             if np.isfinite(deviation):
-                _draw_band(panel, span, level, deviation, GREEN, None).set_zorder(2.2)
+                _draw_band(panel, span, level, deviation, ORANGE, None).set_zorder(2.2)
             (self.references_[str(window), name],) = panel.plot(
-                span, level, color=GREEN, lw=2.0, solid_capstyle="butt", label=label, zorder=2.3
+                span,
+                level,
+                color=ORANGE,
+                lw=scaled(2.0),
+                solid_capstyle="butt",
+                label=label,
+                zorder=2.3,
             )
 
     def _limit(self, panel: Any, name: str, runs: np.ndarray | None = None) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator
 
-from ._axes import GREY
+from ._roles import GREY, scaled
 
 MOST_TICKS = 14
 AFAR = 1.5  # octaves from the longest horizon to the infinite one
@@ -28,7 +28,7 @@ def horizon_axis(panel: Axes, horizons: np.ndarray, most_ticks: int = MOST_TICKS
         ticks, names = [*ticks, infinite], [*names, "∞"]
         if finite.size:
             middle = finite[-1] * 2 ** (AFAR / 2)
-            panel.axvline(middle, color=GREY, lw=0.8, ls=":", zorder=1)
+            panel.axvline(middle, color=GREY, lw=scaled(0.8), ls=":", zorder=1)
     panel.set_xticks(ticks, names, fontsize="small")
     panel.xaxis.set_minor_locator(NullLocator())
     panel.set_xlim(min([*finite, infinite]) / 1.5, max([*ticks, *finite]) * 1.5)

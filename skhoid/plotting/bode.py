@@ -9,14 +9,15 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
+from matplotlib.patches import Patch
 from scipy.stats import t as student
 
 from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
-from ._axes import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, phase_ticks, with_unit
+from ._axes import legend_entries, phase_ticks, with_unit
 from ._display import Display
+from ._roles import GREY, scaled, series_colour, sized
 
-COLOURS = (BLACK, VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY)
 SYMBOLS = "osD^vPX"
 MAX_MARKERS = 40  # responses with more lines than this are curves
 N_POINTS = 300
@@ -88,6 +89,7 @@ class BodeDisplay(Display):
         view: str = "operator",
         confidence: float = 0.95,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw frequency responses.
 
@@ -103,6 +105,8 @@ class BodeDisplay(Display):
             Of the intervals, for normally distributed errors.
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -129,7 +133,7 @@ class BodeDisplay(Display):
                 else:
                     response = response.select_run(response.labels[0])
             named[label] = response
-        return cls(responses=named, view=view, confidence=confidence).plot(ax)
+        return cls(responses=named, view=view, confidence=confidence).plot(ax, **styles)
 
     @classmethod
     def from_estimator(
@@ -143,6 +147,7 @@ class BodeDisplay(Display):
         compare: Any = None,
         confidence: float = 0.95,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the frequency response of a fitted ARX model, alone or in a pipeline or search.
 
@@ -164,6 +169,8 @@ class BodeDisplay(Display):
             Of the intervals, for normally distributed errors.
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -186,20 +193,32 @@ class BodeDisplay(Display):
             view="operator" if controlled_element is None else "open_loop",
             confidence=confidence,
             ax=ax,
+            **styles,
         )
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of two Axes or None, default=None
             Where to draw magnitude and phase. None makes a figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the responses.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the intervals.
 
         Returns
         -------
         self : BodeDisplay
         """
+        styles = {"line": line_kw, "band": band_kw}
         if self.view not in ("operator", "open_loop"):
             raise ValueError(f"view must be 'operator' or 'open_loop'; got {self.view!r}.")
         if not 0 < self.confidence < 1:
@@ -217,8 +236,8 @@ class BodeDisplay(Display):
         top.set_yscale("log")
         phase_ticks(bottom.yaxis)
         if self.view == "open_loop":
-            top.axhline(1.0, color=GREY, lw=0.8)
-            bottom.axhline(-180.0, color=GREY, lw=0.8)
+            top.axhline(1.0, color=GREY, lw=scaled(0.8))
+            bottom.axhline(-180.0, color=GREY, lw=scaled(0.8))
         reference = self._phase_reference()
         for number, (label, response) in enumerate(self.responses.items()):
             self._draw(number, label, response, reference)
@@ -231,15 +250,9 @@ class BodeDisplay(Display):
         bottom.set_xlabel("frequency, rad/s")
         if self._own or top.get_shared_x_axes().joined(top, bottom):
             top.tick_params(labelbottom=False)
-        # Above the panel, where no error bar runs.
-        top.legend(
-            loc="lower left",
-            bbox_to_anchor=(0, 1.01),
-            borderaxespad=0,
-            frameon=False,
-            title=self._what_intervals_are(),
-            alignment="left",
-        )
+        drawn = [*self.magnitude_.values(), *self.phase_.values()]
+        self._restyle(styles, line=drawn, band=self.intervals_)
+        self._explain()
         return self
 
     def _phase_reference(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -253,7 +266,7 @@ class BodeDisplay(Display):
         return curve.omega[finite], curve.phase[finite]
 
     def _draw(self, number: int, label: str, response: FrequencyResponse, reference: Any) -> None:
-        colour = COLOURS[number % len(COLOURS)]
+        colour = series_colour(number)
         omega, magnitude, phase = response.omega, response.magnitude, response.phase
         if reference is not None:
             nearest = np.interp(np.log(omega), np.log(reference[0]), reference[1])
@@ -275,12 +288,12 @@ class BodeDisplay(Display):
             self.axes_, (magnitude, phase), bounds or (None, None), strict=True
         ):
             if self._sparse(response):
-                style = {"ls": "none", "marker": SYMBOLS[number % len(SYMBOLS)], "ms": 5}
+                style = {"ls": "none", "marker": SYMBOLS[number % len(SYMBOLS)], "ms": sized(5)}
                 if bound is not None:
-                    bars = panel.vlines(omega, *bound, color=colour, lw=1.2, alpha=0.6)
+                    bars = panel.vlines(omega, *bound, color=colour, lw=scaled(1.2), alpha=0.6)
                     self.intervals_[label].append(bars)
             else:
-                style = {"ls": "-", "lw": 1.4}
+                style = {"ls": "-", "lw": scaled(1.4)}
                 if bound is not None:
                     band = panel.fill_between(omega, *bound, color=colour, alpha=0.2, lw=0)
                     self.intervals_[label].append(band)
@@ -313,7 +326,7 @@ class BodeDisplay(Display):
         self.nyquist_ = {k: r.nyquist for k, r in self.responses.items() if r.nyquist is not None}
         for frequency in sorted(set(self.nyquist_.values())):
             for panel in self.axes_:
-                panel.axvline(frequency, color=GREY, ls="--", lw=1.0)
+                panel.axvline(frequency, color=GREY, ls="--", lw=scaled(1.0))
             if frequency < max(self.nyquist_.values()):
                 continue  # the others stand below it, their lines say enough
             self.axes_[1].annotate(
@@ -338,25 +351,28 @@ class BodeDisplay(Display):
                 warnings.simplefilter("ignore", UserWarning)  # the legend says it
                 rows[label] = response.crossover().iloc[0]
             omega_c, margin = rows[label]
-            colour = COLOURS[number % len(COLOURS)]
+            colour = series_colour(number)
             if np.isnan(omega_c):
                 bottom.plot([], [], color=colour, ls="none", label="no crossover")
                 continue
             for panel in (top, bottom):
-                panel.axvline(omega_c, color=colour, ls=":", lw=1.0)
+                panel.axvline(omega_c, color=colour, ls=":", lw=scaled(1.0))
             bottom.plot(
                 [omega_c, omega_c],
                 [-180.0, -180.0 + margin],
                 color=colour,
-                lw=3.0,
+                lw=scaled(3.0),
                 alpha=0.6,
                 solid_capstyle="butt",
                 label=f"$\\omega_c$ = {omega_c:.2f} rad/s, $\\varphi_m$ = {margin:.0f}°",
             )
-        handles, labels = bottom.get_legend_handles_labels()
-        shown = [(h, t) for h, t in zip(handles, labels, strict=True) if t not in self.responses]
-        bottom.legend(*zip(*shown, strict=True), loc="lower left")
         return pd.DataFrame(rows).T
+
+    def _explain(self) -> None:
+        entries = legend_entries(self.axes_)
+        if what := self._what_intervals_are():
+            entries[what] = Patch(color=GREY, alpha=0.4, lw=0)
+        self._legend(list(entries.values()), list(entries))
 
     def _what_intervals_are(self) -> str | None:
         return f"{100 * self.confidence:g} % intervals" if any(self.intervals_.values()) else None

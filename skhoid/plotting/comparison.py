@@ -12,18 +12,15 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..runs import read_layout, run_name
-from ._axes import BLACK, GREY, legend_above, legend_entries, legend_inside, with_unit
+from ._axes import legend_above, legend_entries, legend_inside, with_unit, wrapped
 from ._comparison import (
-    EXCEEDING,
-    MEASURED,
-    PREDICTED,
     ComparisonBaseDisplay,
     exceeding,
     is_of_all_runs,
     residual_label,
     say_instead,
-    wrapped,
 )
+from ._roles import GREY, ROLES, foreground, scaled
 from .noise_ceiling import ceiling_text, draw_ceiling_bar
 from .operating_point import draw_bins
 from .residual_frequency import draw_spectra
@@ -48,7 +45,8 @@ class ComparisonDisplay(ComparisonBaseDisplay):
     From above: the measured and the predicted output around the worst window of the worst run;
     the VAF points lost over time, the spectra of output, residual and noise, and the mean residual
     over the channel with the clearest nonlinearity; the output as explained, explainable and
-    remnant. What exceeds chance is red; in time, if runs share the target, what repeats over them.
+    remnant. What exceeds chance is vermilion; in time, if runs share the target, what repeats
+    over them.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -61,7 +59,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
     unit : str or None
         Its unit.
     false_alarm : float
-        Rate of false alarms of what is red.
+        Rate of false alarms of what is vermilion.
     vaf : float
         Free-run VAF in percent.
     noise_ceiling : float
@@ -195,9 +193,12 @@ class ComparisonDisplay(ComparisonBaseDisplay):
             inside = ((windows["start"] < end) & (windows["stop"] > begin)).to_numpy()
             self._shade(panel, windows[inside], self.window_)
         shown = (time >= begin) & (time <= end)
-        for name, colour in (("measured", MEASURED), ("predicted", PREDICTED)):
+        for name, colour in (
+            ("measured", ROLES["measured"].colour),
+            ("predicted", ROLES["simulated"].colour),
+        ):
             (self.lines_[name],) = panel.plot(
-                time[shown], table[name].to_numpy()[shown], color=colour, lw=1.1, label=name
+                time[shown], table[name].to_numpy()[shown], color=colour, lw=scaled(1.1), label=name
             )
         panel.set_xlim(begin, end)
         panel.set_xlabel(f"time in run {self.run_}, s")
@@ -206,7 +207,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
         legend_above(panel)
 
     def _shade(self, panel: Axes, windows: pd.DataFrame, worst: tuple[float, float]) -> None:
-        """The worst window, red if the model fails there, and others in which it does."""
+        """The worst window, vermilion if the model fails there, and others in which it does."""
         together = self.by_time[is_of_all_runs(self.by_time)]
         rule = windows
         if knows_repeats(together):  # over runs, so it is not known of one alone
@@ -215,10 +216,10 @@ class ComparisonDisplay(ComparisonBaseDisplay):
         colour = GREY
         for window in zip(raised["start"], raised["stop"], strict=True):
             if window == worst:
-                colour = EXCEEDING
+                colour = ROLES["misfit"].colour
             else:
                 label = failing_label(rule, self.false_alarm)
-                panel.axvspan(*window, color=EXCEEDING, alpha=0.12, lw=0, label=label)
+                panel.axvspan(*window, color=ROLES["misfit"].colour, alpha=0.12, lw=0, label=label)
         label = "worst window of the worst run"
         panel.axvspan(*worst, color=colour, alpha=0.3, lw=0, label=label)
 
@@ -247,7 +248,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
             draw_bins(panel, bins, self.false_alarm, self.output)
             panel.set_ylabel(residual_label(self.unit))
             title += "" if bins["valid"].all() else " (not a test)"
-        panel.set_title(title, fontsize="medium", color=BLACK)
+        panel.set_title(title, fontsize="medium", color=foreground())
 
 
 def _strongest(bins: pd.DataFrame, tests: pd.DataFrame) -> str | None:

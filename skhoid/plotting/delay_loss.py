@@ -11,9 +11,10 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFor
 
 from ..arx.searches import DelaySearchCV
 from ..preprocessing.base import as_fitted
-from ._axes import BLUE, OUTLINED, VERMILION, with_unit
+from ._axes import with_unit
 from ._checks import check_search
 from ._display import Display
+from ._roles import BLUE, VERMILION, outlined, scaled, sized
 
 WORTHLESS = 100.0  # percent; with more, the model is worse than none at all
 MAX_NAMED = 25  # candidates that get a tick label of their own
@@ -94,6 +95,7 @@ class DelayLossDisplay(Display):
         kind: str = "loss",
         unit: str | None = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw a fitted search.
 
@@ -108,6 +110,8 @@ class DelayLossDisplay(Display):
             Unit of the output, for the axis of the one-step loss.
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -128,9 +132,17 @@ class DelayLossDisplay(Display):
             nk_path=getattr(search, "nk_path_", None),
             unit=unit,
         )
-        return display.plot(ax, kind=kind)
+        return display.plot(ax, kind=kind, **styles)
 
-    def plot(self, ax: Any = None, *, kind: str = "loss") -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        kind: str = "loss",
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        best_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -139,11 +151,18 @@ class DelayLossDisplay(Display):
             Where to draw. None makes a figure.
         kind : {"loss", "path"}, default="loss"
             The loss of every candidate, or the delay over time.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curve.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the band.
+        best_kw : dict or None, default=None
+            Keywords of matplotlib for the mark of the best delay.
 
         Returns
         -------
         self : DelayLossDisplay
         """
+        styles = {"line": line_kw, "band": band_kw, "best": best_kw}
         if kind not in ("loss", "path"):
             raise ValueError(f"kind must be 'loss' or 'path'; got {kind!r}.")
         if kind == "path" and self.nk_path is None:
@@ -167,7 +186,9 @@ class DelayLossDisplay(Display):
             self.samples_ax_ = self.ax_.secondary_xaxis("top", functions=self._to_samples())
             self.samples_ax_.set_xlabel("delay, samples")
             self.samples_ax_.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
-        self.ax_.set_title(self._best_text())
+        self.ax_.set_title(self._best_text(), fontsize="medium")
+        self._restyle(styles, line=self.line_, band=self.band_, best=self.best_)
+        self._legend_of_panels()
         return self
 
     def _delays_in_samples(self) -> np.ndarray | None:
@@ -180,7 +201,7 @@ class DelayLossDisplay(Display):
     def _draw_loss(self, at: np.ndarray) -> None:
         order = np.argsort(at, kind="stable")
         at, loss = at[order], np.asarray(self.loss, dtype=float)[order]
-        (self.line_,) = self.ax_.plot(at, loss, color=BLUE, marker=".", ms=6, lw=1.2)
+        (self.line_,) = self.ax_.plot(at, loss, color=BLUE, marker=".", ms=sized(6), lw=scaled(1.2))
         if self.std is not None:
             std = np.where(loss < WORTHLESS, np.asarray(self.std, dtype=float)[order], np.nan)
             self.band_ = self.ax_.fill_between(
@@ -198,11 +219,11 @@ class DelayLossDisplay(Display):
             loss[position],
             color=VERMILION,
             marker="*",
-            ms=15,
+            ms=sized(15),
             ls="none",
             label="best",
             zorder=3,
-            **OUTLINED,
+            **outlined(),
         )
         if self.criterion == "vaf":
             self.ax_.set_ylabel("100 − cross-validated VAF, %")
@@ -211,7 +232,6 @@ class DelayLossDisplay(Display):
             squared = f"{self.unit}²" if self.unit else None
             self.ax_.set_ylabel(with_unit("mean squared one-step error", squared))
         self.ax_.grid(alpha=0.3)
-        self.ax_.legend(loc="best")
 
     def _scale_vaf_loss(self, loss: np.ndarray) -> None:
         lowest, highest = loss.min(), loss.max()
@@ -233,9 +253,11 @@ class DelayLossDisplay(Display):
     def _draw_path(self) -> None:
         time, delay = np.asarray(self.window_time), np.asarray(self.nk_path) * self.dt
         best = float(np.max(self.nk[self.best_index])) * self.dt
-        self.best_ = self.ax_.axhline(best, color=VERMILION, ls="--", lw=1.2, label="all data")
+        self.best_ = self.ax_.axhline(
+            best, color=VERMILION, ls="--", lw=scaled(1.2), label="all data"
+        )
         (self.line_,) = self.ax_.plot(
-            time, delay, color=BLUE, marker=".", ms=8, lw=1.2, label="sliding window"
+            time, delay, color=BLUE, marker=".", ms=sized(8), lw=scaled(1.2), label="sliding window"
         )
         self.ax_.set_xlabel("time, s")
         self.ax_.set_ylabel("delay, s")
@@ -244,7 +266,6 @@ class DelayLossDisplay(Display):
         self.samples_ax_.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
         self.ax_.grid(alpha=0.3)
         self.ax_.margins(y=0.15)
-        self.ax_.legend(loc="best")
 
     def _to_samples(self) -> tuple[Any, Any]:
         return (lambda seconds: seconds / self.dt), (lambda samples: samples * self.dt)

@@ -9,14 +9,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ._axes import BLACK, BLUE, ORANGE, SKY
-from ._comparison import legend_below, say_instead, wrapped
+from ._axes import wrapped
+from ._comparison import legend_below, say_instead
 from ._display import Display
 from ._effects import attributes_of
+from ._roles import BLUE, ORANGE, SKY, background, dimmed, foreground, scaled
 
 TAKEN = ("ranking_",)
 ADDED, REFUSED = "added", "does not apply"
-DIM = "0.45"
 ROW = 0.235  # inches for each candidate
 LEAST = 1.0  # points on the axis, so that small gains look small
 FURTHEST_LEFT = 0.35  # of the largest gain; bars that lose more are cut
@@ -170,7 +170,7 @@ class EffectRankingDisplay(Display):
         if len(tried) > 1:
             self.margin_ = float(gain[0] - gain[1])
             if self.margin_ > 0 and best["status"] == ADDED:
-                self.ax_.axvspan(gain[1], gain[0], color=BLACK, alpha=0.08, lw=0, zorder=0)
+                self.ax_.axvspan(gain[1], gain[0], color=foreground(), alpha=0.08, lw=0, zorder=0)
 
     def _draw_bar(self, i: int, row: dict[str, Any], left: float) -> None:
         name, gain = row["effect"], float(_finite(row["vaf_gain"]))
@@ -186,7 +186,7 @@ class EffectRankingDisplay(Display):
             height=0.72,
             color=colour,
             hatch="////" if confused else None,
-            edgecolor="white",
+            edgecolor=background(),
             lw=0.0,
             label=label,
         )
@@ -214,19 +214,19 @@ class EffectRankingDisplay(Display):
                 textcoords="offset points",
                 va="center",
                 fontsize="x-small",
-                color=DIM,
+                color=dimmed(0.55),
             )
 
     def _finish(self, table: pd.DataFrame) -> None:
         panel: Axes = self.ax_
-        panel.axvline(0.0, color=BLACK, lw=0.8)
+        panel.axvline(0.0, color=foreground(), lw=scaled(0.8))
         labels = [
             f"{name} ({form})" if isinstance(form, str) and form else name
             for name, form in zip(table["effect"], table["form"], strict=True)
         ]
         panel.set_yticks(range(len(table)), labels, fontsize="small")
         for tick, status in zip(panel.get_yticklabels(), table["status"], strict=True):
-            tick.set_color(DIM if status == REFUSED else BLACK)
+            tick.set_color(dimmed(0.55) if status == REFUSED else foreground())
             tick.set_fontweight("bold" if status == ADDED else "normal")
         panel.set_ylim(len(table) - 0.4, -0.6)
         panel.set_xlabel("VAF gained on held-out runs, points (ΔBIC: positive is better)")

@@ -11,10 +11,11 @@ import pandas as pd
 
 from ..preprocessing.base import as_fitted
 from ..runs import RunLayout, read_layout, run_name
-from ._axes import BLACK, with_unit
-from ._comparison import MEASURED, percent, say_instead, wrapped
+from ._axes import with_unit, wrapped
+from ._comparison import percent, say_instead
 from ._display import Display
 from ._effects import BASELINE, UNKNOWN, attributes_of, step_colours, unit_of
+from ._roles import ROLES, foreground, scaled
 
 TAKEN = ("predictions_", "error_path_", "verdict_")
 SHOWN = 15.0  # s
@@ -186,7 +187,7 @@ class EffectStepsDisplay(Display):
         top.set_ylabel(with_unit("output", self.unit))
         bottom.set_ylabel(with_unit("residual", self.unit))
         bottom.set_xlabel(f"time in run {self.run_}, s")
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _draw(self, layout: RunLayout, rows: np.ndarray, shown: list[str]) -> None:
@@ -198,7 +199,11 @@ class EffectStepsDisplay(Display):
         table = self.predictions.iloc[rows]
         measured = table["measured"].to_numpy(dtype=float)
         (self.lines_["measured"],) = top.plot(
-            time, np.insert(measured, gaps, np.nan), color=MEASURED, lw=1.2, label="measured"
+            time,
+            np.insert(measured, gaps, np.nan),
+            color=ROLES["measured"].colour,
+            lw=scaled(1.2),
+            label="measured",
         )
         for name, colour in zip(shown, step_colours(len(shown)), strict=True):
             simulated = table[name].to_numpy(dtype=float)
@@ -207,13 +212,13 @@ class EffectStepsDisplay(Display):
                 time,
                 np.insert(simulated, gaps, np.nan),
                 color=colour,
-                lw=1.4,
+                lw=scaled(1.4),
                 label=f"{name}{known}",
             )
             (self.residuals_[name],) = bottom.plot(
-                time, np.insert(measured - simulated, gaps, np.nan), color=colour, lw=1.1
+                time, np.insert(measured - simulated, gaps, np.nan), color=colour, lw=scaled(1.1)
             )
-        bottom.axhline(0.0, color=BLACK, lw=0.8, ls=":")
+        bottom.axhline(0.0, color=foreground(), lw=scaled(0.8), ls=":")
         for panel in self.axes_:
             panel.set_xlim(*self.window_)
             panel.grid(alpha=0.3)

@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ._axes import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, legend_above, with_unit
-from ._comparison import percent, say_instead, wrapped
+from ._axes import legend_above, with_unit, wrapped
+from ._comparison import percent, say_instead
 from ._display import Display
 from ._effects import UNKNOWN, attributes_of, broken, step_labels, unit_of
+from ._roles import BLUE, GREEN, GREY, PURPLE, VERMILION, background, foreground, scaled, sized
 
 TAKEN = ("error_path_", "best_effects_", "verdict_", "predictions_")
 LOWEST = -20.0  # percent; lower steps are cut and written
@@ -188,18 +189,30 @@ class ErrorPathDisplay(Display):
         edges = np.arange(len(values) + 1) - 0.5
         colour = BLUE if name == "vaf" else PURPLE
         self.stairs_[name] = panel.stairs(
-            values, edges, baseline=None, color=colour, lw=2.4, label="held-out runs"
+            values, edges, baseline=None, color=colour, lw=scaled(2.4), label="held-out runs"
         )
         if np.isfinite(ceiling).any():
             self.ceilings_[name] = panel.stairs(
-                ceiling, edges, baseline=None, color=BLACK, lw=1.2, ls="--", label=self._ceiling()
+                ceiling,
+                edges,
+                baseline=None,
+                color=foreground(),
+                lw=scaled(1.2),
+                ls="--",
+                label=self._ceiling(),
             )
         self._label(panel, name, values, labels, colour)
 
     def _draw_in_loop(self, panel: Axes, values: np.ndarray) -> None:
         edges = np.arange(len(values) + 1) - 0.5
         self.stairs_["vaf_loop"] = panel.stairs(
-            values, edges, baseline=None, color=GREEN, lw=1.8, ls=":", label="in the closed loop"
+            values,
+            edges,
+            baseline=None,
+            color=GREEN,
+            lw=scaled(1.8),
+            ls=":",
+            label="in the closed loop",
         )
         labels = [percent(v) if np.isfinite(v) else "" for v in values]
         self._label(panel, "vaf_loop", values, labels, GREEN, BESIDE_EACH_OTHER)
@@ -231,14 +244,20 @@ class ErrorPathDisplay(Display):
                     color=colour,
                     fontsize="small",
                     visible=bool(label),
-                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
+                    bbox={"facecolor": background(), "edgecolor": "none", "pad": 0.8},
                 )
             )
 
     def _draw_train(self, panel: Axes, values: np.ndarray) -> None:
         if np.isfinite(values).any():
             (self.train_,) = panel.plot(
-                values, color=GREY, marker="_", ms=14, mew=1.8, ls="none", label="rows of the fit"
+                values,
+                color=GREY,
+                marker="_",
+                ms=sized(14),
+                mew=scaled(1.8),
+                ls="none",
+                label="rows of the fit",
             )
 
     def _limit(self, vaf: np.ndarray) -> None:
@@ -253,7 +272,7 @@ class ErrorPathDisplay(Display):
     def _draw_gap(self, panel: Axes, n_steps: int, vaf: float, ceiling: float, gap: float) -> None:
         """What is left, beside the last step: red where no effect of the catalogue explains it."""
         left = UNKNOWN in self.best_effects
-        colour = VERMILION if left else BLACK
+        colour = VERMILION if left else foreground()
         edge = n_steps - 0.5
         at = vaf
         if np.isnan(ceiling):
@@ -264,7 +283,11 @@ class ErrorPathDisplay(Display):
             text = f"{gap:.1f} points\nleft"
             at = (max(vaf, LOWEST) + ceiling) / 2
             (self.gap_,) = panel.plot(
-                [edge + 0.08] * 2, [vaf, ceiling], color=colour, lw=3.0, solid_capstyle="butt"
+                [edge + 0.08] * 2,
+                [vaf, ceiling],
+                color=colour,
+                lw=scaled(3.0),
+                solid_capstyle="butt",
             )
         if left:
             text += "\nnot in the\ncatalogue"

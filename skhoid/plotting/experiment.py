@@ -9,18 +9,10 @@ import numpy as np
 import pandas as pd
 
 from ..interpret.conversion import UNITS
-from ._axes import (
-    BLACK,
-    COLOURS,
-    GREEN,
-    GREY,
-    limits_of,
-    note_outside,
-    parameter_symbol,
-    with_unit,
-)
+from ._axes import limits_of, note_outside, parameter_symbol, with_unit
 from ._display import Display
 from ._estimates import MARGIN, MUCH, typical_range
+from ._roles import GREY, ORANGE, PALETTE, foreground, scaled
 from .operator_parameters import SYMBOLS
 
 if TYPE_CHECKING:
@@ -34,7 +26,7 @@ FORMS = {
     "lambda": "λ, $N_0$ = {N0}",
     "Lambda": "Λ, $N_0$ = ∞ for $a_1$ and $a_2$, {N0} for $b_0$ and $b_1$",
 }
-RUN_COLOURS = [colour for colour in COLOURS if colour not in (GREEN, GREY)]
+RUN_COLOURS = [colour for colour in PALETTE if colour not in (ORANGE, GREY)]
 MOST_NAMED = 7  # runs with an entry of their own in the legend
 MEAN = "mean"
 
@@ -44,8 +36,8 @@ class ExperimentDisplay(Display):
     """Parameters over time of each subject in a condition (Figs. 16, 17, M.1-M.6).
 
     A column for each subject and a row for each parameter. Single runs are thin and coloured,
-    their mean is black, the means of batch models of the first and the last region thick and
-    green, and the change of the controlled element grey.
+    their mean has the colour of text, the means of batch models of the first and the last region
+    are thick and orange, and the change of the controlled element is grey.
 
     The subjects share the limits of a row. These hold the batch models, the mean paths and the
     single runs but for their outer 2 % at each end, where all of them would take twice the range;
@@ -112,6 +104,7 @@ class ExperimentDisplay(Display):
         parameters: str = "arx",
         subjects: Any = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw what :func:`skhoid.experiment.analyse_experiment` found.
 
@@ -129,6 +122,8 @@ class ExperimentDisplay(Display):
             None means all that have runs in this condition.
         ax : sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -172,20 +167,34 @@ class ExperimentDisplay(Display):
             title=forgetting if condition == "all" else f"{condition}: {forgetting}",
             transition_time=result.transition_times.get(condition),
         )
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        mean_kw: dict[str, Any] | None = None,
+        runs_kw: dict[str, Any] | None = None,
+        batch_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of Axes or None, default=None
             One for each parameter and subject, row by row. None makes a figure.
+        mean_kw : dict or None, default=None
+            Keywords of matplotlib for the means of the runs.
+        runs_kw : dict or None, default=None
+            Keywords of matplotlib for the single runs.
+        batch_kw : dict or None, default=None
+            Keywords of matplotlib for the batch models.
 
         Returns
         -------
         self : ExperimentDisplay
         """
+        styles = {"mean": mean_kw, "runs": runs_kw, "batch": batch_kw}
         self.names_ = list(self.names)
         self.subjects_ = list(dict.fromkeys(self.paths["subject"]))
         self._begin(ax)
@@ -212,6 +221,7 @@ class ExperimentDisplay(Display):
             if len(self.subjects_) > 1 or subject != "all":
                 self.ax_[0, column].set_title(str(subject))
             self.ax_[-1, column].set_xlabel("time, s")
+        self._restyle(styles, mean=self.lines_, runs=self.run_lines_, batch=self.batch_)
         self._legend_of_panels()
         return self
 
@@ -244,8 +254,8 @@ class ExperimentDisplay(Display):
                 (self.lines_[subject, name],) = panel.plot(
                     table["time"],
                     table[name],
-                    color=BLACK,
-                    lw=1.8,
+                    color=foreground(),
+                    lw=scaled(1.8),
                     zorder=2.4,
                     label="mean of the runs",
                 )
@@ -254,7 +264,7 @@ class ExperimentDisplay(Display):
                     table["time"],
                     table[name],
                     color=colours[run],
-                    lw=0.6,
+                    lw=scaled(0.6),
                     alpha=0.8,
                     zorder=1.8,
                     label=f"run {run}" if named else "single runs",
@@ -265,8 +275,8 @@ class ExperimentDisplay(Display):
                 (self.batch_[subject, name, level["form"]],) = panel.plot(
                     [level["start"], level["stop"]],
                     [level[name]] * 2,
-                    color=GREEN,
-                    lw=3.0,
+                    color=ORANGE,
+                    lw=scaled(3.0),
                     alpha=0.9,
                     solid_capstyle="butt",
                     zorder=2.2,
@@ -274,7 +284,11 @@ class ExperimentDisplay(Display):
                 )
         if self.transition_time is not None:
             panel.axvline(
-                self.transition_time, color=GREY, lw=1.5, zorder=1.5, label="$t_M$, the change"
+                self.transition_time,
+                color=GREY,
+                lw=scaled(1.5),
+                zorder=1.5,
+                label="$t_M$, the change",
             )
 
     def _limits(self, name: str) -> tuple[float, float]:

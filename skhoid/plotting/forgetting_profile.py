@@ -8,9 +8,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from ._axes import BLACK, COLOURS, GREY, parameter_symbol, seconds_axis
+from ._axes import parameter_symbol, seconds_axis
 from ._checks import fitted_end
 from ._display import Display
+from ._roles import GREY, dimmed, foreground, scaled, series_colour, sized
 
 STYLES = ("-", "--", "-.", ":")
 LONGEST = 1e6  # samples; a longer horizon is as good as infinite
@@ -205,17 +206,21 @@ class ForgettingProfileDisplay(Display):
 
     def _style(self, position: int) -> dict[str, Any]:
         dashes = STYLES[position % len(STYLES)]
-        return {"color": COLOURS[position % len(COLOURS)], "ls": dashes}
+        return {"color": series_colour(position), "ls": dashes}
 
     def _draw_weights(self, panel: Any) -> None:
         self.lines_: dict[str, Any] = {}
         for position, (label, weights) in enumerate(self.weights.items()):
             (self.lines_[label],) = panel.plot(
-                np.arange(weights.size), weights, lw=1.6, label=label, **self._style(position)
+                np.arange(weights.size),
+                weights,
+                lw=scaled(1.6),
+                label=label,
+                **self._style(position),
             )
-        panel.axhline(np.exp(-1), color=GREY, lw=0.8, ls=":", zorder=1)
+        panel.axhline(np.exp(-1), color=GREY, lw=scaled(0.8), ls=":", zorder=1)
         longest = max(weights.size for weights in self.weights.values())
-        panel.text(longest, np.exp(-1), "1/e ", color="0.35", ha="right", va="bottom")
+        panel.text(longest, np.exp(-1), "1/e ", color=dimmed(), ha="right", va="bottom")
         panel.set_xlim(0, max(longest - 1, 1))
         panel.set_ylim(0, 1.05)
         panel.set_xlabel("age $t - k$, samples")
@@ -234,7 +239,7 @@ class ForgettingProfileDisplay(Display):
         # Never less than a decade, which would have no tick with a name.
         bottom, top = max(min(shortest / 1.5, longest / 4), 1.01), 4.0 * longest
         curve = np.geomspace(bottom, top, 200)
-        (self.curve_,) = panel.plot(1 - 1 / curve, curve, color=GREY, lw=1.0, zorder=1)
+        (self.curve_,) = panel.plot(1 - 1 / curve, curve, color=GREY, lw=scaled(1.0), zorder=1)
         self.horizons_: dict[str, Any] = {}
         for position, (label, horizon) in enumerate(horizons.items()):
             ends = np.minimum([horizon.min(), horizon.max()], top)
@@ -246,9 +251,9 @@ class ForgettingProfileDisplay(Display):
                 color=self._style(position)["color"],
                 marker="^" if at[0] == top else "o" if constant else None,
                 ls="none" if constant else "-",
-                lw=4.0,
-                ms=7,
-                markeredgecolor=BLACK,
+                lw=scaled(4.0),
+                ms=sized(7),
+                markeredgecolor=foreground(),
                 markeredgewidth=0.6,
                 clip_on=False,
                 zorder=3 if constant else 2,

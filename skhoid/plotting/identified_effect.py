@@ -13,11 +13,11 @@ from ..effects.record import Record
 from ..greybox.estimates import parameter_text
 from ..human import LinearElement
 from ..runs.roles import target_is_sum
-from ._axes import BLACK, COLOURS, GREY, plain_logarithmic
-from ._comparison import wrapped
+from ._axes import plain_logarithmic, wrapped
 from ._display import Display
 from ._effect_bench import Bench, EffectCurves
 from ._effect_curves import effect_curves
+from ._roles import GREY, PALETTE, foreground, scaled
 
 WITHOUT = "without the effect"
 BAND = "95 % band"
@@ -184,15 +184,15 @@ class IdentifiedEffectDisplay(Display):
             self._draw_density(self.axes_[1])
         self.axes_[-1].set_xlabel(found.xlabel)
         self.ax_.set_title(self._title_text(), fontsize="medium")
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _draw_curves(self, panel: Axes) -> None:
         found = self.curves
         (self.without_,) = panel.plot(
-            found.without.x, found.without.y, color=GREY, lw=1.2, ls="--", label=WITHOUT
+            found.without.x, found.without.y, color=GREY, lw=scaled(1.2), ls="--", label=WITHOUT
         )
-        for (label, curve), colour in zip(found.curves.items(), COLOURS, strict=False):
+        for (label, curve), colour in zip(found.curves.items(), PALETTE, strict=False):
             if curve.low is not None and curve.high is not None:
                 self.bands_[label] = panel.fill_between(
                     curve.x,
@@ -203,7 +203,9 @@ class IdentifiedEffectDisplay(Display):
                     lw=0,
                     label=BAND if len(self.bands_) == 0 else None,
                 )
-            (self.lines_[label],) = panel.plot(curve.x, curve.y, color=colour, lw=1.8, label=label)
+            (self.lines_[label],) = panel.plot(
+                curve.x, curve.y, color=colour, lw=scaled(1.8), label=label
+            )
         if found.kind == "gain":
             panel.set_xscale("log")
             panel.set_yscale("log")
@@ -215,7 +217,7 @@ class IdentifiedEffectDisplay(Display):
             low, high = panel.get_ylim()
             panel.set_ylim(min(0.0, low), high + 0.05 * abs(high))
         else:
-            panel.axhline(0.0, color=BLACK, lw=0.6)
+            panel.axhline(0.0, color=foreground(), lw=scaled(0.6))
         panel.margins(x=0.0)
         panel.set_ylabel(found.ylabel)
         panel.grid(alpha=0.3)

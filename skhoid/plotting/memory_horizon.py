@@ -12,10 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, LogLocator, NullLocator, StrMethodFormatter
 
-from ._axes import COLOURS, GREY, MARKERS, OUTLINED, note_outside, seconds_axis
+from ._axes import MARKERS, note_outside, seconds_axis
 from ._checks import check_option, fitted_end
 from ._display import Display
 from ._horizons import horizon_axis, near_best
+from ._roles import GREY, background, outlined, scaled, series_colour, sized
 
 LABELS = {
     "gain": "gain in VAF over $\\lambda$ = 1, points",
@@ -95,7 +96,9 @@ class MemoryHorizonDisplay(Display):
     dt: float | None = None
 
     @classmethod
-    def from_estimator(cls, search: Any, *, kind: str = "gain", ax: Any = None) -> Self:
+    def from_estimator(
+        cls, search: Any, *, kind: str = "gain", ax: Any = None, **styles: Any
+    ) -> Self:
         """Draw fitted searches.
 
         Parameters
@@ -108,6 +111,8 @@ class MemoryHorizonDisplay(Display):
             (Eqs. J.3-J.4).
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -133,9 +138,17 @@ class MemoryHorizonDisplay(Display):
             n_runs=str(few) if few == many else f"{few} to {many}",
             dt=steps.pop() if len(steps) == 1 else None,
         )
-        return display.plot(ax, kind=kind)
+        return display.plot(ax, kind=kind, **styles)
 
-    def plot(self, ax: Any = None, *, kind: str = "gain") -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        kind: str = "gain",
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        best_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -144,11 +157,18 @@ class MemoryHorizonDisplay(Display):
             Where to draw. None makes a figure.
         kind : {"gain", "score", "overfit_difference", "overfit_ratio"}, default="gain"
             What to draw, see :meth:`from_estimator`.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the bands.
+        best_kw : dict or None, default=None
+            Keywords of matplotlib for the marks of the best horizons.
 
         Returns
         -------
         self : MemoryHorizonDisplay
         """
+        styles = {"line": line_kw, "band": band_kw, "best": best_kw}
         check_option("kind", kind, LABELS)
         if self.results[kind].isna().all():
             raise ValueError(
@@ -165,6 +185,7 @@ class MemoryHorizonDisplay(Display):
         self.ax_.set_ylabel(LABELS[kind])
         self._limit(kind)
         self.ax_.grid(alpha=0.3)
+        self._restyle(styles, line=self.lines_, band=self.bands_, best=self.best_)
         self._explain()
         return self
 
@@ -184,7 +205,7 @@ class MemoryHorizonDisplay(Display):
             self.seconds_ax_.xaxis.set_minor_locator(NullLocator())
 
     def _draw_line(self, name: str, rows: pd.DataFrame, kind: str, position: int) -> None:
-        colour = COLOURS[position % len(COLOURS)]
+        colour = series_colour(position)
         at = rows["memory_horizon"].replace(np.inf, self.infinite_).to_numpy()
         value, deviation = rows[kind].to_numpy(), rows[f"sd_{kind}"].to_numpy()
         (self.lines_[name],) = self.ax_.plot(
@@ -192,8 +213,8 @@ class MemoryHorizonDisplay(Display):
             value,
             color=colour,
             marker=MARKERS[position % len(MARKERS)],
-            ms=4,
-            lw=1.2,
+            ms=sized(4),
+            lw=scaled(1.2),
             label=name or f"mean over {self.n_splits} splits",
         )
         if self.n_splits > 1 and np.isfinite(deviation).any():
@@ -204,7 +225,7 @@ class MemoryHorizonDisplay(Display):
             rows["label"][rows["best"]], at[rows["best"]], value[rows["best"]], strict=True
         ):
             (self.best_[label],) = self.ax_.plot(
-                x, y, color=colour, marker="*", ms=15, ls="none", zorder=4, **OUTLINED
+                x, y, color=colour, marker="*", ms=sized(15), ls="none", zorder=4, **outlined()
             )
 
     def _limit(self, kind: str) -> None:
@@ -213,7 +234,7 @@ class MemoryHorizonDisplay(Display):
         held, shown = [], np.empty(0)
         if kind == "gain":
             held.append(0.0)
-            self.ax_.axhline(0.0, color=GREY, lw=0.8, zorder=1)
+            self.ax_.axhline(0.0, color=GREY, lw=scaled(0.8), zorder=1)
         for _, rows in _joined(self.results):
             value = sign * rows[kind].to_numpy()
             deviation = np.nan_to_num(rows[f"sd_{kind}"].to_numpy()) * (self.n_splits > 1)
@@ -241,7 +262,9 @@ class MemoryHorizonDisplay(Display):
             over = f"± 1 standard deviation over {self.n_splits} splits"
             handles.append(Rectangle((0, 0), 1, 1, color=GREY, alpha=0.4, lw=0))
             labels.append(over)
-        handles.append(Line2D([], [], color="white", marker="*", ms=13, ls="none", **OUTLINED))
+        handles.append(
+            Line2D([], [], color=background(), marker="*", ms=sized(13), ls="none", **outlined())
+        )
         labels.append(self._best_text())
         self._legend(handles, labels)
 

@@ -5,29 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
-from ._axes import BLACK
-from ._comparison import (
-    EXCEEDING,
-    NOISE,
-    PREDICTED,
-    ComparisonBaseDisplay,
-    legend_below,
-    percent,
-    wrapped,
-)
+from ._axes import letters, wrapped
+from ._comparison import ComparisonBaseDisplay, legend_below, percent
+from ._layout import add_lines
+from ._roles import ROLES, dimmed, foreground, scaled
 
-INTERVAL = "90 % interval of the ceiling"
+INTERVAL = "95 % interval of the ceiling"
 BELOW_TICKS = 2.4
+NARROW = 60  # letters, in which two columns of the legend have no room
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class NoiseCeilingDisplay(ComparisonBaseDisplay):
     """The measured output as a bar: explained, explainable and remnant.
 
-    Blue is what the model explains (its VAF), red what a better model could explain beyond it
+    Blue is what the model explains (its VAF), vermilion what a better model could explain beyond it
     (up to the noise ceiling), grey what no model driven by the measured error can. Without a
     ceiling the bar has two parts, and the figure says why. A VAF below zero leaves no blue.
 
@@ -40,7 +36,7 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
     noise_ceiling : float
         The highest VAF that a model can reach, in percent; NaN if it is not known.
     noise_ceiling_interval : (float, float)
-        Its 90 % interval.
+        Its 95 % interval.
     explainable_gap : float
         VAF points up to the ceiling, of the runs for which it is known.
     ceiling_note : str, default=""
@@ -76,22 +72,30 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
     explainable_gap: float
     ceiling_note: str = ""
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(self, ax: Any = None, *, bar_kw: dict[str, Any] | None = None) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        bar_kw : dict or None, default=None
+            Keywords of matplotlib for the parts of the bar.
 
         Returns
         -------
         self : NoiseCeilingDisplay
         """
+        styles = {"bar": bar_kw}
         (self.ax_,) = self._take_axes(ax, "the bar", figsize=(6.4, 2.4))
-        self.parts_, self.interval_ = draw_ceiling_bar(
-            self.ax_, self, columns=2, note=wrapped(f"Noise ceiling {self.ceiling_note}", 88)
-        )
+        across = letters(self.figure_)
+        columns = 2 if across > NARROW else 1
+        note = wrapped(f"Noise ceiling {self.ceiling_note}", across)
+        self.parts_, self.interval_ = draw_ceiling_bar(self.ax_, self, columns=columns, note=note)
+        self._restyle(styles, bar=self.parts_)
+        if self._own:
+            rows = -(-(len(self.parts_) + 1) // columns) + note.count("\n") - 2
+            add_lines(self.figure_, rows + 1, mpl.rcParams["font.size"])
         self.ax_.set_title(ceiling_text(self), fontsize="medium")
         return self
 
@@ -117,15 +121,22 @@ def draw_ceiling_bar(
     explained = ceiling - left if left > 0 else comparison.vaf
     end = float(np.clip(explained, 0.0, 100.0))
     worse = ": worse than no model" if explained < 0 else ""
-    spans = {"explained": (PREDICTED, 0.0, end, f"explained {percent(explained)}{worse}")}
+    spans = {
+        "explained": (ROLES["simulated"].colour, 0.0, end, f"explained {percent(explained)}{worse}")
+    }
     if known:
         top = float(np.clip(ceiling, end, 100.0))
         gap = f"explainable {comparison.explainable_gap:.1f} points"
-        spans["explainable"] = (EXCEEDING, end, top, gap)
-        spans["remnant"] = (NOISE, top, 100.0, f"remnant {percent(100.0 - ceiling)}")
+        spans["explainable"] = (ROLES["misfit"].colour, end, top, gap)
+        spans["remnant"] = (
+            ROLES["remnant"].colour,
+            top,
+            100.0,
+            f"remnant {percent(100.0 - ceiling)}",
+        )
     else:
         rest = f"not explained {percent(100.0 - explained)}: no ceiling"
-        spans["not explained"] = ("0.85", end, 100.0, rest)
+        spans["not explained"] = (dimmed(0.15), end, 100.0, rest)
     parts = {}
     for name, (colour, low, high, label) in spans.items():
         (parts[name],) = panel.barh(0, high - low, left=low, height=0.8, color=colour, label=label)
@@ -137,10 +148,10 @@ def draw_ceiling_bar(
             at,
             0,
             xerr=[[at - low], [high - at]],
-            color=BLACK,
-            lw=1.6,
+            color=foreground(),
+            lw=scaled(1.6),
             capsize=5,
-            capthick=1.6,
+            capthick=scaled(1.6),
             label=INTERVAL,
         )
     panel.set_xlim(0.0, 100.0)

@@ -10,11 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from ._axes import GREY
 from ._comparison import (
     CLOSED_LOOP,
-    EXCEEDING,
-    RESIDUAL,
     ComparisonBaseDisplay,
     beyond,
     chance,
@@ -23,6 +20,7 @@ from ._comparison import (
     residual_label,
     say_instead,
 )
+from ._roles import GREY, ROLES, dimmed, scaled, sized
 
 COLUMNS = 3
 
@@ -122,7 +120,7 @@ class OperatingPointDisplay(ComparisonBaseDisplay):
             self._mark_levels(panel, name)
             if not self._own or i % columns == 0:
                 panel.set_ylabel(residual_label(self.unit))
-        self._legend_of_panels(frameon=False)
+        self._legend_of_panels()
         return self
 
     def _mark_levels(self, panel: Axes, name: str) -> None:
@@ -132,7 +130,13 @@ class OperatingPointDisplay(ComparisonBaseDisplay):
         held = self.tests[self.tests["test"].eq("level") & exceeding(self.tests)]
         levels = held.loc[held["signal"].eq(name), "where"].dropna().tolist()
         for level in levels:
-            panel.axvline(level, color=EXCEEDING, ls="--", lw=1.0, label="level held, measured")
+            panel.axvline(
+                level,
+                color=ROLES["misfit"].colour,
+                ls="--",
+                lw=scaled(1.0),
+                label="level held, measured",
+            )
         if levels:
             self.levels_[name] = levels
 
@@ -144,15 +148,15 @@ def draw_bins(panel: Axes, bins: pd.DataFrame, false_alarm: float, output: str) 
     band = panel.fill_between(
         at, -half, half, color=GREY, alpha=0.35, lw=0, label=chance(false_alarm)
     )
-    panel.axhline(0.0, color=GREY, lw=0.8)
+    panel.axhline(0.0, color=GREY, lw=scaled(0.8))
     valid = bool(bins["valid"].all())
     (line,) = panel.plot(
         at,
         mean,
-        color=RESIDUAL if valid else "0.45",
+        color=ROLES["residual"].colour if valid else dimmed(0.55),
         marker="o",
-        ms=3.5,
-        lw=1.2,
+        ms=sized(3.5),
+        lw=scaled(1.2),
         label="residual" if valid else CLOSED_LOOP,
     )
     raised = exceeding(bins)
@@ -160,9 +164,9 @@ def draw_bins(panel: Axes, bins: pd.DataFrame, false_alarm: float, output: str) 
         panel.plot(
             at[raised],
             mean[raised],
-            color=EXCEEDING,
+            color=ROLES["misfit"].colour,
             marker="o",
-            ms=5.5,
+            ms=sized(5.5),
             ls="none",
             label=beyond(false_alarm),
             zorder=3,
@@ -170,7 +174,7 @@ def draw_bins(panel: Axes, bins: pd.DataFrame, false_alarm: float, output: str) 
     panel.set_xlabel(_label(bins, output))
     panel.xaxis.set_major_locator(MaxNLocator(4))
     if not valid:
-        panel.set_title(CLOSED_LOOP, fontsize="small", color="0.35")
+        panel.set_title(CLOSED_LOOP, fontsize="small", color=dimmed())
     panel.grid(alpha=0.3)
     return line, band
 

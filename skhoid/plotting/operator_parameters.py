@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..human import HumanOperator
 from ..interpret.conversion import NAMES, UNITS, operator_parameters
-from ._axes import BLUE, GREY, with_unit
+from ._axes import with_unit
 from ._estimates import (
     DEVIATION,
     EstimatesDisplay,
@@ -20,6 +20,7 @@ from ._estimates import (
     in_one_row,
     times_of,
 )
+from ._roles import BLUE, GREY, sized
 
 SYMBOLS = {
     "K_e": "$K_e$",
@@ -56,7 +57,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
     truth : DataFrame or None, default=None
         True values in the same columns, over ``time`` or in one row.
     references : DataFrame or None, default=None
-        Result of :func:`skhoid.reference_fits`, drawn as green levels over its windows.
+        Result of :func:`skhoid.reference_fits`, drawn as orange levels over its windows.
     transition_time : float or None, default=None
         Instant to mark, in s.
 
@@ -125,16 +126,18 @@ class OperatorParametersDisplay(EstimatesDisplay):
         ax : sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`.
         **options : dict
-            Options of ``operator_parameters``: ``method``, ``input``, ``band``, ``pade_order``.
+            Keywords of :meth:`plot` whose names end in ``_kw``, and options of
+            ``operator_parameters``: ``method``, ``input``, ``band``, ``pade_order``.
 
         Returns
         -------
         display : OperatorParametersDisplay
         """
+        styles = {name: options.pop(name) for name in list(options) if name.endswith("_kw")}
         models = model if isinstance(model, Mapping) else {"estimate": model}
         frames = {label: operator_parameters(m, **options) for label, m in models.items()}
         return cls.from_frame(
-            frames, truth, references=references, transition_time=transition_time, ax=ax
+            frames, truth, references=references, transition_time=transition_time, ax=ax, **styles
         )
 
     @classmethod
@@ -146,6 +149,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
         references: pd.DataFrame | None = None,
         transition_time: float | None = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw parameters that have been computed.
 
@@ -163,6 +167,8 @@ class OperatorParametersDisplay(EstimatesDisplay):
             Instant to mark, in s.
         ax : sequence of Axes or None, default=None
             Where to draw, see :meth:`plot`.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -192,20 +198,42 @@ class OperatorParametersDisplay(EstimatesDisplay):
             references=references,
             transition_time=transition_time,
         )
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        truth_kw: dict[str, Any] | None = None,
+        reference_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of Axes or None, default=None
             Five panels, or six with one for the delay. None makes a figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the estimates.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the bands.
+        truth_kw : dict or None, default=None
+            Keywords of matplotlib for the truth.
+        reference_kw : dict or None, default=None
+            Keywords of matplotlib for the references.
 
         Returns
         -------
         self : OperatorParametersDisplay
         """
+        styles = {
+            "line": line_kw,
+            "band": band_kw,
+            "truth": truth_kw,
+            "reference": reference_kw,
+        }
         names = [name for name in NAMES if name != "tau_e"]
         self._begin([names + ["tau_e"] * (self._delay() is None)], ax)
         over_time = bool(times_of(self.frames.values()))
@@ -227,6 +255,13 @@ class OperatorParametersDisplay(EstimatesDisplay):
         delay = self._delay()
         if delay is not None:
             self.axes_[0].set_title(f"{SYMBOLS['tau_e']} = {delay:.3g} s")
+        self._restyle(
+            styles,
+            line=self.lines_,
+            band=self.bands_,
+            truth=self.truth_,
+            reference=self.references_,
+        )
         self._legend_of_panels()
         return self
 
@@ -249,7 +284,7 @@ class OperatorParametersDisplay(EstimatesDisplay):
             deviation[:1],
             color=BLUE,
             marker="o",
-            ms=5,
+            ms=sized(5),
             ls="none",
             capsize=4,
             label=f"estimate {DEVIATION}" if position == 0 else None,

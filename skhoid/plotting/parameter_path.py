@@ -13,6 +13,7 @@ from ..interpret.channel import is_arx
 from ._axes import parameter_symbol
 from ._checks import check_some_column, fitted_end
 from ._estimates import DEVIATION, EstimatesDisplay, check_references, in_one_row, times_of
+from ._roles import scaled
 
 MOST_LINES = 10  # single runs that are drawn one by one
 MEAN = 1.8  # width of the line of a mean over single runs
@@ -27,8 +28,8 @@ class ParameterPathDisplay(EstimatesDisplay):
     The path of each recursive model with one standard deviation to either side, where the model
     keeps its covariances (``store_covariance=True``). Of a model that averages estimates of single
     runs (``combine="average_estimates"``) these are thin lines under their mean; of more than ten
-    runs the band is their standard deviation. True values are black and references green. Batch
-    models among the recursive ones are dashed levels.
+    runs the band is their standard deviation. The truth is green and
+    dashed, and references are orange. Batch models among the recursive ones are dashed levels.
 
     Limits hold the true values, the references and all estimates, unless those take twice the range
     of their central 96 %, as the first instants from an arbitrary start do. A note in the panel
@@ -44,7 +45,7 @@ class ParameterPathDisplay(EstimatesDisplay):
     truth : DataFrame or None, default=None
         True values in the same columns, over ``time`` or in one row.
     references : DataFrame or None, default=None
-        Result of :func:`skhoid.reference_fits`, drawn as green levels over its windows.
+        Result of :func:`skhoid.reference_fits`, drawn as orange levels over its windows.
     transition_time : float or None, default=None
         Instant to mark, in s.
     runs : dict of ndarray of shape (n_runs, n_instants, n_params), or None, default=None
@@ -103,6 +104,7 @@ class ParameterPathDisplay(EstimatesDisplay):
         *,
         transition_time: float | None = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw fitted recursive models.
 
@@ -120,6 +122,8 @@ class ParameterPathDisplay(EstimatesDisplay):
             Instant to mark, in s.
         ax : sequence of Axes or None, default=None
             One for each parameter. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -158,20 +162,42 @@ class ParameterPathDisplay(EstimatesDisplay):
             references=references,
             transition_time=transition_time,
         )
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        truth_kw: dict[str, Any] | None = None,
+        reference_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of Axes or None, default=None
             One for each parameter. None makes a figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the estimates.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the bands.
+        truth_kw : dict or None, default=None
+            Keywords of matplotlib for the truth.
+        reference_kw : dict or None, default=None
+            Keywords of matplotlib for the references.
 
         Returns
         -------
         self : ParameterPathDisplay
         """
+        styles = {
+            "line": line_kw,
+            "band": band_kw,
+            "truth": truth_kw,
+            "reference": reference_kw,
+        }
         names = _names(self.frames)
         self._begin(_columns(names), ax)
         self.run_lines_: dict[tuple[str, str], Any] = {}
@@ -189,6 +215,13 @@ class ParameterPathDisplay(EstimatesDisplay):
             panel.grid(alpha=0.3)
         for panel in self._bottom:
             panel.set_xlabel("time, s")
+        self._restyle(
+            styles,
+            line=self.lines_,
+            band=self.bands_,
+            truth=self.truth_,
+            reference=self.references_,
+        )
         self._legend_of_panels()
         return self
 
@@ -199,7 +232,12 @@ class ParameterPathDisplay(EstimatesDisplay):
         table = self.frames[label]
         values = runs[:, :, _names({label: table}).index(name)]
         lines = panel.plot(
-            table.index, values.T, color=self._colour(position), lw=0.5, alpha=0.5, zorder=1.8
+            table.index,
+            values.T,
+            color=self._colour(position),
+            lw=scaled(0.5),
+            alpha=0.5,
+            zorder=1.8,
         )
         lines[0].set_label("single runs")
         self.lines_[label, name].set_linewidth(MEAN)

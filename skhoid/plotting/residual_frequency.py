@@ -11,17 +11,8 @@ from matplotlib.axes import Axes
 from scipy.stats import norm
 
 from ._axes import phase_ticks, plain_logarithmic
-from ._comparison import (
-    EXCEEDING,
-    MEASURED,
-    NOISE,
-    PREDICTED,
-    RESIDUAL,
-    ComparisonBaseDisplay,
-    beyond,
-    exceeding,
-    say_instead,
-)
+from ._comparison import ComparisonBaseDisplay, beyond, exceeding, say_instead
+from ._roles import ROLES, scaled, sized
 
 # Single lines and harmonics are marks; bins pooled over a band make a curve.
 MARKS = {"excited": "o", "odd": "^", "even": "v"}
@@ -30,6 +21,13 @@ CONFIDENCE = 0.95
 SHOWN = 1e-5  # of the highest density of the output, down to which spectra are drawn
 EDGE = 1.3
 NO_RESPONSE = "Measured response: not available, it needs the target f_t."
+
+DRAWN = {  # by the beginnings of the names of lines
+    "measured": ("output", "measured"),
+    "simulated": ("model",),
+    "residual": ("residual",),
+    "remnant": ("noise",),
+}
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -84,7 +82,16 @@ class ResidualFrequencyDisplay(ComparisonBaseDisplay):
     unit: str | None = None
     false_alarm: float = 0.01
 
-    def plot(self, ax: Any = None, *, phase: bool = False) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        phase: bool = False,
+        measured_kw: dict[str, Any] | None = None,
+        simulated_kw: dict[str, Any] | None = None,
+        residual_kw: dict[str, Any] | None = None,
+        remnant_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -93,11 +100,25 @@ class ResidualFrequencyDisplay(ComparisonBaseDisplay):
             Where to draw spectra, magnitude and phase. None makes a figure.
         phase : bool, default=False
             Draw the phase too, in a figure made here; of given Axes, the third is the phase.
+        measured_kw : dict or None, default=None
+            Keywords of matplotlib for the spectrum and response of the measured output.
+        simulated_kw : dict or None, default=None
+            Keywords of matplotlib for the response of the model.
+        residual_kw : dict or None, default=None
+            Keywords of matplotlib for the spectrum of the residual.
+        remnant_kw : dict or None, default=None
+            Keywords of matplotlib for the spectrum of the noise.
 
         Returns
         -------
         self : ResidualFrequencyDisplay
         """
+        styles = {
+            "measured": measured_kw,
+            "simulated": simulated_kw,
+            "residual": residual_kw,
+            "remnant": remnant_kw,
+        }
         self.axes_ = self._take_axes(
             ax,
             "spectra, magnitude and, if wanted, phase",
@@ -127,7 +148,11 @@ class ResidualFrequencyDisplay(ComparisonBaseDisplay):
         for panel in self.axes_ if self._own else []:
             panel.tick_params(labelbottom=panel is lowest)
         lowest.set_xlabel("frequency, rad/s")
-        self._legend_of_panels(frameon=False)
+        drawn = {**self.lines_, **self.gain_, **{f"{k} phase": v for k, v in self.phase_.items()}}
+        for role, names in DRAWN.items():
+            some = [line for name, line in drawn.items() if name.startswith(names)]
+            self._restyle(styles, **{role: some})
+        self._legend_of_panels()
         return self
 
 
@@ -147,26 +172,47 @@ def draw_spectra(
     noise = table[table["psd_noise"] > 0]
     if len(noise):
         (lines["noise"],) = panel.plot(
-            noise["omega"], noise["psd_noise"], color=NOISE, lw=3.0, alpha=0.6, label="noise"
+            noise["omega"],
+            noise["psd_noise"],
+            color=ROLES["remnant"].colour,
+            lw=scaled(3.0),
+            alpha=0.6,
+            label=ROLES["remnant"].word,
         )
     excited = table[table["kind"] == "excited"]
-    for name, colour in (("output", MEASURED), ("residual", RESIDUAL)):
+    for name, role in (
+        ("output", ROLES["measured"]),
+        ("residual", ROLES["residual"]),
+    ):
+        colour = role.colour
         values = curve[f"psd_{name}"].where(curve[f"psd_{name}"] > 0)
-        (lines[name],) = panel.plot(curve["omega"], values, color=colour, lw=1.3)
+        (lines[name],) = panel.plot(curve["omega"], values, color=colour, lw=scaled(1.3))
         (lines[f"{name} lines"],) = panel.plot(
-            excited["omega"], excited[f"psd_{name}"], color=colour, ls="none", marker="o", ms=5
+            excited["omega"],
+            excited[f"psd_{name}"],
+            color=colour,
+            ls="none",
+            marker="o",
+            ms=sized(5),
         )
-        panel.plot([], [], color=colour, lw=1.3, marker="o" if len(excited) else None, label=name)
+        panel.plot(
+            [],
+            [],
+            color=colour,
+            lw=scaled(1.3),
+            marker="o" if len(excited) else None,
+            label=role.word,
+        )
     for kind, label in HARMONICS.items():
         rows = table[table["kind"] == kind]
         if len(rows):
             (lines[kind],) = panel.plot(
                 rows["omega"],
                 rows["psd_residual"],
-                color=RESIDUAL,
+                color=ROLES["residual"].colour,
                 ls="none",
                 marker=MARKS[kind],
-                ms=4,
+                ms=sized(4),
                 label=label,
             )
     raised = table[exceeding(table)]
@@ -177,10 +223,10 @@ def draw_spectra(
             raised["psd_residual"],
             ls="none",
             marker="o",
-            ms=9,
+            ms=sized(9),
             mfc="none",
-            mec=EXCEEDING,
-            mew=1.6,
+            mec=ROLES["misfit"].colour,
+            mew=scaled(1.6),
             label=beyond(false_alarm),
             zorder=4,
         )
@@ -226,18 +272,24 @@ def _draw_phase(panel: Axes, measured: pd.DataFrame) -> dict[str, Any]:
 
 def _draw_response(panel: Axes, measured: pd.DataFrame, part: str, interval: Any) -> dict[str, Any]:
     panel.set_xscale("log")
-    panel.vlines(measured["omega"], *interval, color=MEASURED, lw=1.2, alpha=0.6)
+    panel.vlines(
+        measured["omega"], *interval, color=ROLES["measured"].colour, lw=scaled(1.2), alpha=0.6
+    )
     (found,) = panel.plot(
         measured["omega"],
         measured[f"measured_{part}"],
-        color=MEASURED,
+        color=ROLES["measured"].colour,
         marker="o",
-        ms=5,
+        ms=sized(5),
         ls="none",
         label=f"measured, {100 * CONFIDENCE:g} % interval",
     )
     (model,) = panel.plot(
-        measured["omega"], measured[f"model_{part}"], color=PREDICTED, lw=1.4, label="model"
+        measured["omega"],
+        measured[f"model_{part}"],
+        color=ROLES["simulated"].colour,
+        lw=scaled(1.4),
+        label=ROLES["simulated"].word,
     )
     plain_logarithmic(panel.xaxis)
     panel.grid(alpha=0.3)

@@ -8,8 +8,9 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, plain_logarithmic
+from ._axes import plain_logarithmic
 from ._comparison import ComparisonBaseDisplay, beyond, say_instead
+from ._roles import foreground, sized
 
 LEAST = 6.0  # dB; chance alone does not use the whole scale
 MOST = 20.0
@@ -63,18 +64,21 @@ class ResidualMapDisplay(ComparisonBaseDisplay):
     time_frequency: pd.DataFrame
     false_alarm: float = 0.01
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(self, ax: Any = None, *, mesh_kw: dict[str, Any] | None = None) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        mesh_kw : dict or None, default=None
+            Keywords of matplotlib for the map.
 
         Returns
         -------
         self : ResidualMapDisplay
         """
+        styles = {"mesh": mesh_kw}
         (self.ax_,) = self._take_axes(ax, "the map", figsize=(6.4, 4.2))
         self.mesh_: Any = None
         self.colorbar_: Any = None
@@ -105,13 +109,14 @@ class ResidualMapDisplay(ComparisonBaseDisplay):
             (self.exceeding_,) = self.ax_.plot(
                 time[cells[:, 0]],
                 omega[cells[:, 1]],
-                color=BLACK,
+                color=foreground(),
                 marker="o",
-                ms=2.5,
+                ms=sized(2.5),
                 ls="none",
                 label=beyond(self.false_alarm),
             )
-        self._legend_of_panels(frameon=False)
+        self._restyle(styles, mesh=self.mesh_)
+        self._legend_of_panels()
         self.ax_.set_yscale("log")
         plain_logarithmic(self.ax_.yaxis)
         self.ax_.set_xlabel("time in the run, s")

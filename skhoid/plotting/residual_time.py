@@ -10,10 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..diagnosis.advice import SMALL
-from ._axes import BLACK, GREY
 from ._comparison import (
-    EXCEEDING,
-    RESIDUAL,
     ComparisonBaseDisplay,
     beyond,
     chance,
@@ -21,6 +18,7 @@ from ._comparison import (
     is_of_all_runs,
     say_instead,
 )
+from ._roles import GREY, ROLES, background, foreground, scaled, sized
 
 CHANGE = " change"  # ends the names of the tests that place a change in time
 CHANGE_STYLES = ("--", "-.", (0, (4, 1, 1, 1, 1, 1)))
@@ -90,18 +88,32 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
     tests: pd.DataFrame
     false_alarm: float = 0.01
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        residual_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        misfit_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of two Axes or None, default=None
             Where to draw VAF points and relative power. None makes a figure.
+        residual_kw : dict or None, default=None
+            Keywords of matplotlib for the residual of all runs.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the band of chance.
+        misfit_kw : dict or None, default=None
+            Keywords of matplotlib for the bars of what exceeds chance.
 
         Returns
         -------
         self : ResidualTimeDisplay
         """
+        styles = {"residual": residual_kw, "band": band_kw, "misfit": misfit_kw}
         self.axes_ = self._take_axes(
             ax, "VAF points lost and relative power", (2, 1), sharex=True, figsize=(6.4, 5.2)
         )
@@ -120,7 +132,10 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
             mark_changes(panel, self.changes_)
         bottom.set_xlabel("time in the run, s")
         bottom.set_xlim(together["start"].min(), together["stop"].max())
-        self._legend_of_panels(frameon=False)
+        self._restyle(
+            styles, residual=[self.line_, self.bars_], band=self.band_, misfit=self.misfit_
+        )
+        self._legend_of_panels()
         return self
 
     def _draw_power(self, panel: Axes, together: pd.DataFrame) -> None:
@@ -135,20 +150,20 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
                 drawn = alone[alone["run"].isin(worst)]
             for run, rows in drawn.groupby("run", sort=False):
                 (self.runs_[run],) = panel.plot(
-                    *_stairs(rows), color=GREY, lw=0.6, alpha=0.8, label="single runs"
+                    *_stairs(rows), color=GREY, lw=scaled(0.6), alpha=0.8, label="single runs"
                 )
             if len(raised):
                 # Red is misfit, where that is known; a single run's power may be remnant.
                 panel.plot(
                     (raised["start"] + raised["stop"]) / 2,
                     raised["ratio"],
-                    color=BLACK if knows_repeats(together) else EXCEEDING,
+                    color=foreground() if knows_repeats(together) else ROLES["misfit"].colour,
                     marker="o",
-                    ms=3,
+                    ms=sized(3),
                     ls="none",
                     label=f"single run {beyond(self.false_alarm)}",
                 )
-        panel.axhline(1.0, color=BLACK, lw=0.8, ls=":")
+        panel.axhline(1.0, color=foreground(), lw=scaled(0.8), ls=":")
         if set(together) >= CHANCE:
             time, low = _stairs(together, "chance_low")
             _, high = _stairs(together, "chance_high")
@@ -156,7 +171,11 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
                 time, low, high, color=GREY, alpha=0.35, lw=0, label=chance(self.false_alarm)
             )
         (self.line_,) = panel.plot(
-            *_stairs(together), color=RESIDUAL, lw=1.8, label="all runs", zorder=3
+            *_stairs(together),
+            color=ROLES["residual"].colour,
+            lw=scaled(1.8),
+            label="all runs",
+            zorder=3,
         )
         panel.set_ylabel("residual power /\nthat of the run")
         panel.set_ylim(bottom=0.0)
@@ -170,7 +189,9 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
         time, low = _stairs(windows, "low")
         _, high = _stairs(windows, "high")
         label = f"{100 * MOST_RUNS:g} % of single runs"
-        panel.fill_between(time, low, high, color=RESIDUAL, alpha=0.25, lw=0, label=label)
+        panel.fill_between(
+            time, low, high, color=ROLES["residual"].colour, alpha=0.25, lw=0, label=label
+        )
 
 
 def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> tuple[Any, Any]:
@@ -183,13 +204,13 @@ def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> 
     look: dict[str, Any] = {
         "width": stop - start,
         "align": "edge",
-        "edgecolor": "white",
+        "edgecolor": background(),
         "linewidth": 0.6,
     }
     raised = failing(windows, false_alarm)
     misfit = None
     rest = "does not repeat" if raised.any() and knows_repeats(windows) else "lost"
-    bars = panel.bar(start, share, color=RESIDUAL, label=rest, **look)
+    bars = panel.bar(start, share, color=ROLES["residual"].colour, label=rest, **look)
     if raised.any():
         height = share
         if knows_repeats(windows):  # a part of the bar, though estimates of it may exceed the bar
@@ -197,12 +218,18 @@ def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> 
         misfit = panel.bar(
             start,
             np.where(raised, height, 0.0),
-            color=EXCEEDING,
+            color=ROLES["misfit"].colour,
             label=failing_label(windows, false_alarm),
             **look,
         )
     even = np.nansum(share) * (stop - start) / np.sum((stop - start)[np.isfinite(share)])
-    panel.plot(*_stairs(windows.assign(even=even), "even"), color=BLACK, lw=0.8, ls=":", label=EVEN)
+    panel.plot(
+        *_stairs(windows.assign(even=even), "even"),
+        color=foreground(),
+        lw=scaled(0.8),
+        ls=":",
+        label=EVEN,
+    )
     panel.set_ylabel("VAF points lost")
     panel.grid(alpha=0.3, axis="y")
     panel.set_axisbelow(True)
@@ -241,7 +268,7 @@ def changes_in_time(tests: pd.DataFrame) -> dict[str, float]:
 
 def mark_changes(panel: Axes, changes: dict[str, float]) -> None:
     for style, (name, at) in zip(CHANGE_STYLES, changes.items(), strict=False):
-        panel.axvline(at, color=BLACK, ls=style, lw=1.1, label=f"{name}, {at:.1f} s")
+        panel.axvline(at, color=foreground(), ls=style, lw=scaled(1.1), label=f"{name}, {at:.1f} s")
 
 
 def _stairs(windows: pd.DataFrame, name: str = "ratio") -> tuple[np.ndarray, np.ndarray]:

@@ -8,23 +8,15 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREY
-from ._comparison import (
-    EXCEEDING,
-    PREDICTED,
-    ComparisonBaseDisplay,
-    beyond,
-    exceeding,
-    percent,
-    say_instead,
-)
+from ._comparison import ComparisonBaseDisplay, beyond, exceeding, percent, say_instead
+from ._roles import ROLES, foreground, scaled, sized
 
 MOST_NAMED = 16  # runs that get a tick label each
 MOST_SAID = 4
 MANY = 100  # runs, whose marks are small
 LONG = 4  # letters of a label; longer ones stand upright where there are many
 LOWEST = -20.0  # percent; runs below it are named at the edge
-PARTS = {"validation": PREDICTED, "estimation": GREY}
+PARTS = {"validation": "simulated", "estimation": "remnant"}
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -45,7 +37,7 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
     noise_ceiling : float
         In percent; NaN if it is not known.
     noise_ceiling_interval : (float, float)
-        Its 90 % interval.
+        Its 95 % interval.
     false_alarm : float, default=0.01
         Rate of false alarms of what is marked.
 
@@ -82,18 +74,29 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
     noise_ceiling_interval: tuple[float, float]
     false_alarm: float = 0.01
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        marker_kw: dict[str, Any] | None = None,
+        ceiling_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        marker_kw : dict or None, default=None
+            Keywords of matplotlib for the dots of the runs.
+        ceiling_kw : dict or None, default=None
+            Keywords of matplotlib for the noise ceiling.
 
         Returns
         -------
         self : RunComparisonDisplay
         """
+        styles = {"marker": marker_kw, "ceiling": ceiling_kw}
         (self.ax_,) = self._take_axes(ax, "the VAF of the runs", figsize=(6.4, 4.2))
         self.lines_: dict[str, Any] = {}
         self.exceeding_: Any = None
@@ -109,10 +112,11 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         self._draw_levels(n_validation)
         self._draw_runs(table, at)
         self._name_runs(table, at)
-        self.ax_.set_ylabel("free-run VAF, %")
+        self.ax_.set_ylabel("VAF, %")
         self.ax_.set_title(self._title_text(table), fontsize="medium")
         self.ax_.grid(alpha=0.3, axis="y")
-        self._legend_of_panels(frameon=False)
+        self._restyle(styles, marker=self.lines_, ceiling=self.ceiling_)
+        self._legend_of_panels()
         return self
 
     def _draw_levels(self, n_validation: int) -> None:
@@ -121,19 +125,20 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         if not np.isnan(self.noise_ceiling):
             low, high = self.noise_ceiling_interval
             if np.isfinite([low, high]).all():
-                self.ax_.fill_between(span, low, high, color=BLACK, alpha=0.12, lw=0)
+                self.ax_.fill_between(
+                    span, low, high, color=ROLES["ceiling"].colour, alpha=0.2, lw=0
+                )
             (self.ceiling_,) = self.ax_.plot(
                 span,
                 np.repeat(self.noise_ceiling, 2),
-                color=BLACK,
-                lw=1.4,
-                label=f"noise ceiling {percent(self.noise_ceiling)}, 90 % interval",
+                **ROLES["ceiling"].style(1.6),
+                label=f"noise ceiling {percent(self.noise_ceiling)}, 95 % interval",
             )
         self.ax_.plot(
             span,
             np.repeat(self.vaf, 2),
-            color=PREDICTED,
-            lw=1.2,
+            color=ROLES["simulated"].colour,
+            lw=scaled(1.2),
             ls="--",
             label=f"validation runs together {percent(self.vaf)}",
         )
@@ -142,7 +147,8 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
         vaf = table["vaf"].to_numpy(dtype=float)
         below = vaf < LOWEST
         size = 6.0 if len(table) <= MANY else 2.5
-        for name, colour in PARTS.items():
+        for name, role in PARTS.items():
+            colour = ROLES[role].colour
             rows = (table["data"] == name).to_numpy()
             if rows.any():
                 (self.lines_[name],) = self.ax_.plot(
@@ -155,17 +161,17 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
                 vaf[raised],
                 ls="none",
                 marker="o",
-                ms=2 * size,
+                ms=sized(2) * size,
                 mfc="none",
-                mec=EXCEEDING,
-                mew=1.8,
+                mec=ROLES["misfit"].colour,
+                mew=scaled(1.8),
                 label=beyond(self.false_alarm),
             )
         if below.any():
             self.ax_.set_ylim(LOWEST, 100.0)
             lowest = np.flatnonzero(below)[np.argsort(vaf[below], kind="stable")][:MOST_NAMED]
             for x, value, red in zip(at[lowest], vaf[lowest], raised[lowest], strict=True):
-                colour = EXCEEDING if red else BLACK
+                colour = ROLES["misfit"].colour if red else foreground()
                 self.ax_.annotate(
                     f"{value:.0f} %",
                     (x, LOWEST),

@@ -14,8 +14,9 @@ from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.gate import as_output, unmasked
 from ..preprocessing.run_in import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, run_name
-from ._axes import BLACK, BLUE, GREY, VERMILION, with_unit
+from ._axes import with_unit
 from ._display import Display
+from ._roles import GREY, ROLES, scaled
 
 MAX_RUNS = 5
 
@@ -103,6 +104,7 @@ class SimulationDisplay(Display):
         ax: Any = None,
         dt: float | None = None,
         run: Any = None,
+        **styles: Any,
     ) -> Self:
         """Simulate with a fitted estimator and draw.
 
@@ -128,6 +130,8 @@ class SimulationDisplay(Display):
             estimator.
         run : column name or position, or None, default=None
             Run column of data without a run index. None means that of the estimator.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -145,7 +149,7 @@ class SimulationDisplay(Display):
         prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
         run_in = trimmed_rows(estimator, X)
         display = cls._of(layout, measured, prediction, run_in, runs, window, centered, y)
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
     @classmethod
     def from_predictions(
@@ -160,6 +164,7 @@ class SimulationDisplay(Display):
         ax: Any = None,
         dt: float | None = None,
         run: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw a simulated output that is already there.
 
@@ -184,6 +189,8 @@ class SimulationDisplay(Display):
             Sampling time in seconds of data without a time index (None: 1).
         run : array of shape (n_rows,) or None, default=None
             Run label of each row, for data without a run index.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -195,7 +202,7 @@ class SimulationDisplay(Display):
         layout = layout_of_output(y_true, dt, run)
         trimmed = run_in_rows(layout, run_in=run_in)
         display = cls._of(layout, measured, prediction, trimmed, runs, window, centered, y_true)
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
     @classmethod
     def _of(
@@ -243,7 +250,14 @@ class SimulationDisplay(Display):
             n_runs_in_data=len(layout.labels) if runs is None else None,
         )
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        measured_kw: dict[str, Any] | None = None,
+        simulated_kw: dict[str, Any] | None = None,
+        residual_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -251,18 +265,25 @@ class SimulationDisplay(Display):
         ax : Axes, sequence of Axes or None, default=None
             One Axes per run for the signals alone, or two per run, for the signals and the
             residual of the first run, of the second, and so on. None makes a figure with both.
+        measured_kw : dict or None, default=None
+            Keywords of matplotlib for the measured output.
+        simulated_kw : dict or None, default=None
+            Keywords of matplotlib for the simulated output.
+        residual_kw : dict or None, default=None
+            Keywords of matplotlib for the residual.
 
         Returns
         -------
         self : SimulationDisplay
         """
+        styles = {"measured": measured_kw, "simulated": simulated_kw, "residual": residual_kw}
         n_runs = len(self.runs)
         panels = self._take_axes(
             ax,
             "one per run for the signals, or two per run for signals and residual",
             (2 * n_runs, 1),
             allowed=(n_runs, 2 * n_runs),
-            figsize=(8, 0.8 + 3.0 * n_runs),
+            figsize=(6.4, 0.8 + 3.0 * n_runs),
             height_ratios=[3, 1.4] * n_runs,
         )
         self.axes_ = panels.reshape(n_runs, -1)
@@ -273,19 +294,10 @@ class SimulationDisplay(Display):
         for number, row in enumerate(self.axes_):
             self._draw_run(number, row)
         self.axes_[-1, -1].set_xlabel("time, s" + self._note())
-        handles, labels = self._legend_entries()
-        # Beside the title, where no line runs.
-        self.ax_.legend(
-            handles,
-            labels,
-            loc="lower right",
-            bbox_to_anchor=(1, 1),
-            ncols=len(labels),
-            frameon=False,
-            borderaxespad=0.1,
-            columnspacing=1.2,
-            handlelength=1.5,
+        self._restyle(
+            styles, measured=self.measured_, simulated=self.simulated_, residual=self.residual_
         )
+        self._legend_of_panels()
         if self._own:
             self.figure_.align_ylabels(panels)
         return self
@@ -299,14 +311,16 @@ class SimulationDisplay(Display):
         )
         time = np.insert(time, at_gaps, np.nan)
         true, pred = np.insert(true, at_gaps, np.nan), np.insert(pred, at_gaps, np.nan)
-        self.measured_ += top.plot(time, true, color=BLACK, lw=1.2, label="measured")
-        self.simulated_ += top.plot(time, pred, color=VERMILION, lw=1.2, label="simulated")
+        self.measured_ += top.plot(time, true, label="measured", **ROLES["measured"].style(1.2))
+        self.simulated_ += top.plot(time, pred, label="simulated", **ROLES["simulated"].style(1.2))
         top.set_ylabel(with_unit(self.output_name, self.unit))
         top.set_title(self._title(number), loc="left", fontsize="medium")
         if len(panels) == 2:
             bottom = panels[1]
-            bottom.axhline(0.0, color=GREY, lw=0.8)
-            self.residual_ += bottom.plot(time, true - pred, color=BLUE, lw=1.0, label="residual")
+            bottom.axhline(0.0, color=GREY, lw=scaled(0.8))
+            self.residual_ += bottom.plot(
+                time, true - pred, label="residual", **ROLES["residual"].style(1.0)
+            )
             bottom.set_ylabel(with_unit("residual", self.unit))
             top.tick_params(labelbottom=False)
         end = np.nan if self.run_in_end is None else self.run_in_end[number]
@@ -318,15 +332,6 @@ class SimulationDisplay(Display):
                 )
             if last > first:
                 panel.set_xlim(first, last)
-
-    def _legend_entries(self) -> tuple[list[Any], list[str]]:
-        entries: dict[str, Any] = {}
-        for panel in self.axes_[:, 0]:
-            handles, labels = panel.get_legend_handles_labels()
-            for handle, label in zip(handles, labels, strict=True):
-                if handle in self.measured_ or handle in self.simulated_ or "run-in" in label:
-                    entries.setdefault(label, handle)
-        return list(entries.values()), list(entries)
 
     def _title(self, number: int) -> str:
         vaf = self.vaf[number]

@@ -12,10 +12,11 @@ import pandas as pd
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from ._axes import BLACK, COLOURS, GREY, limits_of, note_outside
+from ._axes import limits_of, note_outside
 from ._bent_axis import bend_axes, round_up
 from ._checks import check_option
 from ._display import Display
+from ._roles import GREY, foreground, scaled, series_colour, sized
 from ._study import (
     REPLICATION,
     SAID,
@@ -126,6 +127,7 @@ class StudyBoxDisplay(Display):
         reference: Any = None,
         scale: str = "auto",
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the table of a study.
 
@@ -153,6 +155,8 @@ class StudyBoxDisplay(Display):
             Of the vertical axes.
         ax : Axes, array of Axes or None, default=None
             Where to draw, one for each panel. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -185,9 +189,11 @@ class StudyBoxDisplay(Display):
             difference=difference,
             reference=reference,
         )
-        return display.plot(ax, scale=scale)
+        return display.plot(ax, **styles, scale=scale)
 
-    def plot(self, ax: Any = None, *, scale: str = "auto") -> Self:
+    def plot(
+        self, ax: Any = None, *, scale: str = "auto", box_kw: dict[str, Any] | None = None
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -196,11 +202,14 @@ class StudyBoxDisplay(Display):
             Where to draw, one for each panel. None makes a figure.
         scale : {"auto", "linear", "symlog"}, default="auto"
             Of the vertical axes.
+        box_kw : dict or None, default=None
+            Keywords of matplotlib for the boxes.
 
         Returns
         -------
         self : StudyBoxDisplay
         """
+        styles = {"box": box_kw}
         check_option("scale", scale, SCALES)
         rows, columns = self._grid()
         shape = len(rows), len(columns)
@@ -223,13 +232,14 @@ class StudyBoxDisplay(Display):
                 self.references_.append(
                     None
                     if level is None
-                    else panel.axhline(level, color=GREY, ls=":", lw=1.4, zorder=1.5)
+                    else panel.axhline(level, color=GREY, ls=":", lw=scaled(1.4), zorder=1.5)
                 )
             self._limit(row, columns, panels, pd.concat(shown), scale)
             for panel, boxes in zip(panels, shown, strict=True):
                 self._colour_flat_boxes(panel)
                 every = np.concatenate([*boxes["values"], np.empty(0)])
                 self.notes_.append(note_outside(panel, every, ("top", "right")))
+        self._restyle(styles, box=[drawn["boxes"] for d in self.artists_ for drawn in d.values()])
         self._label(columns)
         return self
 
@@ -248,7 +258,7 @@ class StudyBoxDisplay(Display):
         width = FILLED / len(self._groups)
         artists = {}
         for position, group in enumerate(self._groups):
-            colour = COLOURS[position % len(COLOURS)]
+            colour = series_colour(position)
             of_group = _rows_of(boxes, {self.group: group})
             of_group = of_group[of_group["n"] > 0]
             places = [_index(self._places, value) for value in of_group[self.x]]
@@ -259,13 +269,18 @@ class StudyBoxDisplay(Display):
                 widths=0.8 * width,
                 manage_ticks=False,
                 patch_artist=True,
-                boxprops={"facecolor": colour, "edgecolor": colour, "alpha": 0.75, "lw": 0.8},
-                medianprops={"color": BLACK, "lw": 1.2},
-                whiskerprops={"color": colour, "lw": 0.9},
-                capprops={"color": colour, "lw": 0.9},
+                boxprops={
+                    "facecolor": colour,
+                    "edgecolor": colour,
+                    "alpha": 0.75,
+                    "lw": scaled(0.8),
+                },
+                medianprops={"color": foreground(), "lw": scaled(1.2)},
+                whiskerprops={"color": colour, "lw": scaled(0.9)},
+                capprops={"color": colour, "lw": scaled(0.9)},
                 flierprops={
                     "marker": ".",
-                    "ms": 3,
+                    "ms": sized(3),
                     "markerfacecolor": colour,
                     "markeredgecolor": colour,
                 },
@@ -278,7 +293,7 @@ class StudyBoxDisplay(Display):
             for box, median in zip(drawn["boxes"], drawn["medians"], strict=True):
                 heights = panel.transData.transform(box.get_path().vertices)[:, 1]
                 if np.ptp(heights) * 72 / self.figure_.dpi < FLAT:
-                    median.set(color=box.get_edgecolor(), lw=2.4, solid_capstyle="butt")
+                    median.set(color=box.get_edgecolor(), lw=scaled(2.4), solid_capstyle="butt")
 
     def _level(self, row: Mapping[str, Any], column: Mapping[str, Any]) -> float | None:
         """Where the dotted line of a panel stands."""
@@ -333,7 +348,7 @@ class StudyBoxDisplay(Display):
                 panel.set_xticks(range(len(self._places)), names)
                 panel.tick_params(axis="x", length=0)
                 for border in np.arange(len(self._places) - 1) + 0.5:
-                    panel.axvline(border, color=GREY, lw=0.5, alpha=0.4, zorder=0.5)
+                    panel.axvline(border, color=GREY, lw=scaled(0.5), alpha=0.4, zorder=0.5)
                 panel.grid(axis="y", alpha=0.3)
         for panels in self.axes_[:, 1:].T if self._own else []:
             for panel in panels:
@@ -346,7 +361,7 @@ class StudyBoxDisplay(Display):
             title = ", ".join(cell_text(name, level) for name, level in column.items())
             panel.set_title(title, fontsize="medium")
         handles: list[Any] = [
-            Patch(facecolor=COLOURS[i % len(COLOURS)], alpha=0.75) for i in range(len(self._groups))
+            Patch(facecolor=series_colour(i), alpha=0.75) for i in range(len(self._groups))
         ]
         labels = [cell_text(self.group, group) for group in self._groups]
         lines = [line for line in self.references_ if line is not None]

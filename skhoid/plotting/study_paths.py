@@ -10,9 +10,10 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ._axes import BLACK, GREEN, GREY, VERMILION, corner_note, limits_of, note_outside
+from ._axes import corner_note, limits_of, note_outside
 from ._checks import check_some_column
 from ._display import Display
+from ._roles import GREY, ORANGE, ROLES, foreground, scaled
 from ._study import (
     OPERATOR,
     REPLICATION,
@@ -44,9 +45,10 @@ class StudyPathDisplay(Display):
     """Estimates of a study over time beside the truth (Figs. 14, 15 and Appendices K and L).
 
     A row of panels for each parameter and a column for each remnant intensity, of one condition and
-    one form of forgetting: the mean over the replications in black with one standard deviation to
-    either side, some single replications in thin grey, the truth in red, and mean and standard
-    deviation of the batch fits of the first and last part in green, over their windows.
+    one form of forgetting: the mean over the replications in the colour of text with one
+    standard deviation to either side, some single replications in thin grey, the truth in dashed
+    green, and mean and standard deviation of the batch fits of the first and last
+    part in orange, over their windows.
 
     Replications without a value at an instant, as operator parameters are where the poles of the
     model are no complex pair, are left out of it; a note in the panel says how many are missing.
@@ -154,6 +156,7 @@ class StudyPathDisplay(Display):
         average: str = "mean",
         n_singles: int = 3,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the table of a study of paths.
 
@@ -185,6 +188,8 @@ class StudyPathDisplay(Display):
             How many single replications to draw.
         ax : array of Axes or None, default=None
             Where to draw, one for each parameter and intensity, row by row. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -229,20 +234,34 @@ class StudyPathDisplay(Display):
             average=average,
             title=f"{rows['condition'].iloc[0]}, {cell_text('form', form)}",
         )
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        mean_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        truth_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : array of Axes or None, default=None
             Where to draw, one for each parameter and intensity, row by row. None makes a figure.
+        mean_kw : dict or None, default=None
+            Keywords of matplotlib for the means.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the bands.
+        truth_kw : dict or None, default=None
+            Keywords of matplotlib for the truth.
 
         Returns
         -------
         self : StudyPathDisplay
         """
+        styles = {"mean": mean_kw, "band": band_kw, "truth": truth_kw}
         self.names_ = list(self.ranges)
         self.intensities_ = ordered(self.paths["remnant_intensity"])
         shape = len(self.names_), len(self.intensities_)
@@ -277,6 +296,7 @@ class StudyPathDisplay(Display):
             if self.title:
                 self.figure_.suptitle(self.title, fontsize="medium")
             self.figure_.align_ylabels(self.axes_[:, 0])
+        self._restyle(styles, mean=self.lines_, band=self.bands_, truth=self.truth_)
         self._legend_of_panels()
         return self
 
@@ -286,12 +306,12 @@ class StudyPathDisplay(Display):
         panel.set_xlim(time.min(), time.max())
         if self.transition_time is not None:
             panel.axvline(
-                self.transition_time, color=GREY, ls="--", lw=1.0, label="$t_M$", zorder=1.4
+                self.transition_time, color=GREY, ls="--", lw=scaled(1.0), label="$t_M$", zorder=1.4
             )
         self.singles_[key] = []
         if self.singles is not None:
             of_cell = self.singles[self.singles["remnant_intensity"] == P_n]
-            style: dict[str, Any] = {"color": GREY, "lw": 0.4, "zorder": 1.6}
+            style: dict[str, Any] = {"color": GREY, "lw": scaled(0.4), "zorder": 1.6}
             for _, single in of_cell.groupby(REPLICATION, sort=False):
                 single = single.sort_values("time")
                 (line,) = panel.plot(
@@ -301,10 +321,10 @@ class StudyPathDisplay(Display):
         low, high = (frame[f"{edge}_{name}"].to_numpy(dtype=float) for edge in ("low", "high"))
         if np.isfinite(low).any():
             self.bands_[key] = panel.fill_between(
-                time, low, high, color=BLACK, alpha=0.2, lw=0, label=spread, zorder=1.8
+                time, low, high, color=foreground(), alpha=0.2, lw=0, label=spread, zorder=1.8
             )
         (self.lines_[key],) = panel.plot(
-            time, frame[name], color=BLACK, lw=1.1, label=average, zorder=2.5
+            time, frame[name], color=foreground(), lw=scaled(1.1), label=average, zorder=2.5
         )
         if self.batch is not None:
             for row in self.batch[self.batch["remnant_intensity"] == P_n].to_dict("records"):
@@ -315,15 +335,20 @@ class StudyPathDisplay(Display):
             if len(values) == 1:
                 at, values = [time.min(), time.max()], np.repeat(values, 2)
             (self.truth_[key],) = panel.plot(
-                at, values, color=VERMILION, lw=1.1, label="true", zorder=2.6
+                at, values, label="truth", zorder=2.6, **ROLES["truth"].style(1.4)
             )
 
     def _draw_batch(self, panel: Any, name: str, P_n: float, row: dict[Any, Any]) -> None:
         span, edges = [row["start"], row["stop"]], [row[f"low_{name}"], row[f"high_{name}"]]
         if np.isfinite(edges).all():
-            panel.fill_between(span, *edges, color=GREEN, alpha=0.25, lw=0, zorder=2.2)
+            panel.fill_between(span, *edges, color=ORANGE, alpha=0.25, lw=0, zorder=2.2)
         (self.batch_[row["form"], name, P_n],) = panel.plot(
-            span, [row[name]] * 2, color=GREEN, lw=1.8, label="batch fits, same spread", zorder=2.4
+            span,
+            [row[name]] * 2,
+            color=ORANGE,
+            lw=scaled(1.8),
+            label="batch fits, same spread",
+            zorder=2.4,
         )
 
     def _note(self, panel: Any, name: str, P_n: float, frame: pd.DataFrame) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 
-from ._axes import BLACK, COLOURS, MARKERS, corner_note, phase_ticks, plain_logarithmic
+from ._axes import MARKERS, corner_note, phase_ticks, plain_logarithmic
 from ._display import Display
+from ._roles import PALETTE, ROLES, scaled, series_colour, sized
 from ._study import (
     REPLICATION,
     cell_text,
@@ -134,6 +135,7 @@ class StudyResponseDisplay(Display):
         remnant_intensity: float | Sequence[float] | None = None,
         truth: Truth | pd.DataFrame | None = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the table of a study of frequency responses.
 
@@ -155,6 +157,8 @@ class StudyResponseDisplay(Display):
             which a long delay between lines far apart makes slip.
         ax : array of Axes or None, default=None
             Where to draw, four rows of one for each method. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -179,20 +183,31 @@ class StudyResponseDisplay(Display):
             truth=true,
             title=str(table["condition"].iloc[0]),
         )
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        truth_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : array of Axes or None, default=None
             Where to draw, four rows of one for each method. None makes a figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves and marks of the estimates.
+        truth_kw : dict or None, default=None
+            Keywords of matplotlib for the truth.
 
         Returns
         -------
         self : StudyResponseDisplay
         """
+        styles = {"line": line_kw, "truth": truth_kw}
         methods = ordered(self.responses["method"])
         self.methods_ = [m for m in METHODS if m in methods]
         self.methods_ += [m for m in methods if m not in METHODS]
@@ -227,7 +242,7 @@ class StudyResponseDisplay(Display):
                 panel.set_yscale("log")
             if self.truth is not None:
                 for panel, name in zip(four[:2], PARTS, strict=True):
-                    style = {"color": BLACK, "lw": 1.0, "label": "true", "zorder": 1.8}
+                    style = {**ROLES["truth"].style(1.4), "label": "truth", "zorder": 1.8}
                     self.truth_ += panel.plot(self.truth["omega"], self.truth[name], **style)
             for position, P_n in enumerate(self._intensities):
                 shift = wide * (2 * position - len(self._intensities) + 0.5)
@@ -237,6 +252,8 @@ class StudyResponseDisplay(Display):
                     self._draw_deviations(four[2:], rows, (method, P_n), position)
             four[0].set_title(cell_text("method", method), fontsize="medium")
         self._limit()
+        drawn = [self.magnitude_, self.phase_, self.sd_lines_]
+        self._restyle(styles, line=drawn, truth=self.truth_)
         self._label()
         return self
 
@@ -250,18 +267,18 @@ class StudyResponseDisplay(Display):
         wide: float,
     ) -> None:
         """Means with bars."""
-        colour = COLOURS[position % len(COLOURS)]
+        colour = series_colour(position)
         omega = rows["omega"].to_numpy(dtype=float)
         at, beside = omega * np.exp(shift), omega * np.exp(shift + wide)
         means, spread, total, stated = [], [], [], []
         for panel, name in zip(pair, PARTS, strict=True):
             marker = MARKERS[position % len(MARKERS)]
             means += panel.plot(
-                at, rows[name], color=colour, marker=marker, ms=3.5, ls="none", zorder=3
+                at, rows[name], color=colour, marker=marker, ms=sized(3.5), ls="none", zorder=3
             )
-            thick: dict[str, Any] = {"color": colour, "lw": 2.4, "zorder": 2.6}
-            thin: dict[str, Any] = {"color": colour, "lw": 1.0, "ls": ":", "zorder": 2.5}
-            pale: dict[str, Any] = {"color": colour, "lw": 4.5, "alpha": 0.4, "zorder": 2.4}
+            thick: dict[str, Any] = {"color": colour, "lw": scaled(2.4), "zorder": 2.6}
+            thin: dict[str, Any] = {"color": colour, "lw": scaled(1.0), "ls": ":", "zorder": 2.5}
+            pale: dict[str, Any] = {"color": colour, "lw": scaled(4.5), "alpha": 0.4, "zorder": 2.4}
             spread.append(_bars(panel, at, rows, name, SDS[name]["spread"], thick))
             total.append(_bars(panel, at, rows, name, SDS[name]["total"], thin))
             stated.append(_bars(panel, beside, rows, name, SDS[name]["stated"], pale))
@@ -274,12 +291,12 @@ class StudyResponseDisplay(Display):
         self, pair: Any, rows: pd.DataFrame, key: tuple[str, float], position: int
     ) -> None:
         """Standard deviations over frequency."""
-        colour, omega = COLOURS[position % len(COLOURS)], rows["omega"]
+        colour, omega = series_colour(position), rows["omega"]
         marker = MARKERS[position % len(MARKERS)]
         styles: dict[str, dict[str, Any]] = {
-            "spread": {"ls": "-", "marker": marker, "ms": 3.5, "lw": 1.4},
-            "total": {"ls": ":", "lw": 1.0},
-            "stated": {"ls": "-", "lw": 4.5, "alpha": 0.4, "zorder": 1.9},
+            "spread": {"ls": "-", "marker": marker, "ms": sized(3.5), "lw": scaled(1.4)},
+            "total": {"ls": ":", "lw": scaled(1.0)},
+            "stated": {"ls": "-", "lw": scaled(4.5), "alpha": 0.4, "zorder": 1.9},
         }
         for kind, style in styles.items():
             drawn = []
@@ -340,21 +357,21 @@ class StudyResponseDisplay(Display):
         for panel in self.axes_[:, 1:].flat if self._own else []:
             panel.tick_params(labelleft=False, which="both")
         handles: list[Any] = [
-            Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=MARKERS[i % len(MARKERS)], ls="")
+            Line2D([], [], color=series_colour(i), marker=MARKERS[i % len(MARKERS)], ls="")
             for i in range(len(self._intensities))
         ]
         labels = [f"{cell_text('remnant_intensity', P)}: mean" for P in self._intensities]
-        colour = COLOURS[0]
+        colour = PALETTE[0]
         if self.responses["magnitude_sd"].notna().any():
-            handles.append(Line2D([], [], color=colour, lw=2.4))
-            handles.append(Line2D([], [], color=colour, lw=1.0, ls=":"))
+            handles.append(Line2D([], [], color=colour, lw=scaled(2.4)))
+            handles.append(Line2D([], [], color=colour, lw=scaled(1.0), ls=":"))
             labels += ["± 1 sd over replications", "± 1 total sd, Eqs. H.7-H.8"]
         if self.stated_:
-            handles.append(Line2D([], [], color=colour, lw=4.5, alpha=0.4))
+            handles.append(Line2D([], [], color=colour, lw=scaled(4.5), alpha=0.4))
             labels.append("± 1 sd stated, Eqs. H.9-H.10")
         if self.truth_:
             handles.append(self.truth_[0])
-            labels.append("true")
+            labels.append("truth")
         if self._own:
             if self.title:
                 self.figure_.suptitle(self.title, fontsize="medium")

@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 
-from ._axes import BLACK, COLOURS, GREY, MARKERS, OUTLINED, note_outside
+from ._axes import MARKERS, note_outside
 from ._checks import check_option
 from ._display import Display
 from ._horizons import horizon_axis, near_best
+from ._roles import GREY, background, foreground, outlined, scaled, series_colour, sized
 from ._study import REPLICATION, cell_text, check_table, ordered, refuse_mixtures
 from ._study_tables import TRADE_OFF_KEYS, VAF, best_horizon, trade_off_means
 
@@ -106,7 +107,9 @@ class StudyTradeOffDisplay(Display):
     means: pd.DataFrame
 
     @classmethod
-    def from_table(cls, table: pd.DataFrame, *, kind: str = "gain", ax: Any = None) -> Self:
+    def from_table(
+        cls, table: pd.DataFrame, *, kind: str = "gain", ax: Any = None, **styles: Any
+    ) -> Self:
         """Draw the table of a study of forgetting.
 
         Parameters
@@ -124,6 +127,8 @@ class StudyTradeOffDisplay(Display):
         ax : array of Axes or None, default=None
             Where to draw, one for each condition and form, the forms of a condition after each
             other. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -139,9 +144,16 @@ class StudyTradeOffDisplay(Display):
         """
         check_table(table, [*TRADE_OFF_KEYS, *VAF, REPLICATION], NAME)
         refuse_mixtures(table, TRADE_OFF_KEYS, NAME)
-        return cls(means=trade_off_means(table)).plot(ax, kind=kind)
+        return cls(means=trade_off_means(table)).plot(ax, kind=kind, **styles)
 
-    def plot(self, ax: Any = None, *, kind: str = "gain") -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        kind: str = "gain",
+        line_kw: dict[str, Any] | None = None,
+        best_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -150,11 +162,16 @@ class StudyTradeOffDisplay(Display):
             Where to draw, one for each condition and form. None makes a figure.
         kind : str, default="gain"
             What to draw, see :meth:`from_table`.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves.
+        best_kw : dict or None, default=None
+            Keywords of matplotlib for the marks of the best horizons.
 
         Returns
         -------
         self : StudyTradeOffDisplay
         """
+        styles = {"line": line_kw, "best": best_kw}
         check_option("kind", kind, LABELS)
         if not np.isfinite(self.means[kind]).any():
             raise ValueError(
@@ -199,6 +216,7 @@ class StudyTradeOffDisplay(Display):
                 self.notes_.append(note_outside(panel, shown, corner))
                 panel.tick_params(labelleft=not self._own or form == forms[0])
         self._label(panels, shape, len(forms), kind)
+        self._restyle(styles, line=self.lines_, best=self.best_)
         self._explain(intensities)
         return self
 
@@ -211,27 +229,33 @@ class StudyTradeOffDisplay(Display):
     ) -> None:
         panel.grid(alpha=0.3)
         if kind in WITHOUT:
-            panel.axhline(WITHOUT[kind], color=GREY, lw=0.8, zorder=1)
+            panel.axhline(WITHOUT[kind], color=GREY, lw=scaled(0.8), zorder=1)
         overall = self.best_overall_[form]
         if overall is not None:
             at = self.infinite_ if np.isinf(overall) else overall
-            panel.axvline(at, color=BLACK, ls="--", lw=1.0, zorder=1.5)
+            panel.axvline(at, color=foreground(), ls="--", lw=scaled(1.0), zorder=1.5)
         of_panel = self._cell(condition, form)
         for position, P_n in enumerate(intensities):
             rows = of_panel[of_panel["remnant_intensity"] == P_n].sort_values("memory_horizon")
             if rows.empty:
                 continue
-            colour, key = COLOURS[position % len(COLOURS)], (condition, form, P_n)
+            colour, key = series_colour(position), (condition, form, P_n)
             at = rows["memory_horizon"].replace(np.inf, self.infinite_).to_numpy(dtype=float)
             value = rows[kind].to_numpy(dtype=float)
             marker = MARKERS[position % len(MARKERS)]
             (self.lines_[key],) = panel.plot(
-                at, value, color=colour, marker=marker, ms=3, lw=1.1, zorder=2.5
+                at, value, color=colour, marker=marker, ms=sized(3), lw=scaled(1.1), zorder=2.5
             )
             if rows["vaf_validation"].notna().any():
                 best = int(np.nanargmax(rows["vaf_validation"]))
                 (self.best_[key],) = panel.plot(
-                    at[best], value[best], color=colour, marker="*", ms=11, zorder=4, **OUTLINED
+                    at[best],
+                    value[best],
+                    color=colour,
+                    marker="*",
+                    ms=sized(11),
+                    zorder=4,
+                    **outlined(),
                 )
 
     def _limit(self, panels: np.ndarray, condition: Any, kind: str) -> None:
@@ -264,15 +288,17 @@ class StudyTradeOffDisplay(Display):
 
     def _explain(self, intensities: list[Any]) -> None:
         handles = [
-            Line2D([], [], color=COLOURS[i % len(COLOURS)], marker=MARKERS[i % len(MARKERS)], ms=4)
+            Line2D([], [], color=series_colour(i), marker=MARKERS[i % len(MARKERS)], ms=sized(4))
             for i in range(len(intensities))
         ]
         labels = [cell_text("remnant_intensity", P_n) for P_n in intensities]
-        handles.append(Line2D([], [], color="white", marker="*", ms=11, ls="none", **OUTLINED))
+        handles.append(
+            Line2D([], [], color=background(), marker="*", ms=sized(11), ls="none", **outlined())
+        )
         labels.append("best $N_0$ of the line")
         known = {form: N0 for form, N0 in self.best_overall_.items() if N0 is not None}
         if known:
-            handles.append(Line2D([], [], color=BLACK, ls="--", lw=1.0))
+            handles.append(Line2D([], [], color=foreground(), ls="--", lw=scaled(1.0)))
             values = {form: "∞" if np.isinf(N0) else f"{N0:g}" for form, N0 in known.items()}
             each = ", ".join(f"{v} ({cell_text('form', form)})" for form, v in values.items())
             labels.append(f"best of all cells: $N_0$ = {each}")

@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from ..runs import output_name, read_layout
-from ._axes import BLACK, BLUE, GREY, VERMILION, with_unit
+from ._axes import with_unit
 from ._display import Display
+from ._roles import GREY, ROLES, dimmed, scaled
 
 NAMES = {
     "e": "error e",
@@ -20,6 +21,7 @@ NAMES = {
     "u": "control u",
     "n": "remnant n",
 }
+TRUTH = "truth, without remnant"
 MOST_SHOWN = 20  # single runs, beside the first
 
 
@@ -27,8 +29,9 @@ MOST_SHOWN = 20  # single runs, beside the first
 class TrackingDisplay(Display):
     """Signals of tracking runs over time, a panel each (Figs. 7 and E.2-E.14 of the thesis).
 
-    The first run is black, the others are grey. The operator's response without remnant, where it
-    is known, is blue; instants at which something changes are dashed.
+    The first run stands out, the others are thin and grey. The operator's response without
+    remnant, where it is known, is green and dashed; instants at which something changes are
+    dotted.
 
     Make it with :meth:`from_runs`.
 
@@ -81,6 +84,7 @@ class TrackingDisplay(Display):
         transition: float | None = None,
         units: dict[str, str] | None = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw runs that share their times.
 
@@ -101,6 +105,8 @@ class TrackingDisplay(Display):
             Units by channel; None takes ``X.attrs["units"]``.
         ax : sequence of Axes or None, default=None
             As many as there are signals. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -135,51 +141,70 @@ class TrackingDisplay(Display):
         display = cls(
             time=time[shown], signals=signals, response=response, transition=transition, units=units
         )
-        return display.plot(ax)
+        return display.plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        measured_kw: dict[str, Any] | None = None,
+        runs_kw: dict[str, Any] | None = None,
+        truth_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of Axes or None, default=None
             As many as there are signals. None makes a figure.
+        measured_kw : dict or None, default=None
+            Keywords of matplotlib for the first run.
+        runs_kw : dict or None, default=None
+            Keywords of matplotlib for the other runs.
+        truth_kw : dict or None, default=None
+            Keywords of matplotlib for the response without remnant.
 
         Returns
         -------
         self : TrackingDisplay
         """
+        styles = {"measured": measured_kw, "runs": runs_kw, "truth": truth_kw}
         n = len(self.signals)
-        size = 7.2, 1.0 + 1.5 * n
+        size = 6.4, 1.0 + 1.5 * n
         self.axes_ = list(
             self._take_axes(ax, "one for each signal", (n, 1), sharex=True, figsize=size)
         )
-        self.lines_ = {}
+        self.lines_: dict[str, Any] = {}
+        self.runs_: list[Any] = []
+        self.truth_: list[Any] = []
         for panel, (name, signal) in zip(self.axes_, self.signals.items(), strict=True):
             others = signal[1 : 1 + MOST_SHOWN]
             if len(others):
-                panel.plot(self.time, others.T, color=GREY, lw=0.4, alpha=0.6, zorder=1)
-            (self.lines_[name],) = panel.plot(self.time, signal[0], color=BLACK, lw=0.9)
+                look = {"color": GREY, "lw": scaled(0.4), "alpha": 0.6}
+                self.runs_ += panel.plot(self.time, others.T, zorder=1, label="other runs", **look)
+            (self.lines_[name],) = panel.plot(
+                self.time, signal[0], label=self._first(), **ROLES["measured"].style(0.9)
+            )
             if self.response is not None and name == list(self.signals)[-1]:
-                panel.plot(
-                    self.time, self.response, color=BLUE, lw=0.9, label="without remnant", zorder=3
-                )
-                # Above the panel, where no line runs.
-                panel.legend(
-                    loc="lower right",
-                    bbox_to_anchor=(1, 1),
-                    frameon=False,
-                    fontsize="small",
-                    borderaxespad=0.1,
+                self.truth_ += panel.plot(
+                    self.time, self.response, zorder=3, label=TRUTH, **ROLES["truth"].style(1.1)
                 )
             if self.transition is not None and self.time[0] < self.transition < self.time[-1]:
-                panel.axvline(self.transition, color=VERMILION, ls="--", lw=0.8)
+                look = {"color": dimmed(), "ls": ":", "lw": scaled(1.2)}
+                panel.axvline(self.transition, label="change", **look)
             panel.set_ylabel(with_unit(NAMES.get(name, name), (self.units or {}).get(name)))
             panel.grid(alpha=0.3)
         self.axes_[-1].set_xlabel("time, s")
         self.axes_[-1].set_xlim(self.time[0], self.time[-1])
         self.figure_.align_ylabels(self.axes_)
+        self._restyle(styles, measured=self.lines_, runs=self.runs_, truth=self.truth_)
+        if self.runs_ or self.truth_ or self.transition is not None:
+            self._legend_of_panels()
         return self
+
+    def _first(self) -> str:
+        several = any(len(signal) > 1 for signal in self.signals.values())
+        return "first run" if several else ROLES["measured"].word
 
 
 def transition_time(parameters: pd.DataFrame) -> float | None:

@@ -7,29 +7,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from ..arx.searches import OrderSearchCV
-from ._axes import BLACK, BLUE, VERMILION
 from ._checks import check_search
 from ._display import Display
+from ._roles import BLUE, VERMILION, background, foreground, scaled, sized
 
 MAX_PANELS = 12
 MAX_TICKS = 10
 N_LEVELS = 10
 MARGIN = 0.3  # of an order, room for the marks at the edge
 LEAST_RANGE = 5.0  # percent; finer contours would show what the VAF cannot tell apart
-ASTERISK = {"marker": "*", "ms": 13, "color": "white", "markeredgecolor": BLACK, "zorder": 4}
-RING = {
-    "marker": "o",
-    "ms": 17,
-    "color": "none",
-    "markeredgecolor": VERMILION,
-    "markeredgewidth": 2.2,
-    "zorder": 5,
-}
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -116,6 +108,7 @@ class VAFContourDisplay(Display):
         nk: Any = None,
         levels: Any = None,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw a fitted search.
 
@@ -132,6 +125,8 @@ class VAFContourDisplay(Display):
             Contour levels, see :meth:`plot`.
         ax : Axes, sequence of Axes or None, default=None
             One Axes per delay. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -176,9 +171,16 @@ class VAFContourDisplay(Display):
             chosen=chosen,
             n_nk_searched=len(values["nk"]) if nk is None else None,
         )
-        return display.plot(ax, levels=levels)
+        return display.plot(ax, **styles, levels=levels)
 
-    def plot(self, ax: Any = None, *, levels: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        levels: Any = None,
+        contour_kw: dict[str, Any] | None = None,
+        line_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -189,11 +191,16 @@ class VAFContourDisplay(Display):
             Contour levels in percent, increasing. None takes about ten round ones that reach
             from the lower quartile of the positive values to the highest, over at least 5 %; what
             lies below the first one has the darkest colour. They are the same in all panels.
+        contour_kw : dict or None, default=None
+            Keywords of matplotlib for the filled contours.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves, where there is one row of orders.
 
         Returns
         -------
         self : VAFContourDisplay
         """
+        styles = {"contour": contour_kw, "line": line_kw}
         n_panels = len(self.nk)
         columns = n_panels if n_panels <= 3 else min(math.ceil(math.sqrt(n_panels)), 4)
         rows = -(-n_panels // columns)
@@ -228,6 +235,7 @@ class VAFContourDisplay(Display):
                 panel.tick_params(labelbottom=True)
             if not self._own or i % columns == 0:
                 panel.set_ylabel(self._labels[1])
+        self._restyle(styles, contour=self.contours_, line=self.lines_)
         self._explain()
         return self
 
@@ -243,7 +251,9 @@ class VAFContourDisplay(Display):
                     panel.contourf(x, y, field, levels=levels, cmap="viridis", extend=extend)
                 )
                 if field.count():
-                    panel.contour(x, y, field, levels=levels, colors=BLACK, linewidths=0.4)
+                    panel.contour(
+                        x, y, field, levels=levels, colors=foreground(), linewidths=scaled(0.4)
+                    )
                 self.single_.append(self._draw_single(panel, x, y, vaf[i], self.contours_[-1]))
             panel.set_xlim(x[0] - MARGIN, x[-1] + MARGIN)
             panel.set_ylim(y[0] - MARGIN, y[-1] + MARGIN)
@@ -252,14 +262,22 @@ class VAFContourDisplay(Display):
             self.highest_.append(None)
             if field.count():
                 row, column = divmod(int(np.nanargmax(vaf[i])), len(self.na))
-                self.highest_[-1] = _mark(panel, x[column], y[row], ASTERISK)
+                self.highest_[-1] = _mark(panel, x[column], y[row], _asterisk())
         if self.chosen is not None:
             number, row, column = self.chosen
-            self.chosen_ = _mark(self.axes_[number], x[column], y[row], RING)
+            self.chosen_ = _mark(self.axes_[number], x[column], y[row], _ring())
         if some:
             self.colorbar_ = self.figure_.colorbar(
-                self.contours_[0], ax=list(self.axes_), label="VAF, %", ticks=levels
+                self.contours_[0],
+                ax=list(self.axes_),
+                label="VAF, %",
+                ticks=levels[:: self._every(len(levels))],
             )
+
+    def _every(self, n_levels: int) -> int:
+        """Which of the levels have a number beside a bar of this height."""
+        height = 72.0 * 0.6 * self.figure_.get_figheight()
+        return max(1, math.ceil(2.0 * n_levels * mpl.rcParams["font.size"] / height))
 
     @staticmethod
     def _draw_single(panel: Any, x: np.ndarray, y: np.ndarray, vaf: np.ndarray, like: Any) -> Any:
@@ -273,8 +291,8 @@ class VAFContourDisplay(Display):
             norm=like.norm,
             marker="s",
             s=50,
-            edgecolors=BLACK,
-            linewidths=0.4,
+            edgecolors=foreground(),
+            linewidths=scaled(0.4),
             zorder=3,
         )
 
@@ -286,7 +304,9 @@ class VAFContourDisplay(Display):
         x = _positions(orders)
         for i, panel in enumerate(self.axes_):
             values = vaf[i].ravel()
-            self.lines_ += panel.plot(x, values, color=BLUE, marker="o", ms=4, lw=1.2)
+            self.lines_ += panel.plot(
+                x, values, color=BLUE, marker="o", ms=sized(4), lw=scaled(1.2)
+            )
             _name_ticks(panel.xaxis, orders)
             panel.set_xlim(x[0] - MARGIN, x[-1] + MARGIN)
             panel.margins(y=0.15)
@@ -294,11 +314,11 @@ class VAFContourDisplay(Display):
             self.highest_.append(None)
             if not np.isnan(values).all():
                 best = int(np.nanargmax(values))
-                self.highest_[-1] = _mark(panel, x[best], values[best], ASTERISK)
+                self.highest_[-1] = _mark(panel, x[best], values[best], _asterisk())
         if self.chosen is not None:
             number, row, column = self.chosen
             at = column if over_na else row
-            self.chosen_ = _mark(self.axes_[number], x[at], vaf[number].ravel()[at], RING)
+            self.chosen_ = _mark(self.axes_[number], x[at], vaf[number].ravel()[at], _ring())
 
     def _explain(self) -> None:
         several = "highest of each panel" if len(self.nk) > 1 else "highest"
@@ -310,14 +330,7 @@ class VAFContourDisplay(Display):
         if self._own:
             if note:
                 handles[note] = Line2D([], [], ls="none")
-            self.figure_.legend(
-                handles.values(),
-                handles.keys(),
-                loc="outside lower center",
-                frameon=False,
-                ncols=len(handles),
-                numpoints=1,
-            )
+            self._legend(list(handles.values()), list(handles))
         elif handles:
             self.ax_.legend(
                 handles.values(),
@@ -397,3 +410,24 @@ def _mark(panel: Any, x: float, y: float, style: dict[str, Any]) -> Line2D:
     """A mark that may reach over the edge of the panel."""
     (mark,) = panel.plot(x, y, ls="none", clip_on=False, **style)
     return mark
+
+
+def _asterisk() -> dict[str, Any]:
+    return {
+        "marker": "*",
+        "ms": sized(13),
+        "color": background(),
+        "markeredgecolor": foreground(),
+        "zorder": 4,
+    }
+
+
+def _ring() -> dict[str, Any]:
+    return {
+        "marker": "o",
+        "ms": sized(17),
+        "color": "none",
+        "markeredgecolor": VERMILION,
+        "markeredgewidth": scaled(2.2),
+        "zorder": 5,
+    }

@@ -127,7 +127,7 @@ def _error_signal(recording: RawRecording) -> Iterator[Finding]:
     (a, b, c), *_ = np.linalg.lstsq(columns, e[known], rcond=None)
     left = _rms(e[known] - columns @ [a, b, c]) / size
     evidence = f"The rms of e - (f_t - x) is {100 * apart:.3g} % of that of e."
-    meaning = "One of the three is another signal than its name says, or was delayed or filtered."
+    meaning = "One of the three is not the signal its name says, or was delayed or filtered."
     if left <= IDENTITY:
         evidence += f" e = {a:.4g} f_t {b:+.4g} x {c:+.3g} holds to {100 * left:.2g} %."
         if abs(a + 1) < IDENTITY and abs(b - 1) < IDENTITY:
@@ -135,10 +135,10 @@ def _error_signal(recording: RawRecording) -> Iterator[Finding]:
         elif abs(a - 1) < IDENTITY and abs(b - 1) < IDENTITY:
             meaning = "x has the opposite sign."
         elif abs(a + b) < IDENTITY * abs(a):
-            meaning = f"e is in another unit than f_t and x, by a factor of {a:.6g}."
+            meaning = f"e is not in the unit of f_t and x: it is {a:.6g} times as large."
         elif abs(a - 1) < IDENTITY or abs(b + 1) < IDENTITY:
             which, factor = ("x", -b) if abs(a - 1) < IDENTITY else ("f_t", a)
-            meaning = f"{which} is in another unit than e, by a factor of {factor:.6g}."
+            meaning = f"{which} is not in the unit of e: multiply it by {factor:.6g}."
         if abs(c) > IDENTITY * size and abs(a - 1) < IDENTITY and abs(b + 1) < IDENTITY:
             meaning = f"e has an offset of {c:.4g}."
     yield Finding(
@@ -279,7 +279,7 @@ def _first_samples(recording: RawRecording) -> Iterator[Finding]:
                 f"{name} stands still at the beginning of {_runs(still)}",
                 f"The first {number} samples of run {label} ({number * recording.dt:.3g} s) are "
                 f"equal, more than {LONGER:g} times as many as anywhere later.",
-                "The run was recorded before the signal, or the operator, was ready.",
+                "Recording began before the signal, or the operator, was ready.",
                 _leave_out(number, recording.dt),
             )
 
@@ -335,15 +335,15 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             "Runs differ in sampling time",
             f"The median step is {min(typical):.6g} s in one run and {max(typical):.6g} s in "
             "another.",
-            "Lags in samples mean another time in each run.",
+            "A lag in samples is a different time in each run.",
             f"Bring the runs onto one grid: X, y = resample_runs(X, y, dt={snap(max(typical)):g}).",
         )
     found = [role for role in ("e", "x", "f_t") if recording.signals.of_role(role)[0] is not None]
     if min(typical) >= SLOWEST and of_person(found):
         yield Finding(
             "clock unit",
-            f"The clock advances by {recording.dt:g} a row",
-            f"All {counted(recording.time.size, 'row')} of time are counted as seconds.",
+            f"The clock advances by {recording.dt:g} per row",
+            f"All {counted(recording.time.size, 'value')} of time were taken as seconds.",
             "Nobody steers that slowly: these are row numbers, or milliseconds.",
             "Read milliseconds with units={'t': 'ms'}; for row numbers give the sampling time in "
             "s, dt=, in place of the time column.",
@@ -370,7 +370,8 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             f"The clock has {counted(len(gaps), 'gap')}",
             f"The longest lasts {longest:.4g} s ({longest / recording.dt:.1f} steps), after "
             f"{recording.where(row)}.",
-            "Samples were lost. Models start anew after a gap; spectra need a stretch without.",
+            "Samples were lost. Models start anew after a gap; spectra need a stretch without "
+            "gaps.",
             "Cut the run there, or bridge gaps of up to three steps with resample_runs.",
         )
 
@@ -405,7 +406,7 @@ def _slower(recording: RawRecording) -> Iterator[Finding]:
                     else " and interpolated: nothing faster than half that rate is in it."
                 ),
                 f"Decimate the recording by {shown} (Decimator), or use the original samples with "
-                "resample_runs. If it is a target made that way, all is well.",
+                "resample_runs. If the target was made that way, nothing is wrong.",
             )
             break
 
@@ -455,7 +456,9 @@ def _missing(recording: RawRecording) -> Iterator[Finding]:
         number, all_of_it = int(missing.sum()), bool(missing.all())
         yield Finding(
             "missing samples",
-            f"{name} holds no value" if all_of_it else f"{name} misses {counted(number, 'sample')}",
+            f"{name} has no values"
+            if all_of_it
+            else f"{name} has {counted(number, 'missing sample')}",
             f"{number} of {values.size} rows {'is' if number == 1 else 'are'} NaN or infinite, "
             f"the longest stretch {counted(lengths[longest], 'row')} "
             f"({lengths[longest] * recording.dt:.3g} s) from "

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..summaries import Summary
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Finding:
     """One thing that was found in a recording or in the residual of a model.
 
@@ -53,6 +55,13 @@ class Finding:
     next_step: str
     picture: str = ""
     severity: float = np.nan
+
+    def __repr__(self) -> str:
+        cost = f" ({self.severity:.1f} VAF points)" if np.isfinite(self.severity) else ""
+        return f"<Finding {self.name!r}: {self.title}{cost}>"
+
+    def _repr_html_(self) -> str:
+        return Summary(self)._repr_html_()
 
     def __str__(self) -> str:
         return (

@@ -1,6 +1,6 @@
-"""Where control was lost: one rule, by which stretches of a run are left out of fit and judgement.
+"""Where control was lost: one rule, by which stretches of a run are left out of fits and scores.
 
-A person who has lost control answers by other laws than before, and a few such seconds outweigh
+A person who has lost control no longer answers as before, and a few such seconds outweigh
 minutes of tracking. The rule asks for all of what honest data never have together.
 """
 
@@ -65,8 +65,8 @@ class LostControl:
     def reason(self) -> str:
         """What was seen, as part of a sentence."""
         return (
-            f"control was lost: for {WINDOW:g} s and more the error is {self.times:.1f} times what "
-            "is usual in these runs"
+            f"control was lost: for {WINDOW:g} s or more the error is {self.times:.1f} times its "
+            "usual size in these runs"
         )
 
 
@@ -76,7 +76,7 @@ def lost_control(
 ) -> pd.DataFrame:
     """Find the stretches of runs in which control was lost.
 
-    :class:`skhoid.EffectSearchCV` and ``skhoid identify`` leave them out of fit and judgement, and
+    :class:`skhoid.EffectSearchCV` and ``skhoid identify`` leave them out of fits and scores, and
     :func:`skhoid.compare` says them. For other models, set ``y`` to NaN there.
 
     Parameters
@@ -158,8 +158,8 @@ def control_in(
 def sentences_of(found: pd.DataFrame, how_to_keep: str = KEEP_ROWS) -> list[str]:
     """What was left out, and how to keep it; of a table of stretches."""
     return [
-        f"run {row['run']} from {row['from']:.4g} to {row['to']:.4g} s is left out of fit and "
-        f"judgement, because {row['reason']}; {how_to_keep}"
+        f"run {row['run']} from {row['from']:.4g} to {row['to']:.4g} s is left out of fits and "
+        f"scores, because {row['reason']}; {how_to_keep}"
         for _, row in found.iterrows()
     ]
 

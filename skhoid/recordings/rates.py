@@ -190,8 +190,8 @@ def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: li
             f"{rate} is not the derivative of {angle}",
             f"Changes of {angle} correlate with the integral of {rate} by "
             f"{gain.correlation:.2f} at best (over {duration:.3g} s).",
-            "One of the two is another signal than its name says, or noise hides it.",
-            f"Look at both channels; do not use {rate} as a motion cue of {angle} before.",
+            "One of the two is not the signal its name says, or noise hides it.",
+            f"Check both channels before {rate} is used as a motion cue for {angle}.",
         )
     factors = FACTORS | {
         1 / recording.dt: "differences from row to row, not divided by the sampling time"
@@ -262,9 +262,9 @@ def _mixed(
         return Finding(
             "mixed rate",
             f"{rate} is the derivative of {angle} plus {part:.3g} times {other}",
-            f"Changes of {angle} over {gain.length * recording.dt:.3g} s are explained to "
-            f"{100 * gain.correlation**2:.1f} % by {rate} alone, and to {100 * explained:.1f} % "
-            f"by {rate} and {other}.",
+            f"Of the changes of {angle} over {gain.length * recording.dt:.3g} s, {rate} alone "
+            f"explains {100 * gain.correlation**2:.1f} %, and with {other} "
+            f"{100 * explained:.1f} %.",
             f"{rate} was measured against another reference than {angle}, such as the ground "
             f"instead of the vehicle, or {other} was not, or in a wrong unit, subtracted." + unit,
             f"Use {rate} - {part:.4g} {other}, or differentiate {angle}."

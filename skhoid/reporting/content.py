@@ -13,6 +13,7 @@ import pandas as pd
 from ..diagnosis.comparison import Comparison
 from ..diagnosis.comparison_text import figures
 from ..effects.catalogue import BY_NAME
+from ..effects.registry import titles_of
 from ..greybox.estimates import parameter_text
 from ..pipelines import raw_layout, taken_apart
 from ..preprocessing.base import as_fitted
@@ -22,16 +23,17 @@ from ..regression import units_of
 from ..runs import RunLayout, run_name
 from ..runs.fingerprint import as_frame
 from ..runs.roles import output_name, roles_of
-from ..search.candidates import LEAST_EVIDENCE, LEAST_GAIN
+from ..search.candidates import LEAST_DELTA_BIC, LEAST_GAIN
 from ..search.effect_search import EffectSearchCV
 from ..search.explanations import (
     HOW_TO_GO_ON,
-    NOT_IN_CATALOGUE,
+    headline_of,
     in_loop_text,
     stand_ins_sentence,
     unexplained_by,
+    with_effects,
 )
-from ..summaries import DASH, VAF_RULE, Estimate, counted, number
+from ..summaries import DASH, VAF_RULE, Estimate, counted, gap_text, number, p_text
 from .plots import Gallery, Plot
 from .provenance import provenance
 
@@ -90,26 +92,28 @@ def content_of(
     layout = raw_layout(baseline, X)
     names = [*frame.columns, output.name, *units.values(), repr(baseline), *layout.labels]
     gallery = Gallery(map(str, names))
+    added = "" if search is None else with_effects(search.error_path_["effect"].iloc[1:])
     compared = [
         {
             "title": title,
             "key": key,
             "rows": rows,
             "figures": [(name, text) for name, text in figures(found) if ABSENT not in text],
-            "findings": found.findings,
+            "findings": list(_findings(found, None if key == "after" else after, added)),
+            "remark": _two_fits(search, found) if key == "before" else "",
             "notes": [_sentence(note) for note in found.notes],
             "false_alarm": f"{100 * found.false_alarm:g}",
             "pictures": gallery.comparison(found),
         }
         for title, key, found in (
-            ("Without new effects", "before", comparison),
-            ("With the effects found", "after", after),
+            (_sentence(added).rstrip("."), "after", after),
+            ("Before the search", "before", comparison),
         )
         if found is not None
     ]
     return {
         "in_short": _in_short(search, comparison),
-        "vaf_rule": VAF_RULE,
+        "vaf_rule": f"{VAF_RULE} ± is one standard error; intervals are 95 %.",
         "verdict": _verdict(search, comparison),
         "facts": list(_facts(search, comparison, rows)),
         "source": source,
@@ -121,7 +125,7 @@ def content_of(
         "unit": units.get(str(output.name), ""),
         "rankings": [] if search is None else list(_rankings(search)),
         "no_search": results.no_search,
-        "criteria": {"evidence": f"{LEAST_EVIDENCE:g}", "gain": f"{LEAST_GAIN:g}"},
+        "criteria": {"delta_bic": f"{LEAST_DELTA_BIC:g}", "gain": f"{LEAST_GAIN:g}"},
         "parameters": _parameters(baseline, final),
         "with_before": final is not None,
         "effects": [] if final is None else gallery.effects(final, X, y),
@@ -153,31 +157,25 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
         if comparison is None:
             return {"kind": "none", "headline": "The data", "sentence": ""}
         first = comparison.findings[0].title if comparison.findings else "No findings"
-        headline = f"VAF {comparison.vaf:.1f} %. {first}."
+        top = comparison.noise_ceiling
+        ceiling = f", noise ceiling {top:.1f} %" if np.isfinite(top) else ""
+        headline = f"VAF {comparison.vaf:.1f} %{ceiling}. {first}."
         return {"kind": "none", "headline": headline, "sentence": ""}
-    named = [name for name in search.best_effects_ if name != UNKNOWN]
     path = search.error_path_
+    kind = "found"
     if search.verdict_.startswith("nothing"):
-        headline, kind = "Nothing is missing that these data could show.", "nothing"
+        kind = "nothing"
     elif search.best_effects_[-1:] == [UNKNOWN]:
         kind = "unknown"
-        rest = "that is not in the catalogue"
-        if search.verdict_ != NOT_IN_CATALOGUE:
-            rest = f"that {_unexplained_by(search)}"
-        headline = f"Something is missing {rest}."
-        if named:
-            headline = f"Missing: {', '.join(named)}, and something {rest}."
-    else:
-        headline, kind = f"Missing: {', '.join(named)}.", "found"
-    first, last = path.iloc[0], path.iloc[-1]
-    sentence = f"On rows held out of the fit: VAF {first['vaf']:.1f} %"
-    if len(path) > 1:
-        unit = search.predictions_.attrs.get("units", {}).get("measured", "")
-        sentence += (
-            f" without new effects, {last['vaf']:.1f} % with {', '.join(path['effect'].iloc[1:])}; "
-            f"root mean square error {number(first['rmse'])} and {number(last['rmse'])} "
-            f"{unit}".rstrip()
-        )
+    headline = headline_of(
+        path, search.best_effects_, search.stand_ins_, search.verdict_, _unexplained_by(search)
+    )
+    unit = search.predictions_.attrs.get("units", {}).get("measured", "")
+    errors = [number(rmse) for rmse in path["rmse"].iloc[[0, -1]]]
+    sentence = "On rows held out of the fit, the root mean square error " + (
+        f"falls from {errors[0]} to {errors[1]}" if len(path) > 1 else f"is {errors[0]}"
+    )
+    sentence = f"{sentence} {unit}".rstrip()
     in_loop = path["vaf_loop"].iloc[[0, -1] if len(path) > 1 else [0]]
     if np.isfinite(in_loop).all():
         figures_in_loop = " and ".join(f"{vaf:.1f} %" for vaf in in_loop)
@@ -188,6 +186,35 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
     if kind == "unknown" and len(search.unexplained_):
         sentence += f" Left: {_unexplained(search)}."
     return {"kind": kind, "headline": headline, "sentence": sentence}
+
+
+def _findings(found: Comparison, after: Comparison | None, added: str) -> Iterator[dict[str, str]]:
+    """Findings of a comparison, and which of them are gone with the effects found."""
+    left = None if after is None else {finding.name for finding in after.findings}
+    for finding in found.findings:
+        gone = left is not None and finding.name not in left
+        yield {
+            "title": finding.title,
+            "evidence": finding.evidence,
+            "meaning": finding.meaning,
+            "next_step": "" if gone else finding.next_step,
+            "explained": f"Explained {added.replace('with', 'by', 1)}." if gone else "",
+        }
+
+
+def _two_fits(search: EffectSearchCV | None, found: Comparison) -> str:
+    """Why the baseline has another VAF here than in the steps, where it has."""
+    if search is None:
+        return ""
+    first = float(search.error_path_["vaf"].iloc[0])
+    if abs(first - found.vaf) < 1.0:
+        return ""
+    return (
+        f"The baseline has two figures: its likeliest parameters, which are compared here, have a "
+        f"VAF of {found.vaf:.1f} % on the rows they were fitted to; those of least simulation "
+        f"error, with which the steps begin, {first:.1f} % on rows held out. The two fits disagree "
+        "where a model is wrong."
+    )
 
 
 def _unexplained_by(search: EffectSearchCV) -> str:
@@ -210,15 +237,15 @@ def _facts(
         first, last = path.iloc[0], path.iloc[-1]
         yield f"{first['vaf']:.1f} %", "VAF of the baseline", "held-out rows"
         if len(path) > 1:
-            yield f"{last['vaf']:.1f} %", "VAF with the effects", "held-out rows"
+            yield f"{last['vaf']:.1f} %", "VAF with the effects found", "held-out rows"
         if np.isfinite(last["vaf_loop"]):
             which = "the last model" if len(path) > 1 else "the baseline"
             yield f"{last['vaf_loop']:.1f} %", "VAF in the closed loop", f"held-out rows, {which}"
         if np.isfinite(last["ceiling"]):
             top = "what any model could reach on held-out rows, judged after the last step"
             yield f"{last['ceiling']:.1f} %", "noise ceiling", top
-            left = max(float(last["explainable_gap"]), 0.0)
-            yield f"{left:.1f}", "points left to explain", "the rest is remnant"
+            left = gap_text(float(last["explainable_gap"])).replace(" VAF", "")
+            yield left, "left to explain", "the rest is remnant"
         else:
             yield "not known", "noise ceiling", search.ceiling_note_ or "of held-out rows"
     elif comparison is not None:
@@ -341,7 +368,7 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
         before = path.iloc[max(step - 1, 0)]
         steps.append(
             {
-                "name": name if step == 0 else f"+ {name}",
+                "name": with_effects(path["effect"].iloc[1 : step + 1]),
                 "vaf": f"{row['vaf']:.1f}",
                 "rmse": number(row["rmse"]),
                 "height": f"{100 * row['rmse'] / worst:.1f}" if worst > 0 else "0",
@@ -350,8 +377,9 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
                 "from_vaf": f"{before['vaf']:.1f}",
                 "from_rmse": number(before["rmse"]),
                 "words": "" if entry is None else _sentence(entry["words"]),
+                "id": name,
                 "parameters": parameter_text(final, name),
-                "confused": "" if entry is None else ", ".join(entry["confused_with"]),
+                "confused": "" if entry is None else _titles(entry["confused_with"]),
                 "picture": plots[step] if step < len(plots) else None,
             }
         )
@@ -363,13 +391,15 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
         rows = [
             {
                 "rank": str(row["rank"]),
-                "effect": row["effect"] + (f" ({row['form']})" if row["form"] else ""),
+                "effect": row["title"] + (f" ({row['form']})" if row["form"] else ""),
                 "status": row["status"],
                 "vaf": _fixed(row["vaf_after"], ".2f"),
                 "gain": _fixed(row["vaf_gain"], "+.2f"),
                 "in_loop": _fixed(row["gain_loop"], "+.2f"),
-                "evidence": _fixed(row["delta_bic"], "+.0f"),
-                "p": DASH if row["status"] == "does not apply" else _p(row["p_value"]),
+                "delta_bic": _fixed(row["delta_bic"], "+.0f"),
+                "p": DASH
+                if row["status"] == "does not apply"
+                else p_text(row["p_value"]).removeprefix("p ").removeprefix("= "),
                 "parameters": row["parameters"],
                 "words": _sentence(row["words"]),
                 "why": _why(row),
@@ -379,7 +409,7 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
         tried = [row for row in rows if row["status"] != "does not apply"]
         yield {
             "step": str(step),
-            "parent": " + ".join(search.error_path_["effect"].iloc[: int(step)]),
+            "parent": _parent(search, int(step)),
             "asked_loop": bool(np.isfinite(table["gain_loop"]).any()),
             "first": tried[:5],
             "others": tried[5:],
@@ -387,8 +417,14 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
         }
 
 
-def _p(p: float) -> str:
-    return "< 1e-6" if p < 1e-6 else f"{p:.2g}"
+def _titles(names: list[str]) -> str:
+    return titles_of(names) if names else ""
+
+
+def _parent(search: EffectSearchCV, step: int) -> str:
+    """What the candidates of a step are added to."""
+    added = search.error_path_["effect"].iloc[1:step]
+    return f"the model {with_effects(added)}" if len(added) else "the baseline"
 
 
 def _why(row: pd.Series) -> str:
@@ -397,10 +433,10 @@ def _why(row: pd.Series) -> str:
         return str(row["reason"])
     if row["status"] != "added":
         return _sentence(row["reason"])
-    text = "Added: likelihood and held-out VAF both say so"
+    text = "Added: likelihood and held-out VAF agree"
     if np.isfinite(row["gain_loop"]):
-        text += f", and in the closed loop it gains {row['gain_loop']:.2g} points"
-    others = ", ".join(row["confused_with"])
+        text += f", and it gains {row['gain_loop']:.2g} points in the closed loop"
+    others = _titles(row["confused_with"])
     return f"{text}." + (f" As good on these runs: {others}." if others else "")
 
 
@@ -458,7 +494,7 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
                 f"model = (\n    {type(results.baseline).__name__}(...){calls}\n    .fit(X, y)\n)"
             )
             yield {
-                "what": f"Go on with the model that has {', '.join(added)}",
+                "what": f"Go on with the model {with_effects(added)}",
                 "why": f"It is search.best_estimator_{', or by hand:' if known else '.'}",
                 "code": code if known else "",
             }

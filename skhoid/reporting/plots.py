@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..effects.registry import title_of
+from ..search.explanations import with_effects
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -104,11 +107,13 @@ class Gallery:
             _slanted_if_long(runs.axes[0])
             _legend_below(runs)
             plots = [
-                self._plot(bar, "How much is explained, explainable, and noise"),
+                self._plot(
+                    bar, "How much is explained, how much a better model could explain, and remnant"
+                ),
                 self._plot(runs, "Run by run"),
                 self._plot(
                     traces,
-                    f"Measured and simulated output in run {display.run_}, where it is worst",
+                    f"Measured and simulated output in run {display.run_}, the worst",
                     small,
                 ),
                 self._plot(time, "Where in time: points of VAF lost"),
@@ -128,12 +133,12 @@ class Gallery:
 
         with self._drawing() as new:
             place = EffectStepsDisplay.from_estimator(search, ax=new((4, 4), 2).axes)
-            titles = [name for name in search.predictions_ if name != "measured"]
+            added = search.error_path_["effect"].iloc[1:]
             if not place.lines_:  # nothing could be simulated
                 return []
             limits = [panel.get_ylim() for panel in place.axes_]
             plots = []
-            for step, title in enumerate(titles):
+            for step in range(len(added) + 1):
                 shown = [0] if step == 0 else [0, step]
                 drawn = []
                 for size in (WIDE, TALL):
@@ -151,7 +156,8 @@ class Gallery:
                     drawn.append(figure)
                 caption = (
                     f"Run {place.run_}, {place.window_[0]:.4g} to {place.window_[1]:.4g} s: "
-                    f"measured output and {title}, by a model that was not fitted to these rows"
+                    f"measured and simulated ({with_effects(added[:step])}), by a model that was "
+                    "not fitted to these rows"
                 )
                 plots.append(self._plot(drawn[0], caption, drawn[1]))
         return plots
@@ -169,7 +175,8 @@ class Gallery:
                 )
                 panel.axes[0].set_title("")
                 _legend_below(panel)
-                caption = f"{name}: {display.physics}".rstrip(".")
+                caption = f"{title_of(name)}: {display.physics}".rstrip(".")
+                caption = caption[:1].upper() + caption[1:]
                 plots.append(self._plot(panel, caption))
         return plots
 

@@ -15,11 +15,11 @@ from .in_loop import LEAST_GAIN as LEAST_IN_LOOP
 from .in_loop import LEAST_IF_BETTER, InLoop, LoopParent
 from .leak import leak_of
 
-LEAST_EVIDENCE = 25.0  # of an effect that counts
+LEAST_DELTA_BIC = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 OF_TARGET = ("feedforward", "preview")  # what the remnant imitates most
-CLEAR, CERTAIN = 0.5, 100.0  # points and evidence in the loop, that it imitates hardly ever
-MUCH, MUCH_EVIDENCE = 5.0, 50.0  # gain and evidence that count beside a loop that is blind
+CLEAR, CERTAIN = 0.5, 100.0  # points and ΔBIC in the loop, that it imitates hardly ever
+MUCH, MUCH_DELTA_BIC = 5.0, 50.0  # gain and ΔBIC that count beside a loop that is blind
 BLIND = 0.1  # points of VAF that are no loss in the loop
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
 AS_GOOD = 0.05  # points
@@ -27,7 +27,7 @@ SURE = 3.0  # standard errors, by which an effect's numbers are off those at whi
 AT_ZERO = 1e-9  # rounding of a bound
 RIVAL = 0.3  # of the weight of the best, at least, of another that may be it
 N_RIVALS = 3  # which the closed loop compares with the best
-CONFUSED = 12.0  # of evidence, within which two effects are not told apart
+CONFUSED = 12.0  # of ΔBIC, within which two effects are not told apart
 
 
 @dataclass
@@ -38,7 +38,7 @@ class Candidate:
     effect: Effect
     model: Model | None = None
     reason: str = ""
-    evidence: float = -np.inf
+    delta_bic: float = -np.inf
     loglik: float = -np.inf
     n_parameters: int = 0
     vaf: float = -np.inf
@@ -81,18 +81,18 @@ class Candidate:
         judged = self.in_loop
         if judged is None:
             return False
-        if np.isnan(judged.evidence) and np.isnan(self.joint):
+        if np.isnan(judged.delta_bic) and np.isnan(self.joint):
             # No likelihood has a maximum with it, and no loop: only much is more than chance.
             return judged.bends is not None and self.gain < MUCH
         likely = min(self.joint, self.weight)
-        if np.isnan(judged.evidence):
+        if np.isnan(judged.delta_bic):
             return likely <= judged.asked
         if self.effect.name in OF_TARGET and not judged.bends:
-            # The loop is not blind to it: of nothing, evidence to 80, but hardly any points.
+            # The loop is not blind to it: of nothing, ΔBIC to 80, but hardly any points.
             least = LEAST_IF_BETTER if judged.gain >= CLEAR else CERTAIN
-            return judged.evidence <= least or judged.gain < LEAST_IN_LOOP
+            return judged.delta_bic <= least or judged.gain < LEAST_IN_LOOP
         if np.isnan(self.joint) or not judged.bends:
-            much = self.gain >= MUCH and likely > MUCH_EVIDENCE and judged.gain > -BLIND
+            much = self.gain >= MUCH and likely > MUCH_DELTA_BIC and judged.gain > -BLIND
             return judged.refutes and not much
         return self.joint - judged.against <= judged.asked
 
@@ -100,28 +100,28 @@ class Candidate:
     def linear_in_loop(self) -> bool:
         """Whether the closed loop has judged it, as linear."""
         judged = self.in_loop
-        return judged is not None and bool(np.isfinite(judged.evidence)) and not judged.bends
+        return judged is not None and bool(np.isfinite(judged.delta_bic)) and not judged.bends
 
     @property
     def weight(self) -> float:
-        """Evidence by which candidates are put in order, of rows at about the same rate.
+        """ΔBIC by which candidates are put in order, of rows at about the same rate.
 
         The unbiased one, where it is known, beside that of the free run, which is less so but
         holds what a noise model estimated along would take for remnant.
         """
-        unbiased = self.joint if np.isfinite(self.joint) else self.evidence / 2
+        unbiased = self.joint if np.isfinite(self.joint) else self.delta_bic / 2
         against = 0.0 if self.in_loop is None else self.in_loop.against
-        return self.evidence / 2 + unbiased - against
+        return self.delta_bic / 2 + unbiased - against
 
     @property
     def follows(self) -> bool:
         """Whether it follows the measured error better, by likelihood and on held-out rows."""
-        return self.evidence > LEAST_EVIDENCE and self.gain >= self.least_gain
+        return self.delta_bic > LEAST_DELTA_BIC and self.gain >= self.least_gain
 
     @property
     def helps(self) -> bool:
         """The same, or by an unbiased likelihood."""
-        return self.follows or (self.joint > LEAST_EVIDENCE and self.gain >= self.least_gain)
+        return self.follows or (self.joint > LEAST_DELTA_BIC and self.gain >= self.least_gain)
 
 
 @dataclass
@@ -160,7 +160,7 @@ class SearchStep:
         mark_confused(self.candidates)
 
     def _likeliest_in_loop(self) -> None:
-        """Of linear effects that pass the one with most evidence in the closed loop.
+        """Of linear effects that pass the one with the largest ΔBIC in the closed loop.
 
         Outside it the remnant decides as well which of them follows the error best.
         """
@@ -170,7 +170,7 @@ class SearchStep:
         least = RIVAL * first.weight
         rivals = [c for c in self.candidates[1:] if c.passes and not c.trace and c.weight > least]
         near = [c for c in rivals[:N_RIVALS] if self.judge(c) and c.linear_in_loop]
-        best = max([first, *near], key=lambda c: c.in_loop.evidence if c.in_loop else -np.inf)
+        best = max([first, *near], key=lambda c: c.in_loop.delta_bic if c.in_loop else -np.inf)
         self.candidates.remove(best)
         self.candidates.insert(0, best)
 
@@ -224,10 +224,10 @@ def likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
 
 
 def place_of(candidate: Candidate) -> tuple[bool, bool, float]:
-    """Key of the order: what the output shows, what passes, and then by evidence."""
+    """Key of the order: what the output shows, what passes, and then by ΔBIC."""
     passes = candidate.passes
     trace = passes and bool(candidate.trace)
-    return not trace, not passes, -(candidate.weight if passes else candidate.evidence)
+    return not trace, not passes, -(candidate.weight if passes else candidate.delta_bic)
 
 
 def without_name(candidate: Candidate) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
+from sklearn.callback import CallbackSupportMixin, with_callbacks
 from sklearn.utils.validation import check_is_fitted
 from threadpoolctl import threadpool_limits
 
@@ -33,21 +34,23 @@ from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
-from ..summaries import Summary, estimates_table
+from ..summaries import ModelSummary, Summary, estimates_table
 from .all_runs import AllRuns, Held, held_columns
 from .explanations import (
     VERDICTS,
     changes_sentences,
     experiments,
-    in_loop_text,
+    headline_of,
     summary_of,
+    unexplained_by,
     untried_notes,
 )
 from .forward import Path, Search, forward, output_error_fit
 from .given_delay import GivenDelay, with_given_delay
 from .held_out import HeldOutRows
 from .left_out import control_of, without_rows
-from .results import error_path, held_out_table, ranking_table, unexplained_table
+from .progress import Progress
+from .results import error_path, held_out_table, ranking_table, short_ranking, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
 from .verdict import Verdict, decided
 
@@ -55,14 +58,21 @@ GUARD = 5.0  # s beside held-out blocks of a single run
 MOST_FOLDS = 20  # of a search in some of very many runs
 
 
-class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+class EffectSearchCV(
+    SplitsRuns,
+    FittedDisplay,
+    CallbackSupportMixin,
+    MetaEstimatorMixin,
+    RegressorMixin,
+    BaseEstimator,
+):
     """Which physical effects a model is missing, judged on held-out runs.
 
     Every effect of a catalogue is added to the model in turn, and all parameters refitted
     together in simulation. An effect counts when both criteria are met: by likelihood,
-    an evidence n log(SSE before / after) - k log n > 25; by free run, a gain of at least 0.2 points
+    ΔBIC = n log(SSE before / after) - k log n > 25; by free run, a gain of at least 0.2 points
     of VAF (about the mean) on held-out rows. Where the controlled element is known, the best must
-    also have evidence in the **closed loop**, where target and disturbance go in, and the model's
+    also help in the **closed loop**, where target and disturbance go in, and the model's
     output moves x and e: no remnant that comes back in the error passes for an answer there. Of
     what is not linear, or where the loop cannot be solved, a noise model that is estimated along
     decides. It must predict held-out rows better when refitted without them, its numbers must not
@@ -105,15 +115,15 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
     Attributes
     ----------
     ranking_ : DataFrame
-        One row per step and effect, best first: step, rank, effect, form, parameters (with
-        standard errors and units), n_parameters, delta_loglik, delta_bic (positive is
-        better; one noise model for all candidates), vaf_before (held out, refitted for each fold,
-        of the first step as in ``error_path_``), vaf_gain (held out), vaf_after (their sum),
-        evidence_joint (as delta_bic, with a noise model that is estimated along; NaN of an ARX
-        model, and of effects without a gain), evidence_loop and gain_loop (the same in the closed
-        loop; NaN where it was not asked), p_value (of the likelihood ratio, times
-        the number of effects tried), confused_with, words, status ("added", "not better", "does
-        not apply"), reason.
+        One row per step and effect, best first: step, rank, effect (its id), title, form, status
+        ("added", "not better", "does not apply"), vaf_gain (points, held out), delta_bic (larger
+        is better; one noise model for all candidates), p_value (of the likelihood ratio, times
+        the number of effects tried), gain_loop and delta_bic_loop (the same in the closed loop;
+        NaN where it was not asked), delta_bic_joint (with a noise model that is estimated along;
+        NaN of an ARX model, and of effects without a gain), parameters (with standard errors and
+        units), reason (why it was not added), words, confused_with, vaf_before (held out, refitted
+        for each fold, of the first step as in ``error_path_``), vaf_after (its sum with vaf_gain),
+        delta_loglik, n_parameters. :meth:`ranking_table` is the short form.
     best_effects_ : list of str
         Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
         structure that none of the effects tried explains; alone, that the effects which explain
@@ -127,10 +137,11 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         among the effects tried" if ``effects`` is but a part of it; "..., and max_effects is
         reached" if the search ended while effects still helped.
     error_path_ : DataFrame
-        One row per step from the baseline on: effect, vaf and rmse (held out, each fold
-        refitted), vaf_loop (of the closed loop; NaN where it is not known), vaf_train, ceiling (one
-        number for all steps, from what the residual of the best model does not repeat; NaN where
-        it is not known), explainable_gap (points that are left).
+        One row per step from the baseline on: effect (the id that was added), model (all that it
+        has by then, in words), vaf and rmse (held out, each fold refitted), vaf_loop (of the closed
+        loop; NaN where it is not known), vaf_train, ceiling (one number for all steps, from what
+        the residual of the best model does not repeat; NaN where it is not known), explainable_gap
+        (points that are left).
     predictions_ : DataFrame
         Held-out free runs: measured, baseline, and one column per effect added; NaN in rows that
         are left out.
@@ -142,7 +153,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         on the best model, and so on the effects tried; VAF and RMSE of the baseline do not.
     unexplained_ : DataFrame
         Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
-        is the same in all runs), at, description, points, evidence.
+        is the same in all runs), at, description, points, delta_bic.
     ceiling_note_ : str
         Why the ceiling is not known; empty where it is.
     experiments_ : list of str
@@ -174,6 +185,8 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
     whether the data refute it beside them. Since e = f_t - x, responses to f_t, x and e without
     delays are the same; delays, and the controlled element's inverse in the feedforward path, tell
     them apart.
+
+    For progress, call ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
 
     Examples
     --------
@@ -223,6 +236,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         self.lost_control = lost_control
         self.max_rows = max_rows
 
+    @with_callbacks
     @fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None, **params: Any) -> EffectSearchCV:
         """Search.
@@ -250,6 +264,8 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         """
         check_simulated_model(self.estimator, "EffectSearchCV")
         keep_parameters(self)
+        context = self._init_callback_context(max_subtasks=None)  # steps until none helps
+        context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         X = as_table(X)
         with threadpool_limits(1):  # small products, which threads only slow down
             model = clone(self.estimator)
@@ -266,7 +282,14 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
             some = None if self.max_rows is None else some_runs(prepared.record, self.max_rows)
             record = prepared.record if some is None else prepared.record.part(some, 1)
             folds, held = self._folds(prepared, known, routed, some)
-            search = Search(prepared.core, record, self._candidates(), folds, self.n_jobs)
+            search = Search(
+                prepared.core,
+                record,
+                self._candidates(),
+                folds,
+                self.n_jobs,
+                Progress(self, context),
+            )
             measured = as_output(y)
             kept = np.where(known, measured, np.nan)
             found, verdict, best = self._searched(search, model, prepared, kept, held)
@@ -288,6 +311,7 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
         self.n_features_in_ = model.n_features_in_
         if hasattr(model, "feature_names_in_"):
             self.feature_names_in_ = model.feature_names_in_
+        context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
 
     def _searched(
@@ -398,17 +422,37 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
                     held.append(held_columns(whole))
         return folds, held
 
-    def summary(self) -> str:
-        """The search in plain sentences: steps, errors, verdict, what to record next.
+    def ranking_table(self, n: int = 5, step: int | None = None) -> pd.DataFrame:
+        """The best candidates of each step, in few columns to read.
+
+        Parameters
+        ----------
+        n : int, default=5
+            Candidates of a step, at most.
+        step : int or None, default=None
+            One step; None takes all.
 
         Returns
         -------
-        text : str
+        table : DataFrame
+            Texts, by step and rank: effect, gain (points of held-out VAF), ΔBIC, p, outcome (added,
+            or why not), parameters.
+        """
+        check_is_fitted(self)
+        return short_ranking(self.ranking_, n, step)
+
+    def summary(self) -> Summary:
+        """The search in plain sentences: verdict, steps, errors, what to record next.
+
+        Returns
+        -------
+        text : Summary
+            A string that notebooks show line by line.
         """
         check_is_fitted(self)
         final = self.best_estimator_.parameters_
         texts = [parameter_text(final, name) for name in self.error_path_["effect"]]
-        return summary_of(
+        text = summary_of(
             self.error_path_.assign(parameters=texts),
             self.ranking_,
             self.best_effects_,
@@ -420,18 +464,23 @@ class EffectSearchCV(SplitsRuns, FittedDisplay, MetaEstimatorMixin, RegressorMix
             self.experiments_,
             self.notes_,
         )
+        return Summary(text)
+
+    def _headline(self) -> str:
+        """The verdict in one sentence."""
+        rest = unexplained_by(self.verdict_, self.ranking_, as_fitted(self).max_effects)
+        return headline_of(
+            self.error_path_, self.best_effects_, self.stand_ins_, self.verdict_, rest
+        )
 
     def _found_html(self) -> str:
-        first, last = (self.error_path_.iloc[i] for i in (0, -1))
-        added = ", ".join(self.error_path_["effect"].iloc[1:]) or "none"
-        found = (
-            f"EffectSearchCV: {self.verdict_}. Added: {added}; held-out VAF {first['vaf']:.1f} to "
-            f"{last['vaf']:.1f} %{in_loop_text(first, last)}."
-        )
+        found = f"EffectSearchCV. {self._headline()}"
         best = self.best_estimator_
         if isinstance(best, RunRegressor):
             return best._summary().html(found)
-        return Summary(type(best).__name__, {}, estimates_table(best.parameters_), []).html(found)
+        return ModelSummary(type(best).__name__, {}, estimates_table(best.parameters_), []).html(
+            found
+        )
 
     def predict(self, X: Any) -> np.ndarray:
         """Free run of the best model.

@@ -2,38 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import pandas as pd
 
 from ..effects.base import Effect
-from ..summaries import VAF_RULE, counted
+from ..effects.registry import title_of, titles_of
+from ..summaries import VAF_RULE, counted, gap_text, p_text
 from .verdict import Outcome
 
 # What an effect on a compensatory display can only be equivalent to, and why.
 SHOWS_TARGET = {"feedforward", "preview", "output_feedback"}
 EQUIVALENT = (
     "equivalent to {}: a compensatory display shows the error alone, and with e = f_t - x the same "
-    "output follows from other lags of e; the operator cannot have seen the target or x apart"
+    "output follows from other lags of e; the operator cannot have seen target and x separately"
 )
 NOT_SAID = (
-    "if the display shows the error alone (say display=), it is equivalent to other lags of e"
+    "if the display shows the error alone (set display=), it is equivalent to other lags of e"
 )
 # Runs that would tell two effects apart.
 EXPERIMENTS = {
     frozenset({"stiction", "backlash"}): "record slow ramps of a few seconds: with backlash the "
-    "output follows at a constant distance, with stiction it jumps",
+    "output follows at a constant distance; with stiction it jumps",
     frozenset({"gain_drift", "tv_gain"}): "record longer runs, or the same run twice without a "
-    "pause: a drift goes on, a change of gain is over",
+    "pause: a drift goes on; a change of gain is over",
     frozenset({"integral", "output_feedback"}): "record a constant target or disturbance of 30 s: "
-    "an integral goes on growing, a response to x does not",
+    "an integral keeps growing; a response to x does not",
     frozenset({"feedforward", "output_feedback"}): "add a disturbance f_d of its own frequencies: "
     "it moves x and leaves f_t",
     frozenset({"feedforward", "preview"}): "record a target with steps: an answer before the step "
     "is preview",
     frozenset({"dead_zone", "cubic_gain"}): "record runs with half and with twice the amplitude of "
-    "the target: a dead zone vanishes at large amplitude, a growing gain does not",
+    "the target: a dead zone vanishes at large amplitude; a growing gain does not",
     frozenset({"asym_gain", "absolute_value"}): "record a target of higher frequencies: asymmetry "
     "acts on the error's rate too",
     frozenset({"asym_gain", "rectified"}): "record runs with a constant disturbance to either side",
@@ -47,16 +48,16 @@ EXPERIMENTS = {
     frozenset({"bias", "drift"}): "record longer runs",
     frozenset({"bias", "integral"}): "record a constant disturbance of 30 s",
     frozenset({"friction", "dead_zone"}): "record slow reversals at several amplitudes: friction "
-    "holds the output at each turn, a dead zone only about zero input",
+    "holds the output at each turn; a dead zone only does so around zero input",
     frozenset({"friction", "backlash"}): "let the machine coast from speed: friction stops it in "
-    "finite time, play does not",
+    "finite time; play does not",
     frozenset({"friction", "stiction"}): "record reversals at several speeds of the input",
     frozenset({"root_flow", "hardening_stiffness"}): "record steady states at several levels",
     frozenset({"stops", "saturation"}): "drive it into the stop and reverse at once: from its own "
-    "stop the machine returns without delay, from the end of a sensor's range late",
+    "stop the machine returns without delay; from the end of a sensor's range it returns late",
     frozenset({"scheduled_dynamics", "scheduled_gain"}): "record steps at several fixed values of "
-    "the channel: the gain shows in their height, the dynamics in their course",
-    frozenset({"rate_reflex", "rectified"}): "record slow ramps, of which the rate hardly acts",
+    "the channel: the gain shows in their height, the dynamics in their shape",
+    frozenset({"rate_reflex", "rectified"}): "record slow ramps, in which the rate hardly acts",
     frozenset({"wrong_delay", "extra_lag"}): "use a forcing function with lines up to 30 rad/s",
 }
 # Why structure left has no name: all effects were tried, only some, or the search ended early.
@@ -71,8 +72,8 @@ VERDICTS = {
     Outcome.CUT_SHORT: CUT_SHORT,
 }
 HOW_TO_GO_ON = {
-    NOT_TRIED: 'Try the others of the catalogue too: effects="all", which is the default.',
-    CUT_SHORT: "Let the search add more effects: a larger max_effects.",
+    NOT_TRIED: 'Try the rest of the catalogue too: effects="all", which is the default.',
+    CUT_SHORT: "Let the search add more effects: set a larger max_effects.",
 }
 ANY_EXPERIMENT = (
     "record more runs, some at half and some at twice the amplitude and with other phases of the "
@@ -93,7 +94,7 @@ def sentence_of(effect: Effect, display: str | None, domain: str = "human") -> s
                 "equivalent to preview: a pursuit display shows the target as it is now, not what "
                 "comes; a target that the operator can predict looks the same"
             )
-        return EQUIVALENT.format(effect.name.replace("_", " "))
+        return EQUIVALENT.format(effect.title)
     return effect.physics_in(domain)
 
 
@@ -104,14 +105,23 @@ def changes_sentences(changes: dict[str, tuple[float, float, float]]) -> list[st
         parameter = name.removesuffix("_change")
         # Two parameters are tested for each change: 0.005 each makes 0.01 for both.
         verb = "changes too" if p < 0.005 else "does not change"
-        lines.append(f"{parameter} {verb}: by {100 * value:.0f} ± {100 * sd:.0f} % (p = {p:.2g})")
+        lines.append(f"{parameter} {verb}: by {100 * value:.0f} ± {100 * sd:.0f} % ({p_text(p)})")
     return lines
+
+
+def with_effects(names: Iterable[str]) -> str:
+    """What a model is called by all effects that were added to it: ``with bias and dead zone``."""
+    names = list(names)
+    return f"with {titles_of(names)}" if names else "baseline"
 
 
 def experiment_between(one: str, other: str) -> str:
     """What to record to tell two effects apart."""
     proposal = EXPERIMENTS.get(frozenset({one, other}), ANY_EXPERIMENT)
-    return f"{one} and {other} cannot be told apart here; this experiment would: {proposal}."
+    return (
+        f"{title_of(one)} and {title_of(other)} cannot be told apart here. To tell them apart, "
+        f"{proposal}."
+    )
 
 
 def experiments(ranking: pd.DataFrame) -> list[str]:
@@ -142,18 +152,45 @@ def untried_notes(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[s
     if len(ranking) and (ranking["status"] != "does not apply").any():
         return []
     reasons = dict(zip(ranking["effect"], ranking["reason"], strict=True))
+    refused = "it does not apply"
     return [
-        f"{effect.name} was not tried in the model: it is noise, which no input explains, and was "
-        "not seen in the residual"
+        f"{title_of(effect.name)} was not tried in the model: it is noise, which no input "
+        "explains, and was not seen in the residual"
         if effect.noise
-        else f"{effect.name} was not tried: {reasons.get(effect.name, 'it does not apply')}"
+        else f"{title_of(effect.name)} was not tried: {reasons.get(effect.name, refused)}"
         for effect in candidates
     ]
 
 
 def stand_ins_sentence(ids: Sequence[str]) -> str:
     """The sentence on effects that explain part of what is missing, but too little to name it."""
-    return f"No name for it, though part of it follows: {', '.join(ids)}"
+    return f"Part of it looks like {titles_of(ids)}, but too little for a name"
+
+
+def headline_of(
+    path: pd.DataFrame, ids: Sequence[str], stand_ins: Sequence[str], verdict: str, rest: str
+) -> str:
+    """The verdict in one sentence to quote; ``rest`` is the end of "something that ..."."""
+    named = titles_of([name for name in ids if name != "unknown"])
+    first, last = path.iloc[0], path.iloc[-1]
+    top = f"noise ceiling {last['ceiling']:.1f} %" if np.isfinite(last["ceiling"]) else ""
+    unknown = ids and ids[-1] == "unknown"
+    if verdict.startswith("nothing"):
+        text = "Nothing is missing that these data could show"
+    elif list(ids) == ["unknown"]:
+        text = f"Something is missing that {rest}"
+    else:
+        text = f"Missing: {named}" + (f", and something that {rest}" if unknown else "")
+    if len(path) == 1:
+        return f"{text}: held-out VAF {last['vaf']:.1f} %{top and f', {top}'}."
+    added = list(path["effect"].iloc[1:])
+    shown = "them" if len(added) > 1 else "it"
+    if stand_ins or unknown:
+        shown = titles_of(added)
+    return (
+        f"{text}; with {shown} the held-out VAF rises from {first['vaf']:.1f} to "
+        f"{last['vaf']:.1f} %{top and f' ({top})'}."
+    )
 
 
 def in_loop_text(*rows: pd.Series) -> str:
@@ -179,24 +216,16 @@ def summary_of(
     """The whole search in plain sentences; ``path`` has the final parameters of each effect."""
     first, last = path.iloc[0], path.iloc[-1]
     ceiling = first["ceiling"]
-    top = f", of at most {ceiling:.1f} %" if np.isfinite(ceiling) else "; no ceiling known"
-    lines = [f"Baseline: VAF {first['vaf']:.1f} % on held-out rows{top}{in_loop_text(first)}."]
+    rest = unexplained_by(verdict, ranking, max_effects)
+    top = f", noise ceiling {ceiling:.1f} %" if np.isfinite(ceiling) else ""
+    lines = [
+        headline_of(path, ids, stand_ins, verdict, rest),
+        "",
+        f"Baseline: VAF {first['vaf']:.1f} % on held-out rows{top}{in_loop_text(first)}.",
+    ]
     if no_ceiling:
-        lines.append(f"  The ceiling is not known: {no_ceiling}.")
-    for step, row in path.iloc[1:].iterrows():
-        added = ranking[(ranking["status"] == "added") & (ranking["effect"] == row["effect"])]
-        text, before = row["parameters"], path.loc[step - 1]
-        lines.append(
-            f"Step {step}: add {row['effect']}" + (f" ({text})" if text else "") + ": VAF "
-            f"{before['vaf']:.1f} -> {row['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> "
-            f"{row['rmse']:.4g}{in_loop_text(before, row)}."
-        )
-        if len(added):
-            lines.append(f"  {added['words'].iloc[0]}")
-            others = added["confused_with"].iloc[0]
-            if others:
-                lines.append(f"  As good here: {', '.join(others)}.")
-    lines.append(f"Verdict: {verdict}.")
+        lines.append(f"  The noise ceiling is not known: {no_ceiling}.")
+    lines += _steps(path, ranking)
     if verdict.startswith("nothing"):
         # The last step decides: the first one has a delay that was given, and is only a claim.
         last_step = ranking["step"] == ranking["step"].max()
@@ -204,21 +233,42 @@ def summary_of(
         if len(near):
             best = near.iloc[0]
             lines.append(
-                f"  The best of {counted(len(near), 'effect')} tried, {best['effect']}, would gain "
-                f"{best['vaf_gain']:.2f} points (p = {best['p_value']:.2g}): "
+                f"Best of {counted(len(near), 'effect')} tried: {title_of(best['effect'])}, "
+                f"{best['vaf_gain']:+.2f} points ({p_text(best['p_value'])}). Not added: "
                 f"{best['reason']}."
             )
     if stand_ins:
-        lines.append(f"  {stand_ins_sentence(stand_ins)}.")
+        lines.append(f"{stand_ins_sentence(stand_ins)}.")
     if ids and ids[-1] == "unknown" and len(unexplained):
-        lines.append(f"  What {unexplained_by(verdict, ranking, max_effects)}:")
+        lines.append(f"What {rest}:")
         for _, row in unexplained.iterrows():
             lines.append(f"  - {row['description']} ({row['where']}): {row['points']:.1f} points")
     if verdict in HOW_TO_GO_ON:
-        lines.append(f"  {HOW_TO_GO_ON[verdict]}")
+        lines.append(HOW_TO_GO_ON[verdict])
     gap = last["explainable_gap"]
     if np.isfinite(gap) and np.isfinite(ceiling):
-        lines.append(f"Left to explain at the end: {max(gap, 0.0):.1f} points.")
-    lines.append(f"{VAF_RULE} Points asked of an effect count about the mean.")
+        lines.append(f"Left to explain: {gap_text(gap)}; the rest is remnant.")
+    lines.append("")
+    lines.append(
+        f"{VAF_RULE} Points asked of an effect count about the mean. ± is one standard error."
+    )
     lines += [f"Note: {e}" for e in (*experiments, *notes)]
     return "\n".join(lines)
+
+
+def _steps(path: pd.DataFrame, ranking: pd.DataFrame) -> Iterator[str]:
+    """What each step added, with all effects that its model has."""
+    for step, row in path.iloc[1:].iterrows():
+        name, before = row["effect"], path.loc[step - 1]
+        added = ranking[(ranking["status"] == "added") & (ranking["effect"] == name)]
+        yield (
+            f"Step {step}, {with_effects(path['effect'].iloc[1 : step + 1])}: VAF "
+            f"{before['vaf']:.1f} -> {row['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> "
+            f"{row['rmse']:.4g}{in_loop_text(before, row)}."
+        )
+        physics = added["words"].iloc[0] if len(added) else title_of(name)
+        parameters = f": {row['parameters']}" if row["parameters"] else ""
+        yield f"  {physics.rstrip('.')} ({name}{parameters})."
+        others = list(added["confused_with"].iloc[0]) if len(added) else []
+        if others:
+            yield f"  As good here: {titles_of(others)}."

@@ -34,6 +34,7 @@ from .candidates import (
 from .held_out import HeldOutRows, held_out, refitted_prediction, without_folds
 from .in_loop import LIKELY_IF_FIRST, LoopJudge
 from .joint import JointParent
+from .progress import Progress
 from .signatures import traces_of
 
 PARTS = 3  # of the work for each process
@@ -60,7 +61,9 @@ class Search:
         effects: Sequence[Effect],
         folds: list[HeldOutRows],
         n_jobs: int | None = None,
+        progress: Progress | None = None,
     ):
+        self.progress = Progress() if progress is None else progress
         self.core, self.record, self.folds = core, record, folds
         self.loop = LoopJudge.of(core, record, folds)
         self.effects = [e for e in effects if not e.noise]
@@ -78,14 +81,21 @@ class Search:
         """``function(item, *args)`` of each item, in ``n_jobs`` processes."""
         n_jobs = effective_n_jobs(self.n_jobs)
         if n_jobs == 1 or len(items) < 2:
-            return [function(item, *args) for item in items]
+            made = []
+            for item in items:
+                made.append(function(item, *args))
+                self.progress.done(1)
+            return made
         # Costly neighbours in the catalogue go to different processes, and the record to each once.
         n_parts = min(PARTS * n_jobs, len(items))
         parts = [items[i::n_parts] for i in range(n_parts)]
         with ended_by_signals():
-            done = Parallel(n_jobs, batch_size=1)(
+            done = []
+            for part in Parallel(n_jobs, batch_size=1, return_as="generator")(
                 delayed(_all_of)(function, part, args) for part in parts
-            )
+            ):
+                done.append(part)
+                self.progress.done(len(part))
         return [done[i % n_parts][i // n_parts] for i in range(len(items))]
 
     def step(self, parent: Model) -> SearchStep:
@@ -102,9 +112,10 @@ class Search:
             candidates += [Candidate(name, one, reason=reason) for one in tried_apart]
         tried = [c for c in candidates if not c.reason]
         added = [(c.name, c.effect) for c in tried]
-        for c, found in zip(tried, self._each(self._extended, added, parent), strict=True):
-            c.model = self._model(found, parent)
-        return self.judged(parent, candidates)
+        with self.progress.step(2 * len(tried)):  # fitted, and refined
+            for c, found in zip(tried, self._each(self._extended, added, parent), strict=True):
+                c.model = self._model(found, parent)
+            return self.judged(parent, candidates)
 
     def _extended(self, added: tuple[str, Effect], parent: Model) -> tuple[Effects, Fit]:
         model = extended(parent, *added, self.criterion, self.coarse)
@@ -134,7 +145,7 @@ class Search:
             c.n_parameters = c.model.n_parameters - base.n_parameters
             ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
             c.loglik = ratio / 2
-            c.evidence = ratio - c.n_parameters * np.log(n)
+            c.delta_bic = ratio - c.n_parameters * np.log(n)
             if prediction is None:
                 c.gain = 100 * (parent.sse - before) / plain.power
                 c.vaf = base_vaf + c.gain
@@ -161,7 +172,7 @@ class Search:
         return step
 
     def _joint(self, found: tuple[Effects, Fit], beside: JointParent) -> float:
-        return beside.evidence(self._model(found, beside.parent), LIKELY_IF_FIRST)
+        return beside.delta_bic(self._model(found, beside.parent), LIKELY_IF_FIRST)
 
     def allowed_loss(self, model: Model, name: str) -> float:
         """Points of VAF that an effect may lose: some, where the output itself shows it."""
@@ -431,12 +442,12 @@ def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
     vafs = [vaf_of_output(search.record, m.output) for m in both]
     if min(vafs) > LITTLE_NOISE and vafs[0] < vafs[1] + AS_GOOD:
         return a.n_parameters < b.n_parameters
-    evidence = n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n)
+    delta_bic = n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n)
     if search.core.kind.is_operator:
         beside = JointParent(parent)
-        joint = beside.evidence(both[0]) - beside.evidence(both[1])
-        evidence = evidence / 2 + joint if np.isfinite(joint) else evidence
-    return bool(evidence > 0)
+        joint = beside.delta_bic(both[0]) - beside.delta_bic(both[1])
+        delta_bic = delta_bic / 2 + joint if np.isfinite(joint) else delta_bic
+    return bool(delta_bic > 0)
 
 
 def without_superfluous(search: Search, path: Path) -> Path:

@@ -53,7 +53,7 @@ class GivenDelay:
         spec = replace(prepared.spec, core=free, given={})
         prepared = replace(prepared, spec=spec, record=record)
         effects = [*search.effects, *search.noises]
-        search = Search(free, searched, effects, search.folds, search.n_jobs)
+        search = Search(free, searched, effects, search.folds, search.n_jobs, search.progress)
         return prepared, search, model.first_fit(replace(prepared, record=searched))
 
     def tested(self, free: Path) -> Path:

@@ -21,7 +21,7 @@ from ..greybox.simulator import Simulator
 from .held_out import HeldOutRows, refitted_prediction
 from .joint import RATES
 
-LEAST_EVIDENCE = 20.0  # of an effect that counts
+LEAST_DELTA_BIC = 20.0  # of an effect that counts
 LEAST_GAIN = 0.1  # VAF points on held-out rows of an effect that counts
 LEAST_IF_BETTER, MUCH_BETTER = 5.0, 0.3  # the same, of one that gains so many points of VAF there
 LEAST_RATE = 45.0  # Hz, to which records are thinned
@@ -43,7 +43,7 @@ class InLoop:
     """
 
     vaf: float = np.nan
-    evidence: float = np.nan
+    delta_bic: float = np.nan
     gain: float = np.nan
     bends: bool | None = None
     beside: Literal["nothing", "others", "bent"] = "others"
@@ -52,28 +52,28 @@ class InLoop:
     def refutes(self) -> bool:
         """Whether the loop is known, and the model no better than the parent there."""
         if self.bends:
-            return self.evidence < -LEAST_EVIDENCE
-        least = LEAST_IF_BETTER if self.gain >= MUCH_BETTER else LEAST_EVIDENCE
-        return self.evidence <= least or self.gain < LEAST_GAIN
+            return self.delta_bic < -LEAST_DELTA_BIC
+        least = LEAST_IF_BETTER if self.gain >= MUCH_BETTER else LEAST_DELTA_BIC
+        return self.delta_bic <= least or self.gain < LEAST_GAIN
 
     @property
     def asked(self) -> float:
-        """Evidence asked of it by a noise model that is estimated along.
+        """ΔBIC asked of it by a noise model that is estimated along.
 
         Less where it is the first, and not linear: of nothing, such effects have hardly any. Where
         the loop is not asked, what stands beside one that bends takes up what its form leaves.
         """
         if self.beside == "nothing" and self.bends:
             return LIKELY_IF_FIRST
-        unsolved = bool(np.isnan(self.evidence))
+        unsolved = bool(np.isnan(self.delta_bic))
         if unsolved and (self.beside == "bent" or self.bends is False):
             return LIKELY_BESIDE_BENT
         return LIKELY
 
     @property
     def against(self) -> float:
-        """Evidence that the loop has against a model that is not linear."""
-        return max(-self.evidence, 0.0) if self.bends else 0.0
+        """ΔBIC that the loop has against a model that is not linear."""
+        return max(-self.delta_bic, 0.0) if self.bends else 0.0
 
 
 def only_levels(added: Sequence[Effect], parent: Model, model: Model) -> bool:
@@ -168,10 +168,10 @@ class LoopParent:
             return self._not_asked(bends)
         if not np.isfinite(after):
             return without
-        evidence = min(self.evidence(fitted, rate) for rate in RATES)
-        return InLoop(after, evidence, after - before, whole and bends, self._beside)
+        delta_bic = min(self.delta_bic(fitted, rate) for rate in RATES)
+        return InLoop(after, delta_bic, after - before, whole and bends, self._beside)
 
-    def evidence(self, fitted: Model, rate: float) -> float:
+    def delta_bic(self, fitted: Model, rate: float) -> float:
         """What a model has over the parent at a rate, under the noise model of the better one."""
         criterion = Criterion(self.judge.record, rate=rate)
         best = min(self.fit, fitted, key=lambda m: m.sse)

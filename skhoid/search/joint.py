@@ -1,4 +1,4 @@
-"""Evidence of an effect by likelihood, with noise models that are estimated along."""
+"""ΔBIC of an effect by likelihood, with noise models that are estimated along."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class JointParent:
     The remnant comes back in the error, and the noise model of a simulation-error fit holds the
     bias which that makes. Here each model has the noise model with which it is likeliest. What is
     likely at one rate only is an error of the simulation or of a sensor, or structure that the
-    noise model cannot hold: the evidence is the least of all rates.
+    noise model cannot hold: ΔBIC is the least of all rates.
     """
 
     def __init__(self, parent: Model):
@@ -26,7 +26,7 @@ class JointParent:
         starts = [parent.theta, *usual_starts(parent.simulator, parent.theta)]
         self.found = [likeliest(parent.simulator, starts, rate) for rate in RATES]
 
-    def evidence(self, model: Model, least: float = -np.inf) -> float:
+    def delta_bic(self, model: Model, least: float = -np.inf) -> float:
         """Of what a model has beside the parent; NaN where a likelihood has no maximum.
 
         Rates after one at which it is not above ``least`` are left out.

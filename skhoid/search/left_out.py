@@ -1,4 +1,4 @@
-"""Rows that a search leaves out of fit and judgement, because control was lost in them."""
+"""Rows that a search leaves out of fits and scores, because control was lost in them."""
 
 from __future__ import annotations
 

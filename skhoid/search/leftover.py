@@ -27,7 +27,7 @@ HINGES = 6  # of a nonlinear map
 PIECES = 9  # of a run
 MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
 LAGGED = 0.2  # s, by which an output of limited rate stays behind
-LEAST_EVIDENCE = 25.0
+LEAST_DELTA_BIC = 25.0
 IN_LOOP = ("channel", "frequency")  # families that may follow the remnant round the loop
 REPEATS = "part of the residual repeats from run to run, or follows the target"
 
@@ -40,7 +40,7 @@ class Leftover:
     at: str
     description: str
     points: float
-    evidence: float
+    delta_bic: float
 
 
 class _Probe(Effect):
@@ -68,8 +68,8 @@ def leftovers(
     the residual, beyond what the model's own parameters could absorb, is estimated on training
     rows and counted on held-out rows. With a ``judge`` linear responses count for no more than they
     explain in the closed loop, where they cannot follow the remnant, at full rate and at one at
-    which effects are judged there: at full rate they follow the sensor's error. They need evidence
-    at both.
+    which effects are judged there: at full rate they follow the sensor's error. They need a ΔBIC
+    that is large enough at both.
     """
     found = _found(model, folds)
     if judge is not None and any(item.where in IN_LOOP for item in found):
@@ -112,9 +112,9 @@ def _judged(
     criterion: Criterion,
     folds: Sequence[HeldOutRows],
 ) -> tuple[float, float] | None:
-    """Points that columns gain on held-out rows beside a model's derivatives, and their evidence.
+    """Points that columns gain on held-out rows beside a model's derivatives, and their ΔBIC.
 
-    The last of ``own`` is the residual. None without evidence or points.
+    The last of ``own`` is the residual. None where either is too small.
     """
     n_own = len(own) - 1
     plain = np.concatenate([own[:-1], columns])
@@ -125,8 +125,8 @@ def _judged(
     before = gram[-1, -1] - _explained(gram[:n_own, :n_own], gram[:n_own, -1])
     after = gram[-1, -1] - _explained(gram[:-1, :-1], gram[:-1, -1])
     least = 1e-300  # a model may be exact
-    evidence = n * np.log(max(before, least) / max(after, least)) - len(columns) * np.log(n)
-    if evidence < LEAST_EVIDENCE:
+    delta_bic = n * np.log(max(before, least) / max(after, least)) - len(columns) * np.log(n)
+    if delta_bic < LEAST_DELTA_BIC:
         return None
     by_row = white.reshape(len(white), *residual.shape)
     gained = total = 0.0
@@ -143,7 +143,7 @@ def _judged(
         gained += min(float(e0 @ e0), float(left @ left)) - float(e1 @ e1)
         total += float((criterion.y[test] ** 2).sum())
     points = 100 * gained / max(total, 1e-300)
-    return (points, float(evidence)) if points > 0 else None
+    return (points, float(delta_bic)) if points > 0 else None
 
 
 def _solved(gram: np.ndarray, product: np.ndarray) -> np.ndarray:

@@ -7,12 +7,14 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 import pandas as pd
 
+from ..effects.registry import title_of
 from ..effects.static_map import StaticMap
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import parameter_table, parameter_text
 from ..greybox.prepared import Prepared
-from .candidates import LEAST_EVIDENCE, Candidate
-from .explanations import sentence_of
+from ..summaries import DASH, p_text
+from .candidates import LEAST_DELTA_BIC, Candidate
+from .explanations import sentence_of, with_effects
 from .leftover import Leftover
 from .search_numbers import SearchNumbers
 
@@ -26,11 +28,13 @@ def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
     rows = []
     reachable = float(np.nanmax([found.ceiling, steps[-1].vaf + found.worst]))
     reachable = min(reachable, 100.0)
-    for title, step in zip(["baseline", *found.added], steps, strict=True):
+    titles = ["baseline", *found.added]
+    for number, (title, step) in enumerate(zip(titles, steps, strict=True)):
         error = (record.y - step.prediction)[record.known]
         rows.append(
             {
                 "effect": title,
+                "model": with_effects(found.added[:number]),
                 "vaf": step.vaf,
                 "vaf_loop": np.nan if step.loop is None else step.loop.vaf,
                 "rmse": float(np.sqrt(np.mean(error**2))),
@@ -48,7 +52,7 @@ def unexplained_table(left: list[Leftover]) -> pd.DataFrame:
     """Structure that is left, one row each."""
     return pd.DataFrame(
         [vars(item) for item in left],
-        columns=["where", "at", "description", "points", "evidence"],
+        columns=["where", "at", "description", "points", "delta_bic"],
     )
 
 
@@ -75,22 +79,23 @@ class Ranked:
     step: int
     rank: int
     effect: str
+    title: str
     form: str
-    parameters: str
-    n_parameters: int
-    delta_loglik: float = np.nan
+    status: str = "added"
+    vaf_gain: float = np.nan
     delta_bic: float = np.nan
+    p_value: float = 0.0
+    gain_loop: float = np.nan
+    delta_bic_loop: float = np.nan
+    delta_bic_joint: float = np.nan
+    parameters: str = ""
+    reason: str = ""
+    words: str = ""
+    confused_with: list[str] = field(default_factory=list)
     vaf_before: float = np.nan
     vaf_after: float = np.nan
-    vaf_gain: float = np.nan
-    evidence_joint: float = np.nan
-    evidence_loop: float = np.nan
-    gain_loop: float = np.nan
-    p_value: float = 0.0
-    confused_with: list[str] = field(default_factory=list)
-    words: str = ""
-    status: str = "added"
-    reason: str = ""
+    delta_loglik: float = np.nan
+    n_parameters: int = 0
 
 
 def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None) -> pd.DataFrame:
@@ -110,11 +115,12 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 step=number,
                 rank=rank,
                 effect=c.id,
+                title=title_of(c.id),
                 form=_form(c),
                 parameters=_parameters(c, prepared) if described else "",
                 n_parameters=c.n_parameters,
                 vaf_before=before,
-                evidence_joint=c.joint,
+                delta_bic_joint=c.joint,
                 p_value=c.p_value,
                 confused_with=c.confused_with,
                 words=sentence_of(c.effect, display, domain) + (f" {c.trace}." if c.trace else ""),
@@ -122,10 +128,10 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
             if c.reason:
                 row.status = "does not apply"
             else:
-                row.delta_loglik, row.delta_bic = c.loglik, c.evidence
+                row.delta_loglik, row.delta_bic = c.loglik, c.delta_bic
                 row.vaf_after, row.vaf_gain = before + c.gain, c.gain
             if c.in_loop is not None:
-                row.evidence_loop, row.gain_loop = c.in_loop.evidence, c.in_loop.gain
+                row.delta_bic_loop, row.gain_loop = c.in_loop.delta_bic, c.in_loop.gain
             if c.name not in chosen:
                 row.status = row.status if c.reason else "not better"
                 row.reason = reason_against(c, winner, taken_out=c.name in of_step)
@@ -137,6 +143,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 step=1,
                 rank=rank,
                 effect=effect.name,
+                title=title_of(effect.name),
                 form="",
                 parameters=shown.parameters,
                 n_parameters=len(effect.parameters),
@@ -149,6 +156,31 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
     return pd.DataFrame([vars(row) for row in rows], columns=[one.name for one in fields(Ranked)])
 
 
+def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFrame:
+    """The best n candidates of each step (or of one) as texts."""
+    tried = ranking[ranking["status"] != "does not apply"]
+    if step is not None:
+        if step not in set(ranking["step"]):
+            raise ValueError(f"There is no step {step!r}; the steps are {_listed(ranking)}.")
+        tried = tried[tried["step"] == step]
+    best = tried.groupby("step").head(n)
+    in_form = best["form"].map(lambda form: f" ({form})" if form else "")
+    return pd.DataFrame(
+        {
+            "effect": best["title"] + in_form,
+            "gain": best["vaf_gain"].map("{:+.2f}".format),
+            "ΔBIC": best["delta_bic"].map(lambda x: f"{x:+.0f}" if np.isfinite(x) else DASH),
+            "p": best["p_value"].map(lambda p: p_text(p).removeprefix("p ").removeprefix("= ")),
+            "outcome": best["reason"].where(best["status"] != "added", "added"),
+            "parameters": best["parameters"],
+        }
+    ).set_index([best["step"], best["rank"]])
+
+
+def _listed(ranking: pd.DataFrame) -> str:
+    return ", ".join(map(str, ranking["step"].unique()))
+
+
 def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str:
     """Why a candidate is not part of what was found; ``winner`` is what its step added, or none."""
     c = candidate
@@ -159,44 +191,44 @@ def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str
     if not c.passes:
         return refuted(c) if c.refuted else short_of(c)
     if taken_out:
-        return "beside what was added later it no longer pays"
+        return "it no longer pays beside the effects added later"
     if winner:
-        return f"the free run is better with it too; {winner} was added"
-    return "it pays; no more were to be added"
+        return f"it improves the free run too; {title_of(winner)} was added instead"
+    return "it pays, but max_effects was reached"
 
 
 def short_of(candidate: Candidate) -> str:
     """Which criteria of the free run are not met, with what was found and what is asked."""
     found = []
-    if not candidate.evidence > LEAST_EVIDENCE:
-        found.append(f"evidence {candidate.evidence:.1f}, asked: more than {LEAST_EVIDENCE:g}")
+    if not candidate.delta_bic > LEAST_DELTA_BIC:
+        found.append(f"ΔBIC {candidate.delta_bic:.1f}, needs more than {LEAST_DELTA_BIC:g}")
     if not candidate.gain >= candidate.least_gain:
         # What gains too little on the rows of its fit was not held out.
         rows = "the rows of the fit" if candidate.prediction is None else "held-out rows"
-        found.append(f"{candidate.gain:+.3g} points on {rows}, asked: {candidate.least_gain:.2g}")
+        found.append(
+            f"{candidate.gain:+.3g} points on {rows}, needs at least {candidate.least_gain:.2g}"
+        )
     return "; ".join(found)
 
 
 def refuted(candidate: Candidate) -> str:
     """Why a candidate that follows the measured error better is not taken."""
     found, judged = [], candidate.in_loop
-    if judged is not None and judged.evidence == -np.inf:
+    if judged is not None and judged.delta_bic == -np.inf:
         return "the closed loop does not settle with it"
-    if candidate.joint <= LEAST_EVIDENCE:
-        found.append(
-            f"with a noise model that is estimated along its evidence is {candidate.joint:.0f}"
-        )
+    if candidate.joint <= LEAST_DELTA_BIC:
+        found.append(f"estimated together with a noise model, it has ΔBIC {candidate.joint:.0f}")
     if judged is not None and np.isfinite(judged.gain):
         verdict = "no better" if judged.gain <= 0.0 else "hardly better"
         found.append(
-            f"in the closed loop it is {verdict} ({judged.gain:+.2f} points, evidence "
-            f"{judged.evidence:.0f})"
+            f"in the closed loop it is {verdict} ({judged.gain:+.2f} points, ΔBIC "
+            f"{judged.delta_bic:.0f})"
         )
     if not found and np.isnan(candidate.joint):
         found.append("neither a likelihood nor the closed loop confirms it")
     elif not found:
         likely = min(candidate.joint, candidate.weight)
-        found.append(f"the loop is not known with it, and its evidence is {likely:.0f}")
+        found.append(f"the loop is not known with it, and it has ΔBIC {likely:.0f}")
     return f"{'; '.join(found)}: it may follow the remnant that comes back in the error"
 
 

@@ -1,17 +1,59 @@
-"""The start page of the built documentation."""
+"""The main pages of the built documentation, on a telephone and a desktop, light and dark."""
 
 import pytest
 from support.chromium import missing
 from support.places import ROOT
 
-START = ROOT / "docs" / "_build" / "html" / "index.html"
+BUILT = ROOT / "docs" / "_build" / "html"
+PAGES = [
+    "index",
+    "start",
+    "install",
+    "command-line",
+    "effects",
+    "compare",
+    "find-what-is-missing",
+    "noise-ceiling",
+    "theory",
+    "glossary",
+    "api",
+    "generated/skhoid.ARXRegressor",
+    "gallery/index",
+    "gallery/identify/plot_free_run",
+]
+FOLD = 900  # height of a window, of which the start page needs no more
 
 
-@pytest.mark.parametrize("width", [400, 1400])
-def test_start_page(browser, width):
-    if not START.is_file():
+def opened(browser, name, **how):
+    path = BUILT / f"{name}.html"
+    if not path.is_file():
         missing("the documentation (sphinx-build -b html docs docs/_build/html)")
-    browser.open(START, width=width)
+    browser.open(path, **how)
+    browser.js("return window.MathJax?.startup.promise")  # equations are set
+
+
+@pytest.mark.parametrize("colours", ["light", "dark"])
+@pytest.mark.parametrize("width", [400, 1400])
+@pytest.mark.parametrize("name", PAGES)
+def test_page(browser, name, width, colours):
+    opened(browser, name, width=width, colours=colours)
     assert browser.console() == []
     assert browser.overflow() <= 0
     assert browser.violations() == []
+
+
+def test_start_page_tells_all_at_once(browser):
+    opened(browser, "index", width=1400)
+    for part in ("h1", ".start-page pre", "img.only-light", "img.staircase", ".outcomes"):
+        bottom = browser.js(
+            "return document.querySelector(arguments[0]).getBoundingClientRect().bottom", part
+        )
+        assert 0 < bottom <= FOLD, part
+
+
+def test_equations_are_set_without_a_network(browser):
+    opened(browser, "theory")
+    assert browser.js(
+        "const set = document.querySelectorAll('.math mjx-container').length;"
+        "return set > 0 && set === document.querySelectorAll('.math').length"
+    )

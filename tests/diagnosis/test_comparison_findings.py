@@ -34,7 +34,7 @@ def test_nothing_is_found_where_nothing_is_missing(condition):
 
 def test_dead_zone_is_found():
     found = first_three(compared(Effects(dead_zone=0.3)))["nonlinearity"]
-    assert found.title == "The response is weaker at small e than at large"
+    assert found.title == "The response is weaker at small e than at large e"
     assert "dead zone" in found.meaning
 
 

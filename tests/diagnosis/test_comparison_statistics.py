@@ -144,9 +144,9 @@ def test_gap_where_nothing_is_missing(n_draws):
 def test_interval_covers_the_ceiling(n_draws):
     covered = sum(draw.covered for draw in null_draws(n_draws))
     if n_draws == ALL:
-        assert 0.85 <= covered / n_draws <= 0.95
+        assert 0.91 <= covered / n_draws <= 0.98  # 189 of the first 200
     else:
-        assert covered >= at_least(n_draws, 0.85, miss=1e-3)
+        assert covered >= at_least(n_draws, 0.9, miss=1e-3)
 
 
 @sizes(FEW, ALL)

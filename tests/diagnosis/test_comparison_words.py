@@ -95,10 +95,10 @@ def test_where_the_mean_holds_most_of_the_power_texts_are_about_the_mean():
     assert_allclose(found.vaf_about_mean, about_mean, rtol=1e-9)
     assert about_mean < 90
     text = found.summary()
-    assert f"VAF about the mean     {about_mean:.1f} %" in text
+    assert f"VAF (about the mean)   {about_mean:.1f} %" in text
     assert "% of the power is the mean" in text
     points = found.point_scale * found.explainable_gap
-    assert f"{points:.1f} VAF points about the mean" in text
+    assert f"{points:.1f} VAF points (about the mean)" in text
     assert points > 5
     assert "none" not in names(found)
     assert by_kind(found)["gain"].severity > 5
@@ -152,16 +152,28 @@ def test_a_model_that_follows_the_data_may_have_learnt_the_noise():
 @pytest.mark.parametrize(
     ("effects", "say", "told"),
     [
-        ("bias", lambda then: then.bias(), "bias already"),
-        ("saturation", lambda then: then.level(), "saturation already"),
-        ("saturation", lambda then: then.nonlinearity(False, "x"), "saturation already"),
-        ("dead_zone", lambda then: then.nonlinearity(True, "x"), "dead zone already"),
-        ("asym_gain", lambda then: then.asymmetry(), "asym gain already"),
-        ("tv_gain", lambda then: then.change(), "tv gain already"),
-        ("drift", lambda then: then.drift(), "drift already"),
-        ("feedforward", lambda then: then.follow("f_t"), "feedforward already"),
-        ("preview", lambda then: then.follow("f_t"), "preview already"),
-        ("disturbance", lambda then: then.follow("dist"), "disturbance already"),
+        ("bias", lambda then: then.bias(), "already has the effect bias:"),
+        ("saturation", lambda then: then.level(), "already has the effect saturation:"),
+        (
+            "saturation",
+            lambda then: then.nonlinearity(False, "x"),
+            "already has the effect saturation:",
+        ),
+        (
+            "dead_zone",
+            lambda then: then.nonlinearity(True, "x"),
+            "already has the effect dead zone:",
+        ),
+        ("asym_gain", lambda then: then.asymmetry(), "already has the effect asymmetric gain:"),
+        ("tv_gain", lambda then: then.change(), "already has the effect time-varying gain:"),
+        ("drift", lambda then: then.drift(), "already has the effect drift:"),
+        ("feedforward", lambda then: then.follow("f_t"), "already has the effect feedforward:"),
+        ("preview", lambda then: then.follow("f_t"), "already has the effect preview:"),
+        (
+            "disturbance",
+            lambda then: then.follow("dist"),
+            "already has the effect disturbance response:",
+        ),
     ],
 )
 def test_what_the_model_has_is_not_advised(effects, say, told):

@@ -26,15 +26,15 @@ def runs():
 @pytest.mark.parametrize(
     ("model", "seconds", "step"),
     [
-        (ARXRegressor(nk=8), LATER, "DelaySearchCV, or shift by as much with DelayShift"),
-        (ARXRegressor(nk=8), EARLIER, "Take 1 sample off nk"),
-        (ARXRegressor(nk=8), 2 * EARLIER, "Take 2 samples off nk"),
+        (ARXRegressor(nk=8), LATER, r"\(DelaySearchCV\), or shift by as much"),
+        (ARXRegressor(nk=8), EARLIER, "Lower nk by 1 sample"),
+        (ARXRegressor(nk=8), 2 * EARLIER, "Lower nk by 2 samples"),
         (ARXRegressor(nk=1), 2 * EARLIER, "Search the delay again with DelaySearchCV"),
-        (RecursiveARX(nk=8), EARLIER, "Take 1 sample off nk"),
-        (DelaySearchCV(ARXRegressor(), nk=[7, 8]), EARLIER, "Take 1 sample off nk"),
+        (RecursiveARX(nk=8), EARLIER, "Lower nk by 1 sample"),
+        (DelaySearchCV(ARXRegressor(), nk=[7, 8]), EARLIER, "Lower nk by 1 sample"),
         (make_pipeline(DelayShift(0.28), ARXRegressor(nk=1)), EARLIER, "less with DelayShift"),
-        (OperatorRegressor(delay=0.2), LATER, "given as 0.2 s: delay=None, or .*wrong_delay"),
-        (OperatorRegressor(delay=0.2), EARLIER, "given as 0.2 s: delay=None, or .*wrong_delay"),
+        (OperatorRegressor(delay=0.2), LATER, "was given as 0.2 s: delay=None, or .*wrong_delay"),
+        (OperatorRegressor(delay=0.2), EARLIER, "was given as 0.2 s: delay=None, or .*wrong_delay"),
         (OperatorRegressor(), LATER, ESTIMATED),
         (OperatorRegressor(delay=0.2, effects="wrong_delay"), LATER, ESTIMATED),
         (LinearRegression(), LATER, "0.08 s more"),
@@ -76,7 +76,7 @@ def test_a_wrong_delay_of_an_operator_is_told(runs):
     found = compare(OperatorRegressor(delay=0.2).fit(X, y), X, y).findings
     (delay,) = [finding for finding in found if finding.name == "delay"]
     assert "off by 2 samples" in delay.evidence
-    assert delay.next_step.startswith("Free the delay, which is given as 0.2 s")
+    assert delay.next_step.startswith("Free the delay, which was given as 0.2 s")
 
 
 def test_one_is_not_many(runs):
@@ -88,5 +88,5 @@ def test_one_is_not_many(runs):
     X.iloc[200] = np.nan
     assert "1 row in which the output is missing is left out" in compare(model, runs[0], y).notes
     (missing,) = check_channels(X, dt=0.04)
-    assert missing.title == "x misses 1 sample"
+    assert missing.title == "x has 1 missing sample"
     assert "rows is NaN or infinite, the longest stretch 1 row (0.04 s)" in missing.evidence

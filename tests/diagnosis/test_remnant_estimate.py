@@ -77,7 +77,7 @@ def test_recovers_the_remnant(condition, intensity, order):
     for remnant in found:
         assert remnant.route == "repeats"
         assert remnant.n_runs == N_RUNS
-        sigma = np.log(remnant.interval[1] / remnant.intensity) / 1.645
+        sigma = np.log(remnant.interval[1] / remnant.intensity) / 1.96
         assert abs(np.log(remnant.intensity / truth)) < 3.5 * sigma
         assert sigma < 0.08
         assert remnant.order == order

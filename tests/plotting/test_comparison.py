@@ -26,7 +26,7 @@ from skhoid.plotting import (
     ResidualTimeDisplay,
     RunComparisonDisplay,
 )
-from skhoid.plotting._comparison import EXCEEDING, RESIDUAL
+from skhoid.plotting._roles import PURPLE, VERMILION
 from skhoid.recordings import Finding
 
 pytestmark = pytest.mark.slow
@@ -179,7 +179,7 @@ def test_page_shades_windows_in_which_misfit_repeats(found, failing, shaded):
         dataclasses.replace(found, by_run=runs, by_time=repeating(table, **windows))
     )
     assert display.window_ == (table["start"][7], table["stop"][7])
-    red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], EXCEEDING)]
+    red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], VERMILION)]
     assert sorted(p.get_x() for p in red) == table["start"][list(shaded)].tolist()
     labels = display.axes_[0].get_legend_handles_labels()[1]
     others = set(shaded) - {7}  # the worst window has a label of its own
@@ -193,7 +193,7 @@ def test_page_of_runs_that_do_not_repeat_shades_windows_beyond_chance(found):
     raised = table[table["exceeds"] & (table["run"] == display.run_)]
     left, right = display.axes_[0].get_xlim()
     seen = raised[(raised["start"] < right) & (raised["stop"] > left)]
-    red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], EXCEEDING)]
+    red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], VERMILION)]
     assert {p.get_x() for p in red} == set(seen["start"])
     assert len(red) > 1
 
@@ -276,14 +276,14 @@ def test_time_is_red_where_what_repeats_is_beyond_chance(found):
         w11=(share[11], np.nan),
     )
     display = ResidualTimeDisplay(by_time=table, tests=found.tests).plot()
-    assert all(same_color(bar.get_facecolor(), RESIDUAL) for bar in display.bars_)
-    assert all(same_color(bar.get_facecolor(), EXCEEDING) for bar in display.misfit_)
+    assert all(same_color(bar.get_facecolor(), PURPLE) for bar in display.bars_)
+    assert all(same_color(bar.get_facecolor(), VERMILION) for bar in display.misfit_)
     expected = np.zeros(len(display.bars_))
     expected[[2, 9]] = share[2] / 2, share[9]
     np.testing.assert_allclose(heights(display.misfit_), expected)
     assert {"repeats over runs: misfit", "does not repeat"} <= labels_in(display)
     # Nor is the remnant of single runs red.
-    assert not any(same_color(line.get_color(), EXCEEDING) for line in display.axes_[1].lines)
+    assert not any(same_color(line.get_color(), VERMILION) for line in display.axes_[1].lines)
 
 
 def test_time_is_not_red_where_nothing_repeats(found):
@@ -394,7 +394,7 @@ def test_operating_points(found):
         np.testing.assert_array_equal(line.get_ydata(), bins["mean"])
         vertices = display.bands_[name].get_paths()[0].vertices
         assert vertices[:, 1].max() == pytest.approx(bins["band"].max())
-        red = [line for line in panel.lines if same_color(line.get_color(), EXCEEDING)]
+        red = [line for line in panel.lines if same_color(line.get_color(), VERMILION)]
         assert sum(len(line.get_xdata()) for line in red) == bins["exceeds"].sum()
 
 
@@ -444,7 +444,7 @@ def test_what_is_no_test_is_said_and_not_red(found):
         for panel in display.axes_:
             title = panel.get_title() + panel.get_title(loc="left")
             assert "closed loop: not a test" in title
-            assert not any(same_color(line.get_color(), EXCEEDING) for line in panel.lines)
+            assert not any(same_color(line.get_color(), VERMILION) for line in panel.lines)
 
 
 def test_correlations(found):
@@ -456,7 +456,7 @@ def test_correlations(found):
     table = found.correlations.assign(correlation=0.0, band=0.1, valid=True)
     table.loc[table.index[7], "correlation"] = -0.2
     (panel, *_) = ResidualCorrelationDisplay(correlations=table).plot().axes_
-    (red,) = (line for line in panel.lines if same_color(line.get_color(), EXCEEDING))
+    (red,) = (line for line in panel.lines if same_color(line.get_color(), VERMILION))
     np.testing.assert_array_equal(red.get_xydata(), [[table["lag"].iloc[7], -0.2]])
 
 

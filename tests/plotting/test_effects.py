@@ -17,8 +17,7 @@ from support.plot_checks import covers_nothing
 
 from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.plotting import EffectRankingDisplay, EffectStepsDisplay, ErrorPathDisplay
-from skhoid.plotting._axes import BLACK, BLUE
-from skhoid.plotting._comparison import EXCEEDING
+from skhoid.plotting._roles import BLUE, VERMILION, dimmed, foreground
 
 OF_SEARCH = [ErrorPathDisplay, EffectStepsDisplay, EffectRankingDisplay]
 REFUSED = ("preview", "feedforward")
@@ -181,7 +180,7 @@ def test_staircase_tells_what_is_left():
     display = ErrorPathDisplay.from_estimator(SEARCHES["one"])
     np.testing.assert_allclose(display.gap_.get_ydata(), [86.5, 88.0])
     assert "1.5 points\nleft" in texts_in(display.axes_[0])
-    assert same_color(display.gap_.get_color(), BLACK)
+    assert same_color(display.gap_.get_color(), foreground())
     done = a_search(["dead_zone"], [76.0, 88.2])
     display = ErrorPathDisplay.from_estimator(done)
     assert display.gap_ is None
@@ -196,7 +195,7 @@ def test_a_ceiling_that_is_passed_is_a_lower_bound():
 
 def test_staircase_marks_what_no_effect_explains():
     display = ErrorPathDisplay.from_estimator(SEARCHES["unknown"])
-    assert same_color(display.gap_.get_color(), EXCEEDING)
+    assert same_color(display.gap_.get_color(), VERMILION)
     assert any("not in the\ncatalogue" in text for text in texts_in(display.axes_[0]))
     assert display.axes_[0].get_title() == (
         "Found: dead_zone; something is missing, not in the catalogue"
@@ -339,7 +338,7 @@ def test_ranking_greys_what_does_not_apply():
     labels = {t.get_text(): t.get_color() for t in display.ax_.get_yticklabels()}
     for name in REFUSED:
         assert display.words_[name].get_text().startswith("X has no target")
-        assert labels[name] == "0.45"
+        assert labels[name] == dimmed(0.55)
     few = EffectRankingDisplay.from_estimator(SEARCHES["one"], n_candidates=3)
     assert list(few.words_) == ["dead_zone", "candidate_0", "candidate_1"]
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from support.plot_checks import covers_nothing
 
 from skhoid.experiment import analyse_experiment, simulate_experiment
-from skhoid.plotting._axes import BLACK, GREEN, GREY
+from skhoid.plotting._roles import GREEN, GREY, foreground
 from skhoid.plotting.experiment import ExperimentDisplay
 
 ARX = ["a1", "a2", "b0", "b1"]
@@ -65,7 +65,7 @@ def test_lines_are_those_of_the_tables(result, form, parameters):
                 np.testing.assert_array_equal(line.get_ydata(), here.loc[here["run"] == run, name])
                 assert line.get_linewidth() < mean.get_linewidth()
             assert len({line.get_color() for line in thin.values()}) == 5
-            assert mean.get_color() == BLACK
+            assert mean.get_color() == foreground()
     covers_nothing(display)
     display.figure_.set_size_inches(10, 8)
     covers_nothing(display)

@@ -5,7 +5,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from support.plot_checks import covers_nothing
 
-from skhoid.plotting._axes import COLOURS
+from skhoid.plotting._roles import PALETTE
 from skhoid.plotting.study_boxes import StudyBoxDisplay
 
 ORDERS = [1, 2, 3, 4, "nm"]
@@ -61,7 +61,7 @@ def test_groups_stand_side_by_side_in_their_colours():
         assert (np.diff(middles) > 0).all()
         assert np.mean(middles) == pytest.approx(place)
         assert np.ptp(middles) < 1
-    for order, colour in zip(ORDERS, COLOURS, strict=False):
+    for order, colour in zip(ORDERS, PALETTE, strict=False):
         face = display.artists_[0][order]["boxes"][0].get_facecolor()
         np.testing.assert_allclose(face[:3], to_rgb(colour))
     names = [text.get_text() for text in display.ax_.get_xticklabels()]
@@ -155,7 +155,7 @@ def test_equal_results_show_the_colour_of_their_group():
     table = delays(kinds=["estimated"]).assign(nk=29)
     display = StudyBoxDisplay.from_table(table, "nk")
     median = display.artists_[0][2]["medians"][0]
-    np.testing.assert_allclose(median.get_color()[:3], to_rgb(COLOURS[1]))
+    np.testing.assert_allclose(median.get_color()[:3], to_rgb(PALETTE[1]))
 
 
 def test_missing_results_and_other_cells():

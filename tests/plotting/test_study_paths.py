@@ -7,7 +7,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from support.plot_checks import covers_nothing
 
-from skhoid.plotting._axes import BLACK, GREEN, VERMILION
+from skhoid.plotting._roles import GREEN, VERMILION, foreground
 from skhoid.plotting.study_paths import StudyPathDisplay
 
 pytestmark = pytest.mark.slow
@@ -75,7 +75,7 @@ def test_lines_and_bands_are_mean_and_deviation():
     line = display.lines_["b0", 0.3]
     np.testing.assert_allclose(line.get_xdata(), TIME)
     np.testing.assert_allclose(line.get_ydata(), mean)
-    assert same_color(line.get_color(), BLACK)
+    assert same_color(line.get_color(), foreground())
     corners = display.bands_["b0", 0.3].get_paths()[0].vertices
     for i in (0, 50, -1):
         there = corners[np.isclose(corners[:, 0], TIME[i]), 1]

@@ -107,7 +107,7 @@ def test_steer_rate_of_the_bicycle_holds_the_yaw_rate(correct, factor):
     assert mixed.title == f"SteerRate is the derivative of SteerAngle plus {factor} times YawRate"
     assert "99.8 %" in mixed.evidence
     assert ("fault of units" in mixed.meaning) == (not correct)
-    assert missing.title == "SteerRate misses 17 samples"
+    assert missing.title == "SteerRate has 17 missing samples"
 
 
 def test_speed_and_wheel_of_the_bicycle_are_one_signal():
@@ -230,9 +230,9 @@ def test_output_and_its_rate():
     [
         ({"e": -1.0}, "e has the opposite sign"),
         ({"x": -1.0}, "x has the opposite sign"),
-        ({"e": 180 / np.pi}, "e is in another unit than f_t and x, by a factor of 57.2958"),
-        ({"x": 0.5}, "x is in another unit than e, by a factor of 2"),
-        ({"f_t": 0.5}, "f_t is in another unit than e, by a factor of 2"),
+        ({"e": 180 / np.pi}, "e is not in the unit of f_t and x: it is 57.2958 times as large"),
+        ({"x": 0.5}, "x is not in the unit of e: multiply it by 2"),
+        ({"f_t": 0.5}, "f_t is not in the unit of e: multiply it by 2"),
     ],
 )
 def test_error_that_is_not_target_minus_output(change, words):
@@ -246,7 +246,7 @@ def test_error_that_is_not_target_minus_output(change, words):
 def test_error_of_another_signal():
     X, y = make_tracking_runs("C1", 2, channels=["e", "x", "f_t"])
     late = X.assign(e=np.roll(X["e"], 5))
-    assert "another signal" in only(check_channels(late, y)).meaning
+    assert "not the signal its name says" in only(check_channels(late, y)).meaning
     offset = X.assign(e=X["e"] + 0.2)
     assert only(check_channels(offset, y)).meaning == "e has an offset of 0.2."
     rounded = X.assign(e=X["e"].round(4))
@@ -325,7 +325,7 @@ def test_row_numbers_or_milliseconds():
     """Of a person, who has an error and a target; a furnace may tick so."""
     e, other = smooth()[0], smooth(seed=7)[0]
     finding = only(check_channels(counted_in_rows(table(e=e, f_t=other))))
-    assert (finding.name, finding.title) == ("clock unit", "The clock advances by 1 a row")
+    assert (finding.name, finding.title) == ("clock unit", "The clock advances by 1 per row")
     assert check_channels(counted_in_rows(table(gas=e, heat=other))) == []
 
 
@@ -422,9 +422,9 @@ def test_missing_and_constant_channels():
     found = {finding.title: finding for finding in check_channels(X)}
     assert (
         "longest stretch 30 rows (0.3 s) from run 1, t = 2 s"
-        in found["y misses 31 samples"].evidence
+        in found["y has 31 missing samples"].evidence
     )
-    assert found["nothing holds no value"].next_step == "Leave the channel out."
+    assert found["nothing has no values"].next_step == "Leave the channel out."
     assert found["supply is constant"].evidence == "It is 5 in every row."
     assert found["some is constant in run 1"].evidence == "It is 3 in every row of run 1."
 

@@ -57,7 +57,7 @@ def test_a_stretch_of_lost_control_is_found(n_runs, target):
         assert_allclose(found["from"], 20.0, atol=3.5)
         assert_allclose(found["to"], 30.0, atol=3.5)
         assert found["times"].item() > 3
-        assert "what is usual in these runs" in found["reason"].item()
+        assert "its usual size in these runs" in found["reason"].item()
 
 
 def test_several_runs_in_which_control_was_lost_do_not_hide_each_other():

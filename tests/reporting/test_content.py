@@ -24,12 +24,12 @@ from skhoid.reporting.plots import Gallery
         ({"status": "not better", "reason": "gain at the bound"}, "Gain at the bound."),
         (
             {"status": "added", "gain_loop": np.nan},
-            "Added: likelihood and held-out VAF both say so.",
+            "Added: likelihood and held-out VAF agree.",
         ),
         (
             {"status": "added", "gain_loop": 1.26, "confused_with": ["bias"]},
-            "Added: likelihood and held-out VAF both say so, and in the closed loop it gains 1.3 "
-            "points. As good on these runs: bias.",
+            "Added: likelihood and held-out VAF agree, and it gains 1.3 points in the closed loop. "
+            "As good on these runs: bias.",
         ),
     ],
 )
@@ -89,7 +89,11 @@ def test_code_is_printed_only_where_it_runs(name: str, known: bool) -> None:
 @pytest.mark.parametrize(
     ("verdict", "rest", "advice"),
     [
-        (", not in the catalogue", "that is not in the catalogue", "an effect of your own"),
+        (
+            ", not in the catalogue",
+            "that no effect of the catalogue explains",
+            "an effect of your own",
+        ),
         (
             ", not among the effects tried",
             "that none of the 2 effects tried explains",
@@ -105,9 +109,13 @@ def test_code_is_printed_only_where_it_runs(name: str, known: bool) -> None:
 def test_the_headline_claims_no_more_than_was_tried(verdict: str, rest: str, advice: str) -> None:
     of_verdict = {"verdict_": f"something is missing{verdict}"}
     search = a_search("bias", best_effects_=["bias", "unknown"], **of_verdict)
-    assert _verdict(search, None)["headline"] == f"Missing: bias, and something {rest}."
-    search.best_effects_ = ["unknown"]
-    assert _verdict(search, None)["headline"] == f"Something is missing {rest}."
+    told = "the held-out VAF rises from 50.0 to 50.0 %"
+    assert _verdict(search, None)["headline"] == (
+        f"Missing: bias, and something {rest}; with bias {told}."
+    )
+    search = a_search(best_effects_=["unknown"], **of_verdict)
+    headline = f"Something is missing {rest}: held-out VAF 50.0 %."
+    assert _verdict(search, None)["headline"] == headline
     *_, step = _next_steps(Results(baseline=OperatorRegressor(), search=search))
     for other in ("an effect of your own", 'effects="all"', "a larger max_effects"):
         assert (other in step["why"]) == (other == advice)

@@ -74,7 +74,8 @@ def test_steps_show_the_error_path(made: Report, page: Node) -> None:
     panels = steps.all("div", class_="step")
     for tab, panel, (number, row) in zip(tabs, panels, path.iterrows(), strict=True):
         assert tab.attributes["href"] == f"#{panel.attributes['id']}"
-        name = row["effect"] if number == 0 else f"+ {row['effect']}"
+        name = row["model"]
+        assert name == ["baseline", "with bias", "with bias and dead zone"][number]
         assert tab.text == f"{name} VAF {row['vaf']:.1f} % RMSE {row['rmse']:.4g} deg"
         assert panel.one("h3").text == name
         loops = path["vaf_loop"][max(number - 1, 0) : number + 1]
@@ -94,11 +95,11 @@ def test_ranking_holds_each_candidate_with_a_reason(made: Report, page: Node) ->
     tried = ranking[ranking["status"] != "does not apply"]
     assert len(rows) == len(tried)
     for cells, (_, row) in zip(rows, tried.iterrows(), strict=True):
-        rank, effect, why, vaf, gain, *in_loop, evidence, _, words = cells
-        assert (rank, effect.split(" ")[0]) == (str(row["rank"]), row["effect"])
+        rank, effect, why, vaf, gain, *in_loop, delta_bic, _, words = cells
+        assert (rank, effect.split(" (")[0]) == (str(row["rank"]), row["title"])
         assert float(vaf) == pytest.approx(row["vaf_after"], abs=0.005)
         assert float(gain) == pytest.approx(row["vaf_gain"], abs=0.005)
-        assert float(evidence) == pytest.approx(row["delta_bic"], abs=0.5)
+        assert float(delta_bic) == pytest.approx(row["delta_bic"], abs=0.5)
         if np.isfinite(row["gain_loop"]):
             assert float(in_loop[0]) == pytest.approx(row["gain_loop"], abs=0.005)
         else:
@@ -111,7 +112,7 @@ def test_ranking_holds_each_candidate_with_a_reason(made: Report, page: Node) ->
     assert set(refused["effect"]) == {"motion_feedback"}
     items = [item.text for item in ranked.all("li")]
     assert len(items) == len(refused)
-    assert all(item.startswith("motion_feedback: ") for item in items)
+    assert all(item.startswith("motion feedback: ") for item in items)
     assert refused["reason"].iloc[0] in items[0]
     assert "1 that does not apply in step 1" in [s.text for s in ranked.all("summary")]
 
@@ -142,7 +143,8 @@ def test_parameters_with_units_and_intervals(made: Report, page: Node) -> None:
 
 def test_comparison_before_and_after(made: Report, page: Node) -> None:
     compared = section(page, "comparison")
-    first, second = (dict(t.rows) for t in compared.all("table"))
+    second, first = (dict(t.rows) for t in compared.all("table"))  # what was before is folded
+    assert "Before the search" in compared.one("details").one("summary").text
     assert first["VAF, free run"] == f"{made.comparison.vaf:.1f} %"
     assert second["VAF, free run"] == f"{made.final_comparison.vaf:.1f} %"
     assert made.final_comparison.vaf > made.comparison.vaf + 10
@@ -150,7 +152,15 @@ def test_comparison_before_and_after(made: Report, page: Node) -> None:
     for found in (made.comparison, made.final_comparison):
         for finding in found.findings:
             assert finding.title in text
-            assert finding.next_step in text
+    left = {finding.name for finding in made.final_comparison.findings}
+    gone = [finding for finding in made.comparison.findings if finding.name not in left]
+    assert {"bias"} <= {finding.name for finding in gone}
+    before = compared.one("details").text
+    assert before.count("Explained by bias and dead zone.") == len(gone)
+    assert 'with_effect("bias")' not in text  # it is there
+    for finding in made.final_comparison.findings:
+        assert finding.next_step in text
+    assert "The baseline has two figures" in before
     labels = [svg.attributes["aria-label"] for svg in compared.all("svg")]
     assert not [label for label in labels if "$" in label]
     assert any("residual over" in label and "f_t" in label for label in labels)
@@ -162,12 +172,13 @@ def test_data_verdict_and_how_it_was_made(
     made: Report, page: Node, runs: tuple[pd.DataFrame, pd.Series]
 ) -> None:
     X, y = runs
-    assert page.one("p", class_="headline").text == "Missing: bias, dead_zone."
+    headline = page.one("p", class_="headline").text
+    assert headline.startswith("Missing: bias and dead zone; with them the held-out VAF rises from")
     (ceiling,) = [
         fact for fact in page.one("dl", class_="facts").all("div") if "noise ceiling" in fact.text
     ]
     assert ceiling.text.endswith("on held-out rows, judged after the last step")
-    assert "the one at the top is of held-out rows" in section(page, "comparison").text
+    assert "so is the ceiling at the top" in section(page, "comparison").text
     channels, by_run = section(page, "data").all("table")
     assert [row[:4] for row in channels.rows] == [
         ["e", "input", "e", "deg"],
@@ -318,7 +329,8 @@ def test_nothing_missing_is_said(runs: tuple[pd.DataFrame, pd.Series]) -> None:
     X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=12)
     made = report(OperatorRegressor(), X, y, effects=["bias", "dead_zone"])
     page = parse(made.html)
-    assert page.one("p", class_="headline").text == "Nothing is missing that these data could show."
+    headline = page.one("p", class_="headline").text
+    assert headline.startswith("Nothing is missing that these data could show: held-out VAF 9")
     assert len(section(page, "steps").one("div", class_="stairs").all("a")) == 1
     assert made.final_comparison is None
 
@@ -330,8 +342,8 @@ def test_what_no_effect_tried_explains_is_said() -> None:
     made = report(OperatorRegressor(), X, y, effects=["drift"])  # not what is missing
     page = parse(made.html)
     assert made.search.best_effects_[-1] == "unknown"
-    headline = "Something is missing that the only effect tried does not explain."
-    assert page.one("p", class_="headline").text == headline
+    headline = "Something is missing that the only effect tried does not explain: held-out VAF"
+    assert page.one("p", class_="headline").text.startswith(headline)
     assert "not in the catalogue" not in made.html
     advice = section(page, "next").text
     assert 'effects="all"' in advice
@@ -471,4 +483,4 @@ def test_lost_control_is_left_out_and_said():
     page = report(OperatorRegressor(0.28), X, y, effects="bias")
     assert page.comparison.vaf > 90
     assert "lost control" in [finding.name for finding in page.comparison.findings]
-    assert "is left out of fit and judgement, because control was lost" in page.html
+    assert "is left out of fits and scores, because control was lost" in page.html

@@ -19,7 +19,7 @@ from skhoid import (
 )
 from skhoid.diagnosis import run_signals
 from skhoid.diagnosis.ceiling import noise_ceiling
-from skhoid.effects import Bias, DeadZone, Effects, catalogue
+from skhoid.effects import Bias, DeadZone, Effects, catalogue, title_of
 from skhoid.greybox.estimates import parameter_text
 from skhoid.greybox.model import Model, without
 from skhoid.search import effect_search
@@ -84,7 +84,7 @@ def test_nothing_is_missing(clean):
     assert list(clean.predictions_.columns) == ["measured", "baseline"]
     assert clean.explainable_gap_ < 1.0
     assert clean.best_estimator_.effects is None
-    assert "nothing is missing" in clean.summary()
+    assert clean.summary().startswith("Nothing is missing that these data could show: held-out")
 
 
 @pytest.mark.slow
@@ -153,9 +153,9 @@ def test_what_explains_too_little_is_a_stand_in():
     search = searched(data, ["bias", "gain_drift", "extra_lag"])
     assert (search.best_effects_, search.stand_ins_) == (["unknown"], ["extra_lag"])
     assert search.best_estimator_.effects_.names == ["extra_lag"]
-    assert "No name for it, though part of it follows: extra_lag." in search.summary()
+    assert "Part of it looks like extra lag, but too little for a name." in search.summary()
     story = Story(clone(search), *data)
-    assert "  No name for it, though part of it follows: extra_lag" in list(story.tell())
+    assert "  Part of it looks like extra lag, but too little for a name" in list(story.tell())
     assert story.as_dict()["stand_ins"] == ["extra_lag"]
 
 
@@ -402,18 +402,35 @@ def test_on_a_compensatory_display_the_target_is_equivalent():
 def test_the_summary_tells_the_steps(found, two):
     text = found.summary()
     path = found.error_path_
-    assert text.startswith(f"Baseline: VAF {path['vaf'].iloc[0]:.1f} %")
-    assert "Step 1: add dead_zone (width = 0.29" in text
+    before, after = path["vaf"]
+    told = f"Missing: dead zone; with it the held-out VAF rises from {before:.1f} to {after:.1f} %"
+    assert text.startswith(told)
+    assert f"Baseline: VAF {before:.1f} %" in text
+    assert "Step 1, with dead zone: VAF" in text
+    assert " (dead_zone: width = 0.29" in text
+    assert repr(text) == text  # a notebook shows it line by line
     assert f"VAF {path['vaf'].iloc[0]:.1f} -> {path['vaf'].iloc[1]:.1f} %" in text
-    assert DeadZone.physics in text
-    assert "Verdict: effects found" in text
-    assert "Step 2: add" in two.summary()
+    assert DeadZone.physics.rstrip(".") in text
+    one, other = map(title_of, two.error_path_["effect"][1:])
+    assert f"Step 2, with {one} and {other}: VAF" in two.summary()
 
 
 def test_the_summary_says_the_final_parameters(two):
     estimates = two.best_estimator_.parameters_
     for name in ("dead_zone", "bias"):
-        assert f"add {name} ({parameter_text(estimates, name)})" in two.summary()
+        assert f"({name}: {parameter_text(estimates, name)})" in two.summary()
+
+
+def test_the_short_ranking_is_of_texts(two):
+    table = two.ranking_table(n=2)
+    assert list(table) == ["effect", "gain", "ΔBIC", "p", "outcome", "parameters"]
+    assert table.index.names == ["step", "rank"]
+    assert table.groupby("step").size().max() == 2
+    assert (table["outcome"] == "added").sum() == 2
+    assert not table["effect"].str.contains("_").any()
+    assert len(two.ranking_table(n=3, step=1)) == 3
+    with pytest.raises(ValueError, match="There is no step 9; the steps are 1, 2"):
+        two.ranking_table(step=9)
 
 
 def test_experiments_name_what_cannot_be_told_apart(found):
@@ -421,8 +438,8 @@ def test_experiments_name_what_cannot_be_told_apart(found):
     pairs = [(row["effect"], o) for _, row in added.iterrows() for o in row["confused_with"]]
     assert len(found.experiments_) == len(pairs)
     for (one, other), sentence in zip(pairs, found.experiments_, strict=True):
-        assert one in sentence
-        assert other in sentence
+        assert title_of(one) in sentence
+        assert title_of(other) in sentence
 
 
 def test_units_of_the_output_are_kept(found):

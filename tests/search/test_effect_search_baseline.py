@@ -69,5 +69,5 @@ def test_a_ranking_without_rows_has_its_columns(model):
     assert search.best_effects_ == []
     assert len(search.ranking_) == 0
     assert list(search.ranking_) == [one.name for one in fields(Ranked)]
-    assert "nothing is missing" in search.summary()
-    assert "nothing is missing" in search._repr_html_()
+    assert "Nothing is missing" in search.summary()
+    assert "Nothing is missing" in search._repr_html_()

@@ -14,7 +14,7 @@ def test_nobody_says_what_a_display_showed_unless_told(effect):
     assert EffectSearchCV(OperatorRegressor()).display is None
     unknown = sentence_of(effect, None)
     assert "cannot have seen" not in unknown
-    assert "if the display shows the error alone (say display=)" in unknown
+    assert "if the display shows the error alone (set display=)" in unknown
     assert "cannot have seen" in sentence_of(effect, "compensatory")
     assert sentence_of(effect, "preview") == effect.physics
     assert sentence_of(effect, None, "machine") == effect.physics_in("machine")
@@ -35,6 +35,6 @@ def test_what_was_not_tried_is_said():
         ranking = pd.DataFrame(rows, columns=list(row))
         assert unexplained_by(verdict, ranking, 4) == "no effect was there to explain"
     motion, tremor = untried_notes([MotionFeedback(), Tremor()], ranking)
-    assert motion == "motion_feedback was not tried: no role"
+    assert motion == "motion feedback was not tried: no role"
     assert tremor.startswith("tremor was not tried in the model: it is noise")
     assert untried_notes([MotionFeedback()], ranking.assign(status="not better")) == []

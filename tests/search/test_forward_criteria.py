@@ -12,7 +12,7 @@ from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.effects import Dimension, Effect, Parameter
 from skhoid.search import candidates
 from skhoid.search.candidates import (
-    LEAST_EVIDENCE,
+    LEAST_DELTA_BIC,
     LEAST_GAIN,
     Candidate,
     SearchStep,
@@ -107,7 +107,7 @@ def test_nothing_and_all_are_bounds_like_other_values(value):
 
 
 def passing(name="higher_order", **options):
-    options = {"evidence": 100.0, "gain": 2.0, "vaf": 85.0, "n_parameters": 2, **options}
+    options = {"delta_bic": 100.0, "gain": 2.0, "vaf": 85.0, "n_parameters": 2, **options}
     return candidate(name, **options)
 
 
@@ -115,7 +115,7 @@ def passing(name="higher_order", **options):
     ("changes", "passes"),
     [
         ({}, True),
-        ({"evidence": LEAST_EVIDENCE}, False),
+        ({"delta_bic": LEAST_DELTA_BIC}, False),
         ({"gain": LEAST_GAIN}, True),
         ({"gain": LEAST_GAIN - 1e-9}, False),
         ({"gain": 0.01, "least_gain": 0.005}, True),
@@ -125,9 +125,9 @@ def passing(name="higher_order", **options):
         ({"in_loop": InLoop(90.0, 50.0, -0.1)}, False),
         ({"in_loop": InLoop(90.0, 5.0, 1.0)}, False),
         ({"joint": 10.0}, True),  # the loop has not been asked
-        ({"joint": 10.0, "evidence": 0.0}, False),
-        ({"joint": 50.0, "evidence": 0.0}, True),
-        ({"joint": 50.0, "evidence": 0.0, "gain": 0.1}, False),
+        ({"joint": 10.0, "delta_bic": 0.0}, False),
+        ({"joint": 50.0, "delta_bic": 0.0}, True),
+        ({"joint": 50.0, "delta_bic": 0.0, "gain": 0.1}, False),
         ({"joint": 10.0, "in_loop": InLoop()}, False),
         ({"joint": 15.0, "in_loop": InLoop()}, False),  # linear or not
         ({"joint": 15.0, "in_loop": InLoop(bends=True, beside="nothing")}, True),
@@ -149,23 +149,23 @@ def passing(name="higher_order", **options):
         ({"joint": 10.0, "in_loop": InLoop(90.0, 50.0, 1.0, True)}, False),
         ({"joint": 50.0, "in_loop": InLoop(bends=True)}, True),
         ({"joint": 50.0, "in_loop": InLoop(bends=False)}, False),  # beside what jumps or sticks
-        ({"joint": 60.0, "evidence": 60.0, "in_loop": InLoop(bends=False)}, True),
+        ({"joint": 60.0, "delta_bic": 60.0, "in_loop": InLoop(bends=False)}, True),
         ({"joint": 45.0, "in_loop": InLoop(bends=True, beside="bent")}, False),
         ({"joint": 60.0, "in_loop": InLoop(bends=True, beside="bent")}, True),
-        ({"joint": 60.0, "evidence": -60.0, "in_loop": InLoop(bends=False)}, False),
-        ({"joint": 30.0, "evidence": -60.0, "in_loop": InLoop()}, False),
+        ({"joint": 60.0, "delta_bic": -60.0, "in_loop": InLoop(bends=False)}, False),
+        ({"joint": 30.0, "delta_bic": -60.0, "in_loop": InLoop()}, False),
         ({"joint": np.nan, "in_loop": InLoop()}, True),
         ({"joint": np.nan, "in_loop": InLoop(bends=True)}, False),
         ({"joint": np.nan, "gain": 6.0, "in_loop": InLoop(bends=True)}, True),
         (
-            {"joint": 450.0, "gain": 19.0, "evidence": -900.0, "in_loop": InLoop(90.0, 3.0, 0.0)},
+            {"joint": 450.0, "gain": 19.0, "delta_bic": -900.0, "in_loop": InLoop(90.0, 3.0, 0.0)},
             False,
         ),
         ({"joint": np.nan, "in_loop": InLoop(bends=False)}, False),
         ({"joint": np.nan, "gain": 6.0, "in_loop": InLoop(bends=False)}, True),
         ({"joint": 50.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
         ({"joint": 10.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
-        ({"trace": "levels", "evidence": -10.0, "gain": -0.1}, True),
+        ({"trace": "levels", "delta_bic": -10.0, "gain": -0.1}, True),
         ({"trace": "levels", "gain": -0.3}, False),
         ({"trace": "levels", "refused": "it loses"}, False),
     ],
@@ -215,8 +215,10 @@ def step_of(candidates, loop=None, refit=None):
 
 def test_rank_asks_the_loop_until_one_passes(no_leaks):
     loop = Judge({"a", "b"})
-    found = [passing(n, model=n, evidence=e) for n, e in zip("abcd", (90, 80, 70, 60), strict=True)]
-    found[3].evidence = 10.0  # far behind: not asked
+    found = [
+        passing(n, model=n, delta_bic=e) for n, e in zip("abcd", (90, 80, 70, 60), strict=True)
+    ]
+    found[3].delta_bic = 10.0  # far behind: not asked
     step = step_of(found[::-1], loop=loop)
     step.rank()
     assert loop.asked == ["a", "b", "c"]
@@ -231,9 +233,11 @@ def test_of_linear_effects_the_loop_says_which(no_leaks):
 
     class Loop(Judge):
         def judged(self, model):
-            return replace(super().judged(model), evidence={"a": 60.0, "b": 90.0, "c": 75.0}[model])
+            return replace(
+                super().judged(model), delta_bic={"a": 60.0, "b": 90.0, "c": 75.0}[model]
+            )
 
-    found = [passing(n, model=n, evidence=e) for n, e in zip("abc", (90, 80, 70), strict=True)]
+    found = [passing(n, model=n, delta_bic=e) for n, e in zip("abc", (90, 80, 70), strict=True)]
     step = step_of(found, loop=Loop({"c"}))
     step.rank()
     assert [c.name for c in step.candidates] == ["b", "a", "c"]
@@ -243,9 +247,9 @@ def test_what_bends_is_not_put_in_order_by_the_loop(no_leaks):
     class Bent(Judge):
         def judged(self, model):
             found = super().judged(model)
-            return replace(found, evidence={"a": 5.0, "b": 90.0}[model], bends=True)
+            return replace(found, delta_bic={"a": 5.0, "b": 90.0}[model], bends=True)
 
-    found = [passing(n, model=n, evidence=e) for n, e in zip("ab", (90, 80), strict=True)]
+    found = [passing(n, model=n, delta_bic=e) for n, e in zip("ab", (90, 80), strict=True)]
     for one in found:
         one.joint = 60.0
     step = step_of(found, loop=Bent(set()))
@@ -254,11 +258,11 @@ def test_what_bends_is_not_put_in_order_by_the_loop(no_leaks):
 
 
 def test_of_the_alternatives_of_an_effect_the_likeliest_is_kept():
-    at_error = passing("dead_zone", evidence=300.0)
-    at_output = passing("dead_zone", evidence=280.0)
+    at_error = passing("dead_zone", delta_bic=300.0)
+    at_output = passing("dead_zone", delta_bic=280.0)
     at_error.joint, at_output.joint = 40.0, 90.0
-    lost = passing("dead_zone", evidence=900.0, refused="width at the bound")
-    other = passing("bias", evidence=30.0)
+    lost = passing("dead_zone", delta_bic=900.0, refused="width at the bound")
+    other = passing("bias", delta_bic=30.0)
     assert likeliest_alternatives([lost, at_error, other, at_output]) == [at_output, other]
     at_output.gain = 0.0
     assert likeliest_alternatives([lost, at_error, at_output]) == [at_error]
@@ -284,7 +288,7 @@ def test_rank_of_nothing():
 def test_a_step_that_loses_when_refitted_is_not_taken(no_leaks):
     vafs = {"parent": 80.0, "a": 79.5, "b": 81.0}
     step = step_of(
-        [passing("a", model="a", evidence=200.0), passing("b", model="b")], refit=vafs.get
+        [passing("a", model="a", delta_bic=200.0), passing("b", model="b")], refit=vafs.get
     )
     step.rank()
     assert step.best.name == "b"
@@ -387,7 +391,7 @@ def test_a_model_that_rebuilds_the_output_from_x_is_refused():
     ).fit(X, y)
     row = found.ranking_.iloc[0]
     assert row["vaf_gain"] > LEAST_GAIN
-    assert row["delta_bic"] > LEAST_EVIDENCE
+    assert row["delta_bic"] > LEAST_DELTA_BIC
     assert "of_the_answer" not in found.best_effects_
     assert row["status"] == "not better"
     assert "rebuilds the output from the element's response" in row["reason"]
@@ -404,8 +408,12 @@ def test_plainest_first_where_hardly_anything_is_left():
     plainest_first([])
 
 
-def test_confused_are_those_of_the_same_evidence_that_pass():
-    found = [passing("a", evidence=100.0), passing("b", evidence=95.0), passing("c", evidence=60.0)]
-    found.append(passing("d", evidence=99.0, refused="a bound"))
+def test_confused_are_those_of_about_the_same_delta_bic():
+    found = [
+        passing("a", delta_bic=100.0),
+        passing("b", delta_bic=95.0),
+        passing("c", delta_bic=60.0),
+    ]
+    found.append(passing("d", delta_bic=99.0, refused="a bound"))
     mark_confused(found)
     assert [c.confused_with for c in found] == [["b"], ["a"], [], []]

@@ -13,7 +13,7 @@ from skhoid.greybox.extend import extended
 from skhoid.greybox.model import Model
 from skhoid.greybox.simulator import Simulator
 from skhoid.search.forward import ordered, output_error_fit
-from skhoid.search.in_loop import LEAST_EVIDENCE, LEAST_RATE, InLoop, LoopJudge
+from skhoid.search.in_loop import LEAST_DELTA_BIC, LEAST_RATE, InLoop, LoopJudge
 
 RIVALS = ["feedforward", "preview", "output_feedback"]
 SHORT = {"n_runs": 3, "duration": 30.0}
@@ -44,8 +44,8 @@ def test_nothing_is_named_of_a_person_who_answers_the_error():
     assert row["effect"] in TARGET  # which follows the measured error better
     assert row["vaf_gain"] > 0.5
     assert row["status"] == "not better"
-    assert row["evidence_joint"] < LEAST_EVIDENCE
-    assert row["reason"].startswith("with a noise model that is estimated along its evidence is -")
+    assert row["delta_bic_joint"] < LEAST_DELTA_BIC
+    assert row["reason"].startswith("estimated together with a noise model, it has ΔBIC -")
 
 
 @pytest.mark.slow
@@ -54,7 +54,7 @@ def test_feedforward_is_named_where_it_is():
     assert named(found) == ["feedforward"]
     row = found.ranking_.iloc[0]
     assert row["status"] == "added"
-    assert row["evidence_loop"] > LEAST_EVIDENCE
+    assert row["delta_bic_loop"] > LEAST_DELTA_BIC
     assert row["gain_loop"] > 0
     assert found.error_path_["vaf_loop"].is_monotonic_increasing
 
@@ -178,14 +178,14 @@ def test_true_effect_pays_in_the_loop(parts):
     search, baseline, model = parts
     judged = search.loop.around(baseline).judged(model)
     assert not judged.refutes
-    assert judged.evidence > LEAST_EVIDENCE
+    assert judged.delta_bic > LEAST_DELTA_BIC
     assert judged.gain > 1.0
     assert 0 < judged.vaf < 100
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 4])
-def test_error_of_a_sensor_is_no_evidence(seed):
+def test_error_of_a_sensor_has_no_delta_bic(seed):
     """At the full rate it exceeds the remnant, and what lets less of it pass seems better."""
     X, y, _ = pursued("1/s^2", seed, **SHORT)
     step = 12 * X["x"].std() / 2**10
@@ -195,9 +195,9 @@ def test_error_of_a_sensor_is_no_evidence(seed):
     (effect,) = search.effects
     model = extended(baseline, "higher_order", effect, search.criterion, search.coarse)
     beside = search.loop.around(baseline)
-    assert beside.judged(model).evidence < 0
+    assert beside.judged(model).delta_bic < 0
     fitted = search.loop.fitted(beside.loop, model.effects, [model.theta])
-    assert beside.evidence(fitted, np.inf) > LEAST_EVIDENCE
+    assert beside.delta_bic(fitted, np.inf) > LEAST_DELTA_BIC
 
 
 @pytest.mark.slow
@@ -208,7 +208,7 @@ def test_judgement_repeats(parts):
 
 
 @pytest.mark.slow
-def test_effect_that_adds_nothing_has_no_evidence(parts):
+def test_effect_that_adds_nothing_has_no_delta_bic(parts):
     search, _, model = parts
     more = extended(model, "dead_zone", search.effects[1], search.criterion, search.coarse)
     judged = search.loop.around(model).judged(more)
@@ -221,24 +221,24 @@ def test_what_jumps_is_not_asked(parts):
     assert not effect.smooth
     model = extended(baseline, "stiction", effect, search.criterion, search.coarse)
     judged = search.loop.around(baseline).judged(model)
-    assert np.isnan([judged.vaf, judged.evidence, judged.gain]).all()
+    assert np.isnan([judged.vaf, judged.delta_bic, judged.gain]).all()
     assert not judged.refutes
 
 
 @pytest.mark.parametrize(
-    ("evidence", "gain", "refutes"),
+    ("delta_bic", "gain", "refutes"),
     [
         (100.0, 1.0, False),
-        (LEAST_EVIDENCE, 0.1, True),
-        (LEAST_EVIDENCE, 1.0, False),
+        (LEAST_DELTA_BIC, 0.1, True),
+        (LEAST_DELTA_BIC, 1.0, False),
         (100.0, 0.0, True),
         (100.0, 0.05, True),
         (-5.0, -1.0, True),
         (np.nan, np.nan, False),
     ],
 )
-def test_what_refutes(evidence, gain, refutes):
-    assert InLoop(90.0, evidence, gain).refutes == refutes
+def test_what_refutes(delta_bic, gain, refutes):
+    assert InLoop(90.0, delta_bic, gain).refutes == refutes
 
 
 def test_error_of_the_loop_is_nothing_without_remnant():

@@ -1,41 +1,41 @@
-"""Evidence with a noise model that is estimated along: nothing where the remnant comes back."""
+"""ΔBIC with a noise model that is estimated along: nothing where the remnant comes back."""
 
 import numpy as np
 import pytest
 from support.person_in_loop import pursued
 from support.searching import search_of
 
-from skhoid.search.candidates import LEAST_EVIDENCE
+from skhoid.search.candidates import LEAST_DELTA_BIC
 from skhoid.search.joint import JointParent
 
 SHORT = {"n_runs": 3, "duration": 30.0}
 
 
-def evidence(text, seed, **options):
+def delta_bic(text, seed, **options):
     """Of feedforward, from the free run of the measured error and unbiased."""
     X, y, _ = pursued(text, seed, **SHORT, **options)
     search, baseline = search_of(X, y, ["feedforward"], text)
     (candidate,) = search.step(baseline).candidates
-    return candidate.evidence, JointParent(baseline).evidence(candidate.model)
+    return candidate.delta_bic, JointParent(baseline).delta_bic(candidate.model)
 
 
 @pytest.mark.slow
-def test_remnant_that_comes_back_is_no_evidence():
-    free, joint = evidence("1/s", 1)
-    assert free > LEAST_EVIDENCE
-    assert joint < LEAST_EVIDENCE
+def test_remnant_that_comes_back_has_no_delta_bic():
+    free, joint = delta_bic("1/s", 1)
+    assert free > LEAST_DELTA_BIC
+    assert joint < LEAST_DELTA_BIC
 
 
 @pytest.mark.parametrize("text", ["1/s", pytest.param("1/(s(s+1))", marks=pytest.mark.slow)])
 def test_a_response_to_the_target_is(text):
-    _, joint = evidence(text, 2, feedforward=0.5, early=-0.1, remnant=0.2)
-    assert joint > LEAST_EVIDENCE
+    _, joint = delta_bic(text, 2, feedforward=0.5, early=-0.1, remnant=0.2)
+    assert joint > LEAST_DELTA_BIC
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
-def test_evidence_over_seeds(text):
-    false = [evidence(text, seed)[1] for seed in range(60, 66)]
-    true = [evidence(text, s, feedforward=0.5, early=-0.1)[1] for s in range(66, 72)]
+def test_delta_bic_over_seeds(text):
+    false = [delta_bic(text, seed)[1] for seed in range(60, 66)]
+    true = [delta_bic(text, s, feedforward=0.5, early=-0.1)[1] for s in range(66, 72)]
     assert max(false) < 0.0
     assert np.median(true) > max(false)

@@ -78,7 +78,7 @@ def test_a_candidate_is_refused_for_what_leaks_beside_its_parent(record, of_pare
     assert leak_of(more).leaks
     assert bool(leak_of(parent).leaks) == (of_parent > 0)
     effect = SimpleNamespace(name="saturation", neutral={})
-    candidate = Candidate("saturation", effect, evidence=90.0, gain=2.0)
+    candidate = Candidate("saturation", effect, delta_bic=90.0, gain=2.0)
     candidate.model, candidate.in_loop = more, InLoop()
     vafs = {id(parent): 80.0, id(more): 81.0}
     step = SearchStep(

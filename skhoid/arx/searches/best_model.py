@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..._sklearn import FittedDisplay
 from ...pipelines import final_step, reach_model, taken_apart
 from ...preprocessing.base import keep_parameters
-from ...summaries import TextTable, wrapped
+from ...summaries import Summary, TextTable, vaf_name, wrapped
 from .folds import SplitsRuns
 
 
@@ -28,7 +28,12 @@ class BestModel(
     """A search whose predictions are those of its best estimator."""
 
     estimator: Any
+    scoring: Any
     best_estimator_: Any
+
+    def _vaf_name(self) -> str:
+        """What the cross-validated VAF is called."""
+        return vaf_name(centered=bool(getattr(self.scoring, "centered", False)))
 
     def predict(self, X: Any) -> np.ndarray:
         """Simulate the output with the best model (free run).
@@ -89,7 +94,7 @@ class BestModel(
         check_is_fitted(self, "best_estimator_")
         return self.best_estimator_.score(X, y)
 
-    def summary(self, X: Any = None, y: Any = None) -> str:
+    def summary(self, X: Any = None, y: Any = None) -> Summary:
         """Say what was searched and found, and the summary of the best model.
 
         Parameters
@@ -101,18 +106,18 @@ class BestModel(
 
         Returns
         -------
-        text : str
-            Lines of at most 88 columns.
+        text : Summary
+            A string, of lines of at most 88 columns, that notebooks show line by line.
         """
         check_is_fitted(self, "best_estimator_")
         found, candidates = self._found()
         steps, model = taken_apart(self.best_estimator_)
         lines = [*wrapped(found), "", candidates.caption, *candidates.lines(), ""]
         if steps:
-            lines += [*wrapped(f"The best model comes after {', '.join(map(repr, steps))}."), ""]
+            lines += [*wrapped(f"The best model follows {', '.join(map(repr, steps))}."), ""]
         if X is not None:
             model, X = reach_model(self.best_estimator_, X)
-        return "\n".join([*lines, model.summary(X, y)])
+        return Summary("\n".join([*lines, model.summary(X, y)]))
 
     def _found(self) -> tuple[str, TextTable]:
         """What was searched and found in a sentence, and the best candidates."""

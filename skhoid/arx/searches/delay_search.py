@@ -222,7 +222,9 @@ class DelaySearchCV(BestModel):
             least = max(self.loss_[self.best_index_], 1e-300)
             cells = [[f"{x:.5g}", f"{100 * (x / least - 1):.2f} %"] for x in self.loss_]
         else:
-            found += f"cross-validated VAF of the free run, {self.best_score_:.1f} %."
+            found += (
+                f"cross-validated {self._vaf_name()} of the free run, {self.best_score_:.1f} %."
+            )
             vaf = results["mean_test_score"]
             shown, caption = highest(vaf, standard_error_over_folds(results, self.best_index_))
             header += ["VAF (%)"]

@@ -99,7 +99,8 @@ class OrderSearchCV(BestModel):
     -----
     Candidates of one decimation factor are compared on the same rows. For :class:`ARXRegressor`
     with ``method="ols"`` all come from one QR factorisation of each run: time grows with the rows,
-    however many runs and folds there are.
+    however many runs and folds there are. For progress, call
+    ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
 
     References
     ----------
@@ -248,7 +249,7 @@ class OrderSearchCV(BestModel):
             by = "by the highest VAF"
             if rule == "one_standard_error":
                 by = "as the smallest within one standard error of the highest VAF"
-            by += f". Its cross-validated VAF is {self.best_score_:.1f} %"
+            by += f". Its cross-validated {self._vaf_name()} is {self.best_score_:.1f} %"
         else:
             shown, caption = lowest(results[criterion]), f"Lowest {criterion.upper()}"
             by = f"by the lowest {criterion.upper()}"

@@ -21,6 +21,7 @@ from skhoid import (
     DelayShift,
     OrderSearchCV,
     RankDeficiencyError,
+    RecursiveARXCV,
     RunCutWarning,
     RunInTrimmer,
     ShortRunError,
@@ -464,8 +465,9 @@ def test_whole_runs_are_not_warned_of(data):
         DelaySearchCV(SlowARX(), nk=[2, 3]),
         DelaySearchCV(nk=[2, 3], criterion="vaf"),
         OrderSearchCV(na=[1, 2], nb=[2], nk=[3], factor=[1, 2]),
+        RecursiveARXCV([64, 256], nk=3, n_jobs=2),
     ],
-    ids=["one_step", "generic", "vaf", "order"],
+    ids=["one_step", "generic", "vaf", "order", "recursive"],
 )
 def test_progress_bars(data, search, capsys):
     X, y = data

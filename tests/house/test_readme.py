@@ -1,0 +1,62 @@
+"""What README.md promises: it is short, its pictures are there, its table is that of the docs."""
+
+import re
+import xml.etree.ElementTree as ET
+
+import pytest
+from support.places import ROOT
+
+README = ROOT / "README.md"
+SVG = "{http://www.w3.org/2000/svg}"
+
+pytestmark = pytest.mark.skipif(not README.exists(), reason="no README beside the tests")
+
+
+def text():
+    return README.read_text(encoding="utf-8")
+
+
+def prose():
+    """All words outside code: those of links, tables and the descriptions of pictures too."""
+    shown = re.sub(r"```.*?```|<!--.*?-->", " ", text(), flags=re.S)
+    shown = re.sub(r'<img [^>]*alt="([^"]*)"[^>]*>', r" \1 ", shown)
+    shown = re.sub(r"\[([^\]]*)\]\([^)]*\)", r" \1 ", re.sub(r"<[^>]*>", " ", shown))
+    return [word for word in shown.split() if re.search(r"\w", word)]
+
+
+def marks(page):
+    """The cells of each row of a page's tables of what tools can do, by row and column."""
+    found = {}
+    for table in re.findall(r"^\| \| skhoid .*\n(?:\|.*\n)+", page, re.M):
+        head, _, *rows = ([c.strip() for c in r.split("|")[1:-1]] for r in table.splitlines())
+        found |= {row[0]: dict(zip(head[1:], row[1:], strict=True)) for row in rows}
+    return found
+
+
+def test_it_is_short():
+    assert 200 < len(prose()) <= 500
+
+
+def test_each_of_the_two_commands_is_one_line():
+    blocks = re.findall(r"<!-- command: (\w+) -->\n```sh\n(.*?)```", text(), re.S)
+    assert [name for name, _ in blocks] == ["run", "test"]
+    assert all(block.count("\n") == 1 for _, block in blocks)
+
+
+def test_its_table_says_what_the_docs_measured():
+    shown = marks(text())
+    measured = marks((ROOT / "docs" / "other-tools.md").read_text(encoding="utf-8"))
+    assert len(shown) > 5
+    for row, cells in shown.items():
+        assert cells == {tool: measured[row][tool] for tool in cells}, row
+
+
+def test_the_moving_picture_is_of_the_demo_and_can_stand_still():
+    (path,) = re.findall(r"\]\((\S+demo\.svg)\)", text())
+    file = ROOT / path
+    assert file.stat().st_size < 1_500_000
+    root = ET.parse(file).getroot()
+    words = root.find(f"{SVG}desc").text
+    assert words.startswith("$ skhoid demo")
+    assert "Verdict: effects found: bias and dead zone" in words
+    assert "prefers-reduced-motion:reduce" in root.find(f"{SVG}style").text

@@ -1,0 +1,74 @@
+"""Progress of a search for effects, by scikit-learn's callbacks."""
+
+import pickle
+
+import pytest
+from sklearn.callback import ProgressBar
+
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import Bias
+from skhoid.search.progress import Progress
+
+
+class Counts:
+    """A callback that counts the subtasks of each task."""
+
+    def __init__(self):
+        self.begun, self.ended = {}, {}
+
+    def setup(self, estimator, context):
+        pass
+
+    def teardown(self, estimator, context):
+        pass
+
+    def on_fit_task_begin(self, estimator, context):
+        self.begun[context.task_name] = self.begun.get(context.task_name, 0) + 1
+
+    def on_fit_task_end(self, estimator, context):
+        self.ended[context.task_name] = self.ended.get(context.task_name, 0) + 1
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return make_tracking_runs(
+        n_runs=2,
+        duration=40.96,
+        remnant_intensity=0.05,
+        sampling_rate=50,
+        effects=Bias(level=0.1),
+        random_state=0,
+    )
+
+
+@pytest.mark.parametrize("n_jobs", [None, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("delay", [None, pytest.param(0.28, marks=pytest.mark.slow)])
+def test_each_candidate_is_told_twice(runs, n_jobs, delay):
+    counts = Counts()
+    search = EffectSearchCV(
+        OperatorRegressor(delay=delay), effects=["bias", "drift", "wrong_delay"], n_jobs=n_jobs
+    )
+    search.set_callbacks(counts)
+    search.fit(*runs)
+    assert counts.begun == counts.ended
+    n_steps = search.ranking_["step"].nunique()
+    assert counts.begun["effects tried"] >= n_steps
+    tried = (search.ranking_["status"] != "does not apply").sum()
+    assert counts.begun[""] >= 2 * tried
+    assert (counts.begun[""] == 2 * tried) == (delay is None)
+
+
+def test_a_bar_is_drawn_where_it_is_asked_for(runs, capsys):
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"])
+    search.fit(*runs)
+    assert capsys.readouterr() == ("", "")
+    search.set_callbacks(ProgressBar()).fit(*runs)
+    assert "EffectSearchCV - effects tried" in capsys.readouterr().out
+
+
+def test_in_other_processes_nothing_is_told():
+    told = Progress(object(), object())
+    copy = pickle.loads(pickle.dumps(told))
+    with copy.step(3) as done:
+        done(5)
+    assert vars(copy) == vars(Progress())
