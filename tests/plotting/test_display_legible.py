@@ -15,6 +15,10 @@ from skhoid.plotting import ROLES
 
 DARK = mpl.style.library["dark_background"]
 WORDS = {role.word: role for role in ROLES.values()}
+QUICK = ("BodeDisplay", "ErrorPathDisplay", "SimulationDisplay", "StudyPathDisplay")
+SLOW_BUT_FOR_SOME = [
+    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in DISPLAYS
+]
 made = cache(example)
 
 
@@ -32,8 +36,8 @@ def drawn(name, settings, **keywords):
     return display, faults
 
 
-@pytest.mark.parametrize("style", [pytest.param("screen", marks=pytest.mark.slow), "column"])
-@pytest.mark.parametrize("name", DISPLAYS)
+@pytest.mark.parametrize("style", ["screen", "column"])
+@pytest.mark.parametrize("name", SLOW_BUT_FOR_SOME)
 def test_no_text_overlaps_or_is_cut_off(name, style):
     _, faults = drawn(name, STYLES[style])
     assert faults == []
