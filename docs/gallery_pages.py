@@ -13,7 +13,24 @@ from sphinx_gallery.sorting import NumberOfCodeLinesSortKey
 
 FIRST = ("plot_hidden_effect.py", "plot_real_effects.py", "plot_report.py", "plot_free_run.py")
 # The picture, and its panel, that stands for an example; the first ones unless said here.
-PANELS: dict[str, tuple[int, int]] = {}
+PANELS = {
+    "plot_hidden_effect": (4, 0),
+    "plot_real_effects": (3, 0),
+    "plot_free_run": (1, 3),
+    "plot_compare": (2, 0),
+    "plot_real_recordings": (2, 0),
+    "plot_noise_ceiling": (2, 0),
+    "plot_operator_parameters": (1, 1),
+    "plot_forgetting": (2, 0),
+    "plot_streaming": (1, 1),
+    "plot_track_a_change": (3, 1),
+    "plot_real_recording": (4, 0),
+    "plot_remnant": (2, 0),
+    "plot_remnant_bias": (3, 0),
+    "plot_dynamics": (1, 1),
+    "plot_arx_frequency_response": (2, 0),
+    "plot_recommend": (2, 0),
+}
 THUMBNAIL = 3.2, 2.24  # inches, at which its words can be read on a card
 
 
@@ -75,19 +92,25 @@ def _panel_file(image: Path) -> Path:
 def _save_panel(figure: Any, number: int, file: Path) -> None:
     """One panel of a picture, alone and drawn small, so that its words are large."""
     shown = figure.axes[number]
-    place = shown.get_subplotspec()
+    for artist in [child for axes in figure.axes for child in axes.get_children()]:
+        if getattr(artist, "colorbar", None):
+            artist.colorbar.remove()
+    place, whole = shown.get_subplotspec(), GridSpec(1, 1, figure=figure)[0]
     for axes in figure.axes:
-        if axes is shown or (place is not None and axes.get_subplotspec() == place):
-            axes.set_subplotspec(GridSpec(1, 1, figure=figure)[0])
-            for side in ("left", "center", "right"):
-                axes.set_title("", loc=side)
-            axes.tick_params(labelbottom=True)
-            if axes.get_legend():
-                axes.get_legend().remove()
-        else:
+        if not (axes is shown or (place is not None and axes.get_subplotspec() == place)):
             axes.set(visible=False, in_layout=False)  # removed, it would be missed by shared axes
-    for artist in (*figure.legends, *figure.texts):
-        artist.set(visible=False, in_layout=False)
+    for axes in figure.axes:
+        axes.set_subplotspec(whole)
+        for side in ("left", "center", "right"):
+            axes.set_title("", loc=side)
+        axes.tick_params(labelbottom=True)
+        for label in (axes.xaxis.label, axes.yaxis.label):
+            label.set_size("small")
+        if axes.get_legend():
+            axes.get_legend().remove()
+    for artist in [*figure.legends, *figure.texts]:  # room is kept for legends that are hidden
+        artist.remove()
+    figure.suptitle("")
     figure.set_size_inches(*THUMBNAIL)
     figure.set_layout_engine("constrained")
     file.parent.mkdir(parents=True, exist_ok=True)

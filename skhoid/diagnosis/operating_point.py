@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -26,7 +26,8 @@ def by_operating_point(
 
     Remnant goes round the loop into e, x and u, and would sort itself into bins: with runs that
     share the target the straight line that it makes is taken out, otherwise the mean residual is
-    described, not tested, except over the target.
+    described, not tested, except over the target. ``attrs["units"]`` holds the units of the
+    channels, as far as the runs have any.
     """
     quantities = _quantities(signals)
     tables, tests = [], []
@@ -39,7 +40,19 @@ def by_operating_point(
     if not tables:
         columns = ["channel", "lag", "low", "high", "center", "count", "mean", "sd", "band", "sign"]
         return pd.DataFrame(columns=[*columns, "exceeds", "valid"]), tests
-    return pd.concat(tables, ignore_index=True), tests
+    table = pd.concat(tables, ignore_index=True)
+    table.attrs["units"] = _units(signals, quantities)
+    return table, tests
+
+
+def _units(signals: Signals, names: Iterable[str]) -> dict[str, str]:
+    """Units by the name of a channel or of its rate."""
+    found = {}
+    for name in names:
+        unit = signals.units.get(name.removesuffix(" rate"))
+        if unit:
+            found[name] = f"{unit}/s" if name.endswith(" rate") else unit
+    return found
 
 
 def _quantities(signals: Signals) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -279,11 +279,20 @@ def sorted_signals(
         channels=channels,
         groups=groups.found,
         output=read.output,
-        units=read.units,
+        units=_units_by_role(read),
         notes=notes + groups.notes,
         decided=groups.decided,
         judged=judged,
     )
+
+
+def _units_by_role(read: RunsRead) -> dict[str, str]:
+    """Units by the names of columns, and by those of the roles that they are given."""
+    given = read.roles or {}
+    return {
+        **read.units,
+        **{role: read.units[str(c)] for c, role in given.items() if str(c) in read.units},
+    }
 
 
 def _settling_rows(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .whole import written_whole
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["save_figure"]
 
 DPI = 120
-EMBEDDED = {"pdf.fonttype": 42, "ps.fonttype": 42}  # TrueType: journals refuse type 3
+EMBEDDED: Any = {"pdf.fonttype": 42, "ps.fonttype": 42}  # TrueType: journals refuse type 3
 
 
 def save_figure(
@@ -27,8 +27,7 @@ def save_figure(
     import matplotlib.pyplot as plt
 
     path = Path(path)
-    with written_whole(path) as aside:
-        with mpl.rc_context(EMBEDDED):
-            figure.savefig(aside, dpi=DPI, metadata=metadata)
+    with written_whole(path) as aside, mpl.rc_context(EMBEDDED):
+        figure.savefig(aside, dpi=DPI, metadata=metadata)
     plt.close(figure)
     return path

@@ -39,7 +39,12 @@ def with_unit(quantity: str, unit: str | None) -> str:
 
 def letters(figure: Any, size: float | None = None) -> int:
     """Letters of a ``size`` in points (None: that of the style) in a line across the figure."""
-    return int(72.0 * figure.get_figwidth() / (LETTER * (size or mpl.rcParams["font.size"])))
+    return letters_across(figure.get_figwidth(), size)
+
+
+def letters_across(width: float, size: float | None = None) -> int:
+    """Letters of a ``size`` in points (None: that of the style) in so many inches."""
+    return int(72.0 * width / (LETTER * (size or mpl.rcParams["font.size"])))
 
 
 def letters_above(panel: Axes) -> int:
@@ -49,7 +54,7 @@ def letters_above(panel: Axes) -> int:
 
 
 def wrapped(text: str, width: int) -> str:
-    return "\n".join(textwrap.wrap(text, max(width, 1)))
+    return "\n".join(textwrap.wrap(text, max(width, 1), break_on_hyphens=False))
 
 
 def legend_columns(labels: Iterable[str], width: int, most: int | None = None) -> int:

@@ -10,14 +10,12 @@ from typing import Any
 
 from sklearn.exceptions import NotFittedError
 
-from ._roles import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from ..search.explanations import with_effects
+from ._roles import greyed
 
 BASELINE = "baseline"
 UNKNOWN = "unknown"
-BEFORE = VERMILION
-AFTER = BLUE
-BETWEEN = (GREEN, PURPLE, ORANGE, SKY)
-LONG = 12  # letters in one line below an axis
+PALEST = 0.35  # share of the colour, of the baseline; the rest is grey
 
 
 def attributes_of(search: Any, names: Iterable[str], display: str) -> dict[str, Any]:
@@ -41,22 +39,15 @@ def unit_of(predictions: Any) -> str | None:
     return predictions.attrs.get("units", {}).get("measured")
 
 
-def step_colours(n_steps: int) -> list[str]:
-    """Colours of the baseline, of what lies between, and of the last step."""
+def step_colours(n_steps: int, colour: str) -> list[str]:
+    """Shades of a colour, the greyest of the baseline: the last step has the colour itself."""
     if n_steps == 1:
-        return [AFTER]
-    return [BEFORE, *(BETWEEN[i % len(BETWEEN)] for i in range(n_steps - 2)), AFTER]
+        return [colour]
+    shares = [PALEST + (1.0 - PALEST) * i / (n_steps - 1) for i in range(n_steps)]
+    return [greyed(colour, share) for share in shares]
 
 
 def step_labels(effects: Iterable[str]) -> list[str]:
-    """Names of the steps: the baseline, and what each adds."""
-    return [name if name == BASELINE else f"+ {name}" for name in effects]
-
-
-def broken(label: str) -> str:
-    """A long id in two lines, broken at the underscore nearest to its middle."""
-    if len(label) <= LONG or "_" not in label:
-        return label
-    places = [i for i, letter in enumerate(label) if letter == "_"]
-    middle = min(places, key=lambda i: abs(i - len(label) / 2))
-    return f"{label[: middle + 1]}\n{label[middle + 1 :]}"
+    """Names of the models: the baseline, and with all effects that each step has by then."""
+    added = [name for name in effects if name != BASELINE]
+    return [with_effects(added[:n]) for n in range(len(added) + 1)]

@@ -11,8 +11,9 @@ from types import MappingProxyType
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.cbook import normalize_kwargs
-from matplotlib.colors import is_color_like, to_hex, to_rgba
+from matplotlib.colors import is_color_like, to_hex, to_rgb, to_rgba
 from matplotlib.lines import Line2D
 
 # Okabe and Ito's colours, which people with any colour vision tell apart, on white and on black.
@@ -108,9 +109,37 @@ def dimmed(share: float = 0.65) -> str:
     return to_hex((red, green, blue))
 
 
+def readable_on(colour: Any) -> str:
+    """Black or white, whichever text in a patch of this colour is read by more easily."""
+    linear = [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in to_rgb(colour)]
+    luminance = float(np.dot([0.2126, 0.7152, 0.0722], linear))  # as WCAG 2 defines it
+    return "black" if luminance > 0.179 else "white"
+
+
+def greyed(colour: Any, share: float) -> str:
+    """A colour with grey in it, so that it is seen on any background: 1 is the colour itself."""
+    return _mixed(colour, GREY, share)
+
+
+def faded(colour: Any, share: float) -> str:
+    """A colour with the background of the style sheet in it: 1 is the colour itself."""
+    return _mixed(colour, background(), share)
+
+
+def _mixed(one: Any, other: Any, share: float) -> str:
+    mixed: Any = share * np.array(to_rgb(one)) + (1 - share) * np.array(to_rgb(other))
+    return to_hex(mixed)
+
+
 def series_colour(position: int) -> str:
     """The colour of a series that is not a role: its place in :data:`PALETTE`, again and again."""
     return PALETTE[position % len(PALETTE)]
+
+
+def remnant_colour(order: object) -> str:
+    """The colour of a remnant filter: of orders 1 to 4 and "nm", in each picture the same."""
+    known = ("1", "2", "3", "4", "nm")
+    return PALETTE[known.index(str(order))] if str(order) in known else GREY
 
 
 def scaled(width: float) -> float:

@@ -6,28 +6,38 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 
 from ..preprocessing.base import as_fitted
 from ..runs import RunLayout, read_layout, run_name
-from ._axes import with_unit, wrapped
+from ._axes import letters_above, with_unit, wrapped
 from ._comparison import percent, say_instead
 from ._display import Display
-from ._effects import BASELINE, UNKNOWN, attributes_of, step_colours, unit_of
+from ._effects import (
+    BASELINE,
+    UNKNOWN,
+    attributes_of,
+    step_colours,
+    step_labels,
+    unit_of,
+)
 from ._roles import ROLES, foreground, scaled
 
 TAKEN = ("predictions_", "error_path_", "verdict_")
 SHOWN = 15.0  # s
+LEAST_HEIGHT = 4.4  # inches, of a font of 10 points
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class EffectStepsDisplay(Display):
     """The measured output against held-out simulations before and after effects are added.
 
-    Above the output, below the residuals. Simulations come from models that have not seen the run.
-    By default the baseline and the last step in the 15 s of all runs in which the effects help
-    most. The VAF in the legend is that of all held-out runs, not of the window.
+    Above the output, below the residuals, both greyer and dashed before the effects. Simulations
+    come from models that have not seen the run. By default the baseline and the last step in the
+    15 s of all runs in which the effects help most. The VAF in the legend is that of all held-out
+    runs, not of the window.
 
     Make it with :meth:`from_estimator`.
 
@@ -97,6 +107,7 @@ class EffectStepsDisplay(Display):
         steps: Sequence[int] | None = None,
         *,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the steps of a search.
 
@@ -114,6 +125,8 @@ class EffectStepsDisplay(Display):
             baseline and the last.
         ax : sequence of two Axes or None, default=None
             Where to draw, see :meth:`plot`. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -124,7 +137,7 @@ class EffectStepsDisplay(Display):
         model = getattr(search, "best_estimator_", None)
         settling = getattr(as_fitted(model), "settling", 0.0)
         display = cls(unit=unit_of(taken["predictions"]), settling=settling, **taken)
-        return display.plot(ax, run=run, window=window, steps=steps)
+        return display.plot(ax, run=run, window=window, steps=steps, **styles)
 
     def plot(
         self,
@@ -133,6 +146,9 @@ class EffectStepsDisplay(Display):
         run: Any = None,
         window: tuple[float, float] | None = None,
         steps: Sequence[int] | None = None,
+        measured_kw: dict[str, Any] | None = None,
+        simulated_kw: dict[str, Any] | None = None,
+        residual_kw: dict[str, Any] | None = None,
     ) -> Self:
         """Draw.
 
@@ -146,6 +162,12 @@ class EffectStepsDisplay(Display):
             As of :meth:`from_estimator`.
         steps : sequence of int or None, default=None
             As of :meth:`from_estimator`.
+        measured_kw : dict or None, default=None
+            Keywords of matplotlib for the measured output.
+        simulated_kw : dict or None, default=None
+            Keywords of matplotlib for the simulated outputs.
+        residual_kw : dict or None, default=None
+            Keywords of matplotlib for the residuals.
 
         Returns
         -------
@@ -161,9 +183,12 @@ class EffectStepsDisplay(Display):
             "output and residual",
             (2, 1),
             sharex=True,
-            figsize=(8.0, 4.8),
+            figsize=(7.2, 4.8),
             height_ratios=[1.6, 1.0],
         )
+        if self._own:  # of a narrow one, the legend takes three rows
+            letter = mpl.rcParams["font.size"] / 10.0
+            self.figure_.set_figheight(max(self.figure_.get_figheight(), LEAST_HEIGHT * letter))
         self.lines_: dict[str, Any] = {}
         self.residuals_: dict[str, Any] = {}
         names = [name for name in self.predictions if name != "measured"]
@@ -182,8 +207,15 @@ class EffectStepsDisplay(Display):
         inside = (layout.time >= self.window_[0]) & (layout.time <= self.window_[1])
         rows = np.flatnonzero(inside[begin:end]) + begin
         self._draw(layout, rows, shown)
+        self._restyle(
+            {"measured": measured_kw, "simulated": simulated_kw, "residual": residual_kw},
+            measured=self.lines_["measured"],
+            simulated=[line for name, line in self.lines_.items() if name != "measured"],
+            residual=self.residuals_,
+        )
         top, bottom = self.axes_
-        top.set_title(self._title_text(shown, chosen), fontsize="medium")
+        title = wrapped(self._title_text(shown, chosen), letters_above(top))
+        top.set_title(title, fontsize="medium")
         top.set_ylabel(with_unit("output", self.unit))
         bottom.set_ylabel(with_unit("residual", self.unit))
         bottom.set_xlabel(f"time in run {self.run_}, s")
@@ -205,18 +237,32 @@ class EffectStepsDisplay(Display):
             lw=scaled(1.2),
             label="measured",
         )
-        for name, colour in zip(shown, step_colours(len(shown)), strict=True):
+        residual = ROLES["residual"]
+        looks = zip(
+            shown,
+            step_colours(len(shown), ROLES["simulated"].colour),
+            step_colours(len(shown), residual.colour),
+            strict=True,
+        )
+        labels = self._labels()
+        for i, (name, blue, purple) in enumerate(looks):
+            dashes = "--" if i < len(shown) - 1 else "-"
             simulated = table[name].to_numpy(dtype=float)
             known = f", VAF {percent(vaf[name])}" if np.isfinite(vaf.get(name, np.nan)) else ""
             (self.lines_[name],) = top.plot(
                 time,
                 np.insert(simulated, gaps, np.nan),
-                color=colour,
+                color=blue,
+                ls=dashes,
                 lw=scaled(1.4),
-                label=f"{name}{known}",
+                label=f"{ROLES['simulated'].word}, {labels.get(name, name)}{known}",
             )
             (self.residuals_[name],) = bottom.plot(
-                time, np.insert(measured - simulated, gaps, np.nan), color=colour, lw=scaled(1.1)
+                time,
+                np.insert(measured - simulated, gaps, np.nan),
+                color=purple,
+                ls=dashes,
+                lw=scaled(1.1),
             )
         bottom.axhline(0.0, color=foreground(), lw=scaled(0.8), ls=":")
         for panel in self.axes_:
@@ -229,12 +275,18 @@ class EffectStepsDisplay(Display):
         names = [name for name in self.predictions if name != "measured"]
         return dict(zip(names, path["vaf"].astype(float), strict=False))
 
+    def _labels(self) -> dict[str, str]:
+        """What the model of each column of the predictions is called."""
+        added = self.error_path.loc[self.error_path["effect"] != UNKNOWN, "effect"]
+        names = [name for name in self.predictions if name != "measured"]
+        return dict(zip(names, step_labels(added), strict=False))
+
     def _title_text(self, shown: list[str], chosen: bool) -> str:
-        span = f"Run {self.run_}, {self.window_[0]:.4g} to {self.window_[1]:.4g} s"
-        if shown == [BASELINE]:
-            more = ", where the baseline is worst" if chosen else ""
-            return wrapped(f"{span}{more}: {self.verdict}", 80)
-        return f"{span}, where the effects help most" if chosen else span
+        # No line ends within the span.
+        span = f"run\xa0{self.run_}, {self.window_[0]:.4g}\xa0to\xa0{self.window_[1]:.4g}\xa0s"
+        what = "the baseline is worst" if shown == [BASELINE] else "the effects help most"
+        text = f"Where {what}: {span}" if chosen else f"{span[:1].upper()}{span[1:]}"
+        return f"{text} ({self.verdict})" if shown == [BASELINE] else text
 
 
 def _shown(names: list[str], steps: Sequence[int] | None) -> list[str]:

@@ -9,31 +9,35 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ._axes import legend_above, with_unit, wrapped
+from ..effects.registry import titles_of
+from ._axes import letters_above, with_unit, wrapped
 from ._comparison import percent, say_instead
 from ._display import Display
-from ._effects import UNKNOWN, attributes_of, broken, step_labels, unit_of
-from ._roles import BLUE, GREEN, GREY, PURPLE, VERMILION, background, foreground, scaled, sized
+from ._effects import UNKNOWN, attributes_of, step_labels, unit_of
+from ._roles import ROLES, foreground, scaled
 
 TAKEN = ("error_path_", "best_effects_", "verdict_", "predictions_")
 LOWEST = -20.0  # percent; lower steps are cut and written
 WIDTH = 1.25  # inches for each step
-BESIDE = 0.9  # of a step, for the text beside the last
 SMALL_GAP = 0.05  # points, below which nothing is left
 LEAST_SPAN = 10.0  # points of VAF, so that a small gap looks small
 BESIDE_EACH_OTHER = 0.25  # of a step, by which two values on it are off its middle
-ROOM = 0.24  # of the height, for the text about the gap
+ABOVE, BELOW = 0.22, 0.18  # of the span of VAF, for the ceiling's text and for values
+ROOM = 0.09  # of the span of VAF, that a line of text takes
+OF_SMALL = 1.2  # letters of the small size to one of the medium size
+IN_LOOP = "in the closed loop"
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class ErrorPathDisplay(Display):
-    """Held-out VAF and RMSE as a staircase: one step for each effect that is added.
+    """Held-out VAF as a staircase: one step for each effect that is added.
 
-    Above the VAF, below the RMSE of runs that were held out of the fit. The dashed line is the
-    ceiling: what any model driven by these channels can reach. The bar beside the last step
-    is what is left to explain. Grey marks are the VAF on the rows of the fit. The dotted staircase
-    is the VAF of the same runs in the closed loop, in which the model's own output moves x and e:
-    what follows the remnant round the loop does not rise there.
+    Each step is named by all effects that its model has, and carries its VAF on runs that were held
+    out of the fit. The dotted line is the noise ceiling: what any model driven by these channels
+    can reach. The bar on the last step, in the colour of misfit, is what is left to explain. The
+    thin dotted staircase is the VAF of the same runs in the closed loop, in which the model's own
+    output moves x and e: what follows the remnant round the loop does not rise there. A second
+    panel has the RMSE, where it is asked for.
 
     Make it with :meth:`from_estimator`.
 
@@ -41,7 +45,7 @@ class ErrorPathDisplay(Display):
     ----------
     error_path : DataFrame
         ``error_path_`` of the search: one row a step, with the columns effect, vaf, rmse,
-        vaf_train, ceiling and explainable_gap, and vaf_loop where the closed loop is known.
+        ceiling and explainable_gap, and vaf_loop where the closed loop is known.
     best_effects : list of str
         ``best_effects_`` of the search.
     verdict : str
@@ -51,16 +55,17 @@ class ErrorPathDisplay(Display):
 
     Attributes
     ----------
-    axes_ : ndarray of Axes, shape (2,)
-        VAF and RMSE.
+    axes_ : ndarray of Axes, shape (1,) or (2,)
+        VAF, and RMSE.
     figure_ : Figure
         The figure that holds them.
     stairs_ : dict of StepPatch
-        The staircases, ``"vaf"`` and ``"rmse"``, and ``"vaf_loop"`` where it is known.
+        The staircases, ``"vaf"``, ``"vaf_loop"`` where it is known, and ``"rmse"`` where it is
+        drawn.
     ceilings_ : dict of StepPatch
-        The ceiling in both panels; empty where it is not known.
-    train_ : Line2D or None
-        VAF on the rows of the fit.
+        The ceiling in each panel; empty where it is not known.
+    ceiling_text_ : Text or None
+        What is written at it.
     gap_ : Line2D or None
         The bar, where something is left.
     labels_ : dict of list of Text
@@ -79,7 +84,6 @@ class ErrorPathDisplay(Display):
     ...         "effect": ["baseline", "dead_zone"],
     ...         "vaf": [76.1, 86.8],
     ...         "rmse": [0.31, 0.23],
-    ...         "vaf_train": [76.6, 87.0],
     ...         "ceiling": [87.0, 87.0],
     ...         "explainable_gap": [10.9, 0.2],
     ...     }
@@ -97,30 +101,54 @@ class ErrorPathDisplay(Display):
     unit: str | None = None
 
     @classmethod
-    def from_estimator(cls, search: Any, *, ax: Any = None) -> Self:
+    def from_estimator(
+        cls,
+        search: Any,
+        *,
+        rmse: bool = False,
+        ax: Any = None,
+        **styles: Any,
+    ) -> Self:
         """Draw the path of a search.
 
         Parameters
         ----------
         search : fitted EffectSearchCV
             The search.
-        ax : sequence of two Axes or None, default=None
+        rmse : bool, default=False
+            Draw the RMSE too, see :meth:`plot`.
+        ax : Axes, sequence of two Axes or None, default=None
             Where to draw, see :meth:`plot`. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
         display : ErrorPathDisplay
         """
         taken = attributes_of(search, TAKEN, cls.__name__)
-        return cls(unit=unit_of(taken.pop("predictions")), **taken).plot(ax)
+        return cls(unit=unit_of(taken.pop("predictions")), **taken).plot(ax, rmse=rmse, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        rmse: bool = False,
+        line_kw: dict[str, Any] | None = None,
+        ceiling_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
-        ax : sequence of two Axes or None, default=None
-            Where to draw VAF and RMSE. None makes a figure.
+        ax : Axes, sequence of two Axes or None, default=None
+            Where to draw the VAF, and the RMSE. None makes a figure.
+        rmse : bool, default=False
+            Draw the RMSE too, in a figure made here; of given Axes, the second has it.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the staircases.
+        ceiling_kw : dict or None, default=None
+            Keywords of matplotlib for the ceiling.
 
         Returns
         -------
@@ -128,96 +156,115 @@ class ErrorPathDisplay(Display):
         """
         # Structure that no effect explains is no step: nothing was added.
         path = self.error_path[self.error_path["effect"] != UNKNOWN]
-        size = max(6.4, 1.4 + WIDTH * (len(path) + BESIDE)), 5.2
-        self.axes_ = self._take_axes(ax, "VAF and RMSE", (2, 1), sharex=True, figsize=size)
+        self.axes_ = self._take_axes(
+            ax,
+            "VAF and, if wanted, RMSE",
+            (1 + rmse, 1),
+            allowed=(1, 2),
+            sharex=True,
+            figsize=(max(6.4, 0.9 + WIDTH * len(path)), 5.6 if rmse else 3.8),
+        )
         self.stairs_: dict[str, Any] = {}
         self.ceilings_: dict[str, Any] = {}
+        self.ceiling_text_: Any = None
         self.labels_: dict[str, list[Any]] = {}
-        self.train_: Any = None
         self.gap_: Any = None
-        self.axes_[0].set_title(wrapped(self._title_text(), 72), fontsize="medium")
+        top = self.axes_[0]
+        title = wrapped(self._title_text(path), letters_above(top))
+        top.set_title(title, fontsize="medium")
         if not np.isfinite(path["vaf"].to_numpy(dtype=float)).any():
-            for panel, what in zip(self.axes_, ("VAF", "RMSE"), strict=True):
+            for panel, what in zip(self.axes_, ("VAF", "RMSE"), strict=False):
                 say_instead(panel, f"Held-out {what}: not available.")
             return self
-        vaf, ceiling = path["vaf"].to_numpy(dtype=float), path["ceiling"].to_numpy(dtype=float)
-        rmse = path["rmse"].to_numpy(dtype=float)
-        top, bottom = self.axes_
-        self._draw_train(top, path["vaf_train"].to_numpy(dtype=float))
-        in_loop = path.get("vaf_loop", pd.Series(np.nan, path.index)).to_numpy(dtype=float)
-        self._draw_stairs(top, "vaf", vaf, ceiling, [percent(v) for v in vaf])
-        if np.isfinite(in_loop).any():
-            self._draw_in_loop(top, in_loop)
-        # The power of the output, which VAF is relative to, is that of the RMSE at a VAF of 0.
-        floor = rmse * np.sqrt(np.clip(100.0 - ceiling, 0.0, None) / (100.0 - vaf))
-        self._draw_stairs(bottom, "rmse", rmse, floor, [f"{v:#.3g}" for v in rmse])
-        self._limit(np.r_[vaf, in_loop])
-        gap = path["explainable_gap"].to_numpy(dtype=float)[-1]
-        self._draw_gap(top, len(path), vaf[-1], ceiling[-1], gap)
-        top.set_ylabel("held-out VAF, %")
-        bottom.set_ylabel(with_unit("held-out RMSE", self.unit))
-        labels = [broken(label) for label in step_labels(path["effect"])]
+        self._draw_vaf(top, path)
+        if len(self.axes_) == 2:
+            self._draw_rmse(self.axes_[1], path)
+        self._restyle(
+            {"line": line_kw, "ceiling": ceiling_kw}, line=self.stairs_, ceiling=self.ceilings_
+        )
+        each = max(int(OF_SMALL * letters_above(top) / len(path)) - 2, 6)
+        labels = [wrapped(label, each) for label in step_labels(path["effect"])]
         for panel in self.axes_:
-            panel.set_xlim(-0.5, len(path) - 0.5 + BESIDE)
-            panel.set_xticks(range(len(path)), labels)
-            panel.grid(alpha=0.3, axis="y")
-            panel.set_axisbelow(True)
-        several = "vaf_loop" in self.stairs_  # of which a legend takes two rows
-        legend_above(top, columns=2 if several else 3)
-        top.set_title(top.get_title(), fontsize="medium", pad=38 if several else 24)
+            panel.set_xlim(-0.5, len(path) - 0.5)
+            panel.set_xticks(range(len(path)), labels, fontsize="small")
+            panel.tick_params(axis="x", length=0, labelbottom=panel is self.axes_[-1])
         return self
 
-    def _title_text(self) -> str:
-        found = [name for name in self.best_effects if name != UNKNOWN]
-        added = [name for name in self.error_path["effect"][1:] if name != UNKNOWN]
-        if not found:
-            verdict = self.verdict[:1].upper() + self.verdict[1:]
-            # Effects may be added without being named: none explains enough.
-            return f"{verdict}; stand-ins: {', '.join(added)}" if added else verdict
-        text = f"Found: {', '.join(found)}"
-        return f"{text}; {self.verdict}" if len(found) < len(self.best_effects) else text
+    def _draw_vaf(self, panel: Axes, path: pd.DataFrame) -> None:
+        vaf, ceiling = (path[name].to_numpy(dtype=float) for name in ("vaf", "ceiling"))
+        in_loop = path.get("vaf_loop", pd.Series(np.nan, path.index)).to_numpy(dtype=float)
+        known = np.r_[vaf, in_loop, ceiling]
+        high = np.nanmax(known)
+        low = min(max(np.nanmin(known), LOWEST), high - LEAST_SPAN)
+        span = high - low
+        self._draw_stairs(panel, "vaf", vaf, ceiling, [percent(v) for v in vaf])
+        if np.isfinite(in_loop).any():
+            self._draw_in_loop(panel, in_loop)
+            self._part(vaf, in_loop, ceiling, ROOM * span)
+        low -= 0.0 if np.nanmin(known) < LOWEST else BELOW * span
+        panel.set_ylim(low, high + ABOVE * span)
+        panel.set_ylabel("held-out VAF, %")
+        self._say_what_is_left(panel, path)
 
-    def _ceiling(self) -> str:
-        # Remnant that passes a nonlinearity lowers the ceiling seen by a model without it.
-        path = self.error_path
-        passed = (path["vaf"] > path["ceiling"] + SMALL_GAP).any()
-        return "ceiling (a lower bound)" if passed else "ceiling"
+    def _draw_rmse(self, panel: Axes, path: pd.DataFrame) -> None:
+        vaf, ceiling, rmse = (path[n].to_numpy(dtype=float) for n in ("vaf", "ceiling", "rmse"))
+        # The power of the output, which VAF is relative to, is that of the RMSE at a VAF of 0.
+        floor = rmse * np.sqrt(np.clip(100.0 - ceiling, 0.0, None) / (100.0 - vaf))
+        self._draw_stairs(panel, "rmse", rmse, floor, [f"{v:#.3g}" for v in rmse])
+        panel.set_ylim(0.0, 1.14 * panel.get_ylim()[1])
+        panel.set_ylabel(with_unit("held-out RMSE", self.unit))
+
+    def _title_text(self, path: pd.DataFrame) -> str:
+        found = [name for name in self.best_effects if name != UNKNOWN]
+        added = list(path["effect"][1:])
+        verdict = self.verdict[:1].upper() + self.verdict[1:]
+        vaf = path["vaf"].to_numpy(dtype=float)
+        rise = f"held-out VAF from {vaf[0]:.1f}\xa0to\xa0{vaf[-1]:.1f}\xa0%"
+        if not found:
+            # Effects may be added without being named: none explains enough.
+            return f"{verdict}; stand-ins: {titles_of(added)}" if added else verdict
+        names = titles_of(found)
+        text = f"{names[:1].upper()}{names[1:]}: {rise}" if np.isfinite(vaf).all() else names
+        return f"{text}; {self.verdict}" if len(found) < len(self.best_effects) else text
 
     def _draw_stairs(
         self, panel: Axes, name: str, values: np.ndarray, ceiling: np.ndarray, labels: list[str]
     ) -> None:
         edges = np.arange(len(values) + 1) - 0.5
-        colour = BLUE if name == "vaf" else PURPLE
+        colour = ROLES["simulated" if name == "vaf" else "residual"].colour
         self.stairs_[name] = panel.stairs(
-            values, edges, baseline=None, color=colour, lw=scaled(2.4), label="held-out runs"
+            values, edges, baseline=None, color=colour, lw=scaled(2.6), zorder=3
         )
         if np.isfinite(ceiling).any():
+            role = ROLES["ceiling"]
             self.ceilings_[name] = panel.stairs(
-                ceiling,
-                edges,
-                baseline=None,
-                color=foreground(),
-                lw=scaled(1.2),
-                ls="--",
-                label=self._ceiling(),
+                ceiling, edges, baseline=None, color=role.colour, lw=scaled(2.2), ls=role.line
             )
-        self._label(panel, name, values, labels, colour)
+        self._label(panel, name, values, labels)
 
     def _draw_in_loop(self, panel: Axes, values: np.ndarray) -> None:
         edges = np.arange(len(values) + 1) - 0.5
         self.stairs_["vaf_loop"] = panel.stairs(
-            values,
-            edges,
-            baseline=None,
-            color=GREEN,
-            lw=scaled(1.8),
-            ls=":",
-            label="in the closed loop",
+            values, edges, baseline=None, color=foreground(), lw=scaled(1.0), ls=":"
         )
         labels = [percent(v) if np.isfinite(v) else "" for v in values]
-        self._label(panel, "vaf_loop", values, labels, GREEN, BESIDE_EACH_OTHER)
-        for label in self.labels_["vaf"]:  # beside these, whichever is higher
-            label.xy = (label.xy[0] - BESIDE_EACH_OTHER, label.xy[1])
+        first = int(np.flatnonzero(np.isfinite(values))[0])
+        labels[first] = f"{IN_LOOP}\n{labels[first]}"
+        self._label(panel, "vaf_loop", values, labels)
+
+    def _part(self, vaf: np.ndarray, in_loop: np.ndarray, ceiling: np.ndarray, room: float) -> None:
+        """Move values of free run and closed loop apart, and away from the ceiling."""
+        texts = zip(self.labels_["vaf"], self.labels_["vaf_loop"], strict=True)
+        for (of_free, of_loop), free, loop, top in zip(texts, vaf, in_loop, ceiling, strict=True):
+            high, of_high = max((free, of_free), (loop, of_loop), key=lambda pair: pair[0])
+            if not np.isfinite(loop) or abs(free - loop) > 2 * room:
+                continue
+            if high >= LOWEST and not high + 2 * room > top:
+                of_high.set_position((0, 4))
+                of_high.set_va("bottom")
+                continue
+            for label, side in ((of_free, -1.0), (of_loop, 1.0)):
+                label.xy = (label.xy[0] + side * BESIDE_EACH_OTHER, label.xy[1])
 
     def _label(
         self,
@@ -225,10 +272,8 @@ class ErrorPathDisplay(Display):
         name: str,
         values: np.ndarray,
         labels: list[str],
-        colour: str,
-        right: float = 0.0,
     ) -> None:
-        """Write the value on each step, ``right`` of its middle."""
+        """Write the value on each step."""
         self.labels_[name] = []
         for i, (value, label) in enumerate(zip(values, labels, strict=True)):
             cut = name != "rmse" and value < LOWEST
@@ -236,69 +281,45 @@ class ErrorPathDisplay(Display):
             self.labels_[name].append(
                 panel.annotate(
                     f"↓ {label}" if cut else label,
-                    (i + right, LOWEST if cut else np.nan_to_num(value)),
+                    (i, LOWEST if cut else np.nan_to_num(value)),
                     xytext=(0, 4 if above else -4),
                     textcoords="offset points",
                     ha="center",
                     va="bottom" if above else "top",
-                    color=colour,
-                    fontsize="small",
+                    fontsize="small" if name == "vaf_loop" else "medium",
                     visible=bool(label),
-                    bbox={"facecolor": background(), "edgecolor": "none", "pad": 0.8},
                 )
             )
 
-    def _draw_train(self, panel: Axes, values: np.ndarray) -> None:
-        if np.isfinite(values).any():
-            (self.train_,) = panel.plot(
-                values,
-                color=GREY,
-                marker="_",
-                ms=sized(14),
-                mew=scaled(1.8),
-                ls="none",
-                label="rows of the fit",
-            )
-
-    def _limit(self, vaf: np.ndarray) -> None:
-        """Room for the values on the steps; a lost baseline does not squeeze all others."""
-        top, bottom = self.axes_
-        low, high = top.get_ylim()
-        low = min(low, high - LEAST_SPAN)
-        low, high = low - 0.16 * (high - low), high + 0.04 * (high - low)
-        top.set_ylim(LOWEST if np.nanmin(vaf) < LOWEST else low, high)
-        bottom.set_ylim(0.0, 1.14 * bottom.get_ylim()[1])
-
-    def _draw_gap(self, panel: Axes, n_steps: int, vaf: float, ceiling: float, gap: float) -> None:
-        """What is left, beside the last step: red where no effect of the catalogue explains it."""
+    def _say_what_is_left(self, panel: Axes, path: pd.DataFrame) -> None:
+        """The ceiling named where it is drawn, and what is left up to it, as a bar and in words."""
+        last = path.iloc[-1]
+        vaf, ceiling, gap = (float(last[n]) for n in ("vaf", "ceiling", "explainable_gap"))
         left = UNKNOWN in self.best_effects
-        colour = VERMILION if left else foreground()
-        edge = n_steps - 0.5
-        at = vaf
         if np.isnan(ceiling):
-            text = "ceiling not\nknown"
-        elif gap < SMALL_GAP:
-            text = "nothing left"
+            text, at = "noise ceiling not known", panel.get_ylim()[1]
         else:
-            text = f"{gap:.1f} points\nleft"
-            at = (max(vaf, LOWEST) + ceiling) / 2
-            (self.gap_,) = panel.plot(
-                [edge + 0.08] * 2,
-                [vaf, ceiling],
-                color=colour,
-                lw=scaled(3.0),
-                solid_capstyle="butt",
-            )
-        if left:
-            text += "\nnot in the\ncatalogue"
-        low, high = panel.get_ylim()
-        height = np.clip((at - low) / (high - low), ROOM, 1.0 - ROOM)
-        panel.text(
-            edge + 0.16,
-            height,
-            text,
-            transform=panel.get_xaxis_transform(),
-            va="center",
-            color=colour,
+            # Remnant that passes a nonlinearity lowers the ceiling seen by a model without it.
+            passed = (path["vaf"] > path["ceiling"] + SMALL_GAP).any()
+            text, at = f"noise ceiling {percent(ceiling)}", max(vaf, ceiling)
+            text += " (a lower bound)" if passed else ""
+            some = gap >= SMALL_GAP
+            text += f": {gap:.1f} points left to explain" if some else ": nothing left to explain"
+            if some:
+                (self.gap_,) = panel.plot(
+                    [len(path) - 0.6] * 2,
+                    [max(vaf, LOWEST), ceiling],
+                    color=ROLES["misfit"].colour,
+                    lw=scaled(5.0),
+                    solid_capstyle="butt",
+                )
+        text += ", not in the catalogue" if left else ""
+        self.ceiling_text_ = panel.annotate(
+            wrapped(text, int(OF_SMALL * 0.9 * letters_above(panel))),
+            (0.0, at),
+            (4, -3 if np.isnan(ceiling) else 3),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            va="top" if np.isnan(ceiling) else "bottom",
             fontsize="small",
         )

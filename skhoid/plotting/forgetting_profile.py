@@ -6,17 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
+import matplotlib as mpl
 import numpy as np
 
-from ._axes import parameter_symbol, seconds_axis
+from ._axes import letters_across, parameter_symbol, seconds_axis
 from ._checks import fitted_end
 from ._display import Display
+from ._layout import figure_size
 from ._roles import GREY, dimmed, foreground, scaled, series_colour, sized
 
 STYLES = ("-", "--", "-.", ":")
 LONGEST = 1e6  # samples; a longer horizon is as good as infinite
 DECADES = np.array([10.0, 1000.0])  # samples, shown where all horizons are infinite
 MOSTLY = 90  # percent of the horizons of a factor that varies are inside the panel
+SIZE = (6.4, 3.4)  # inches
+NARROW = 66  # letters across a figure, below which the panels are below each other
+HEIGHT = 6.0  # inches of a narrow figure, of a font of 10 points
 SHOWN = 4  # memory horizons of the past, by default
 
 
@@ -81,7 +86,13 @@ class ForgettingProfileDisplay(Display):
 
     @classmethod
     def from_factors(
-        cls, forgetting: Any, n_samples: int = 256, *, dt: float | None = None, ax: Any = None
+        cls,
+        forgetting: Any,
+        n_samples: int = 256,
+        *,
+        dt: float | None = None,
+        ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw forgetting factors.
 
@@ -96,6 +107,8 @@ class ForgettingProfileDisplay(Display):
             Sampling time in s, for an axis in seconds.
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -127,11 +140,17 @@ class ForgettingProfileDisplay(Display):
             weights={label: _weights(path, n_samples) for label, path in paths.items()},
             forgetting={label: np.atleast_1d(path) for label, path in paths.items()},
             dt=dt,
-        ).plot(ax)
+        ).plot(ax, **styles)
 
     @classmethod
     def from_estimator(
-        cls, model: Any, *, time: float | None = None, n_samples: int | None = None, ax: Any = None
+        cls,
+        model: Any,
+        *,
+        time: float | None = None,
+        n_samples: int | None = None,
+        ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the forgetting of fitted recursive models.
 
@@ -146,6 +165,8 @@ class ForgettingProfileDisplay(Display):
             that is not infinite, and no more than the models have seen; 256 where all are infinite.
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -182,25 +203,44 @@ class ForgettingProfileDisplay(Display):
             n_samples,
             dt=steps.pop() if len(steps) == 1 else None,
             ax=ax,
+            **styles,
         )
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        horizon_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the weights.
+        horizon_kw : dict or None, default=None
+            Keywords of matplotlib for the memory horizons.
 
         Returns
         -------
         self : ForgettingProfileDisplay
         """
+        narrow = letters_across(figure_size(SIZE, 1)[0]) < NARROW
+        shape, ratios = ((2, 1), None) if narrow else ((1, 2), (1.3, 1))
         self.axes_ = self._take_axes(
-            ax, "weights, and memory horizon", (1, 2), figsize=(6.4, 3.4), width_ratios=(1.3, 1)
+            ax, "weights, and memory horizon", shape, figsize=SIZE, width_ratios=ratios
         )
+        if self._own and narrow:
+            letter = mpl.rcParams["font.size"] / 10.0
+            self.figure_.set_figheight(max(self.figure_.get_figheight(), HEIGHT * letter))
         self._draw_weights(self.axes_[0])
         self._draw_horizons(self.axes_[1])
+        self._restyle(
+            {"line": line_kw, "horizon": horizon_kw}, line=self.lines_, horizon=self.horizons_
+        )
         self._legend_of_panels()
         return self
 

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any, Self
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from sklearn.utils.validation import check_is_fitted
 
 from ..effects.record import Record
+from ..effects.registry import title_of
 from ..greybox.estimates import parameter_text
 from ..human import LinearElement
 from ..runs.roles import target_is_sum
-from ._axes import plain_logarithmic, wrapped
+from ._axes import letters, letters_above, letters_across, plain_logarithmic, wrapped
 from ._display import Display
 from ._effect_bench import Bench, EffectCurves
 from ._effect_curves import effect_curves
-from ._roles import GREY, PALETTE, foreground, scaled
+from ._roles import GREY, PALETTE, dimmed, foreground, scaled
+from .operator_parameters import SYMBOLS
 
 WITHOUT = "without the effect"
 BAND = "95 % band"
 BINS = 60
 LEAST_GAIN = 1.5  # up and down on the axis, so that a small effect looks small
-CROWDED = 72  # letters in a line of the title
+LINE = 0.17  # inches of a line of the text below, of a font of 10 points
+CURVE, DENSITY = 2.3, 0.8  # inches that the panels take at least
+SYMBOL = re.compile(r"\b(" + "|".join(SYMBOLS) + r")\b")
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -35,7 +41,8 @@ class IdentifiedEffectDisplay(Display):
     delays are drawn over the time in the run, or over the channel that they follow; a further path
     by the response of the output to a pulse in its channel; a filter of the command by its gain
     over frequency; a spring by the command that holds an output; an offset by its course. Bands
-    are of draws from the covariance of the estimates. Dashed lines are the model without it.
+    are of draws from the covariance of the estimates. Dashed lines are the model without it. Below
+    the figure stands what the effect is, and its parameters with standard errors.
 
     Make it with :meth:`from_estimator`, which draws effects of your own too.
 
@@ -99,6 +106,7 @@ class IdentifiedEffectDisplay(Display):
         n_draws: int = 300,
         random_state: Any = 0,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw an effect of a fitted model.
 
@@ -119,6 +127,8 @@ class IdentifiedEffectDisplay(Display):
             Of these draws.
         ax : Axes, sequence of two Axes or None, default=None
             Where to draw, see :meth:`plot`. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -149,9 +159,16 @@ class IdentifiedEffectDisplay(Display):
             curves=effect_curves(bench, n_draws, random_state),
             physics=effects[name].physics_in(record.domain),
             parameters=parameter_text(model.parameters_, name),
-        ).plot(ax)
+        ).plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        without_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -159,6 +176,12 @@ class IdentifiedEffectDisplay(Display):
         ax : Axes, sequence of two Axes or None, default=None
             Where to draw the curve, and the density. One leaves the density out. None makes a
             figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for their bands.
+        without_kw : dict or None, default=None
+            Keywords of matplotlib for what there would be without the effect.
 
         Returns
         -------
@@ -180,12 +203,47 @@ class IdentifiedEffectDisplay(Display):
         self.bands_: dict[str, Any] = {}
         self.density_: Any = None
         self._draw_curves(self.ax_)
+        self._restyle(
+            {"line": line_kw, "band": band_kw, "without": without_kw},
+            line=self.lines_,
+            band=self.bands_,
+            without=self.without_,
+        )
         if with_density and len(self.axes_) == 2:
             self._draw_density(self.axes_[1])
         self.axes_[-1].set_xlabel(found.xlabel)
-        self.ax_.set_title(self._title_text(), fontsize="medium")
+        title = wrapped(self._title_text(), letters_above(self.ax_))
+        self.ax_.set_title(title, fontsize="medium")
         self._legend_of_panels()
+        if self._own:
+            self._say_below(title)
         return self
+
+    def _title_text(self) -> str:
+        """What the effect is called, with all that is said of it in one line."""
+        title = title_of(self.name)
+        title = title[:1].upper() + title[1:]
+        if not self._own:  # there is no room below
+            return f"{title}: {self.parameters}" if self.parameters else title
+        whole = f"{title}: {self.physics}".rstrip(".")
+        fits = self.physics and len(whole) <= letters_above(self.ax_)
+        return whole if fits else title
+
+    def _say_below(self, title: str) -> None:
+        """Physics, estimates and a note, small, below the figure."""
+        # A parameter stays in one line with its deviation and unit.
+        together = self.parameters.replace(" ", "\xa0").replace(",\xa0", ", ")
+        said = self.physics.rstrip(".") in title
+        lines = ["" if said else self.physics, together, self.curves.note]
+        width = letters(self.figure_)
+        text = "\n".join(wrapped(line, width) for line in lines if line)
+        (legend,) = self.figure_.legends
+        n_lines = text.count("\n") + 1 + 1.4 * len(legend.get_texts()) / legend._ncols
+        least = CURVE + DENSITY * (len(self.axes_) - 1) + LINE * (n_lines + 2)
+        letter = mpl.rcParams["font.size"] / 10.0
+        self.figure_.set_figheight(max(self.figure_.get_figheight(), least * letter))
+        legend.set_title(text, {"size": "small"})
+        legend.get_title().set(color=dimmed(0.75), multialignment="center")
 
     def _draw_curves(self, panel: Axes) -> None:
         found = self.curves
@@ -204,7 +262,7 @@ class IdentifiedEffectDisplay(Display):
                     label=BAND if len(self.bands_) == 0 else None,
                 )
             (self.lines_[label],) = panel.plot(
-                curve.x, curve.y, color=colour, lw=scaled(1.8), label=label
+                curve.x, curve.y, color=colour, lw=scaled(1.8), label=_with_symbols(label)
             )
         if found.kind == "gain":
             panel.set_xscale("log")
@@ -219,7 +277,8 @@ class IdentifiedEffectDisplay(Display):
         else:
             panel.axhline(0.0, color=foreground(), lw=scaled(0.6))
         panel.margins(x=0.0)
-        panel.set_ylabel(found.ylabel)
+        height = panel.get_window_extent().height / panel.figure.dpi
+        panel.set_ylabel(wrapped(found.ylabel, letters_across(height)))
         panel.grid(alpha=0.3)
 
     def _draw_density(self, panel: Axes) -> None:
@@ -232,12 +291,10 @@ class IdentifiedEffectDisplay(Display):
         panel.set_yticks([])
         panel.set_ylabel("density\nin the runs", fontsize="small")
 
-    def _title_text(self) -> str:
-        lines = [f"{self.name}: {self.physics}" if self.physics else self.name]
-        # A parameter stays in one line with its deviation and unit.
-        together = self.parameters.replace(" ", "\xa0").replace(",\xa0", ", ")
-        lines += [line for line in (together, self.curves.note) if line]
-        return "\n".join(wrapped(line, CROWDED) for line in lines)
+
+def _with_symbols(label: str) -> str:
+    """The same with parameters as symbols."""
+    return SYMBOL.sub(lambda found: SYMBOLS[found[0]], label)
 
 
 def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from ._axes import plain_logarithmic
 from ._comparison import ComparisonBaseDisplay, beyond, say_instead
-from ._roles import foreground, sized
+from ._roles import background, foreground, scaled, sized
 
 LEAST = 6.0  # dB; chance alone does not use the whole scale
 MOST = 20.0
@@ -19,10 +19,10 @@ SHOWN = 99.0  # percentile that the scale holds
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class ResidualMapDisplay(ComparisonBaseDisplay):
-    """Power of the residual over time and frequency, relative to the mean noise of the frequency.
+    """Power of the residual over time and frequency, relative to the remnant of the frequency.
 
-    White is that noise, red is more, blue less. Dots mark cells with more than chance gives any
-    cell of the map if the noise does not change in time: a column of red and dots at all
+    White is the mean remnant, red is more, blue less. Dots mark cells with more than chance gives
+    any cell of the map if the remnant does not change in time: a column of red and dots at all
     frequencies is remnant that grows, red and dots at some frequencies are misfit.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
@@ -109,10 +109,13 @@ class ResidualMapDisplay(ComparisonBaseDisplay):
             (self.exceeding_,) = self.ax_.plot(
                 time[cells[:, 0]],
                 omega[cells[:, 1]],
-                color=foreground(),
                 marker="o",
-                ms=sized(2.5),
+                ms=sized(3.0),
                 ls="none",
+                # On cells of any colour, in any style.
+                color=background(),
+                markeredgecolor=foreground(),
+                markeredgewidth=scaled(0.8),
                 label=beyond(self.false_alarm),
             )
         self._restyle(styles, mesh=self.mesh_)
@@ -122,7 +125,7 @@ class ResidualMapDisplay(ComparisonBaseDisplay):
         self.ax_.set_xlabel("time in the run, s")
         self.ax_.set_ylabel("frequency, rad/s")
         self.colorbar_ = self.figure_.colorbar(
-            self.mesh_, ax=self.ax_, label="residual power / mean noise, dB", extend="both"
+            self.mesh_, ax=self.ax_, label="residual / remnant, dB", extend="both"
         )
         return self
 

@@ -23,7 +23,7 @@ from ._roles import GREY, ROLES, background, foreground, scaled, sized
 CHANGE = " change"  # ends the names of the tests that place a change in time
 CHANGE_STYLES = ("--", "-.", (0, (4, 1, 1, 1, 1, 1)))
 CHANCE = {"chance_low", "chance_high"}  # limits of the ratio of all runs, where they are known
-EVEN = "if spread evenly"
+EVEN = "if lost evenly over time"
 MOST_LINES = 50  # single runs that have a line each
 MOST_RUNS = 0.9  # of more of them, in the band in place of lines
 REPEATS = {"explainable", "p_explainable"}  # of all runs, where several share the target
@@ -34,11 +34,11 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
     """The residual over the time in the run, in windows.
 
     Above, the VAF points that each window costs, all runs together: the bars add up to 100 - VAF.
-    What repeats over runs is misfit, and red where it is beyond chance; the rest is remnant, which
+    What repeats over runs is misfit, drawn where it is beyond chance; the rest is remnant, which
     may grow without a fault of the model. Where no runs share the target, windows with more than
-    chance are red. Below, the power of the residual relative to that of the whole run; thin lines
-    are single runs, of more than 50 those that exceed chance most, beside a band that holds 90 % of
-    all. Changes in time that cost something are dashed.
+    chance have the colour of misfit. Below, the power of the residual relative to that of the whole
+    run; thin lines are single runs, of more than 50 those that exceed chance most, beside a band
+    that holds 90 % of all. Changes in time that cost something are dashed.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -194,8 +194,13 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
         )
 
 
-def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> tuple[Any, Any]:
-    """VAF points that each window costs, and the red part of them; None where there is none."""
+def draw_lost_points(
+    panel: Axes, windows: pd.DataFrame, false_alarm: float, *, even: bool = True
+) -> tuple[Any, Any]:
+    """VAF points that each window costs, and the misfit among them; None where there is none.
+
+    ``even`` draws what they would be if the loss were spread evenly over time.
+    """
     share = windows["share"].to_numpy(dtype=float)
     if not np.isfinite(share).any():
         say_instead(panel, "Where in time: not available, no window holds scored rows.")
@@ -209,8 +214,10 @@ def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> 
     }
     raised = failing(windows, false_alarm)
     misfit = None
-    rest = "does not repeat" if raised.any() and knows_repeats(windows) else "lost"
-    bars = panel.bar(start, share, color=ROLES["residual"].colour, label=rest, **look)
+    rest, label = ROLES["residual"], "residual"
+    if raised.any() and knows_repeats(windows):
+        rest, label = ROLES["remnant"], "remnant: does not repeat"
+    bars = panel.bar(start, share, color=rest.colour, label=label, **look)
     if raised.any():
         height = share
         if knows_repeats(windows):  # a part of the bar, though estimates of it may exceed the bar
@@ -222,14 +229,15 @@ def draw_lost_points(panel: Axes, windows: pd.DataFrame, false_alarm: float) -> 
             label=failing_label(windows, false_alarm),
             **look,
         )
-    even = np.nansum(share) * (stop - start) / np.sum((stop - start)[np.isfinite(share)])
-    panel.plot(
-        *_stairs(windows.assign(even=even), "even"),
-        color=foreground(),
-        lw=scaled(0.8),
-        ls=":",
-        label=EVEN,
-    )
+    if even:
+        level = np.nansum(share) * (stop - start) / np.sum((stop - start)[np.isfinite(share)])
+        panel.plot(
+            *_stairs(windows.assign(even=level), "even"),
+            color=foreground(),
+            lw=scaled(0.8),
+            ls=":",
+            label=EVEN,
+        )
     panel.set_ylabel("VAF points lost")
     panel.grid(alpha=0.3, axis="y")
     panel.set_axisbelow(True)
@@ -249,7 +257,9 @@ def failing(windows: pd.DataFrame, false_alarm: float) -> np.ndarray:
 
 
 def failing_label(windows: pd.DataFrame, false_alarm: float) -> str:
-    return "repeats over runs: misfit" if knows_repeats(windows) else beyond(false_alarm)
+    return (
+        "misfit: repeats over runs" if knows_repeats(windows) else f"misfit: {beyond(false_alarm)}"
+    )
 
 
 def worse_than_chance(windows: pd.DataFrame) -> np.ndarray:

@@ -12,12 +12,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.colors import same_color
+from matplotlib.text import Text
 from sklearn.exceptions import NotFittedError
 from support.plot_checks import covers_nothing
 
 from skhoid import EffectSearchCV, OperatorRegressor
+from skhoid.effects import titles_of
 from skhoid.plotting import EffectRankingDisplay, EffectStepsDisplay, ErrorPathDisplay
-from skhoid.plotting._roles import BLUE, VERMILION, dimmed, foreground
+from skhoid.plotting._roles import BLUE, ROLES, dimmed
 
 OF_SEARCH = [ErrorPathDisplay, EffectStepsDisplay, EffectRankingDisplay]
 REFUSED = ("preview", "feedforward")
@@ -127,30 +129,49 @@ def texts_in(panel):
     return [text.get_text() for text in panel.texts]
 
 
+def plain(text):
+    return text.replace("\n", " ").replace("\xa0", " ")
+
+
+def named(display):
+    """Names and forms left of the bars."""
+    return {
+        name: [text.get_text() for text in box.findobj(Text)]
+        for name, box in display.names_.items()
+    }
+
+
 # Staircase
 
 
 def test_staircase_shows_the_path(search):
-    display = ErrorPathDisplay.from_estimator(search)
+    display = ErrorPathDisplay.from_estimator(search, rmse=True)
     path = search.error_path_
     np.testing.assert_array_equal(display.stairs_["vaf"].get_data().values, path["vaf"])
     np.testing.assert_array_equal(display.stairs_["rmse"].get_data().values, path["rmse"])
-    np.testing.assert_array_equal(display.train_.get_ydata(), path["vaf_train"])
-    labels = [t.get_text().replace("\n", "") for t in display.axes_[1].get_xticklabels()]
-    assert labels == ["baseline", *(f"+ {e}" for e in path["effect"][1:])]
+    labels = [t.get_text().replace("\n", " ") for t in display.axes_[1].get_xticklabels()]
+    added = list(path["effect"][1:])
+    assert labels == ["baseline", *(f"with {titles_of(added[: i + 1])}" for i in range(len(added)))]
     values = [label.get_text() for label in display.labels_["vaf"]]
     for value, label in zip(path["vaf"], values, strict=True):
         assert f"{value:.1f} %" in label
     assert display.axes_[1].get_ylabel() == "held-out RMSE, deg"
 
 
+def test_staircase_has_one_panel_unless_the_rmse_is_asked_for():
+    display = ErrorPathDisplay.from_estimator(SEARCHES["one"])
+    assert len(display.axes_) == 1
+    assert "rmse" not in display.stairs_
+    assert display.axes_[0].get_xlim() == (-0.5, 1.5)  # nothing beside the steps
+
+
 def test_staircase_has_the_closed_loop_beside_the_free_run():
     display = ErrorPathDisplay.from_estimator(SEARCHES["in loop"])
     expected = SEARCHES["in loop"].error_path_["vaf_loop"]
     np.testing.assert_array_equal(display.stairs_["vaf_loop"].get_data().values, expected)
-    written = [label.get_text() for label in display.labels_["vaf_loop"]]
-    assert written == [f"{value:.1f} %" for value in expected]
-    assert "in the closed loop" in display.axes_[0].get_legend_handles_labels()[1]
+    first, *others = [label.get_text() for label in display.labels_["vaf_loop"]]
+    assert first == f"in the closed loop\n{expected[0]:.1f} %"
+    assert others == [f"{value:.1f} %" for value in expected[1:]]
     low, high = display.axes_[0].get_ylim()
     assert low < expected.min() < high
 
@@ -166,39 +187,42 @@ def test_staircase_skips_steps_whose_loop_is_not_solved():
 
 
 def test_staircase_has_the_ceiling_in_both_panels():
-    display = ErrorPathDisplay.from_estimator(SEARCHES["one"])
+    display = ErrorPathDisplay.from_estimator(SEARCHES["one"], rmse=True)
     np.testing.assert_array_equal(display.ceilings_["vaf"].get_data().values, [88.0, 88.0])
     # These outputs have a power of one, so that the RMSE at 88 % is the root of 0.12.
     np.testing.assert_allclose(display.ceilings_["rmse"].get_data().values, np.sqrt(0.12))
     bare = ErrorPathDisplay.from_estimator(SEARCHES["no ceiling"])
     assert bare.ceilings_ == {}
     assert bare.gap_ is None
-    assert any("ceiling not" in text for text in texts_in(bare.axes_[0]))
+    assert bare.ceiling_text_.get_text() == "noise ceiling not known"
+
+
+def said_of_the_ceiling(display):
+    return display.ceiling_text_.get_text().replace("\n", " ")
 
 
 def test_staircase_tells_what_is_left():
     display = ErrorPathDisplay.from_estimator(SEARCHES["one"])
     np.testing.assert_allclose(display.gap_.get_ydata(), [86.5, 88.0])
-    assert "1.5 points\nleft" in texts_in(display.axes_[0])
-    assert same_color(display.gap_.get_color(), foreground())
+    assert said_of_the_ceiling(display) == "noise ceiling 88.0 %: 1.5 points left to explain"
+    assert same_color(display.gap_.get_color(), ROLES["misfit"].colour)
     done = a_search(["dead_zone"], [76.0, 88.2])
     display = ErrorPathDisplay.from_estimator(done)
     assert display.gap_ is None
-    assert "nothing left" in texts_in(display.axes_[0])
+    assert "nothing left to explain" in said_of_the_ceiling(display)
 
 
 def test_a_ceiling_that_is_passed_is_a_lower_bound():
-    for vaf, label in ((87.9, "ceiling"), (91.0, "ceiling (a lower bound)")):
+    for vaf, passed in ((87.9, False), (91.0, True)):
         display = ErrorPathDisplay.from_estimator(a_search(["dead_zone"], [76.0, vaf]))
-        assert display.ceilings_["vaf"].get_label() == label
+        assert ("(a lower bound)" in said_of_the_ceiling(display)) is passed
 
 
 def test_staircase_marks_what_no_effect_explains():
     display = ErrorPathDisplay.from_estimator(SEARCHES["unknown"])
-    assert same_color(display.gap_.get_color(), VERMILION)
-    assert any("not in the\ncatalogue" in text for text in texts_in(display.axes_[0]))
-    assert display.axes_[0].get_title() == (
-        "Found: dead_zone; something is missing, not in the catalogue"
+    assert said_of_the_ceiling(display).endswith("left to explain, not in the catalogue")
+    assert plain(display.axes_[0].get_title()) == (
+        "Dead zone: held-out VAF from 60.0 to 70.0 %; something is missing, not in the catalogue"
     )
     listed = copy.copy(SEARCHES["unknown"])
     row = listed.error_path_.iloc[-1:].assign(effect="unknown")
@@ -215,14 +239,14 @@ def test_staircase_without_effects_says_the_verdict():
 def test_staircase_says_stand_ins():
     search = copy.copy(SEARCHES["unknown"])
     search.best_effects_ = ["unknown"]
-    title = ErrorPathDisplay.from_estimator(search).axes_[0].get_title()
-    assert title == "Something is missing, not in the catalogue; stand-ins: dead_zone"
+    title = plain(ErrorPathDisplay.from_estimator(search).axes_[0].get_title())
+    assert title == "Something is missing, not in the catalogue; stand-ins: dead zone"
 
 
 def test_a_small_gap_looks_small_and_a_lost_baseline_does_not_squeeze():
     low, high = ErrorPathDisplay.from_estimator(SEARCHES["none"]).axes_[0].get_ylim()
     assert high - low >= 10.0
-    display = ErrorPathDisplay.from_estimator(SEARCHES["lost"])
+    display = ErrorPathDisplay.from_estimator(SEARCHES["lost"], rmse=True)
     assert display.axes_[0].get_ylim()[0] == -20.0
     assert display.labels_["vaf"][0].get_text() == "↓ -300.0 %"
     assert display.axes_[1].get_ylim()[0] == 0.0
@@ -243,17 +267,30 @@ def test_steps_show_where_the_effects_help_most(search):
         np.testing.assert_array_equal(line.get_ydata(), rows[name])
     for name, line in display.residuals_.items():
         np.testing.assert_array_equal(line.get_ydata(), rows["measured"] - rows[name])
-    title = display.axes_[0].get_title()
+    title = plain(display.axes_[0].get_title())
     if len(names) > 2:
-        assert title.endswith("where the effects help most")
+        assert title.startswith("Where the effects help most: run 3, ")
     else:
-        assert title.replace("\n", " ").endswith(f"the baseline is worst: {search.verdict_}")
+        assert title.startswith("Where the baseline is worst: run 3, ")
+        assert title.endswith(f"({search.verdict_})")
 
 
 def test_steps_have_the_vaf_of_all_held_out_runs():
     display = EffectStepsDisplay.from_estimator(SEARCHES["four"], steps=[1, 4])
-    labels = [line.get_label() for line in display.lines_.values()]
-    assert labels == ["measured", "+ hardening_stiffness, VAF 75.0 %", "+ dead_zone-2, VAF 87.0 %"]
+    assert [line.get_label() for line in display.lines_.values()] == [
+        "measured",
+        "simulated, with hardening stiffness, VAF 75.0 %",
+        f"simulated, with {titles_of(LONG)}, VAF 87.0 %",
+    ]
+
+
+def test_steps_have_the_colours_of_their_roles():
+    display = EffectStepsDisplay.from_estimator(SEARCHES["one"])
+    for lines, role in ((display.lines_, "simulated"), (display.residuals_, "residual")):
+        assert same_color(lines["+ dead_zone"].get_color(), ROLES[role].colour)
+        assert lines["+ dead_zone"].get_linestyle() == "-"
+        assert not same_color(lines["baseline"].get_color(), ROLES[role].colour)
+        assert lines["baseline"].get_linestyle() == "--"
 
 
 @pytest.mark.slow
@@ -261,7 +298,7 @@ def test_steps_of_a_run_and_a_window():
     search = SEARCHES["one"]
     display = EffectStepsDisplay.from_estimator(search, run=1, window=(10, 12))
     assert (display.run_, display.window_) == ("1", (10.0, 12.0))
-    assert display.axes_[0].get_title() == "Run 1, 10 to 12 s"
+    assert plain(display.axes_[0].get_title()) == "Run 1, 10 to 12 s"
     assert EffectStepsDisplay.from_estimator(search, window=(45, 46)).run_ == "3"
     assert EffectStepsDisplay.from_estimator(search, run="2").run_ == "2"
     with pytest.raises(ValueError, match="There is no run 9; there are 1, 2, 3"):
@@ -312,8 +349,12 @@ def test_ranking_shows_the_candidates_of_a_step():
     assert list(display.bars_) == tried["effect"].tolist()
     widths = [bar.get_width() for bar in display.bars_.values()]
     np.testing.assert_array_equal(widths, tried["vaf_gain"])
-    assert display.words_["dead_zone"].get_text() == "+4.0, ΔBIC +400"
-    assert display.ax_.get_yticklabels()[0].get_text() == "dead_zone (gap)"
+    assert display.words_["dead_zone"].get_text() == "+4.0"
+    assert display.columns_["dead_zone"]["delta_bic"].get_text() == "+400"
+    assert named(display)["dead_zone"] == ["dead zone", "gap"]
+    assert display.title_.get_text() == (
+        "Step 1: dead zone added; runner-up: candidate 0, 1.0 points behind"
+    )
     assert display.margin_ == pytest.approx(1.0)
     assert same_color(display.bars_["dead_zone"].get_facecolor(), BLUE)
     low, high = display.ax_.get_ylim()
@@ -322,23 +363,36 @@ def test_ranking_shows_the_candidates_of_a_step():
 
 def test_ranking_says_what_is_gained_in_the_closed_loop():
     display = EffectRankingDisplay.from_estimator(SEARCHES["in loop"])
-    assert display.words_["candidate_0"].get_text() == "+3.0, in the loop +1.5, ΔBIC +300"
+    values = {name: t.get_text() for name, t in display.columns_["candidate_0"].items()}
+    assert values == {"delta_bic": "+300", "gain_loop": "+1.5"}
     display.figure_.canvas.draw()
     panel = display.ax_.get_window_extent()
     assert all(w.get_window_extent().x1 < panel.x1 for w in display.words_.values())
     search = copy.deepcopy(SEARCHES["in loop"])
     search.ranking_["gain_loop"] = np.nan
-    words = EffectRankingDisplay.from_estimator(search).words_
-    assert words["candidate_0"].get_text() == "+3.0, ΔBIC +300"
+    display = EffectRankingDisplay.from_estimator(search)
+    assert list(display.columns_["candidate_0"]) == ["delta_bic"]
+
+
+def test_ranking_with_another_best_than_what_was_added():
+    """What does not hold in the closed loop is not added, however good it is."""
+    search = copy.deepcopy(SEARCHES["one"])
+    ranking = search.ranking_
+    ranking.loc[:1, "status"] = ["not better", "added"]
+    display = EffectRankingDisplay.from_estimator(search)
+    assert display.margin_ == pytest.approx(-1.0)
+    assert display.title_.get_text() == (
+        "Step 1: candidate 0 added, though dead zone has a ΔBIC that is 100 larger"
+    )
 
 
 def test_ranking_greys_what_does_not_apply():
     display = EffectRankingDisplay.from_estimator(SEARCHES["one"])
     assert not set(display.bars_) & set(REFUSED)
-    labels = {t.get_text(): t.get_color() for t in display.ax_.get_yticklabels()}
     for name in REFUSED:
         assert display.words_[name].get_text().startswith("X has no target")
-        assert labels[name] == dimmed(0.55)
+        (text,) = display.names_[name].findobj(Text)
+        assert text.get_color() == dimmed(0.55)
     few = EffectRankingDisplay.from_estimator(SEARCHES["one"], n_candidates=3)
     assert list(few.words_) == ["dead_zone", "candidate_0", "candidate_1"]
 
@@ -347,14 +401,14 @@ def test_ranking_marks_what_cannot_be_told_apart():
     display = EffectRankingDisplay.from_estimator(SEARCHES["one"])
     assert display.confused_ == ["candidate_1"]
     assert [n for n, bar in display.bars_.items() if bar.get_hatch()] == ["candidate_1"]
-    assert "which these data cannot tell apart" not in display.ax_.get_title()
+    assert "which these data cannot tell apart" not in display.title_.get_text()
     search = copy.copy(SEARCHES["one"])
     search.ranking_ = search.ranking_.copy()
     search.ranking_["confused_with"] = [["candidate_0"]] * len(search.ranking_)
-    title = EffectRankingDisplay.from_estimator(search).ax_.get_title().replace("\n", " ")
+    title = plain(EffectRankingDisplay.from_estimator(search).title_.get_text())
     assert title == (
-        "Step 1: dead_zone is added, 1.0 points and 100 in BIC before candidate_0, which these "
-        "data cannot tell apart"
+        "Step 1: dead zone added; runner-up: candidate 0, 1.0 points behind, which these data "
+        "cannot tell apart"
     )
 
 
@@ -362,13 +416,13 @@ def test_ranking_whose_second_has_the_better_likelihood():
     search = copy.copy(SEARCHES["one"])
     search.ranking_ = search.ranking_.copy()
     search.ranking_.loc[search.ranking_["effect"] == "candidate_0", "delta_bic"] = 421.0
-    title = EffectRankingDisplay.from_estimator(search).ax_.get_title().replace("\n", " ")
-    assert title == "Step 1: dead_zone is added, though candidate_0 is 21 better in BIC"
+    title = plain(EffectRankingDisplay.from_estimator(search).title_.get_text())
+    assert title == "Step 1: dead zone added, though candidate 0 has a ΔBIC that is 21 larger"
 
 
 def test_ranking_of_a_step_that_adds_nothing():
     display = EffectRankingDisplay.from_estimator(SEARCHES["one"], step=2)
-    assert display.ax_.get_title() == "Step 2: no candidate is better by more than chance"
+    assert display.title_.get_text() == "Step 2: no candidate is better by more than chance"
     low, high = display.ax_.get_xlim()
     assert high - low >= 1.0
     with pytest.raises(ValueError, match=r"has the steps 1, 2; got step=3"):
@@ -382,7 +436,7 @@ def test_ranking_of_nothing():
     assert "No candidate" in texts_in(EffectRankingDisplay.from_estimator(search).ax_)[0]
     search.ranking_ = full[(full["step"] == 1) & (full["status"] == "does not apply")]
     display = EffectRankingDisplay.from_estimator(search)
-    assert display.ax_.get_title() == "Step 1: no candidate applies"
+    assert display.title_.get_text() == "Step 1: no candidate applies"
 
 
 def test_ranking_without_a_gain_and_far_losses():
@@ -391,7 +445,8 @@ def test_ranking_without_a_gain_and_far_losses():
     search.ranking_.loc[2, "vaf_gain"] = np.nan
     search.ranking_.loc[3, "vaf_gain"] = -900.0
     display = EffectRankingDisplay.from_estimator(search)
-    assert display.words_["candidate_1"].get_text() == "ΔBIC +200"
+    assert display.words_["candidate_1"].get_text() == ""
+    assert display.columns_["candidate_1"]["delta_bic"].get_text() == "+200"
     assert display.words_["candidate_2"].get_text().endswith("(cut)")
     assert display.ax_.get_xlim()[0] > -2.0
 

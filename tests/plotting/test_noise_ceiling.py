@@ -2,9 +2,15 @@
 
 import numpy as np
 import pytest
-from support.plot_checks import labels_of, widths
+from support.plot_checks import widths
 
 from skhoid.plotting import NoiseCeilingDisplay
+
+
+def written(display):
+    """What stands in, above and below the bar."""
+    texts = [text.get_text().replace("\n", " ") for text in display.texts_]
+    return [*texts, *display.ax_.get_xlabel().replace("\n", ", ").split(", ")]
 
 
 def test_bar_without_a_ceiling():
@@ -19,17 +25,18 @@ def test_bar_without_a_ceiling():
         "not explained": pytest.approx(30.0),
     }
     assert display.interval_ is None
-    assert "not explained 30.0 %: no ceiling" in labels_of(display.ax_.get_legend())
-    assert display.ax_.get_title() == "VAF 70.0 %, noise ceiling not available"
+    assert display.ceiling_ is None
+    assert {"not explained 30.0 %", "noise ceiling not known"} <= set(written(display))
+    assert display.ax_.get_title() == "VAF 70.0 %, noise ceiling not known"
 
 
 @pytest.mark.parametrize(
     ("vaf", "ceiling", "expected", "said"),
     [
         (-35.0, 80.0, [0.0, 80.0, 20.0], "explained -35.0 %: worse than no model"),
-        (85.0, 84.5, [85.0, 0.0, 15.0], "explainable -0.5 points"),
-        (99.5, 100.3, [99.5, 0.5, 0.0], "explainable 0.8 points"),
-        (-35.0, -5.0, [0.0, 0.0, 100.0], "explainable 30.0 points"),
+        (85.0, 84.5, [85.0, 0.0, 15.0], "explained 85.0 %"),
+        (99.5, 100.3, [99.5, 0.5, 0.0], "misfit 0.8 points"),
+        (-35.0, -5.0, [0.0, 0.0, 100.0], "misfit 30.0 points"),
     ],
 )
 def test_bar_stays_between_0_and_100(vaf, ceiling, expected, said):
@@ -40,7 +47,8 @@ def test_bar_stays_between_0_and_100(vaf, ceiling, expected, said):
         explainable_gap=ceiling - vaf,
     ).plot()
     np.testing.assert_allclose(list(widths(display.parts_).values()), expected, atol=1e-12)
-    assert said in labels_of(display.ax_.get_legend())
+    assert said in written(display)
+    assert not any("misfit -" in text or "misfit 0.0" in text for text in written(display))
 
 
 def test_an_estimate_below_the_vaf_leaves_what_is_explained():
@@ -62,3 +70,20 @@ def test_bar_of_a_ceiling_known_for_some_runs():
         explainable_gap=10.0,
     ).plot()
     assert list(widths(display.parts_).values()) == [75.0, 10.0, 15.0]
+
+
+def test_parts_of_the_bar_are_named_in_it_and_the_ceiling_above():
+    display = NoiseCeilingDisplay(
+        vaf=50.0,
+        noise_ceiling=80.0,
+        noise_ceiling_interval=(78.0, 82.0),
+        explainable_gap=30.0,
+    ).plot()
+    assert written(display)[:4] == [
+        "explained 50.0 %",
+        "misfit 30.0 points",
+        "remnant 20.0 %",
+        "noise ceiling 80.0 % (95 % interval 78.0 to 82.0 %)",
+    ]
+    np.testing.assert_array_equal(display.ceiling_.get_xdata(), [80.0, 80.0])
+    assert display.ax_.get_legend() is None
