@@ -126,7 +126,7 @@ def draw_ceiling_bar(
     }
     if known:
         top = float(np.clip(ceiling, end, 100.0))
-        gap = f"explainable {comparison.explainable_gap:.1f} points"
+        gap = f"explainable {left:.1f} points" if left >= 0.05 else "nothing left to explain"
         spans["explainable"] = (ROLES["misfit"].colour, end, top, gap)
         spans["remnant"] = (
             ROLES["remnant"].colour,

@@ -27,7 +27,7 @@ def test_bar_without_a_ceiling():
     ("vaf", "ceiling", "expected", "said"),
     [
         (-35.0, 80.0, [0.0, 80.0, 20.0], "explained -35.0 %: worse than no model"),
-        (85.0, 84.5, [85.0, 0.0, 15.0], "explainable -0.5 points"),
+        (85.0, 84.5, [85.0, 0.0, 15.0], "nothing left to explain"),
         (99.5, 100.3, [99.5, 0.5, 0.0], "explainable 0.8 points"),
         (-35.0, -5.0, [0.0, 0.0, 100.0], "explainable 30.0 points"),
     ],
