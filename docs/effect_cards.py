@@ -23,6 +23,9 @@ from skhoid.effects.composition import PLACES
 from skhoid.search.explanations import ANY_EXPERIMENT, EXPERIMENTS
 
 DOCS = Path(__file__).parent
+SYMBOLS = {"K_e": "K_e", "K_edot": r"K_{\dot e}", "t_M": "t_M", "T_I": "T_I"} | {
+    f"{name}_nm": rf"\{name}_{{nm}}" for name in ("omega", "zeta")
+}
 UNITS = {"u": "[u]", "e": "[e]"}
 TEMPLATES = Environment(
     loader=FileSystemLoader(DOCS / "_templates"), trim_blocks=True, lstrip_blocks=True
@@ -90,11 +93,16 @@ def parameters_of(examples: list[Effect]) -> list[tuple[str, str, str, str]]:
     for example in examples:
         for p in example.parameters:
             unit = "none" if p.dimension == Dimension() else p.dimension.label(UNITS)
-            forms.setdefault((p.name, unit, p.meaning), []).append(form_of(example))
+            meaning = re.sub(r"\w+", lambda word: _typeset(word[0]), p.meaning)
+            forms.setdefault((p.name, unit, meaning), []).append(form_of(example))
     return [
         (*row, "" if len(having) == len(examples) else ", ".join(having))
         for row, having in sorted(forms.items(), key=lambda item: _first(item[0][0], forms))
     ]
+
+
+def _typeset(word: str) -> str:
+    return f":math:`{SYMBOLS[word]}`" if word in SYMBOLS else word
 
 
 def _first(name: str, rows: dict[tuple[str, str, str], list[str]]) -> int:

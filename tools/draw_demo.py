@@ -165,8 +165,8 @@ width="{width:.0f}" height="{height:.0f}" role="img" aria-labelledby="title word
 #film{{transform:{last};animation:play {whole:.2f}s steps(1,end) infinite}}
 @keyframes play{{{"".join(stops)}100%{{transform:{last}}}}}
 @media (prefers-reduced-motion:reduce){{#film{{animation:none}}}}
-text{{font:14px ui-monospace,SFMono-Regular,Menlo,Consolas,"DejaVu Sans Mono",monospace;\
-white-space:pre}}
+svg{{font:14px ui-monospace,SFMono-Regular,Menlo,Consolas,"DejaVu Sans Mono",monospace}}
+text{{white-space:pre}}
 </style>
 <defs>
 {rows}

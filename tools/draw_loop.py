@@ -3,9 +3,9 @@
     python tools/draw_loop.py [FOLDER]
 
 Writes SVG files to ``docs/_static``: ``loop`` (the plain loop), ``loop-map`` (with the places where
-effects act) and ``logo``, each for a light and a dark page, ``favicon.svg``; and, for pages of the
-site, ``loop-inline.svg`` and ``loop-map-inline.svg``, whose colours follow its theme and whose
-places link to their groups in the catalogue. A test holds the files to what this script makes.
+effects act) and ``logo``, each for a light and a dark page; ``favicon.svg``; and, for the page of
+the catalogue, ``loop-map-inline.svg``, whose colours follow the theme of the site and whose places
+link to their groups. A test holds the files to what this script makes.
 """
 
 import sys
@@ -166,7 +166,7 @@ def symbols(words: str, size: int) -> str:
     return " ".join(made)
 
 
-def plain(colours: Colours, inline: bool = False) -> str:
+def plain(colours: Colours) -> str:
     """The loop without the places."""
     d = Drawing(
         720,
@@ -177,7 +177,6 @@ def plain(colours: Colours, inline: bool = False) -> str:
         "whose output x goes back.",
         colours,
         "skhoid-loop",
-        inline,
     )
     y, back = 96, 188
     d.line((12, y), (50, y))
@@ -228,7 +227,7 @@ def stage(d: Drawing, place: str, x: float, y: float, shape: str) -> None:
 
     def draw() -> None:
         d.box(x, y, 108, 66)
-        d.text(x, y - 9, place, 20)
+        d.text(x, y - 9, place, 19)
         if shape.startswith("M"):
             d.add(
                 f'<path d="{shape}" transform="translate({x:g} {y + 14:g})" fill="none"'
@@ -336,14 +335,12 @@ def logo(colours: Colours) -> str:
 
 def pictures() -> dict[str, str]:
     """Every file by its name."""
-    site = Colours.of_site()
     return {
         "loop-light.svg": plain(LIGHT),
         "loop-dark.svg": plain(DARK),
-        "loop-inline.svg": plain(site, inline=True),
         "loop-map-light.svg": loop_map(LIGHT),
         "loop-map-dark.svg": loop_map(DARK),
-        "loop-map-inline.svg": loop_map(site, inline=True),
+        "loop-map-inline.svg": loop_map(Colours.of_site(), inline=True),
         "logo.svg": logo(LIGHT),
         "logo-dark.svg": logo(DARK),
         "favicon.svg": logo(LIGHT),

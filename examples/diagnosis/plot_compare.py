@@ -33,12 +33,12 @@ page = comparison.plot()
 
 # %%
 # The bar at the foot is the answer in short. Blue is explained. Grey does not repeat when the same
-# target is shown again: remnant, which no model can predict. What lies between, vermilion, repeats, and a
-# better model could explain it.
+# target is shown again: remnant, which no model can predict. What lies between, vermilion, repeats,
+# and a better model could explain it.
 #
 # The panels above say where. Most is lost from 41 s on, but what repeats, the part of the bars that
-# is vermilion, most of all before. In frequency it is lost at some lines of the target, those that stand
-# out of the noise.
+# is vermilion, most of all before. In frequency it is lost at some lines of the target, those that
+# stand out of the remnant.
 #
 # In words
 # --------
@@ -53,10 +53,10 @@ print(comparison.summary())
 #
 # Where in time
 # -------------
-# The upper panel shares out the points lost among windows of the run. Vermilion is what repeats over runs
-# by more than chance: misfit. The rest is remnant, and there is more of it after 41 s. In the lower
-# panel the grey band is what the residual's power would do by chance if nothing changed. Dashed
-# lines are changes that a test finds, after it has paid for looking everywhere.
+# The upper panel shares out the points lost among windows of the run. Vermilion is what repeats
+# over runs by more than chance: misfit. The rest is remnant, and there is more of it after 41 s. In
+# the lower panel the grey band is what the residual's power would do by chance if nothing changed.
+# Dashed lines are changes that a test finds, after it has paid for looking everywhere.
 
 from skhoid.plotting import ResidualTimeDisplay
 

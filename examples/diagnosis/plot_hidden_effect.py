@@ -93,8 +93,8 @@ search = EffectSearchCV(OperatorRegressor()).fit(X, y)
 print(search.summary())
 
 # %%
-# All candidates of the first step, and how sure the first place is. The shaded band is the margin
-# to the second; effects whose channels were not recorded do not apply:
+# All candidates of the first step, and how sure the first place is: the title says how far behind
+# the runner-up is; effects whose channels were not recorded do not apply:
 
 from skhoid.plotting import EffectRankingDisplay
 

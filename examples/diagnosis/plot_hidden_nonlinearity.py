@@ -137,13 +137,16 @@ _ = OperatingPointDisplay.from_comparison(comparison)
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import ROLES
+
 (at_level,) = (finding for finding in comparison.findings if finding.name == "level")
 print(at_level)
 
 fig, ax = plt.subplots(figsize=(6.4, 3.0), layout="constrained")
-predicted = comparison.traces["predicted"]
-for u, name, colour in ((y, "measured", "k"), (predicted, "predicted", "#0072B2")):
-    ax.hist(u, np.linspace(-1.61, 1.61, 162), histtype="step", color=colour, label=name)
+simulated = comparison.traces["predicted"]
+for u, role in ((y, ROLES["measured"]), (simulated, ROLES["simulated"])):
+    look = {"color": role.colour, "label": role.word}
+    ax.hist(u, np.linspace(-1.61, 1.61, 162), histtype="step", **look)
 ax.set(xlabel="u, deg", ylabel="samples")
 ax.grid(axis="y", alpha=0.3)
 _ = ax.legend()

@@ -148,7 +148,7 @@ for ax, (condition, part) in zip(axes, table.groupby("condition"), strict=True):
     at = np.arange(len(part))
     half = part["ceiling"] - part["low"]
     ax.errorbar(at - 0.1, part["ceiling"], half, fmt="o", color="0.35", capsize=3, label="ceiling")
-    ax.plot(at + 0.1, part["truth"], "x", color="#D55E00", mew=2, label="truth")
+    ax.plot(at + 0.1, part["truth"], "x", color="#009E73", mew=2, label="truth")
     ax.set_xticks(at, part["run"])
     ax.set(title=condition, xlabel="run")
     ax.grid(axis="y", alpha=0.3)

@@ -87,7 +87,7 @@ found = plausible.ranking_.query("step == 1").set_index("effect")
 table = pd.DataFrame(
     {
         "gains (points)": found["vaf_gain"].round(1),
-        "evidence": found["delta_bic"].round(0),
+        "ΔBIC": found["delta_bic"].round(0),
         "parameters": found["parameters"],
     }
 )

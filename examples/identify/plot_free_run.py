@@ -42,6 +42,8 @@ print(vaf.unstack().round(2))
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import ROLES
+
 run = y_new.index.get_level_values("run")[0]
 measured = y_new.loc[run]
 figure, axes = plt.subplots(
@@ -50,7 +52,7 @@ figure, axes = plt.subplots(
 for ax, (key, u) in zip(axes.T.ravel(), simulated.items(), strict=True):
     u = pd.Series(u, index=y_new.index).loc[run]
     ax.plot(measured, color="black", lw=1.6, label="measured")
-    ax.plot(u, color="#D55E00", lw=1.0, label="simulated")
+    ax.plot(u, lw=1.0, label="simulated", color=ROLES["simulated"].colour)
     ax.set_title(f"{', '.join(key)}: VAF {vaf[key]:.1f} %", fontsize="medium")
     ax.grid(alpha=0.3)
 axes[0, 0].set(xlim=(30.0, 40.0), ylim=(-0.32, 0.32))

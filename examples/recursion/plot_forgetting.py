@@ -34,7 +34,8 @@ print(f"{len(X) // 16} samples, {batch[-1].dt_:.2f} s apart")
 # %%
 # P0: how much is a guess worth?
 # ------------------------------
-# No forgetting, a start from zeros, and P0 = p0 I. The batch model is what all must come to.
+# No forgetting, a start from zeros, and P0 = p0 I. The batch model is what all must come to. Two of
+# the seven parameters show it; without ``parameters=`` all are drawn.
 
 from skhoid.plotting import ParameterPathDisplay
 
@@ -42,7 +43,7 @@ starts = {
     f"$P_0 = 10^{power}$ I": fitted(RecursiveARX(na=3, nb=4, init="zeros", p0=10.0**power))
     for power in (0, 2, 4, 6)
 }
-_ = ParameterPathDisplay.from_estimator(starts | {"batch": batch})
+_ = ParameterPathDisplay.from_estimator(starts | {"batch": batch}, parameters=["a1", "b0"])
 
 # %%
 # A large P0 lets the first samples throw the estimates about, out of the panels; P0 = I holds them
@@ -75,7 +76,7 @@ memories = {
     f"λ = {factor:g}": fitted(RecursiveARX(na=3, nb=4, forgetting=factor, init="zeros", p0=1e4))
     for factor in (0.95, 0.99, 1.0)
 }
-_ = ParameterPathDisplay.from_estimator(memories | {"batch": batch})
+_ = ParameterPathDisplay.from_estimator(memories | {"batch": batch}, parameters=["a1", "b0"])
 
 # %%
 # Nothing changes in this person, and so all that moves is noise. The scatter of the path in its

@@ -50,9 +50,9 @@ _ = ParameterPathDisplay.from_estimator(
 
 # %%
 # The change in b_0 and b_1 is there, and the path takes it on within some ten seconds. But all of
-# it lies beside the truth (green, dashed), and so do the orange batch models: they agree with each other, and
-# are biased alike. What should be constant, a_1 and a_2, wanders with the remnant, and jumps at the
-# transition, where the old b_0 and b_1 are suddenly wrong.
+# it lies beside the truth (green, dashed), and so do the orange batch models: they agree with each
+# other, and are biased alike. What should be constant, a_1 and a_2, wanders with the remnant, and
+# jumps at the transition, where the old b_0 and b_1 are suddenly wrong.
 #
 # Now Λ:
 

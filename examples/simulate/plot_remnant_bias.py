@@ -68,7 +68,9 @@ print(f"true parameters: {dict(zip(NAMES, truth.round(4).tolist(), strict=True))
 
 import matplotlib.pyplot as plt
 
-COLORS = dict(zip(FILTERS, ["#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00"], strict=True))
+from skhoid.plotting import PALETTE
+
+COLORS = dict(zip(FILTERS, PALETTE, strict=False))
 TITLES = {order: f"$H_n^{{{order}}}$" for order in FILTERS}
 
 

@@ -20,7 +20,8 @@ def _typed(options: argparse.Namespace, *commands: str, without: Sequence[str] =
     for name in OF_FILES:
         value = getattr(options, name, None)
         if value is not None and name not in without:
-            words += [f"--{name.replace('_', '-')}", str(value)]
+            typed = f"{value:.12g}" if isinstance(value, float) else str(value)
+            words += [f"--{name.replace('_', '-')}", typed]
     for name in ("unit", "role"):
         for value in getattr(options, name, None) or []:
             words += [f"--{name}", value]

@@ -18,8 +18,9 @@ _STAY = "\N{NO-BREAK SPACE}"
 # A number stays with its unit or noun, and with the sign or word that relates it to another.
 _JOINS = (
     re.compile(r"(?<=[\d%]) (?=(?:±|->|to (?=[-+]?\d)|%|[^\W\d]\S{0,11}))"),
-    re.compile(r"(?<= )(=|±|->|<|to|p =|p <) (?=[-+]?[\d.])"),
-    re.compile(r"(?<=\w) (?=[=<] ?[-+]?[\d.])"),
+    re.compile(r"(?<=[ \xa0])(=|±|->|<|to|p =|p <) (?=[-+]?[\d.])"),
+    re.compile(r"(?<=\w) (?=[=<][ \xa0]?[-+]?[\d.])"),
+    re.compile(r"(?<=\w:) (?=[-+]?\d+(?:\.\d+)?$)"),
     re.compile(r"(?<=\w) (?=\"\w{1,12}\")"),
 )
 
@@ -118,9 +119,7 @@ def print_table(
         table.add_column(heading, justify=side, no_wrap=heading not in folded)
     for row in rows:
         table.add_row(*row)
-    narrow = Console(
-        width=max(width(), LEAST), highlight=False, markup=False, emoji=False, soft_wrap=False
-    )
+    narrow = Console(width=width() - 2, highlight=False, markup=False, emoji=False, soft_wrap=False)
     with narrow.capture() as printed:
         narrow.print(table)
     text = "\n".join(f"  {line}".rstrip() for line in printed.get().rstrip("\n").splitlines())

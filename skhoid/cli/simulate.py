@@ -61,7 +61,8 @@ def simulate(options: argparse.Namespace) -> int:
         save_figure(display.figure_, options.picture)
         say(f"picture: {options.picture}", options)
     follow = shlex.join(["skhoid", "diagnose", str(path)])
-    say(f"next: {follow}", options)
+    if not options.json:
+        print(f"next: {follow}")  # not wrapped: to be copied
     if options.json:
         print_json(
             {

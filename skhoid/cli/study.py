@@ -217,7 +217,7 @@ def _experiment(options: argparse.Namespace) -> int:
     return 0
 
 
-def _draw_experiment(result: Any, folder: Path, X: Any, y: Any, form: str) -> list[str]:
+def _draw_experiment(result: Any, folder: Path, X: Any, y: Any, ending: str) -> list[str]:
     without_screen()
     files = []
     for condition in result.conditions:
@@ -226,6 +226,6 @@ def _draw_experiment(result: Any, folder: Path, X: Any, y: Any, form: str) -> li
                 display = result.plot(condition=condition, form=form, parameters=parameters)
                 name = f"{condition}-{form}-{parameters}.png"
                 files += save_figures(
-                    {name: display.figure_}, folder, "study", named=(X, y), form=form
+                    {name: display.figure_}, folder, "study", named=(X, y), form=ending
                 )
     return files

@@ -26,6 +26,8 @@ from .guess import MEANING, OPTION, ColumnGuess, Problem, quoted, without_list
 __all__ = ["guess_of"]
 
 PEEK = 1000  # rows
+_THE = {"e": "the error e", "u": "the output u", "x": "x", "f_t": "the target f_t"}
+_THE |= {"dist": "the disturbance", "motion": "the motion"}
 _EXACT = 0.01  # of the smaller signal: what rounding in a file leaves of f_t - x - e
 
 
@@ -294,6 +296,8 @@ class _Guess:
             for role in ("e", "f_t", "u", "x", "dist", "motion"):
                 if role not in open_roles or role in self.found or role in self.tied:
                     continue
+                if role == "e" and score < STRONG and "f_t" in self.signals:
+                    continue  # an "input" beside a target is the person's, to the plant
                 columns = [
                     c
                     for c in self.free.values()
@@ -357,13 +361,13 @@ class _Guess:
             for c in self._signals()
             if not self._is_count(c)
             and max(roles_by_name(c.header).values(), default=0) < STRONG
-            and np.nanstd(c.numbers) > 0
+            and np.ptp(c.numbers[np.isfinite(c.numbers)]) > 0
         ]
 
     def _say_ties(self) -> None:
         for role, columns in self.tied.items():
             names = ", ".join(quoted(c.header) for c in columns)
-            text = f"{len(columns)} columns may be the {MEANING[role]}: {names}."
+            text = f"{len(columns)} columns may be {_THE[role]}: {names}."
             options = tuple((_option(role), c.header) for c in columns)
             if role in ("dist", "motion"):
                 self.guess.remarks.append(f"{names} may be {MEANING[role]}, and are not used")

@@ -48,7 +48,7 @@ PLACE = _words(
     "actual act measured meas state uitgang ausgang sortie follower"
 )
 DISTURBANCE = _words(
-    "disturbance disturb dist perturbation storung stoerung storgrosse verstoring gust wind"
+    "disturbance disturb dist dis perturbation storung stoerung storgrosse verstoring gust wind"
 )
 MOTION = _words("motion platform gyro")
 OF_OTHERS = _words(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .whole import written_whole
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["save_figure"]
 
 DPI = 120
-EMBEDDED = {"pdf.fonttype": 42, "ps.fonttype": 42}  # TrueType: journals refuse type 3
+EMBEDDED: Any = {"pdf.fonttype": 42, "ps.fonttype": 42}  # TrueType: journals refuse type 3
 
 
 def save_figure(

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from numbers import Real
 from typing import Any, Self
 
 import matplotlib.pyplot as plt
@@ -18,6 +19,8 @@ from matplotlib.axes import Axes
 
 from ._axes import HANDLE, legend_columns, legend_entries, legend_inside, letters, wrapped
 from ._layout import FittingLayout, add_lines, figure_size
+
+MOST_TOLD = 4  # fields in a repr
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -30,6 +33,12 @@ class Display:
 
     def plot(self, *args: Any, **kwargs: Any) -> Self:
         raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """What it shows, in short: single values, and the sizes of tables."""
+        told = [_in_short(field.name, getattr(self, field.name)) for field in fields(self)]
+        shown = ", ".join([text for text in told if text][:MOST_TOLD])
+        return f"<{type(self).__name__}{shown and f': {shown}'}>"
 
     def _take_axes(
         self,
@@ -106,6 +115,20 @@ def _artists_in(some: Any) -> Iterator[Any]:
     elif isinstance(some, (dict, list, tuple, np.ndarray)):
         for each in some.values() if isinstance(some, dict) else some:
             yield from _artists_in(each)
+
+
+def _in_short(name: str, value: Any) -> str:
+    """A field in a repr; nothing for what is not known, or not short."""
+    if isinstance(value, str):
+        return f"{name} {value!r}" if 0 < len(value) <= 30 else ""
+    if isinstance(value, bool | np.bool_):
+        return f"{name} {value}"
+    if isinstance(value, Real):
+        return f"{name} {float(value):.4g}" if np.isfinite(float(value)) else ""
+    if hasattr(value, "columns"):
+        return f"{name} of {len(value)} rows"
+    shape = np.shape(value) if hasattr(value, "shape") else ()
+    return f"{name} of {' x '.join(map(str, shape))} values" if shape else ""
 
 
 def _given_axes(ax: Any, allowed: Sequence[int], shows: str) -> list[Axes]:

@@ -136,6 +136,12 @@ def series_colour(position: int) -> str:
     return PALETTE[position % len(PALETTE)]
 
 
+def remnant_colour(order: object) -> str:
+    """The colour of a remnant filter: of orders 1 to 4 and "nm", in each picture the same."""
+    known = ("1", "2", "3", "4", "nm")
+    return PALETTE[known.index(str(order))] if str(order) in known else GREY
+
+
 def scaled(width: float) -> float:
     """A line's width in points, wider or thinner as ``lines.linewidth`` is than its default."""
     return width * mpl.rcParams["lines.linewidth"] / DEFAULTS["lines.linewidth"]

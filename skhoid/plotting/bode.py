@@ -353,7 +353,7 @@ class BodeDisplay(Display):
             omega_c, margin = rows[label]
             colour = series_colour(number)
             if np.isnan(omega_c):
-                bottom.plot([], [], color=colour, ls="none", label="no crossover")
+                bottom.plot([], [], color=colour, ls="none", label=f"{label}: no crossover")
                 continue
             for panel in (top, bottom):
                 panel.axvline(omega_c, color=colour, ls=":", lw=scaled(1.0))
@@ -364,7 +364,7 @@ class BodeDisplay(Display):
                 lw=scaled(3.0),
                 alpha=0.6,
                 solid_capstyle="butt",
-                label=f"$\\omega_c$ = {omega_c:.2f} rad/s, $\\varphi_m$ = {margin:.0f}°",
+                label=f"{label}: $\\omega_c$ = {omega_c:.2f} rad/s, $\\varphi_m$ = {margin:.0f}°",
             )
         return pd.DataFrame(rows).T
 

@@ -34,7 +34,7 @@ from ._comparison import (
     residual_label,
     say_instead,
 )
-from ._layout import figure_size
+from ._layout import FittingLayout, figure_size
 from ._roles import GREY, ROLES, foreground
 from .noise_ceiling import ceiling_text, draw_ceiling_bar
 from .operating_point import draw_bins
@@ -135,13 +135,23 @@ class ComparisonDisplay(ComparisonBaseDisplay):
     tests: pd.DataFrame
     findings: Sequence[Any]
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        measured_kw: dict[str, Any] | None = None,
+        simulated_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of five Axes or None, default=None
             Where to draw traces, time, frequency, amplitude and the bar. None makes a figure.
+        measured_kw : dict or None, default=None
+            Keywords of matplotlib for the measured output.
+        simulated_kw : dict or None, default=None
+            Keywords of matplotlib for the simulated output.
 
         Returns
         -------
@@ -157,6 +167,11 @@ class ComparisonDisplay(ComparisonBaseDisplay):
         traces, time, frequency, amplitude, bar = self.axes_
         self.parts_ = draw_ceiling_bar(bar, self).parts
         self._draw_traces(traces)
+        self._restyle(
+            {"measured": measured_kw, "simulated": simulated_kw},
+            measured=self.lines_["measured"],
+            simulated=self.lines_["simulated"],
+        )
         self._draw_time(time)
         self._draw_frequency(frequency)
         self._draw_amplitude(amplitude)
@@ -167,7 +182,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
         if own:
             across = letters(self.figure_)
             size = "large" if 1.2 * len(title) < across else "medium"
-            self.figure_.suptitle(wrapped(title, across), fontsize=size)
+            self.figure_.suptitle(title, fontsize=size)
             traces.set_title(finding, fontsize="medium")
             self._draw_key(key)
             return self
@@ -331,7 +346,7 @@ def _own_panels() -> tuple[list[Axes], Axes | None]:
     heights = [HEIGHTS[row[0]] for row in rows]
     letter = mpl.rcParams["font.size"] / 10.0
     least = letter * (sum(heights) * 0.85 + BETWEEN * len(rows))
-    figure = plt.figure(figsize=(width, max(height, least)), layout="constrained")
+    figure = plt.figure(figsize=(width, max(height, least)), layout=FittingLayout())
     panels = figure.subplot_mosaic(rows, height_ratios=heights)
     key = panels.pop("key", None)
     names = ("traces", "time", "frequency", "amplitude", "bar")

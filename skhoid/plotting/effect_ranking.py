@@ -98,7 +98,13 @@ class EffectRankingDisplay(Display):
 
     @classmethod
     def from_estimator(
-        cls, search: Any, step: int = 1, *, n_candidates: int | None = None, ax: Any = None
+        cls,
+        search: Any,
+        step: int = 1,
+        *,
+        n_candidates: int | None = None,
+        ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw one step of a search.
 
@@ -112,6 +118,8 @@ class EffectRankingDisplay(Display):
             Draw so many of the best, and none that do not apply. None draws all.
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -131,15 +139,22 @@ class EffectRankingDisplay(Display):
         of_step = ranking[ranking["step"] == step]
         if n_candidates is not None:
             of_step = of_step[of_step["status"] != REFUSED].head(n_candidates)
-        return cls(ranking=of_step, step=step).plot(ax)
+        return cls(ranking=of_step, step=step).plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        bar_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
+        bar_kw : dict or None, default=None
+            Keywords of matplotlib for the bars.
 
         Returns
         -------
@@ -167,6 +182,7 @@ class EffectRankingDisplay(Display):
             self._finish(table)
         else:
             say_instead(self.ax_, f"No candidate was tried in step {self.step}.")
+        self._restyle({"bar": bar_kw}, bar=self.bars_)
         text = self._title_text(tried)
         if self._own:  # in the middle of the figure: names and columns are beside the bars
             text = wrapped(text, letters(self.figure_))

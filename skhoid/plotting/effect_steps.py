@@ -107,6 +107,7 @@ class EffectStepsDisplay(Display):
         steps: Sequence[int] | None = None,
         *,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the steps of a search.
 
@@ -124,6 +125,8 @@ class EffectStepsDisplay(Display):
             baseline and the last.
         ax : sequence of two Axes or None, default=None
             Where to draw, see :meth:`plot`. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -134,7 +137,7 @@ class EffectStepsDisplay(Display):
         model = getattr(search, "best_estimator_", None)
         settling = getattr(as_fitted(model), "settling", 0.0)
         display = cls(unit=unit_of(taken["predictions"]), settling=settling, **taken)
-        return display.plot(ax, run=run, window=window, steps=steps)
+        return display.plot(ax, run=run, window=window, steps=steps, **styles)
 
     def plot(
         self,
@@ -143,6 +146,9 @@ class EffectStepsDisplay(Display):
         run: Any = None,
         window: tuple[float, float] | None = None,
         steps: Sequence[int] | None = None,
+        measured_kw: dict[str, Any] | None = None,
+        simulated_kw: dict[str, Any] | None = None,
+        residual_kw: dict[str, Any] | None = None,
     ) -> Self:
         """Draw.
 
@@ -156,6 +162,12 @@ class EffectStepsDisplay(Display):
             As of :meth:`from_estimator`.
         steps : sequence of int or None, default=None
             As of :meth:`from_estimator`.
+        measured_kw : dict or None, default=None
+            Keywords of matplotlib for the measured output.
+        simulated_kw : dict or None, default=None
+            Keywords of matplotlib for the simulated outputs.
+        residual_kw : dict or None, default=None
+            Keywords of matplotlib for the residuals.
 
         Returns
         -------
@@ -195,6 +207,12 @@ class EffectStepsDisplay(Display):
         inside = (layout.time >= self.window_[0]) & (layout.time <= self.window_[1])
         rows = np.flatnonzero(inside[begin:end]) + begin
         self._draw(layout, rows, shown)
+        self._restyle(
+            {"measured": measured_kw, "simulated": simulated_kw, "residual": residual_kw},
+            measured=self.lines_["measured"],
+            simulated=[line for name, line in self.lines_.items() if name != "measured"],
+            residual=self.residuals_,
+        )
         top, bottom = self.axes_
         title = wrapped(self._title_text(shown, chosen), letters_above(top))
         top.set_title(title, fontsize="medium")

@@ -101,7 +101,14 @@ class ErrorPathDisplay(Display):
     unit: str | None = None
 
     @classmethod
-    def from_estimator(cls, search: Any, *, rmse: bool = False, ax: Any = None) -> Self:
+    def from_estimator(
+        cls,
+        search: Any,
+        *,
+        rmse: bool = False,
+        ax: Any = None,
+        **styles: Any,
+    ) -> Self:
         """Draw the path of a search.
 
         Parameters
@@ -112,15 +119,24 @@ class ErrorPathDisplay(Display):
             Draw the RMSE too, see :meth:`plot`.
         ax : Axes, sequence of two Axes or None, default=None
             Where to draw, see :meth:`plot`. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
         display : ErrorPathDisplay
         """
         taken = attributes_of(search, TAKEN, cls.__name__)
-        return cls(unit=unit_of(taken.pop("predictions")), **taken).plot(ax, rmse=rmse)
+        return cls(unit=unit_of(taken.pop("predictions")), **taken).plot(ax, rmse=rmse, **styles)
 
-    def plot(self, ax: Any = None, *, rmse: bool = False) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        rmse: bool = False,
+        line_kw: dict[str, Any] | None = None,
+        ceiling_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -129,6 +145,10 @@ class ErrorPathDisplay(Display):
             Where to draw the VAF, and the RMSE. None makes a figure.
         rmse : bool, default=False
             Draw the RMSE too, in a figure made here; of given Axes, the second has it.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the staircases.
+        ceiling_kw : dict or None, default=None
+            Keywords of matplotlib for the ceiling.
 
         Returns
         -------
@@ -159,6 +179,9 @@ class ErrorPathDisplay(Display):
         self._draw_vaf(top, path)
         if len(self.axes_) == 2:
             self._draw_rmse(self.axes_[1], path)
+        self._restyle(
+            {"line": line_kw, "ceiling": ceiling_kw}, line=self.stairs_, ceiling=self.ceilings_
+        )
         each = max(int(OF_SMALL * letters_above(top) / len(path)) - 2, 6)
         labels = [wrapped(label, each) for label in step_labels(path["effect"])]
         for panel in self.axes_:

@@ -86,7 +86,13 @@ class ForgettingProfileDisplay(Display):
 
     @classmethod
     def from_factors(
-        cls, forgetting: Any, n_samples: int = 256, *, dt: float | None = None, ax: Any = None
+        cls,
+        forgetting: Any,
+        n_samples: int = 256,
+        *,
+        dt: float | None = None,
+        ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw forgetting factors.
 
@@ -101,6 +107,8 @@ class ForgettingProfileDisplay(Display):
             Sampling time in s, for an axis in seconds.
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -132,11 +140,17 @@ class ForgettingProfileDisplay(Display):
             weights={label: _weights(path, n_samples) for label, path in paths.items()},
             forgetting={label: np.atleast_1d(path) for label, path in paths.items()},
             dt=dt,
-        ).plot(ax)
+        ).plot(ax, **styles)
 
     @classmethod
     def from_estimator(
-        cls, model: Any, *, time: float | None = None, n_samples: int | None = None, ax: Any = None
+        cls,
+        model: Any,
+        *,
+        time: float | None = None,
+        n_samples: int | None = None,
+        ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw the forgetting of fitted recursive models.
 
@@ -151,6 +165,8 @@ class ForgettingProfileDisplay(Display):
             that is not infinite, and no more than the models have seen; 256 where all are infinite.
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -187,15 +203,26 @@ class ForgettingProfileDisplay(Display):
             n_samples,
             dt=steps.pop() if len(steps) == 1 else None,
             ax=ax,
+            **styles,
         )
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        horizon_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : sequence of two Axes or None, default=None
             Where to draw. None makes a figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the weights.
+        horizon_kw : dict or None, default=None
+            Keywords of matplotlib for the memory horizons.
 
         Returns
         -------
@@ -211,6 +238,9 @@ class ForgettingProfileDisplay(Display):
             self.figure_.set_figheight(max(self.figure_.get_figheight(), HEIGHT * letter))
         self._draw_weights(self.axes_[0])
         self._draw_horizons(self.axes_[1])
+        self._restyle(
+            {"line": line_kw, "horizon": horizon_kw}, line=self.lines_, horizon=self.horizons_
+        )
         self._legend_of_panels()
         return self
 

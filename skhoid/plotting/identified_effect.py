@@ -106,6 +106,7 @@ class IdentifiedEffectDisplay(Display):
         n_draws: int = 300,
         random_state: Any = 0,
         ax: Any = None,
+        **styles: Any,
     ) -> Self:
         """Draw an effect of a fitted model.
 
@@ -126,6 +127,8 @@ class IdentifiedEffectDisplay(Display):
             Of these draws.
         ax : Axes, sequence of two Axes or None, default=None
             Where to draw, see :meth:`plot`. None makes a figure.
+        **styles : dict
+            Keywords of :meth:`plot` whose names end in ``_kw``.
 
         Returns
         -------
@@ -156,9 +159,16 @@ class IdentifiedEffectDisplay(Display):
             curves=effect_curves(bench, n_draws, random_state),
             physics=effects[name].physics_in(record.domain),
             parameters=parameter_text(model.parameters_, name),
-        ).plot(ax)
+        ).plot(ax, **styles)
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        line_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+        without_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
@@ -166,6 +176,12 @@ class IdentifiedEffectDisplay(Display):
         ax : Axes, sequence of two Axes or None, default=None
             Where to draw the curve, and the density. One leaves the density out. None makes a
             figure.
+        line_kw : dict or None, default=None
+            Keywords of matplotlib for the curves.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for their bands.
+        without_kw : dict or None, default=None
+            Keywords of matplotlib for what there would be without the effect.
 
         Returns
         -------
@@ -187,6 +203,12 @@ class IdentifiedEffectDisplay(Display):
         self.bands_: dict[str, Any] = {}
         self.density_: Any = None
         self._draw_curves(self.ax_)
+        self._restyle(
+            {"line": line_kw, "band": band_kw, "without": without_kw},
+            line=self.lines_,
+            band=self.bands_,
+            without=self.without_,
+        )
         if with_density and len(self.axes_) == 2:
             self._draw_density(self.axes_[1])
         self.axes_[-1].set_xlabel(found.xlabel)

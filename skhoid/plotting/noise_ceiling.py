@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
 from ._axes import letters, letters_above, wrapped
 from ._comparison import ComparisonBaseDisplay, percent
+from ._layout import add_lines
 from ._roles import ROLES, dimmed, foreground, readable_on, scaled
 
 SMALL = 1.2  # letters of the small size to one of the medium size
@@ -90,11 +92,13 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
         """
         (self.ax_,) = self._take_axes(ax, "the bar", figsize=(6.4, 2.2))
         note = wrapped(f"Noise ceiling {self.ceiling_note}", letters(self.figure_))
+        if self._own:
+            add_lines(self.figure_, note.count("\n") + 2, mpl.rcParams["font.size"])
         bar = draw_ceiling_bar(self.ax_, self, note=note if self.ceiling_note else "")
         self.parts_, self.texts_ = bar.parts, bar.texts
         self.ceiling_, self.interval_ = bar.ceiling, bar.interval
         self._restyle({"bar": bar_kw}, bar=self.parts_)
-        self.ax_.set_title(wrapped(ceiling_text(self), letters_above(self.ax_)), fontsize="medium")
+        self.ax_.set_title(ceiling_text(self), fontsize="medium")
         return self
 
 
@@ -142,6 +146,7 @@ def draw_ceiling_bar(panel: Axes, comparison: Any, note: str = "") -> CeilingBar
                 va="center",
                 fontsize="small",
                 color=readable_on(colour),
+                bbox={"facecolor": colour, "edgecolor": "none", "pad": 0.0},
             )
         )
     ceiling, interval = _draw_ceiling(panel, comparison, texts)

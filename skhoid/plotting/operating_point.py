@@ -88,13 +88,23 @@ class OperatingPointDisplay(ComparisonBaseDisplay):
     tests: pd.DataFrame | None = None
     output: str = "u"
 
-    def plot(self, ax: Any = None) -> Self:
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        residual_kw: dict[str, Any] | None = None,
+        band_kw: dict[str, Any] | None = None,
+    ) -> Self:
         """Draw.
 
         Parameters
         ----------
         ax : Axes, sequence of Axes or None, default=None
             As many as there are channels, one if there are none. None makes a figure.
+        residual_kw : dict or None, default=None
+            Keywords of matplotlib for the mean residuals.
+        band_kw : dict or None, default=None
+            Keywords of matplotlib for the bands.
 
         Returns
         -------
@@ -132,6 +142,9 @@ class OperatingPointDisplay(ComparisonBaseDisplay):
             self._mark_levels(panel, name)
             if not self._own or i % columns == 0:
                 panel.set_ylabel(residual_label(self.unit))
+        self._restyle(
+            {"residual": residual_kw, "band": band_kw}, residual=self.lines_, band=self.bands_
+        )
         self._legend_of_panels()
         return self
 

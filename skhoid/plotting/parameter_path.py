@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..interpret.channel import is_arx
 from ._axes import parameter_symbol
-from ._checks import check_some_column, fitted_end
+from ._checks import check_option, check_some_column, fitted_end
 from ._estimates import DEVIATION, EstimatesDisplay, check_references, in_one_row, times_of
 from ._roles import scaled
 
@@ -50,6 +50,8 @@ class ParameterPathDisplay(EstimatesDisplay):
         Instant to mark, in s.
     runs : dict of ndarray of shape (n_runs, n_instants, n_params), or None, default=None
         Estimates of single runs by label, for the parameters and instants of the frame.
+    parameters : sequence of str or None, default=None
+        Names of the parameters to draw. None draws all.
 
     Attributes
     ----------
@@ -94,6 +96,7 @@ class ParameterPathDisplay(EstimatesDisplay):
     """
 
     runs: Mapping[str, np.ndarray] | None = None
+    parameters: Sequence[str] | None = None
 
     @classmethod
     def from_estimator(
@@ -103,6 +106,7 @@ class ParameterPathDisplay(EstimatesDisplay):
         references: pd.DataFrame | None = None,
         *,
         transition_time: float | None = None,
+        parameters: Sequence[str] | None = None,
         ax: Any = None,
         **styles: Any,
     ) -> Self:
@@ -120,8 +124,10 @@ class ParameterPathDisplay(EstimatesDisplay):
             Result of :func:`skhoid.reference_fits`: batch models of constant parts of the runs.
         transition_time : float or None, default=None
             Instant to mark, in s.
+        parameters : sequence of str or None, default=None
+            Names of the parameters to draw, such as ``["a1", "b0"]``. None draws all.
         ax : sequence of Axes or None, default=None
-            One for each parameter. None makes a figure.
+            One for each parameter drawn. None makes a figure.
         **styles : dict
             Keywords of :meth:`plot` whose names end in ``_kw``.
 
@@ -161,6 +167,7 @@ class ParameterPathDisplay(EstimatesDisplay):
             truth=_truth(truth, names, frames, models),
             references=references,
             transition_time=transition_time,
+            parameters=parameters,
         )
         return display.plot(ax, **styles)
 
@@ -199,6 +206,9 @@ class ParameterPathDisplay(EstimatesDisplay):
             "reference": reference_kw,
         }
         names = _names(self.frames)
+        for name in self.parameters or ():
+            check_option("a name in parameters", name, names)
+        names = list(names if self.parameters is None else self.parameters)
         self._begin(_columns(names), ax)
         self.run_lines_: dict[tuple[str, str], Any] = {}
         for name, panel in zip(names, self.axes_, strict=True):

@@ -16,7 +16,7 @@ from ._axes import limits_of, note_outside
 from ._bent_axis import bend_axes, round_up
 from ._checks import check_option
 from ._display import Display
-from ._roles import GREY, foreground, scaled, series_colour, sized
+from ._roles import GREY, foreground, remnant_colour, scaled, series_colour, sized
 from ._study import (
     REPLICATION,
     SAID,
@@ -254,11 +254,16 @@ class StudyBoxDisplay(Display):
         combinations = product(*levels.values())
         return rows, [dict(zip(levels, found, strict=True)) for found in combinations]
 
+    def _colour(self, position: int) -> str:
+        if self.group == "remnant_order":
+            return remnant_colour(self._groups[position])
+        return series_colour(position)
+
     def _draw(self, panel: Any, boxes: pd.DataFrame) -> dict[Any, Any]:
         width = FILLED / len(self._groups)
         artists = {}
         for position, group in enumerate(self._groups):
-            colour = series_colour(position)
+            colour = self._colour(position)
             of_group = _rows_of(boxes, {self.group: group})
             of_group = of_group[of_group["n"] > 0]
             places = [_index(self._places, value) for value in of_group[self.x]]
@@ -361,7 +366,7 @@ class StudyBoxDisplay(Display):
             title = ", ".join(cell_text(name, level) for name, level in column.items())
             panel.set_title(title, fontsize="medium")
         handles: list[Any] = [
-            Patch(facecolor=series_colour(i), alpha=0.75) for i in range(len(self._groups))
+            Patch(facecolor=self._colour(i), alpha=0.75) for i in range(len(self._groups))
         ]
         labels = [cell_text(self.group, group) for group in self._groups]
         lines = [line for line in self.references_ if line is not None]

@@ -174,4 +174,4 @@ def test_closed_and_full_streams(line, code, said, buffered):
     done = subprocess.run(command, shell=True, stderr=subprocess.PIPE, text=True, env=env)
     assert (done.returncode, done.stderr) == (code, said)
     if "a.csv" in line:
-        assert Path("a.csv").read_text().startswith("run,time,e,u\n")
+        assert Path("a.csv").read_text().startswith("run,time,e,x,f_t,u\n")

@@ -106,7 +106,7 @@ def test_demo_leaves_a_report_with_its_seed(capsys, calls):
     assert main([*words, "--out", "here"]) == 0
     printed = capsys.readouterr().out
     assert "Report: here/report.html" in printed
-    assert "Next: skhoid diagnose" in printed
+    assert "What to do next" in printed
     assert calls[0]["made_with"]["seed"] == "0"
     assert main([*words, "--out", "here"]) == 0  # its own folder: replaced
     assert main([*words, "--out", "there", "--no-report"]) == 2

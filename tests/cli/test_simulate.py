@@ -21,7 +21,8 @@ def test_simulated_runs_can_be_identified(capsys, tmp_path, extension):
     assert "2 runs of C1, 16384 rows at 100 Hz" in printed
     assert "wanted 0.05" in printed
     next_words = shlex.split(printed.split("next: skhoid ")[1])
-    assert main([*next_words, "--json", "--no-pictures"]) == 0
+    assert next_words == ["diagnose", path]
+    assert main(["identify", path, "--json", "--no-pictures"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["n_rows"] == 16384
     assert abs(found["delay"]["one_step"]["nk"] - 29) <= 1

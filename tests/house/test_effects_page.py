@@ -67,9 +67,13 @@ def test_card(cards, name):
         assert told in text
     examples = cards.examples_of(name)
     assert text.count("<svg") == len(examples)
+    (given,) = re.findall(r"^   (.*)  # its numbers are given$", text, re.M)
+    assert repr(eval(given, vars(skhoid.effects))) == repr(examples[0])
     for p in (p for example in examples for p in example.parameters):
         assert f"* - ``{p.name}``" in text
-        assert p.meaning in text
+        assert " ".join(w for w in p.meaning.split() if w not in cards.SYMBOLS) in re.sub(
+            r" :math:`.*?`", "", text
+        )
     told_apart = re.findall(
         r"^- :doc:`.* <skhoid\.effects\.(\w+)>`\. To tell them apart, (.*)\.$", text, re.M
     )

@@ -25,3 +25,11 @@ def test_a_figure_that_cannot_be_drawn_leaves_nothing(tmp_path):
     with pytest.raises(ValueError, match="doc"):
         save_figure(Figure(), tmp_path / "one.doc")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_fonts_are_embedded_as_truetype(tmp_path):
+    figure, ax = plt.subplots()
+    ax.set_title("A title")
+    content = save_figure(figure, tmp_path / "one.pdf").read_bytes()
+    assert b"/Type0" in content
+    assert b"/Type3" not in content

@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 from sklearn.pipeline import make_pipeline
+from support.pictures import legend_texts
 
 from skhoid import ARXRegressor, Decimator, DelaySearchCV, OrderSearchCV
 from skhoid.plotting import DelayLossDisplay
@@ -67,7 +68,7 @@ def test_band_spans_one_standard_deviation_over_folds(data):
     loss, std = search.loss_[1], search.cv_results_["std_test_score"][1]
     np.testing.assert_allclose([at.min(), at.max()], [loss - std, loss + std])
     assert display.ax_.get_ylabel() == "100 − cross-validated VAF, %"
-    texts = [text.get_text() for text in display.ax_.get_legend().get_texts()]
+    texts = legend_texts(display)
     assert "± 1 standard deviation over 3 folds" in texts
 
 

@@ -4,6 +4,7 @@ from dataclasses import fields
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 
 from skhoid import plotting
@@ -19,9 +20,21 @@ def test_displays_are_keyword_dataclasses_on_one_base(name):
     assert "__dataclass_fields__" in vars(cls)
     assert fields(cls)
     assert all(field.kw_only for field in fields(cls))
-    # Tables have no truth value, and no short text.
+    # Tables have no truth value, and no short text of their own.
     assert cls.__eq__ is object.__eq__
-    assert cls.__repr__ is object.__repr__
+    assert cls.__repr__ is Display.__repr__
+
+
+def test_a_display_says_in_short_what_it_shows():
+    path = pd.DataFrame({"effect": ["baseline", "bias"], "vaf": [50.0, 60.0], "rmse": [2.0, 1.0]})
+    path = path.assign(ceiling=np.nan, explainable_gap=np.nan)
+    display = plotting.ErrorPathDisplay(
+        error_path=path, best_effects=["bias"], verdict="effects found", unit="deg"
+    )
+    told = repr(display)
+    assert told.startswith("<ErrorPathDisplay: error_path of 2 rows, verdict 'effects found'")
+    assert len(told) < 120
+    assert repr(Display()) == "<Display>"
 
 
 def test_a_figure_of_its_own_has_the_panels_used_in_their_order():

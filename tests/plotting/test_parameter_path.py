@@ -308,3 +308,14 @@ def test_streamed_model_has_no_path(data):
     streamed = clone(RECURSIVE).set_params(p0=1.0).partial_fit(*data)
     with pytest.raises(ValueError, match="partial_fit keeps no path"):
         ParameterPathDisplay.from_estimator(streamed)
+
+
+def test_some_parameters_have_larger_panels(model):
+    display = ParameterPathDisplay.from_estimator(model, parameters=["b0", "a1"])
+    assert display.names_ == ["b0", "a1"]
+    assert len(display.axes_) == 2
+    np.testing.assert_array_equal(
+        display.lines_["estimate", "b0"].get_ydata(), model.coef_path_[:, 2]
+    )
+    with pytest.raises(ValueError, match="name in parameters must be one of 'a1', 'a2'"):
+        ParameterPathDisplay.from_estimator(model, parameters=["K_e"])

@@ -35,9 +35,9 @@ def test_panels_hold_the_first_run(runs):
         np.testing.assert_array_equal(display.lines_[name].get_ydata(), X.loc[0, name])
     np.testing.assert_array_equal(display.lines_["u"].get_ydata(), y.loc[0])
     panel = display.axes_[-1]
-    drawn = [line for line in panel.lines if line.get_label() == "without remnant"]
+    drawn = [line for line in panel.lines if line.get_label() == "truth, without remnant"]
     np.testing.assert_array_equal(drawn[0].get_ydata(), truth.u_without_remnant.loc[0])
-    marks = [line.get_xdata()[0] for line in panel.lines if line.get_linestyle() == "--"]
+    marks = [line.get_xdata()[0] for line in panel.lines if line.get_label() == "change"]
     np.testing.assert_allclose(marks, [40.96], atol=0.02)
 
 

@@ -39,6 +39,12 @@ def example(name):
     return names["display"]
 
 
+def legend_texts(display):
+    """Words in the legend of a figure of the Display's own."""
+    (legend,) = display.figure_.legends
+    return [text.get_text() for text in legend.get_texts()]
+
+
 def boxes_of(figure):
     """Boxes of the texts and legends that are seen, each with what it says."""
     figure.draw_without_rendering()
