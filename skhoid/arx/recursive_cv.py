@@ -322,7 +322,8 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
             for i in shown
         ]
         found = super()._summary()
-        searched = f"{len(vaf)} memory horizons, by cross-validated {self._vaf_name} {self.best_score_:.1f} %"
+        score = f"{self._vaf_name} {self.best_score_:.1f} %"
+        searched = f"{len(vaf)} memory horizons, by cross-validated {score}"
         facts = {**found.facts, "Searched": searched}
         return replace(found, facts=facts, more=[TextTable(caption, header, rows), *found.more])
 
