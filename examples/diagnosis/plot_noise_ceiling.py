@@ -168,8 +168,8 @@ _ = axes[1].legend()
 
 # %%
 # The ceiling belongs to these very runs: by chance remnant is larger in one than in another, and
-# the truth moves along with the estimate. Five runs together know it best. (Intervals should hold
-# the truth in nine of ten cases; those of single runs are rather too narrow.)
+# the truth moves along with the estimate. Five runs together know it best. (Intervals of
+# 95 % should hold the truth in 19 of 20 cases; those of single runs are rather too narrow.)
 #
 # No way at all
 # -------------
