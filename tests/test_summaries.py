@@ -196,7 +196,7 @@ def test_path_of_a_recursive_model(runs):
     facts = facts_of(text)
     assert "Memory: N0 = 100 samples, 2 s (λ = 0.99)" in facts
     assert f"{model.n_updates_} updates Runs: 3, pooled" in facts
-    assert "Protection: held information at 0 instants" in facts
+    assert "Protection: forgetting held back at 0 instants" in facts
 
 
 @pytest.mark.parametrize(

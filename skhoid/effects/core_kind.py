@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class CoreKind(StrEnum):
-    """What kind of linear core an effect acts in: the argument ``core`` of ``Effect.refusal``.
+    """Kind of linear core that an effect acts in: the argument ``core`` of ``Effect.refusal``.
 
     Attributes
     ----------
@@ -32,5 +32,5 @@ class CoreKind(StrEnum):
 
     @property
     def is_operator(self) -> bool:
-        """Whether it is a human operator, its delay given or not."""
+        """Whether it is a human operator, with its delay given or estimated."""
         return self is not CoreKind.ARX

@@ -1,4 +1,4 @@
-"""What an effect may ask of the model to which it is added: open it to write ``scanned``."""
+"""What an effect may ask of the model it is added to: read it to write ``scanned``."""
 
 from __future__ import annotations
 

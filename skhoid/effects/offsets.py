@@ -34,8 +34,8 @@ class Bias(Effect):
 
     name = "bias"
     place = "sum"
-    physics = "The output is off its zero: trim, or a sensor's offset."
-    machine_physics = "The output is off its zero: a sensor's offset, or a constant load."
+    physics = "The output has an offset: trim, or a sensor's zero error."
+    machine_physics = "The output has an offset: a sensor's zero error, or a constant load."
     formula = "u + level"
     tex = r"u' = u + \mathrm{level}"
     source = "Ljung (1999)"
@@ -50,7 +50,7 @@ class Bias(Effect):
 
 
 class Drift(Effect):
-    """An offset of the output that changes in the run.
+    """An offset of the output that changes during the run.
 
     ``"linear"``: rate (t - reference); ``"settling"``: level - rate tau exp(-(t - reference) /
     tau), which comes to rest at the level, with the reference at the start.
@@ -58,7 +58,7 @@ class Drift(Effect):
     Parameters
     ----------
     rate : float or None, default=None
-        In units of the output per second (at the start where it settles); None estimates it.
+        In units of the output per second (at the start, for ``"settling"``); None estimates it.
     tau : float or None, default=None
         Time constant of ``"settling"`` in seconds; None estimates it.
     level : float or None, default=None
@@ -82,7 +82,7 @@ class Drift(Effect):
 
     name = "drift"
     place = "sum"
-    physics = "The output drifts away steadily, or settles from the start on."
+    physics = "The output drifts steadily, or settles after the start."
     formula = "u + rate (t - reference), or u + level - rate tau exp(-(t - reference) / tau)"
     tex = (
         r"u' = u + \begin{cases} \mathrm{rate}\,(t - \mathrm{reference}) & \text{linear} \\"
@@ -145,7 +145,7 @@ class Drift(Effect):
 
 
 class Integral(Effect):
-    """Trim: the integral of the error is answered.
+    """Trim: the operator responds to the integral of the error.
 
     ``"pure"``: the integral from the start of the run; ``"leaky"``: 1 / (s + leak), which forgets.
 
@@ -173,7 +173,7 @@ class Integral(Effect):
     title = "integral action"
     place = "path"
     physics = "A standing error is trimmed away slowly."
-    machine_physics = "The machine integrates its input besides."
+    machine_physics = "The machine also integrates its input."
     formula = "command + gain * integral of e(t - tau_e)"
     tex = r"c' = c + \mathrm{gain} \int e(t - \tau_e)\,\mathrm{d}t"
     source = "McRuer and Krendel (1974)"

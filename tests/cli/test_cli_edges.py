@@ -109,7 +109,10 @@ def test_a_device_is_no_recording(capsys):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("diagnose --effects nosuch", "No effect is called 'nosuch'. There are: wrong_delay, "),
+        (
+            "diagnose --effects nosuch",
+            "No effect is called 'nosuch'. The effects are: wrong_delay, ",
+        ),
         ("report --out a.html --effects dead_zon", "Did you mean 'dead_zone'?"),
         ("identify --table-format csv", "--table-format needs --tables FOLDER"),
         ("demo --table-format csv", "--table-format needs --tables FOLDER"),

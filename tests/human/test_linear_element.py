@@ -41,7 +41,7 @@ def test_texts(text, coefficients):
         ("1/s(s+1)", r"divides.*1/\(s\(s\+1\)\)"),
         ("K/s", "'K' is not known"),
         ("", "empty"),
-        ("1/(s", "bracket is not closed"),
+        ("1/(s", "closing bracket"),
         ("1/s)", "one too many"),
         ("1/(s-s)", "divides by zero"),
         ("1/s^x", "whole number"),

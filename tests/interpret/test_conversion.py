@@ -354,7 +354,7 @@ def test_inputs():
     with pytest.raises(ValueError, match="input='z' is not an input"):
         operator_parameters(model, input="z")
     ambiguous = ARXRegressor(nk=29, inputs=["f_t", "x"]).fit(X, y)
-    with pytest.raises(ValueError, match="say which one with input="):
+    with pytest.raises(ValueError, match="choose one with input="):
         operator_parameters(ambiguous)
     ambiguous = ARXRegressor(nk=29, inputs=["f_t", "x"], roles={"f_t": "e"}).fit(X, y)
     assert len(operator_parameters(ambiguous)) == 1
