@@ -1,4 +1,4 @@
-"""Private names and habits of scikit-learn, which no other file knows."""
+"""Private names and conventions of scikit-learn, which no other file uses."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -90,7 +90,8 @@ class CoefficientsOfLags:
             first = ", ".join(model.parameter_names_[:4])
             raise TypeError(
                 f"coef_ of {type(model).__name__} has one number per lag ({first}, ...), and "
-                "selection by importance needs one per column of X. Compare sets of inputs: "
+                "selection by importance needs one per column of X. Compare sets of inputs "
+                "instead: "
                 'GridSearchCV(model, {"inputs": [["e"], ["e", "x"]]}, scoring=VAFScorer(), '
                 "cv=LeaveOneGroupOut()), fitted with groups=run_labels(X)."
             )

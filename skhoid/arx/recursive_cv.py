@@ -321,7 +321,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
             for i in shown
         ]
         found = super()._summary()
-        name = vaf_name(centered=self.scoring is not None and self.scoring.centered)
+        name = vaf_name(centered=bool(getattr(self.scoring, "centered", False)))
         searched = f"{len(vaf)} memory horizons, by cross-validated {name} {self.best_score_:.1f} %"
         facts = {**found.facts, "Searched": searched}
         return replace(found, facts=facts, more=[TextTable(caption, header, rows), *found.more])

@@ -60,8 +60,8 @@ def arx_to_operator(
 
     See Also
     --------
-    skhoid.human.discretisation.zoh_parameters : The inverse conversion. operator_parameters : The
-    same for a fitted model, with the delay.
+    skhoid.human.discretisation.zoh_parameters : The inverse conversion.
+    operator_parameters : The same for a fitted model, with the delay.
 
     Examples
     --------

@@ -179,7 +179,7 @@ class Windows:
             if bad.size:
                 row, column = bad[0]
                 raise ValueError(
-                    f"{table.columns[column]!r} is {values[rows][row, column]} at "
+                    f"{table.columns[column]!r} is {values[rows][row, column]} in "
                     f"{self.layout.where(rows.start + int(row))}; a Fourier transform needs every "
                     "sample in its window. Leave the run out, or choose another window."
                 )

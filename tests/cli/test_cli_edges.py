@@ -52,7 +52,7 @@ def test_numbers_without_sense(capsys, words):
 @pytest.mark.parametrize("words", [["--runs", "1000000"], ["--runs", "1", "--rate", "1e10"]])
 def test_more_runs_than_memory(capsys, words):
     assert main(["simulate", "--out", "a.csv", *words]) == 2
-    assert "GiB of memory, and the machine has" in capsys.readouterr().err
+    assert "GiB of memory, but the machine has" in capsys.readouterr().err
     assert not Path("a.csv").exists()
 
 
