@@ -33,7 +33,7 @@ import lazy_loader
 
 from ._version import __version__ as __version__
 
-# The names are in __init__.pyi, beside this file; each is imported when it is first asked for.
+# The names are in __init__.pyi, next to this file; each is imported on first use.
 __getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 _NAMESPACES = {
     "effects",
@@ -46,5 +46,5 @@ _NAMESPACES = {
     "testing",
     "thesis",
 }
-# Without the namespaces: a star would import matplotlib with skhoid.plotting.
+# Without the namespaces: a star import would import matplotlib with skhoid.plotting.
 __all__ = [name for name in _names if name not in _NAMESPACES]

@@ -75,8 +75,9 @@ class FittedDisplay:
 class CoefficientsOfLags:
     """The attribute ``coef_`` of a model, refused to selection by importance.
 
-    That takes it for one number per column of X, and scikit-learn has no tag by which a model could
-    say that it is not: who asks has to be looked at. ``_one_per_column`` says that it is.
+    It expects one number per column of X, and scikit-learn has no tag by which a model could say
+    otherwise, so the caller has to be inspected. ``_one_per_column`` says that it has one per
+    column.
     """
 
     def __get__(self, model: Any, owner: Any = None) -> Any:

@@ -93,13 +93,16 @@ class Saturation(StaticMap):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        limit = Parameter("limit", self.unit, 0.1, 4.0, (0.8, 1.6), "greatest deflection")
+        limit = Parameter("limit", self.unit, 0.1, 4.0, (0.8, 1.6), "maximum deflection")
         if self.form == "unequal":
-            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "of the stops")
+            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "asymmetry of the stops")
             return (limit, skew)
         if self.form != "behind":
             return (limit,)
-        return (limit, Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "before the stop"))
+        return (
+            limit,
+            Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "remnant ahead of the stop"),
+        )
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
@@ -149,7 +152,7 @@ class RateLimit(Effect):
     tex = r"\left|\frac{\mathrm{d}u'}{\mathrm{d}t}\right| \le \mathrm{limit}"
     source = "Duda (1997)"
     kinks = True
-    parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "greatest rate"),)
+    parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "maximum rate"),)
 
     def __init__(self, *, limit: float | None = None):
         self.limit = limit
@@ -233,7 +236,7 @@ class Stiction(Effect):
     source = "Armstrong-Helouvry et al. (1994)"
     parameters = (
         Parameter("breakaway", U, 0.01, 2.0, (0.1, 0.2, 0.4, 0.7), "static friction"),
-        Parameter("kinetic", ONE, 0.0, 0.95, (0.2, 0.6), "kinetic by static friction"),
+        Parameter("kinetic", ONE, 0.0, 0.95, (0.2, 0.6), "ratio of kinetic to static friction"),
     )
     smooth = False
     shades = True
@@ -347,13 +350,20 @@ class Quantised(StaticMap):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         steps = (0.5, 1.0, 2.0)
-        offset = Parameter("offset", ONE, -0.5, 0.5, (0.0, 0.5), "of thresholds, in steps")
-        step = Parameter("step", self.unit, 0.05, 6.0, steps, "of levels")
+        offset = Parameter(
+            "offset", ONE, -0.5, 0.5, (0.0, 0.5), "shift of the thresholds, in steps"
+        )
+        step = Parameter("step", self.unit, 0.05, 6.0, steps, "distance between levels")
         if self.form == "behind":
-            remnant = Parameter("remnant", ONE, 0.15, 0.35, (0.2,), "before levels, in steps")
+            remnant = Parameter(
+                "remnant", ONE, 0.15, 0.35, (0.2,), "remnant ahead of the levels, in steps"
+            )
             return (step, offset, remnant)
         if self.form == "uneven":
-            return (step, Parameter("power", ONE, 0.5, 2.0, (0.8, 1.25), "of uneven levels"))
+            return (
+                step,
+                Parameter("power", ONE, 0.5, 2.0, (0.8, 1.25), "crowding of uneven levels"),
+            )
         return (step, offset)
 
     softness = 0.0  # of corners, in steps
@@ -455,7 +465,9 @@ class HardeningStiffness(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         dimension = ONE / U if self.form == "square" else ONE / U**2
-        return (Parameter("stiffness", dimension, 0.0, 20.0, (0.02, 0.3), "of the spring"),)
+        return (
+            Parameter("stiffness", dimension, 0.0, 20.0, (0.02, 0.3), "stiffening of the spring"),
+        )
 
     def apply(self, signal: Spring, record: Record, stiffness: float) -> Spring:
         return signal.stiffer(**{self.form or "cubic": stiffness})

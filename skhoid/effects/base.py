@@ -93,7 +93,9 @@ class Effect(Composable, BaseEstimator):
     ...     physics = "The response to large errors is less than proportional."
     ...     formula = "e' = knee asinh(e / knee)"
     ...     parameters = (
-    ...         Parameter("knee", Dimension(e=1), 0.01, 10.0, (1.0,), meaning="of the answer"),
+    ...         Parameter(
+    ...             "knee", Dimension(e=1), 0.01, 10.0, (1.0,), meaning="knee of the response"
+    ...         ),
     ...     )
     ...
     ...     def __init__(self, *, knee=None):

@@ -1,4 +1,4 @@
-"""The kinds of linear core that effects act in; open it to add one."""
+"""The kinds of linear core that effects act in; add one here."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class CoreKind(StrEnum):
     Attributes
     ----------
     OPERATOR
-        A human operator whose delay is given.
+        A human operator with a given delay.
     OPERATOR_FREE_DELAY
         A human operator whose delay is estimated with the other parameters.
     ARX

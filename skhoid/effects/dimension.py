@@ -1,4 +1,4 @@
-"""Dimensions of parameters as exponents of units; open it to add a unit that labels can show."""
+"""Dimensions of parameters as exponents of units; add a unit for labels here."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Dimension:
     rad : int, default=0
         Of the radian, which appears in the label only.
     Hz : int, default=0
-        Of the hertz, which is one over the second with a name of its own.
+        Of the hertz, one over the second under its own name.
     T : int, default=0
         Of the duration of a run: for the ``scale`` of a parameter only, in place of seconds.
     channels : tuple of (str, int), default=()

@@ -76,7 +76,7 @@ class ExtraLead(Effect):
     formula = "time s + 1"
     tex = r"H(s) = \mathrm{time}\; s + 1"
     source = "McRuer and Krendel (1974)"
-    parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "second lead"),)
+    parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "time constant of the second lead"),)
     neutral = {"time": 0.0}
 
     def __init__(self, *, time: float | None = None):

@@ -82,7 +82,10 @@ class DeadZone(StaticMap):
         width = Parameter("width", self.unit, 0.02, 3.0, (0.25, 0.7), "half-width of the threshold")
         if self.form != "behind":
             return (width,)
-        return (width, Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "before the threshold"))
+        return (
+            width,
+            Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "remnant ahead of the threshold"),
+        )
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
@@ -171,7 +174,9 @@ class AsymmetricGain(StaticMap):
         if self.form == "large":
             return (
                 Parameter("asymmetry", ONE, -0.95, 0.95, (-0.3, 0.3), meaning),
-                Parameter("level", self.unit, 0.05, 2.0, (0.3, 0.8), "above which gains differ"),
+                Parameter(
+                    "level", self.unit, 0.05, 2.0, (0.3, 0.8), "error above which gains differ"
+                ),
             )
         return (Parameter("asymmetry", ONE, -0.7, 0.7, (-0.2, 0.2), meaning),)
 
@@ -241,8 +246,8 @@ class Rectified(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         if self.form == "soft":
-            return (Parameter("width", E, 0.02, 1.0, (0.3,), "of the bend"),)
-        return (Parameter("leak", ONE, 0.0, 0.18, (0.05,), "gain of the other side"),)
+            return (Parameter("width", E, 0.02, 1.0, (0.3,), "width of the bend"),)
+        return (Parameter("leak", ONE, 0.0, 0.18, (0.05,), "relative gain on the other side"),)
 
     def apply(
         self, signal: np.ndarray, record: Record, leak: float = 0.0, width: float = 0.0
@@ -388,10 +393,13 @@ class AbsoluteValue(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = Parameter("gain", U / E, -5.0, 5.0, (-0.3, 0.3), "answer to the size")
+        gain = Parameter("gain", U / E, -5.0, 5.0, (-0.3, 0.3), "gain on the magnitude")
         if self.form != "apart":
             return (gain,)
-        return (gain, Parameter("later", S, -0.3, 0.6, (-0.1, 0.1), "than the error"))
+        return (
+            gain,
+            Parameter("later", S, -0.3, 0.6, (-0.1, 0.1), "delay after the response to the error"),
+        )
 
     def apply(self, signal: Any, record: Record, gain: float, later: float = 0.0) -> Any:
         size = np.abs(signal.error)

@@ -132,7 +132,7 @@ class Friction(_Inside):
         if self.form == "stribeck":
             return (
                 coulomb,
-                Parameter("excess", ONE, 0.0, 3.0, (0.3,), "of static friction"),
+                Parameter("excess", ONE, 0.0, 3.0, (0.3,), "excess of static friction"),
                 Parameter("fall", speed, 5e-3, 0.3, (0.05,), "speed of its fall"),
             )
         return (coulomb,)
@@ -250,7 +250,7 @@ class RootFlow(_Inside):
         flow = Parameter("flow", E, 0.0, 50.0, (0.3, 2.0), "outflow at the reference level")
         if self.form != "above":
             return (flow,)
-        return (flow, Parameter("level", U, -5.0, 5.0, (-1.0, 0.0), "of the outlet"))
+        return (flow, Parameter("level", U, -5.0, 5.0, (-1.0, 0.0), "level of the outlet"))
 
     def variants(self, record: Record) -> list[Effect]:
         reference = record.sd("u") if self.reference is None else self.reference
@@ -318,8 +318,8 @@ class Stops(_Inside):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        low = Parameter("low", U, -1e3, 1e3, (-1.5, -0.8), "least output")
-        high = Parameter("high", U, -1e3, 1e3, (1.5, 0.8), "greatest output")
+        low = Parameter("low", U, -1e3, 1e3, (-1.5, -0.8), "lowest output")
+        high = Parameter("high", U, -1e3, 1e3, (1.5, 0.8), "highest output")
         return {"high": (high,), "low": (low,)}.get(self.form or "both", (low, high))
 
     def starts(self, record: Record) -> list[dict[str, float]]:

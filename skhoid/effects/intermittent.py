@@ -96,11 +96,11 @@ class Intermittent(Effect):
             thresholds = tuple(np.geomspace(0.05, 1.2, 9).tolist())
             return (
                 Parameter("hold_time", S, 0.0, 1.2, STARTS_EVENT, "refractory time"),
-                Parameter("threshold", watched, 0.01, 4.0, thresholds, "that triggers"),
+                Parameter("threshold", watched, 0.01, 4.0, thresholds, "change that triggers"),
             )
         return (
-            Parameter("hold_time", S, 0.04, 1.2, HOLDS_CLOCK, "between decisions"),
-            Parameter("phase", S, 0.0, 1.2, (0.0,), "of the first decision"),
+            Parameter("hold_time", S, 0.04, 1.2, HOLDS_CLOCK, "time between decisions"),
+            Parameter("phase", S, 0.0, 1.2, (0.0,), "time of the first decision"),
         )
 
     def starts(self, record: Record) -> list[dict[str, float]]:

@@ -110,11 +110,11 @@ class Drift(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        rate = Parameter("rate", U / S, -20.0, 20.0, (0.5,), "of the drift", U / T)
+        rate = Parameter("rate", U / S, -20.0, 20.0, (0.5,), "rate of the drift", U / T)
         if self.form != "settling":
             return (rate,)
-        steep = Parameter("rate", U / S, -100.0, 100.0, (2.0, -2.0), "at the start", U / T)
-        level = Parameter("level", U, -20.0, 20.0, (0.0,), "where it comes to rest")
+        steep = Parameter("rate", U / S, -100.0, 100.0, (2.0, -2.0), "rate at the start", U / T)
+        level = Parameter("level", U, -20.0, 20.0, (0.0,), "level where it settles")
         return (steep, Parameter("tau", S, 0.05, 1.0, (0.15, 0.4), "time constant", T), level)
 
     @property
@@ -189,7 +189,7 @@ class Integral(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = Parameter("gain", U / (E * S), 0.0, 20.0, (0.1, 0.5), "of the integral")
+        gain = Parameter("gain", U / (E * S), 0.0, 20.0, (0.1, 0.5), "gain on the integral")
         if self.form != "leaky":
             return (gain,)
         return (gain, Parameter("leak", ONE / S, 0.001, 0.6, (0.1,), "rate of forgetting"))

@@ -113,7 +113,7 @@ class Feedforward(_AnswerToTarget):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         return (
             gain_of_target(self.form),
-            Parameter("delay", S, 0.0, 0.8, (0.05, 0.3), "of the answer to the target"),
+            Parameter("delay", S, 0.0, 0.8, (0.05, 0.3), "delay of the response to the target"),
         )
 
     def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
@@ -175,11 +175,11 @@ class Preview(_AnswerToTarget):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         both = (
             gain_of_target(self.form),
-            Parameter("time", S, 0.0, 1.5, (0.2, 0.6), "looked ahead"),
+            Parameter("time", S, 0.0, 1.5, (0.2, 0.6), "preview time"),
         )
         if self.form != "spread":
             return both
-        return (*both, Parameter("stretch", S, 0.05, 1.5, (0.3,), "of the target answered"))
+        return (*both, Parameter("stretch", S, 0.05, 1.5, (0.3,), "length of the target averaged"))
 
     def apply(
         self, signal: Any, record: Record, gain: float, time: float, stretch: float = 0.0
@@ -226,9 +226,9 @@ class OutputFeedback(Effect):
     )
     source = "Wasicko et al. (1966)"
     parameters = (
-        Parameter("gain", U / X, 0.0, 20.0, (0.05,), "on x", U / E),
-        Parameter("rate_gain", U * S / X, 0.0, 20.0, (0.05,), "on the rate of x", U / E),
-        Parameter("delay", S, 0.0, 0.8, (0.12, 0.3), "of the answer to x"),
+        Parameter("gain", U / X, 0.0, 20.0, (0.05,), "gain on x", U / E),
+        Parameter("rate_gain", U * S / X, 0.0, 20.0, (0.05,), "gain on the rate of x", U / E),
+        Parameter("delay", S, 0.0, 0.8, (0.12, 0.3), "delay of the response to x"),
     )
     neutral = {"gain": 0.0, "rate_gain": 0.0}
 
@@ -317,12 +317,12 @@ class MotionFeedback(Effect):
         gain = U / Dimension.of_channel(self.channel)
         if self.form == "feedthrough":
             return (
-                Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "of the feedthrough"),
-                Parameter("delay", S, 0.0, 0.06, (0.0,), "of the feedthrough"),
+                Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "gain of the feedthrough"),
+                Parameter("delay", S, 0.0, 0.06, (0.0,), "delay of the feedthrough"),
             )
         return (
-            Parameter("gain", gain, 0.0, 20.0, (0.1,), "on the motion"),
-            Parameter("delay", S, 0.0, 0.6, (0.1, 0.25), "of the answer to motion"),
+            Parameter("gain", gain, 0.0, 20.0, (0.1,), "gain on the motion"),
+            Parameter("delay", S, 0.0, 0.6, (0.1, 0.25), "delay of the response to motion"),
         )
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
@@ -407,8 +407,8 @@ class Disturbance(Effect):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         gain = U / Dimension.of_channel(self.channel)
         return (
-            Parameter("gain", gain, -20.0, 20.0, (0.1,), "on the disturbance"),
-            Parameter("delay", S, 0.0, 0.8, (0.1, 0.3), "of the answer"),
+            Parameter("gain", gain, -20.0, 20.0, (0.1,), "gain on the disturbance"),
+            Parameter("delay", S, 0.0, 0.8, (0.1, 0.3), "delay of the response"),
         )
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
@@ -482,7 +482,7 @@ class CrossAxis(Effect):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         answered = U if self.form == "command" else E
         gain = answered / Dimension.of_channel(self.channel)
-        return (Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "of the crossfeed"),)
+        return (Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "gain of the crossfeed"),)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, OTHER, "channel without role")
@@ -508,11 +508,11 @@ def gain_of_target(form: str | None) -> Parameter:
         return Parameter("gain", ONE, 0.0, 3.0, (0.3,), "gain on the inverse controlled element")
     gain = U / Dimension.of_role("f_t")
     dimension = gain * S if form == "rate" else gain
-    return Parameter("gain", dimension, 0.0, 20.0, (0.1,), "on the target")
+    return Parameter("gain", dimension, 0.0, 20.0, (0.1,), "gain on the target")
 
 
 def of_inverse(form: str | None) -> bool:
-    """Whether a form of the answer to the target needs the controlled element."""
+    """Whether a form of the response to the target needs the controlled element."""
     return form in ("inverse", "spread")
 
 
@@ -562,5 +562,5 @@ def moved_by_output(record: Record, channel: str) -> bool:
 def not_at_once(
     limits: dict[str, tuple[float, float]], record: Record
 ) -> dict[str, tuple[float, float]]:
-    """Bounds whose delay is at least that of the record: a faster answer is the loop itself."""
+    """Bounds whose delay is at least that of the record: a faster response is the loop itself."""
     return limits | {"delay": (record.least_delay, limits["delay"][1])}

@@ -70,8 +70,8 @@ class RateReflex(Effect):
     neutral = {"gain": 0.0}
     choices = {"side": ("positive", "negative")}
     parameters = (
-        Parameter("gain", U * S / E, 0.0, 1e3, (0.03, 0.3), "answer to the rate"),
-        Parameter("delay", S, 0.015, 0.3, (0.04,), "of the answer", scale=ONE),
+        Parameter("gain", U * S / E, 0.0, 1e3, (0.03, 0.3), "gain on the rate"),
+        Parameter("delay", S, 0.015, 0.3, (0.04,), "delay of the response", scale=ONE),
         Parameter("omega", RAD / S, 2.0, 200.0, (30.0,), "frequency of the path", scale=ONE),
         Parameter("zeta", ONE, 0.2, 5.0, (1.0,), "its damping ratio"),
     )

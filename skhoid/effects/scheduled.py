@@ -161,8 +161,8 @@ class InputFilter(Effect):
         if self.form == "square":
             return (*filtered, Parameter("hardening", ONE / E, -1.0, 20.0, (-0.1, 0.3), growth))
         if self.form == "clipped":
-            width = Parameter("width", E, 0.02, 3.3, (0.7, 1.5), "limit behind the filter")
-            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "of the limits")
+            width = Parameter("width", E, 0.02, 3.3, (0.7, 1.5), "limit after the filter")
+            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "asymmetry of the limits")
             return (*filtered, width, skew)
         width = Parameter("width", E, 0.0, 3.0, (0.25, 0.7), "threshold after the filter")
         return (*filtered, width)

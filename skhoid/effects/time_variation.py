@@ -175,7 +175,7 @@ class GainDrift(Effect):
     tex = r"K(t) = K\,\bigl(1 + \mathrm{rate}\,(t - \mathrm{reference})\bigr)"
     source = "Thesis, Section II"
     parameters = (
-        Parameter("rate", ONE / S, -1.9, 1.9, (0.4, -0.4), "relative, per second", ONE / T),
+        Parameter("rate", ONE / S, -1.9, 1.9, (0.4, -0.4), "relative change per second", ONE / T),
     )
     neutral = {"rate": 0.0}
 
@@ -292,7 +292,7 @@ class Lapses(Effect):
     source = "Viterbi (1967)"
     parameters = (
         Parameter("depth", ONE, 0.0, 1.0, (0.95,), "share of the command lost"),
-        Parameter("shift", S, -0.8, 0.4, (-0.15,), "of the intervals"),
+        Parameter("shift", S, -0.8, 0.4, (-0.15,), "shift of the intervals"),
     )
     neutral = {"depth": 0.0}
     choices = {"form": ("command", "gain", "hold")}

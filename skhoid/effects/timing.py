@@ -48,7 +48,7 @@ class WrongDelay(Effect):
     formula = "e(t - delay - extra)"
     tex = r"e(t) \to e(t - \tau_e - \mathrm{extra})"
     source = "Thesis, Section V"
-    parameters = (Parameter("extra", S, -0.4, 0.6, (-0.08, 0.08), "longer than assumed"),)
+    parameters = (Parameter("extra", S, -0.4, 0.6, (-0.08, 0.08), "delay beyond the assumed one"),)
     neutral = {"extra": 0.0}
 
     def __init__(self, *, extra: float | None = None):
@@ -107,7 +107,7 @@ class TimeVaryingDelay(Effect):
     tex = r"\tau(t) = \tau_e + \frac{\mathrm{change}}{1 + e^{-\mathrm{rate}\,(t - \mathrm{time})}}"
     source = "Thesis, Eq. 2"
     parameters = (
-        Parameter("change", S, -0.5, 0.5, (0.05, -0.05), "of the delay"),
+        Parameter("change", S, -0.5, 0.5, (0.05, -0.05), "change of the delay"),
         Parameter("rate", ONE / S, 0.05, 20.0, (0.5,), "steepness"),
         Parameter("time", S, 0.02, 0.98, (0.3, 0.7), "middle of the change", T),
     )

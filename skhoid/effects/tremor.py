@@ -57,8 +57,8 @@ class Tremor(Effect):
     source = "Elble and Randall (1978)"
     noise = "a sine"
     parameters = (
-        Parameter("frequency", HZ, 5.0, 15.0, (9.0,), "of the tremor"),
-        Parameter("amplitude", U, 0.0, 5.0, (0.1,), "of the tremor"),
+        Parameter("frequency", HZ, 5.0, 15.0, (9.0,), "frequency of the tremor"),
+        Parameter("amplitude", U, 0.0, 5.0, (0.1,), "amplitude of the tremor"),
     )
 
     def __init__(self, *, frequency: float | None = None, amplitude: float | None = None):

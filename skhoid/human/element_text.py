@@ -14,7 +14,7 @@ Ratio = tuple[np.ndarray, np.ndarray]  # coefficients of numerator and denominat
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a number alone, which is no transfer function where a gain is expected."""
+    """Whether a text is just a number, which counts as a gain and not as a transfer function."""
     try:
         float(text)
     except ValueError:

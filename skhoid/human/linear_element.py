@@ -397,7 +397,7 @@ def _pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarray, np
 def _impulse_response(
     generator: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float, hold: str
 ) -> np.ndarray:
-    """The first samples of the answer to one sample of input, from which b follows without loss."""
+    """The first samples of the response to one sample of input, from which b follows exactly."""
     n = len(generator) - 1
     if hold == "zoh":
         step = expm(generator * dt)

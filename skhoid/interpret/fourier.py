@@ -261,7 +261,7 @@ class _Spectra:
         """Responses from several inputs, (n_runs, n_inputs, n_lines), and their variances.
 
         Each forcing function F gives an equation U/F = H_1 E_1/F + H_2 E_2/F + N/F at every line,
-        interpolated between its own. The remnant N is read beside the lines and propagated.
+        interpolated between its own. The remnant N is estimated next to the lines and propagated.
         """
         n_runs, n_functions = len(self.at_lines), self.function.max() + 1
         equations = np.empty((n_runs, self.omega.size, n_functions, n_inputs + 1), dtype=complex)

@@ -44,8 +44,7 @@ def keep_parameters(estimator: Any) -> None:
 def as_fitted(estimator: Any) -> Any:
     """The parameters that an estimator was fitted with; its own before a fit.
 
-    All that answers for a fitted estimator asks here: parameters that are set later count from the
-    next fit on.
+    Fitted estimators read their parameters here: parameters set later take effect at the next fit.
     """
     return getattr(estimator, "_fitted_with", estimator)
 

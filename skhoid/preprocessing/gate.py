@@ -130,8 +130,8 @@ def _place(what: str, names: list[Any] | None, column: int) -> str:
 def _check_columns(X: pd.DataFrame, what: str = "X") -> None:
     if X.shape[1] == 0 and what == "X":
         raise ValueError(
-            "X has no columns (0 feature(s), while a minimum of 1 is required): there is no "
-            "channel to answer."
+            "X has no columns (0 feature(s), while a minimum of 1 is required): there is no input "
+            "channel."
         )
     if not X.columns.is_unique:
         twice = X.columns[X.columns.duplicated()][0]

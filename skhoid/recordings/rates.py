@@ -59,7 +59,7 @@ class Gain:
 
 
 def check_rates(recording: RawRecording) -> list[Finding]:
-    """Rates that are not the derivatives of their angles, or hold another rate besides."""
+    """Rates that are not the derivatives of their angles, or hold another rate as well."""
     wrong, mixed, right = [], [], []
     for angle, rate in pairs(recording.names):
         gain = _gain(recording, angle, rate)
@@ -235,7 +235,7 @@ def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: li
 def _mixed(
     recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: list[Any]
 ) -> Finding | None:
-    """A rate of about the right size that holds another rate besides."""
+    """A rate of about the right size that holds another rate as well."""
     if gain.correlation**2 >= ALONE:
         return None
     for other in alone:

@@ -12,7 +12,7 @@ ARRAY_LIKE = ("__len__", "shape", "__array__")
 
 
 def refuse_container(X: Any) -> None:
-    """Refuse by name what is no table of channels, and say what to pass in its place."""
+    """Refuse by name what is not a table of channels, and say what to pass instead."""
     if isinstance(X, pd.Series):
         raise ValueError("X is a Series, but a 2-dimensional table is needed: pass X.to_frame().")
     library = type(X).__module__.partition(".")[0]

@@ -40,8 +40,8 @@ def not_channels(names: Iterable[Any]) -> list[Any]:
 def refuse_flat(X: Any, *, dt: float | None, run: Any) -> None:
     """Refuse a table whose run or time is a column that nothing names.
 
-    It would be taken for one run with ``dt=1``. A run column is named by ``run=``; beside ``dt=``
-    a column of times is but a channel, unless it shows several runs.
+    It would be taken for one run with ``dt=1``. A run column is named by ``run=``; with ``dt=`` a
+    column of times is just a channel, unless it shows several runs.
     """
     table = _Columns(X)
     label = None if run is not None else table.label()

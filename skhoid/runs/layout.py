@@ -1,9 +1,9 @@
 """Where runs, segments and marks lie in the rows of a table.
 
-A recording is a table with one row per sample. Which run a row belongs to, and when it was
-taken, travels in the row index of ``X`` (levels ``run`` and ``time``, in seconds; optional outer
-levels such as ``subject`` and ``condition``) or, for arrays and plain frames, in a run column
-(``run=``) and a sampling time (``dt=``). Everything else in skhoid asks :func:`read_layout`.
+A recording is a table with one row per sample. Which run a row belongs to, and when it was taken,
+travels in the row index of ``X`` (levels ``run`` and ``time``, in seconds; optional outer levels
+such as ``subject`` and ``condition``) or, for arrays and plain frames, in a run column (``run=``)
+and a sampling time (``dt=``). The rest of skhoid asks :func:`read_layout`.
 """
 
 from __future__ import annotations
