@@ -76,7 +76,7 @@ def test_a_search_finds_what_it_finds_without_the_run(name, data, channel):
     search = SEARCHES[name]
     expected = search.fit(*WITHOUT).cv_results_
     found, warning = told(search.fit, *data)
-    assert "1 of 4 runs are left out, because a channel is NaN" in warning
+    assert "1 of 4 runs are left out because a channel is NaN" in warning
     assert f"run 2 ({channel!r})" in warning
     assert_same_results(found.cv_results_, expected)
 
