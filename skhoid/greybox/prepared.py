@@ -87,7 +87,7 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         estimator._columns, estimator.inputs_ = estimator._columns[:1], estimator.inputs_[:1]
     if len(estimator._columns) != 1:
         raise ValueError(
-            f"{type(estimator).__name__} with effects responds to one channel, but got inputs= "
+            f"{type(estimator).__name__} with effects responds to one channel, but got inputs="
             f'{estimator.inputs_}. Name it by inputs=["..."]; effects may use the other columns.'
         )
     columns = estimator._names or list(range(values.shape[1]))

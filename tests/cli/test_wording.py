@@ -16,7 +16,7 @@ from skhoid.exceptions import PYTHON_ONLY
         ("identify", "Give it as dt= (in seconds).", "--dt."),
         ("identify", "Irregular; resample_runs brings it onto a grid.", "--resample."),
         ("identify", "with X, y = skhoid.resample_runs(X, y, dt=0.01).", "--resample, --dt."),
-        ("identify", "say which with units={'time': ...}.", "--unit."),
+        ("identify", "state it with units={'time': ...}.", "--unit."),
         ("identify", "Leave the run out (skhoid.select_runs), or less", "leave it out of FILES."),
         ("diagnose", "another role, or none, by roles={column: ''}.", "--role."),
         ("diagnose", "Leave one out (inputs=[...]).", "--input."),
