@@ -278,8 +278,8 @@ def _summary(r: ExperimentResult) -> list[str]:
         n = int(several.min())
         factor = stats.t.isf(SIGNIFICANT / 2, n - 1)
         lines.append(
-            f"Few runs tell little: with {n}, a mean change counts only above {factor:.0f} times its "
-            "standard error."
+            f"Few runs tell little: with {n}, a mean change counts only above {factor:.0f} times "
+            "its standard error."
         )
     lines += ["", "Is Λ justified, which forgets b0 and b1 only?"]
     for condition in r.conditions:

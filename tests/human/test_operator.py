@@ -188,7 +188,10 @@ def test_senseless_remnants(options, message):
     ("options", "message"),
     [
         ({"multiples": (0,)}, r"at least 1, .*; got \(0,\)"),
-        ({"multiples": (1.5,)}, r"multiples of the base frequency .*must be whole numbers.*got \(1.5,\)"),
+        (
+            {"multiples": (1.5,)},
+            r"multiples of the base frequency .*must be whole numbers.*got \(1.5,\)",
+        ),
         ({"amplitudes": (np.nan,)}, "amplitudes must be finite numbers"),
         ({"phases": (np.inf,)}, "phases must be finite numbers"),
         ({"phases": ()}, r"phases must be finite numbers; got \(\)"),

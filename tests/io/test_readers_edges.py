@@ -62,7 +62,9 @@ LONG_CELLS = {  # text, and the lines in which the quote opens and closes
 def test_a_quoted_cell_that_spans_lines(tmp_path, text, first, last, encoding, without_arrow):
     path = tmp_path / "run.csv"
     path.write_bytes(text.encode(encoding))
-    with pytest.raises(ValueError, match=rf"run.csv .* line {first} is closed only in line {last},"):
+    with pytest.raises(
+        ValueError, match=rf"run.csv .* line {first} is closed only in line {last},"
+    ):
         read_runs(path, **ROLES)
 
 
@@ -80,7 +82,9 @@ def test_quotes_that_swallow_rows_among_many(tmp_path):
 def test_a_quote_in_the_header_swallows_no_rows(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text('t,e,u,"note\n0,1,2,a\n1,1,2,a"\n2,1,2,a\n')
-    with pytest.raises(ValueError, match=r"a quote .* in line 1 is never closed, or only far below"):
+    with pytest.raises(
+        ValueError, match=r"a quote .* in line 1 is never closed, or only far below"
+    ):
         read_runs(path, **ROLES)
 
 

@@ -46,7 +46,7 @@ class TestArguments:
         fails("output must name channels by strings", path, TypeError, output=["u"])
         fails("channel 'e' is named more than once", path, inputs=["e", "e"])
         fails("channel 'u' is named more than once", path, inputs=["e", "u"])
-        fails("units has 'f', which is no wanted channel.*'e'", path, units={"f": "deg"})
+        fails("units has 'f', which is not one of the channels.*'e'", path, units={"f": "deg"})
 
     def test_paths(self, tmp_path, write):
         path = write(tmp_path, "csv", COLUMNS)

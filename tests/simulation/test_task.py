@@ -142,7 +142,10 @@ def test_what_is_not_an_operator(operator):
         ({"n_runs": 2.0}, "n_runs must be a whole number, at least 1; got 2.0"),
         ({"keep_run_in": 0.6}, "keep_run_in must lie between 0 and the run-in of 0.5 s; got 0.6"),
         ({"keep_run_in": -0.1}, "keep_run_in must lie between 0"),
-        ({"noise": np.zeros((2, 150))}, r"one row for each of 1 runs and .* 150 .*; got \(2, 150\)"),
+        (
+            {"noise": np.zeros((2, 150))},
+            r"one row for each of 1 runs and .* 150 .*; got \(2, 150\)",
+        ),
         ({"noise": np.full((1, 150), np.nan)}, "noise is nan in run 0, sample 0"),
         ({"random_state": -1}, "random_state must be a non-negative whole number, .*; got -1"),
         ({"random_state": "0"}, "got '0'"),

@@ -49,7 +49,10 @@ def make(condition="C1", n_runs=2, **options):
         ({"sampling_rate": 10.0}, "10 Hz is too slow"),
         ({"duration": -1.0}, "duration must be positive; got -1.0"),
         ({"display": "preview"}, "got 'preview'"),
-        ({"random_phases": True, "target": np.sin}, "draws the phases of a Multisine, but the target is"),
+        (
+            {"random_phases": True, "target": np.sin},
+            "draws the phases of a Multisine, but the target is",
+        ),
         ({"noise": np.zeros((2, 5)), "remnant_gain": 0.1}, r"each of 2 runs .* 600 samples"),
         ({"random_state": -3}, "random_state must be a non-negative whole number"),
     ],
