@@ -57,8 +57,8 @@ def test_of_errors_and_of_warnings(capsys):
     table.to_csv("ms.csv", index=False)
     assert main(["identify", "ms.csv", "--time", "time", "--run", "run"]) == 2
     assert capsys.readouterr().err.endswith(
-        "The rows are counted as 20 s apart: if the times are not in seconds, say in what they "
-        "are with units={'time': ...}. On the command line: --unit.\n"
+        "The rows are counted as 20 s apart: if the times are not in seconds, state their unit "
+        "with units={'time': ...}. On the command line: --unit.\n"
     )
     table = pd.read_csv("runs.csv")
     table["time"] += 1e-3 * (table.index % 2)

@@ -251,7 +251,7 @@ def test_one_failing_data_set(table, function, batched, tmp_path):
 
 
 BAD = {
-    "text": (lambda data: "x", "TypeError: The function of a study returns"),
+    "text": (lambda data: "x", "TypeError: The function of a study must return"),
     "complex": (lambda data: {"H": 1j}, "complex numbers"),
     "array inside": (lambda data: [{"a": np.arange(2)}], "arrays or lists"),
     "its own column": (lambda data: {"condition": 1}, "'condition', which is a column"),
