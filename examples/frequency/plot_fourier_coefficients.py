@@ -79,8 +79,6 @@ def draw(title, of_response, **options):
         column[0].set_title(f"{title}, {name}")
         handles, labels = column[0].get_legend_handles_labels()
         column[0].get_legend().remove()
-        if options:
-            plt.setp(column[1].get_legend().get_texts(), fontsize="small")
     axes[0, 1].set_ylabel("")
     axes[1, 1].set_ylabel("")
     fig.set_layout_engine("constrained")

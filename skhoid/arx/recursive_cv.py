@@ -304,6 +304,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
         with np.errstate(divide="ignore", invalid="ignore"):
             results["overfit_ratio"] = np.where(test > 0, train / test, np.nan)
         self.cv_results_ = results
+        self._vaf_name = vaf_name(centered=getattr(self.scoring, "centered", False))
         self.best_index_ = int(np.argmax(test))
         self.best_memory_horizon_ = self._entries[self.best_index_]
         self.best_score_ = float(test[self.best_index_])
@@ -321,8 +322,8 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
             for i in shown
         ]
         found = super()._summary()
-        name = vaf_name(centered=self.scoring is not None and self.scoring.centered)
-        searched = f"{len(vaf)} memory horizons, by cross-validated {name} {self.best_score_:.1f} %"
+        score = f"{self._vaf_name} {self.best_score_:.1f} %"
+        searched = f"{len(vaf)} memory horizons, by cross-validated {score}"
         facts = {**found.facts, "Searched": searched}
         return replace(found, facts=facts, more=[TextTable(caption, header, rows), *found.more])
 

@@ -118,8 +118,8 @@ def _break(text: Text, room: float, side: str) -> bool:
 
 
 def _filled(line: str, width: int) -> str:
-    """A line in parts no longer than this, the parts alike; formulas stay whole."""
-    kept = re.sub(r"\$[^$]*\$", lambda formula: formula[0].replace(" ", KEPT), line)
+    """A line in parts no longer than this, the parts alike; formulas and percentages stay whole."""
+    kept = re.sub(r"\$[^$]*\$| %", lambda found: found[0].replace(" ", KEPT), line)
     parts: list[str] = []
     for narrower in range(width, LEAST_LINE - 1, -1):
         found = textwrap.wrap(kept, narrower, break_long_words=False, break_on_hyphens=False)

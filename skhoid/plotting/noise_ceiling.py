@@ -168,7 +168,7 @@ def _spans(comparison: Any) -> list[tuple[str, str, float, float, str]]:
         rest = percent(100.0 - explained)
         return [*spans, ("not explained", dimmed(0.15), end, 100.0, rest)]
     top = float(np.clip(ceiling, end, 100.0))
-    gap = f"{left:.1f} points" if left > 0 else ""
+    gap = f"{left:.1f} points" if left >= 0.05 else ""
     remnant = percent(max(100.0 - ceiling, 0.0))
     return [
         *spans,

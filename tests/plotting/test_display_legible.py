@@ -61,10 +61,10 @@ def test_nothing_is_black_on_black(name):
                 contrast = np.abs(np.array(to_rgb(line.get_color())) - behind).max()
                 assert contrast > 0.25, line.get_label()
         for text in [*panel.texts, panel.title, panel.xaxis.label, panel.yaxis.label]:
-            behind_text = text.get_bbox_patch()
-            patch = behind if behind_text is None else to_rgb(behind_text.get_facecolor())
-            contrast = np.abs(np.array(to_rgb(text.get_color())) - patch).max()
-            assert contrast > 0.25, text.get_text()
+            box = text.get_bbox_patch()
+            colour = np.array(to_rgb(text.get_color()))
+            around = behind if box is None else np.array(to_rgb(box.get_facecolor()))
+            assert np.abs(colour - around).max() > 0.25, text.get_text()
 
 
 @pytest.mark.parametrize("settings", [{}, DARK], ids=["white", "black"])

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..._sklearn import FittedDisplay
 from ...pipelines import final_step, reach_model, taken_apart
 from ...preprocessing.base import keep_parameters
-from ...summaries import Summary, TextTable, vaf_name, wrapped
+from ...summaries import Summary, TextTable, wrapped
 from .folds import SplitsRuns
 
 
@@ -30,10 +30,6 @@ class BestModel(
     estimator: Any
     scoring: Any
     best_estimator_: Any
-
-    def _vaf_name(self) -> str:
-        """What the cross-validated VAF is called."""
-        return vaf_name(centered=bool(getattr(self.scoring, "centered", False)))
 
     def predict(self, X: Any) -> np.ndarray:
         """Simulate the output with the best model (free run).

@@ -13,7 +13,7 @@ from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
 from ...exceptions import RankDeficiencyError
 from ...metrics import VAFScorer
 from ...pipelines import raw_layout, reach_model
-from ...summaries import TextTable, number
+from ...summaries import TextTable, number, vaf_name
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from .best_model import BestModel
@@ -195,6 +195,7 @@ class DelaySearchCV(BestModel):
         self.best_nk_ = candidates[self.best_index_]
         self.best_delay_ = results["delay"][self.best_index_]
         self.cv_results_ = results | {"loss": self.loss_}
+        self._vaf_name = vaf_name(centered=getattr(self.scoring, "centered", False))
         if self.criterion == "vaf":
             self.best_score_ = 100.0 - float(self.loss_[self.best_index_])
         del table  # which holds what the refit reads again
@@ -222,9 +223,7 @@ class DelaySearchCV(BestModel):
             least = max(self.loss_[self.best_index_], 1e-300)
             cells = [[f"{x:.5g}", f"{100 * (x / least - 1):.2f} %"] for x in self.loss_]
         else:
-            found += (
-                f"cross-validated {self._vaf_name()} of the free run, {self.best_score_:.1f} %."
-            )
+            found += f"cross-validated {self._vaf_name} of the free run, {self.best_score_:.1f} %."
             vaf = results["mean_test_score"]
             shown, caption = highest(vaf, standard_error_over_folds(results, self.best_index_))
             header += ["VAF (%)"]

@@ -19,7 +19,7 @@ from ...exceptions import RankDeficiencyError
 from ...metrics import VAFScorer
 from ...pipelines import final_step, raw_layout, reach_model
 from ...preprocessing import Decimator, RunInTrimmer
-from ...summaries import TextTable
+from ...summaries import TextTable, vaf_name
 from ..batch import ARXRegressor
 from ..model_summary import one_or_all
 from ..orders import whole_number
@@ -229,6 +229,7 @@ class OrderSearchCV(BestModel):
             columns.setdefault("delay", []).extend(np.max(c["nk"]) * table.dt for c in candidates)
             task.call_on_fit_task_end(estimator=self, X=X, y=y)
         self.cv_results_ = _tabulate(columns)
+        self._vaf_name = vaf_name(centered=getattr(self.scoring, "centered", False))
         if self.criterion == "vaf":
             self.cv_results_ |= _scored(np.vstack(scores))
         self._choose(np.concatenate(within))
@@ -249,7 +250,7 @@ class OrderSearchCV(BestModel):
             by = "by the highest VAF"
             if rule == "one_standard_error":
                 by = "as the smallest within one standard error of the highest VAF"
-            by += f". Its cross-validated {self._vaf_name()} is {self.best_score_:.1f} %"
+            by += f". Its cross-validated {self._vaf_name} is {self.best_score_:.1f} %"
         else:
             shown, caption = lowest(results[criterion]), f"Lowest {criterion.upper()}"
             by = f"by the lowest {criterion.upper()}"
