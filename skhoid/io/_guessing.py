@@ -31,6 +31,7 @@ __all__ = ["guess_of"]
 PEEK = 1000  # rows
 _OUTER, _OF_A_LABEL = ("subject", "condition", "session"), 50  # rows
 LONG_PEEK = 4000  # rows, where values must decide between columns
+_OF_PLANT = 8  # score of a name that says it is the plant's
 _DECIDES, _FAR_BEHIND = 0.6, 0.25  # coherence with the error, of the winner and of all others
 _THE = {"e": "the error e", "u": "the output u", "x": "x", "f_t": "the target f_t"}
 _THE |= {"dist": "the disturbance", "motion": "the motion"}
@@ -416,7 +417,7 @@ class _Guess:
         elif "e" in self.found:
             if equal(signals["e"], -difference) and not equal(signals["e"], difference):
                 guess.error_from = "-e"
-            elif not equal(signals["e"], difference) and np.isfinite(difference).any():
+            elif moves(signals["e"]) and moves(difference) and not equal(signals["e"], difference):
                 factor = factor_of(signals["e"], difference)
                 if factor is None:
                     guess.remarks.append("e is not f_t - x in this file, and is taken as it is")
@@ -477,10 +478,12 @@ class _Guess:
         if not output_known and "u" not in there:
             left = self._nameless()
             place = self.found.get("x")
-            options = [("output", c.header) for c in left[:4]]
+            # A cursor may be what the person moves; a plant is not.
+            own = place is not None and roles_by_name(place.header).get("x", 0) < _OF_PLANT
             text = "No column is by its name the output u, what the person did."
-            if place is not None and not left:
-                text += " If the person moves x itself, that is the output:"
+            options = [("output", c.header) for c in left[:4]]
+            if place is not None and own and not left:
+                text += " If the person moves x itself, that is the output."
                 options = [("output", place.header)]
             guess.problems.append(Problem(text, tuple(options) or (("output", "NAME"),)))
         if signals and not there & {"e", "f_t"}:

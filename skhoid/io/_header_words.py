@@ -42,7 +42,8 @@ TARGET = _words(
     "guidance"
 )
 DEVICE = _words(
-    "stick joystick joy gamepad tiller sidestick device wheel steering pedal yoke lever throttle handle knob "
+    "joy gamepad tiller "
+    "stick joystick sidestick device wheel steering pedal yoke lever throttle handle knob "
     "manipulator inceptor mouse pen stylus hand aileron elevator rudder deflection knuppel "
     "knueppel steuerknuppel steuerknueppel manche stuurknuppel lenkrad lenkwinkel volant stuur"
 )
@@ -83,9 +84,8 @@ SYMBOLS = {
     "delta": ("u", 6),
 }
 RUNS = _words("run trial rep repetition recording versuch durchgang lauf essai proef poging")
-RUNS |= _words(
-    "drive ride lap fahrt rit passage replicate replication epoch attempt tria messung meting wiederholung"
-)
+RUNS |= _words("passage replicate replication epoch attempt tria messung meting wiederholung")
+RUNS |= _words("drive ride lap fahrt rit")
 OUTER = {"subject": _words("subject subj sub participant part proband versuchsperson vp sujet")}
 OUTER["subject"] |= _words("proefpersoon ppn pp probandin subjid pid sid") | ACTOR
 OUTER["condition"] = _words("condition cond configuration config bedingung conditie task group")
