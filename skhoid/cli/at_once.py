@@ -8,7 +8,7 @@ from ..exceptions import did_you_mean
 from .arguments.names import EFFECTS
 from .options import refuse
 
-ABOUT_FILES = ["time", "dt", "run", "unit", "resample"]
+ABOUT_FILES = ["time", "dt", "run", "subject", "condition", "unit", "resample"]
 ABOUT_FILES += ["input", "instruments", "output", "x", "target", "role", "display"]
 BUNDLED = ("identify", "diagnose", "report")  # which have recordings of their own
 

@@ -69,6 +69,7 @@ def _read_v5(path: Path) -> FileTable:
             note = f"The file also has {shown!r}, which {_OBJECT}"
         elif not name.startswith("__"):
             _flatten(name, value, arrays, unreadable)
+    runs, faults = _runs_of_struct_arrays(content, arrays, unreadable)
     names = list(arrays)
 
     def load(position: int) -> np.ndarray:
@@ -89,8 +90,56 @@ def _read_v5(path: Path) -> FileTable:
         unreadable=unreadable,
         note=note,
         kind="variable",
+        run_name=runs,
+        faults=faults,
         peek=lambda count: [_first(load(position), count) for position in range(len(names))],
     )
+
+
+def _runs_of_struct_arrays(
+    content: dict[str, Any], arrays: dict[str, Any], unreadable: dict[str, str]
+) -> tuple[str | None, list[str]]:
+    """Join the fields of a struct array of which each element is a run.
+
+    Returns the name of the variable that numbers the runs, and what is wrong with them.
+    """
+    faults: list[str] = []
+    for name, value in content.items():
+        if unreadable.get(name) != _STRUCT_ARRAY or value.dtype.names is None:
+            continue
+        elements = [{key: _plain(e[key]) for key in value.dtype.names} for e in value.flat]
+        sizes = [[v.size for v in e.values() if v is not None and v.size > 1] for e in elements]
+        if not all(sizes):
+            continue
+        lengths = [max(set(own), key=own.count) for own in sizes]
+        for key in value.dtype.names:
+            parts = []
+            for k, (element, length) in enumerate(zip(elements, lengths, strict=True), 1):
+                part = element[key]
+                if part is None or part.size == 0:
+                    break
+                if part.size not in (1, length):
+                    faults.append(
+                        f'"{name}({k}).{key}" has {part.size} samples, the other fields of '
+                        f"{name}({k}) {length}: all need one value per sample."
+                    )
+                    part = np.resize(part, length)
+                parts.append(np.repeat(part, length) if part.size == 1 else part)
+            if len(parts) == len(elements):
+                arrays[f"{name}.{key}"] = np.concatenate(parts)
+            else:
+                unreadable[f"{name}.{key}"] = "is not in every element of its struct array."
+        arrays[name] = np.repeat(np.arange(1, len(lengths) + 1), lengths)
+        del unreadable[name]
+        return name, faults
+    return None, faults
+
+
+def _plain(value: Any) -> np.ndarray | None:
+    """Numbers of a vector, or one number or text; None for anything else."""
+    if not isinstance(value, np.ndarray) or value.dtype.names or max(value.shape) < value.size:
+        return None
+    return value.ravel() if value.dtype.kind in "biufU" else None
 
 
 def _flatten(name: str, value: Any, arrays: dict[str, Any], unreadable: dict[str, str]) -> None:

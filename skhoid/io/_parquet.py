@@ -46,9 +46,12 @@ def read_parquet(path: Path) -> FileTable:
             plain = list(dict.fromkeys(name for name in stored if _is_plain(schema, name)))
             label = None if labels is None else names[labels]
             inside = label if label in schema.names else None
-            columns, codes, found = gathered(
-                _blocks(file, plain, inside), len(plain), n_rows, inside is not None
-            )
+            columns: list[Any] = []
+            codes, found = None, list[Any]()
+            if plain or inside is not None:
+                columns, codes, found = gathered(
+                    _blocks(file, plain, inside), len(plain), n_rows, inside is not None
+                )
             taken = dict(zip(plain, columns, strict=True))
             others = {name: _any_column(file, name) for name in stored if name not in taken}
             if label is not None and codes is None:

@@ -23,6 +23,7 @@ _PER_SECOND = {
     "seconds": 1.0,
     "ms": 1e3,
     "us": 1e6,
+    "ns": 1e9,
     "µs": 1e6,  # micro sign
     "μs": 1e6,  # Greek mu
 }
@@ -60,6 +61,9 @@ def runs_of(
     """
     names = [*asked, clock] if isinstance(clock, str) else asked
     positions = [table.find(name) for name in names]
+    if table.faults:
+        raise ValueError(f"In {table.path} {table.faults[0]}")
+    run = table.run_name if run is None else run
     by = _run_column(table, positions) if run is None else table.find(run)
     raw, labels = table.load(positions, by)
     found = [_matrix(table, at, raw.pop(0)) for at in positions]

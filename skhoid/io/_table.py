@@ -76,6 +76,9 @@ class FileTable:
     ``names`` may repeat; ``load`` takes positions in it, and that of a column of labels.
     ``unreadable`` says what a name holds instead of numbers, and ``note`` is added to the error
     about a name that is not there. ``peek`` gives the first rows of every column, quickly.
+    ``raw`` gives a column as its file has it, where ``load`` may refuse it. ``run_name`` is the
+    column that numbers runs where the format itself has them; ``remarks`` tell how the file is
+    built, and ``faults`` what is wrong with that.
     """
 
     path: Path
@@ -86,6 +89,10 @@ class FileTable:
     note: str = ""
     kind: str = "column"
     peek: Callable[[int], list[Any]] = field(default=lambda n: [])
+    raw: Callable[[int], Any] | None = None
+    run_name: str | None = None
+    remarks: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
 
     def where(self, name: str) -> str:
         """Name a column for an error message."""

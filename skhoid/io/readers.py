@@ -259,7 +259,7 @@ def read_guessed(
     if not problems:
         assert failure is not None
         raise failure
-    raise UnclearColumnsError(where_of(files), problems, guess.columns) from failure
+    raise UnclearColumnsError(where_of(files), problems, guess.columns, guess.remarks) from failure
 
 
 def _read_guess(

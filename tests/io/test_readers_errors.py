@@ -88,7 +88,7 @@ class TestColumns:
     @pytest.mark.parametrize(
         ("text", "advice"),
         [
-            ("t,e,u\ns,deg,N\n0,1,2\n1,1,2\n", r"row 1 .*'deg'.*delete the row.*'e \[deg\]'"),
+            ("t,e,u\n-,counts,-\n0,1,2\n1,1,2\n", r"row 1 .*'counts'.*delete the row.*'e \[deg\]'"),
             ("t,e,u\n0,a,1\n1,b,2\n", r"\(2 of 2 rows.*Name another column"),
             ("t e u\n0 1 2\n1 1 2\n", "no column 'e'.*Separate cells with commas"),
             ("t,e,u\n0,1,2\n,,\n1,1,2\n", "missing in its row 2.*row is empty, delete it"),
