@@ -1,8 +1,9 @@
 """Draws the pictures of a page: ``python docs/draw.py docs/find-what-is-missing.md``.
 
-Runs the page's Python blocks until all that it shows is there. Where the page shows ``_static/<page>-<name>.png``, the Display that
-it calls ``name`` is saved there, with twice the pixels that it has on the page: sharp screens show
-them, and the build takes its size from the resolution in the file.
+Runs the page's Python blocks until all that it shows is there. Where the page shows
+``_static/<page>-<name>.png``, the Display that it calls ``name`` is saved there, with twice the
+pixels that it has on the page: sharp screens show them, and the build takes its size from the
+resolution in the file.
 """
 
 import re
