@@ -9,6 +9,8 @@ _inventories, which tools/inventories.py writes.
 import sys
 from pathlib import Path
 
+from sphinx.ext import autosummary
+
 import skhoid
 
 HERE = Path(__file__).parent
@@ -74,6 +76,8 @@ intersphinx_mapping = {
 
 toc_object_entries_show_parents = "hide"  # fit(), not ARXRegressor.fit()
 autosummary_generate = True
+# A summary is a docstring's first sentence, which "(Eq. 5)" does not end.
+autosummary.WELL_KNOWN_ABBREVIATIONS += ("App.", "Eq.", "Eqs.", "Fig.", "Figs.", "Sec.")
 autodoc_typehints = "none"  # numpydoc's Parameters section gives the types
 numpydoc_show_class_members = False  # the autosummary template lists them
 numpydoc_xref_param_type = True

@@ -78,12 +78,12 @@ def in_the_trial(name: str) -> str:
         return ""
     row = counts.loc[name]
     others = [
-        f"{'unknown' if n == 'unknown' else title_of(n)} {count}"
+        f"{'“unknown”' if n == 'unknown' else title_of(n)} in {count}"
         for n, count in row.drop([name, "none"]).items()
         if count
     ]
-    nothing = [f"nothing {row['none']}"] if row["none"] else []
-    instead = f"; instead: {', '.join(others + nothing)}" if others or nothing else ""
+    nothing = [f"nothing in {row['none']}"] if row["none"] else []
+    instead = f"; {', '.join(others + nothing)}" if others or nothing else ""
     return f"named first in {row[name]} of {row.sum()} cases{instead}"
 
 
@@ -103,6 +103,14 @@ def parameters_of(examples: list[Effect]) -> list[tuple[str, str, str, str]]:
 
 def _typeset(word: str) -> str:
     return f":math:`{SYMBOLS[word]}`" if word in SYMBOLS else word
+
+
+def _in_html(word: re.Match[str]) -> str:
+    """A symbol as MathJax finds it in the page itself."""
+    symbol = SYMBOLS.get(word[0])
+    return (
+        f'<span class="math notranslate nohighlight">\\({symbol}\\)</span>' if symbol else word[0]
+    )
 
 
 def _first(name: str, rows: dict[tuple[str, str, str], list[str]]) -> int:
@@ -136,7 +144,7 @@ def card(name: str, uri: Any) -> str:
         also_at=" or ".join(f"the {at}" for at in effect.choices.get("at", ())[1:]),
         is_for=is_for(effect),
         pictures=[(form_of(example), picture(example)) for example in examples],
-        key=key_of(examples[0]),
+        key=[(kind, re.sub(r"\w+", _in_html, words)) for kind, words in key_of(examples[0])],
         several=len(examples) > 1,
         parameters=parameters,
         signals=signals_of(parameters, "the error" if "human" in effect.domains else "the input"),

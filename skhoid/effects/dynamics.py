@@ -91,7 +91,9 @@ class ExtraLead(Effect):
 
 
 class NeuromuscularMode(Effect):
-    """A second neuromuscular mode: omega^2 / (s^2 + 2 zeta omega s + omega^2).
+    """A second mode of limb and stick, behind the neuromuscular system.
+
+    omega^2 / (s^2 + 2 zeta omega s + omega^2).
 
     Parameters
     ----------
