@@ -143,12 +143,23 @@ print(f"\n{inside.sum()} of {len(table)} intervals hold the truth")
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import ROLES
+
+CEILING, TRUTH = ROLES["ceiling"], ROLES["truth"]
 fig, axes = plt.subplots(1, 2, figsize=(8.0, 3.6), sharey=True, layout="constrained")
 for ax, (condition, part) in zip(axes, table.groupby("condition"), strict=True):
     at = np.arange(len(part))
     half = part["ceiling"] - part["low"]
-    ax.errorbar(at - 0.1, part["ceiling"], half, fmt="o", color="0.35", capsize=3, label="ceiling")
-    ax.plot(at + 0.1, part["truth"], "x", color="#009E73", mew=2, label="truth")
+    ax.errorbar(
+        at - 0.1,
+        part["ceiling"],
+        half,
+        fmt="o",
+        color=CEILING.colour,
+        capsize=3,
+        label=CEILING.word,
+    )
+    ax.plot(at + 0.1, part["truth"], "x", color=TRUTH.colour, mew=2, label=TRUTH.word)
     ax.set_xticks(at, part["run"])
     ax.set(title=condition, xlabel="run")
     ax.grid(axis="y", alpha=0.3)
@@ -157,8 +168,8 @@ _ = axes[1].legend()
 
 # %%
 # The ceiling belongs to these very runs: by chance remnant is larger in one than in another, and
-# the truth moves along with the estimate. Five runs together know it best. (Intervals should hold
-# the truth in nine of ten cases; those of single runs are rather too narrow.)
+# the truth moves along with the estimate. Five runs together know it best. (Intervals of
+# 95 % should hold the truth in 19 of 20 cases; those of single runs are rather too narrow.)
 #
 # No way at all
 # -------------

@@ -36,7 +36,7 @@ for label, name in states.items():
 
 import matplotlib.pyplot as plt
 
-from skhoid.plotting import BodeDisplay
+from skhoid.plotting import PALETTE, BodeDisplay
 
 
 def side_by_side(panels, **options):
@@ -49,7 +49,7 @@ def side_by_side(panels, **options):
         handles, labels = column[0].get_legend_handles_labels()
         column[0].get_legend().remove()
         for ax in column:
-            ax.axvspan(1, 5, color="0.93", zorder=0)
+            ax.axvspan(1, 5, color=PALETTE[-1], alpha=0.2, lw=0)
     axes[0, 1].set_ylabel("")
     axes[1, 1].set_ylabel("")
     fig.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False)

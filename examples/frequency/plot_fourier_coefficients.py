@@ -79,6 +79,10 @@ def draw(title, of_response, **options):
         column[0].set_title(f"{title}, {name}")
         handles, labels = column[0].get_legend_handles_labels()
         column[0].get_legend().remove()
+        below = zip(*column[1].get_legend_handles_labels(), strict=True)
+        of_loop = [(mark, label.split(": ")[1]) for mark, label in below if label not in labels]
+        if of_loop:  # crossover frequency and phase margin
+            column[1].legend(*zip(*of_loop, strict=True), loc="lower left", fontsize="small")
     axes[0, 1].set_ylabel("")
     axes[1, 1].set_ylabel("")
     fig.set_layout_engine("constrained")

@@ -32,7 +32,7 @@ import pandas as pd
 simulated = {}
 for name, model in models.items():
     simulated[name, "one step ahead"] = model.predict_ahead(X_new, y_new)
-    simulated[name, "free run"] = model.predict(X_new)
+    simulated[name, "simulated"] = model.predict(X_new)
 vaf = pd.Series({key: vaf_score(y_new, u, run_in=1.0) for key, u in simulated.items()})
 print(vaf.unstack().round(2))
 
@@ -51,8 +51,9 @@ figure, axes = plt.subplots(
 )
 for ax, (key, u) in zip(axes.T.ravel(), simulated.items(), strict=True):
     u = pd.Series(u, index=y_new.index).loc[run]
-    ax.plot(measured, color="black", lw=1.6, label="measured")
-    ax.plot(u, lw=1.0, label="simulated", color=ROLES["simulated"].colour)
+    ax.plot(measured, label="measured", **ROLES["measured"].style(1.6))
+    role = ROLES["ahead" if "one step ahead" in key else "simulated"]
+    ax.plot(u, label=role.word, **role.style(1.0))
     ax.set_title(f"{', '.join(key)}: VAF {vaf[key]:.1f} %", fontsize="medium")
     ax.grid(alpha=0.3)
 axes[0, 0].set(xlim=(30.0, 40.0), ylim=(-0.32, 0.32))
@@ -60,7 +61,8 @@ for ax in axes[1]:
     ax.set_xlabel("time, s")
 for ax in axes[:, 0]:
     ax.set_ylabel("control u, deg")
-_ = axes[0, 0].legend(loc="lower left", ncols=2, fontsize="small")
+for ax in axes[:, 0]:
+    ax.legend(loc="lower left", ncols=2, fontsize="small")
 
 # %%
 # Why? In 10 ms a hand hardly moves. No model at all, the measured output of one sample ago, is

@@ -115,14 +115,17 @@ print((100 * power["mean"]).round().unstack("runs").to_string())
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE
+
+TITLES = {"K_e": "$K_e$", "K_edot": r"$K_{\dot e}$"}
 fig, axes = plt.subplots(2, 2, figsize=(8, 5.6), sharex=True, sharey=True, layout="constrained")
 for (name, scatter), ax in zip(cells, axes.flat, strict=True):
-    for P_n in (0.05, 0.15, 0.30):
+    for P_n, color in zip((0.05, 0.15, 0.30), PALETTE, strict=False):
         shown = 100 * power.loc[(name, scatter, P_n), ["mean", "low", "high"]].clip(0, 1)
-        (line,) = ax.plot(shown.index, shown["mean"], marker=".", label=f"{P_n:g}")
-        ax.fill_between(shown.index, shown["low"], shown["high"], color=line.get_color(), alpha=0.2)
-    ax.axhline(80, color="grey", lw=0.8, ls=":")
-    ax.set_title(f"{name}, people scatter by {100 * scatter:g} %", fontsize="medium")
+        ax.plot(shown.index, shown["mean"], color=color, marker=".", label=f"{P_n:g}")
+        ax.fill_between(shown.index, shown["low"], shown["high"], color=color, alpha=0.2)
+    ax.axhline(80, color=PALETTE[-1], lw=0.8, ls=":")
+    ax.set_title(f"{TITLES[name]}, people scatter by {100 * scatter:g} %", fontsize="medium")
     ax.grid(alpha=0.3)
 axes[0, 0].legend(title="$P_n$")
 for ax in axes[:, 0]:

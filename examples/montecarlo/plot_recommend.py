@@ -60,7 +60,8 @@ X, y, truth = make_tracking_runs(
     return_truth=True,
     random_state=0,
 )
-_ = TrackingDisplay.from_runs(X, y, truth=truth)
+units = dict.fromkeys(["e", "x", "f_t", "u"], "deg")
+_ = TrackingDisplay.from_runs(X, y, truth=truth, units=units)
 
 # %%
 # The advice

@@ -51,6 +51,8 @@ print(
 import matplotlib.pyplot as plt
 import pandas as pd
 
+from skhoid.plotting import PALETTE
+
 columns = {"param_delayshift__delay": "delay", "param_decimator__factor": "factor"}
 table = (
     pd.DataFrame(search.cv_results_)
@@ -60,7 +62,7 @@ table = (
 print(table.T.rename(columns=lambda delay: f"{delay:.3f} s").to_string(float_format="%.1f"))
 
 fig, ax = plt.subplots(figsize=(6.4, 4), layout="constrained")
-for factor, color in zip(table, plt.cm.viridis_r([0.15, 0.3, 0.5, 0.7, 0.85, 1.0]), strict=True):
+for factor, color in zip(table, PALETTE, strict=False):
     ax.plot(table.index, table[factor], color=color, marker="o", ms=4, label=factor)
 ax.set(xlabel="delay, s", ylabel="cross-validated VAF, %", ylim=(85, 94))
 _ = ax.legend(title="factor", ncols=2)
@@ -100,11 +102,13 @@ rates = pd.DataFrame(rows, columns=["factor", "full", "model"]).set_index("facto
 print(rates.to_string(float_format="%.1f"))
 
 fig, ax = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
-ax.plot(rates.index, rates["full"], color="#0072B2", marker="o", label='rate="full": the recording')
+ax.plot(
+    rates.index, rates["full"], color=PALETTE[0], marker="o", label='rate="full": the recording'
+)
 ax.plot(
     rates.index,
     rates["model"],
-    color="#D55E00",
+    color=PALETTE[1],
     marker="s",
     ls="--",
     label='rate="model": the filtered, thinned signal',

@@ -98,8 +98,10 @@ for name in ("λ = 0.95", "λ = 0.99"):
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE
+
 fig, ax = plt.subplots(figsize=(6.4, 3.4), layout="constrained")
-for factor, color in zip(FACTORS, plt.cm.viridis_r(np.linspace(0.1, 1, 5)), strict=True):
+for factor, color in zip(FACTORS, PALETTE, strict=False):
     paths = [
         fitted(RecursiveARX(na=3, nb=4, forgetting=factor, init=start * np.ones(7), p0=1))[-1]
         for start in (0.0, 10.0)

@@ -63,6 +63,8 @@ _ = ParameterPathDisplay.from_estimator(path.fit(*whole["difficulty 50"]))
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE, ROLES
+
 errors = path.one_step_errors_
 worst = int(np.nanargmax(np.abs(errors)))
 print(
@@ -71,12 +73,12 @@ print(
 )
 fig, axes = plt.subplots(2, 1, figsize=(6.4, 4.2), sharex=True, layout="constrained")
 X, y = whole["difficulty 50"]
-axes[0].plot(path.time_path_, X["f_t"], color="0.6", label="target")
-axes[0].plot(path.time_path_, y, color="#0072B2", lw=1.0, label="cursor")
-axes[0].set(ylabel="px", xlim=(0, 5))
+axes[0].plot(path.time_path_, X["f_t"], color=PALETTE[-1], label="target")
+axes[0].plot(path.time_path_, y, label="cursor, measured", **ROLES["measured"].style(1.0))
+axes[0].set(ylabel="position, px", xlim=(0, 5))
 axes[0].legend()
-axes[1].plot(path.time_path_, errors, color="#D55E00", lw=1.0)
-axes[1].set(xlabel="time, s", ylabel="one-step error, px")
+axes[1].plot(path.time_path_, errors, **ROLES["ahead"].style(1.0))
+axes[1].set(xlabel="time, s", ylabel="error one\nstep ahead, px")
 for ax in axes:
     ax.grid(alpha=0.3)
 

@@ -86,22 +86,24 @@ told[~paused] = streamed(e[~paused], u[~paused], 128, new_runs={n})[0]
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE, ROLES
+
 time = np.arange(u.size) / 100
 paths = {
-    "textbook": (book, "#D55E00", "-"),
-    "skhoid, zeros": (zeros, "#0072B2", "-"),
-    "skhoid, new run": (told, "#009E73", "--"),
+    "textbook": (book, PALETTE[1], "-"),
+    "skhoid, zeros": (zeros, PALETTE[0], "-"),
+    "skhoid, new run": (told, PALETTE[3], ":"),
 }
 fig, axes = plt.subplots(3, 1, figsize=(6.8, 6.4), sharex=True, layout="constrained")
 for ax, i, limits in ((axes[0], 0, (-2.2, 0.2)), (axes[1], 2, (-0.1, 0.2))):
     for label, (path, color, style) in paths.items():
         ax.plot(time, path[:, i], color=color, ls=style, lw=1.0, label=label)
-    ax.axhline(truth.arx_parameters.iloc[0, i], color="black", lw=0.8, label="true")
+    ax.axhline(truth.arx_parameters.iloc[0, i], label="truth", **ROLES["truth"].style(1.0))
     ax.set(ylabel=NAMES[i], ylim=limits)
-axes[2].semilogy(time, size, color="#D55E00")
+axes[2].semilogy(time, size, color=PALETTE[1])
 axes[2].set(xlabel="time, s", ylabel="largest entry of P,\ntextbook", xlim=(0, time[-1]))
 for ax in axes:
-    ax.axvspan(time[n], time[-n], color="0.92", zorder=0)
+    ax.axvspan(time[n], time[-n], color=PALETTE[-1], alpha=0.2, lw=0)
     ax.grid(alpha=0.3)
 _ = fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
 

@@ -31,15 +31,17 @@ runs = {
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE, ROLES
+
 fig, axes = plt.subplots(2, 1, figsize=(6.4, 5.0), sharex=True, layout="constrained")
-for name, color in (("C3", "#0072B2"), ("C4", "#D55E00")):
+for name, color in zip(("C3", "C4"), PALETTE, strict=False):
     X, y, _ = runs[name]
     axes[0].plot(X.loc[0, "e"], color=color, lw=1.2, label=name)
     axes[1].plot(y.loc[0], color=color, lw=1.2, label=name)
 axes[0].set(ylabel="error e, deg")
 axes[1].set(xlabel="time, s", ylabel="control u, deg", xlim=(30.72, 51.2), ylim=(-0.6, 0.6))
 for ax in axes:
-    ax.axvline(T_M, color="0.6", lw=1.0)
+    ax.axvline(T_M, color=PALETTE[-1], lw=1.0)
     ax.grid(alpha=0.3)
 _ = axes[0].legend()
 
@@ -59,7 +61,7 @@ print(f"standard deviation of u: {runs['C4'][1].loc[0].loc[30.72:51.2].std():.3f
 
 fig, axes = plt.subplots(1, 2, figsize=(7.2, 2.6), sharey=True, layout="constrained")
 for ax, window in zip(axes, ((0, 81.92), (30.72, 51.2)), strict=True):
-    ax.plot(runs["C1"][0].loc[0, "f_t"], color="black", lw=1.0)
+    ax.plot(runs["C1"][0].loc[0, "f_t"], color=ROLES["measured"].colour, lw=1.0)
     ax.set(xlabel="time, s", xlim=window)
     ax.grid(alpha=0.3)
 _ = axes[0].set_ylabel("target $f_t$, deg")

@@ -81,15 +81,18 @@ print(pd.DataFrame({"bias": bias, "sd of one run": spread, "runs for 2 %": runs_
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE, ROLES
+
 figure, ax = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
 n = np.arange(1, 41)
-for name, column in estimates.items():
+for (name, column), color in zip(estimates.items(), PALETTE, strict=False):
     mean = column.expanding().mean()
     half = 1.96 * column.std() / np.sqrt(n)
-    (line,) = ax.plot(n, mean, label=name)
-    ax.fill_between(n, mean - half, mean + half, color=line.get_color(), alpha=0.2, lw=0)
-ax.axhline(operator.omega_nm, color="black", lw=1, label="true")
-ax.axhspan(0.98 * operator.omega_nm, 1.02 * operator.omega_nm, color="grey", alpha=0.2, lw=0)
+    ax.plot(n, mean, color=color, label=name)
+    ax.fill_between(n, mean - half, mean + half, color=color, alpha=0.2, lw=0)
+ax.axhline(operator.omega_nm, label="truth", **ROLES["truth"].style(1.2))
+within = 0.98 * operator.omega_nm, 1.02 * operator.omega_nm
+ax.axhspan(*within, color=ROLES["truth"].colour, alpha=0.15, lw=0, label="truth ± 2 %")
 ax.set_xlabel("number of runs")
 ax.set_ylabel(r"mean $\omega_{nm}$ and 95 % interval, rad/s")
 ax.legend()

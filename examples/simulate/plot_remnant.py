@@ -66,7 +66,9 @@ print(f"score without remnant = {X_calm['e'].var() / X_calm['f_t'].var():.4f}")
 import matplotlib.pyplot as plt
 
 from skhoid import Multisine, auto_psd
+from skhoid.plotting import PALETTE, ROLES
 
+FOREGROUND = ROLES["measured"].colour
 LABELS = {"n": "remnant n", "e": "error e", "u": "control u", "x": "output x"}
 
 
@@ -83,16 +85,16 @@ def draw(signals, lowest):
         layout="constrained",
     )
     for (left, right), name in zip(axes, signals.columns, strict=True):
-        left.plot(signals.loc[0, name], color="black", lw=0.8)
+        left.plot(signals.loc[0, name], color=FOREGROUND, lw=0.8)
         left.set(ylabel=f"{LABELS[name]}, deg", xlim=(0, 81.92))
         one = psd[psd["channel"] == name]
         lines = one[one["excited"]]
-        right.loglog(one["omega"], one["psd"], color="black", lw=0.5)
-        right.loglog(lines["omega"], lines["psd"], "o", color="#D55E00", ms=4)
-        right.set(ylabel="deg²/(rad/s)", xlim=(0.07, 314), ylim=(lowest, None))
+        right.loglog(one["omega"], one["psd"], color=FOREGROUND, lw=0.5)
+        right.loglog(lines["omega"], lines["psd"], "o", color=PALETTE[1], ms=4)
+        right.set(ylabel="PSD, deg² s/rad", xlim=(0.07, 314), ylim=(lowest, None))
     axes[-1, 0].set_xlabel("time, s")
     axes[-1, 1].set_xlabel("frequency, rad/s")
-    axes[0, 1].set_title("auto-PSD, excited lines marked", fontsize="medium")
+    axes[0, 1].set_title("spectra, excited lines marked", fontsize="medium")
     fig.align_ylabels()
     for ax in axes.ravel():
         ax.grid(alpha=0.3)

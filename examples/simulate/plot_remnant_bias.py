@@ -68,7 +68,7 @@ print(f"true parameters: {dict(zip(NAMES, truth.round(4).tolist(), strict=True))
 
 import matplotlib.pyplot as plt
 
-from skhoid.plotting import PALETTE
+from skhoid.plotting import PALETTE, ROLES
 
 COLORS = dict(zip(FILTERS, PALETTE, strict=False))
 TITLES = {order: f"$H_n^{{{order}}}$" for order in FILTERS}
@@ -86,7 +86,7 @@ def boxes(ax, column, delay, width, shift=0.0, filled=True):
             patch_artist=True,
             flierprops={"marker": ".", "ms": 2, "mec": COLORS[order]},
         )
-        face = (COLORS[order], 0.4) if filled else "white"
+        face = (COLORS[order], 0.4) if filled else "none"
         plt.setp(box["boxes"], facecolor=face, edgecolor=COLORS[order])
         plt.setp(box["whiskers"] + box["caps"], color=COLORS[order])
         plt.setp(box["medians"], color=COLORS[order], lw=2)
@@ -95,10 +95,16 @@ def boxes(ax, column, delay, width, shift=0.0, filled=True):
 
 fig, ax = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
 boxes(ax, "nk", "true", width=0.13)
-ax.axhline(NK, color="0.5", ls=":", zorder=0)
+true_delay = ax.axhline(NK, zorder=0, **ROLES["truth"].style(1.2))
 ax.set(xlabel="remnant intensity $P_n$", ylabel="delay $n_k^*$, samples of 10 ms")
 handles = [plt.Rectangle((0, 0), 1, 1, color=color) for color in COLORS.values()]
-_ = fig.legend(handles, TITLES.values(), loc="outside upper center", ncols=5, frameon=False)
+_ = fig.legend(
+    [*handles, true_delay],
+    [*TITLES.values(), "truth"],
+    loc="outside upper center",
+    ncols=6,
+    frameon=False,
+)
 
 # %%
 # Filters of first and second order make the delay too long, those of third and fourth order too
@@ -118,7 +124,7 @@ fig, axes = plt.subplots(4, 1, figsize=(6.8, 9), sharex=True, layout="constraine
 for ax, name in zip(axes, NAMES, strict=True):
     boxes(ax, name, "true", width=0.06, shift=-0.04)
     boxes(ax, name, "found", width=0.06, shift=0.04, filled=False)
-    ax.axhline(0, color="0.5", lw=0.8, zorder=0)
+    ax.axhline(0, color=PALETTE[-1], lw=0.8, zorder=0)
     ax.set_yscale("symlog", linthresh=1)
     ax.set_ylabel(f"bias of ${name[0]}_{name[1]}$, %")
     ax.set_yticks([-100, -10, -1, 0, 1, 10, 100, 1000], minor=False)
@@ -153,6 +159,7 @@ from skhoid import FrequencyResponse
 from skhoid.interpret import arx_response
 from skhoid.plotting import BodeDisplay
 
+ZOH = "ZOH of the operator (truth)"
 omega = np.geomspace(0.2, np.pi / DT, 400)  # rad/s
 fig, axes = plt.subplots(
     3, 2, figsize=(7.6, 8.4), sharex=True, sharey="row", height_ratios=(3, 2, 2)
@@ -160,8 +167,7 @@ fig, axes = plt.subplots(
 for condition, column in zip(("C1", "C2"), axes.T, strict=True):
     true = zoh_parameters(tracking_condition(condition).operator, DT)
     exact = arx_response(true, omega, DT, na=2, nk=NK)
-    responses = {"ZOH of the operator": FrequencyResponse(omega, exact, delay=NK * DT)}
-    polynomials = {"": true[:2]}
+    responses, polynomials = {}, {}
     for order in FILTERS:
         X, y = make_tracking_runs(
             condition,
@@ -174,11 +180,15 @@ for condition, column in zip(("C1", "C2"), axes.T, strict=True):
         fitted = ARXRegressor(nk=NK).fit(X, y)
         responses[TITLES[order]] = FrequencyResponse.of(fitted, omega)
         polynomials[order] = fitted.a_
+    responses[ZOH] = FrequencyResponse(omega, exact, delay=NK * DT)
+    polynomials[ZOH] = true[:2]
     display = BodeDisplay.from_responses(responses, ax=column[:2])
     z = np.exp(-1j * omega * DT)
     weights = {name: abs(1 + a[0] * z + a[1] * z**2) ** 2 for name, a in polynomials.items()}
+    for line in (display.magnitude_[ZOH], display.phase_[ZOH]):
+        line.set(**ROLES["truth"].style(1.5))
     for weight, line in zip(weights.values(), display.magnitude_.values(), strict=True):
-        column[2].loglog(omega, weight, color=line.get_color())
+        column[2].loglog(omega, weight, color=line.get_color(), ls=line.get_linestyle())
     if condition == "C1":
         weight_of_C1 = weights
     column[0].set_title(condition, y=1.02)

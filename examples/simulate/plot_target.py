@@ -32,7 +32,9 @@ print(table.round(3).to_string(index=False))
 # power stands in ten bins and nowhere else.
 
 from skhoid import auto_psd
+from skhoid.plotting import PALETTE, ROLES
 
+FOREGROUND, GREY = ROLES["measured"].colour, PALETTE[-1]
 DT, PERIOD = 0.01, f_t.period
 time = pd.Index(DT * pd.RangeIndex(8192), name="time")
 target = pd.Series(f_t(time), index=time, name="f_t")
@@ -40,13 +42,11 @@ psd = auto_psd(target, forcing=f_t)
 lines = psd[psd["excited"]]
 
 fig, axes = plt.subplots(2, 1, figsize=(6.4, 5.6), layout="constrained")
-axes[0].plot(target, color="black", lw=1.0)
+axes[0].plot(target, color=FOREGROUND, lw=1.0)
 axes[0].set(xlabel="time, s", ylabel="target $f_t$, deg", xlim=(0, PERIOD))
-axes[1].vlines(lines["omega"], 1e-6, lines["psd"], color="0.6", lw=1.0)
-axes[1].loglog(lines["omega"], lines["psd"], "o", color="#D55E00", label="excited lines")
-axes[1].set(
-    xlabel="frequency, rad/s", ylabel="auto-PSD, deg²/(rad/s)", xlim=(0.05, 314), ylim=(1e-6, 50)
-)
+axes[1].vlines(lines["omega"], 1e-6, lines["psd"], color=GREY, lw=1.0)
+axes[1].loglog(lines["omega"], lines["psd"], "o", color=PALETTE[1], label="excited lines")
+axes[1].set(xlabel="frequency, rad/s", ylabel="PSD, deg² s/rad", xlim=(0.05, 314), ylim=(1e-6, 50))
 axes[1].legend()
 for ax in axes:
     ax.grid(alpha=0.3)
@@ -85,7 +85,7 @@ titles = {
     f"largest of 200 draws: crest factor {crests.max():.2f}": drawn[crests.idxmax()],
 }
 for ax, (title, multisine) in zip(axes, titles.items(), strict=True):
-    ax.plot(time, multisine(time), color="black", lw=1.0)
+    ax.plot(time, multisine(time), color=FOREGROUND, lw=1.0)
     ax.set(ylabel="target, deg", title=title, ylim=(-6, 6))
     ax.grid(alpha=0.3)
 _ = axes[1].set(xlabel="time, s", xlim=(0, PERIOD))
