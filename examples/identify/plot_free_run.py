@@ -3,7 +3,7 @@ One step ahead the model explains 99.9 %: is it good?
 =====================================================
 
 Two models of one person explain 99.9 % of what the hand does, one step ahead. One of them has twice
-the person's delay. What shows it?
+the person's delay. How can we tell?
 """
 
 # %%
@@ -65,8 +65,8 @@ for ax in axes[:, 0]:
     ax.legend(loc="lower left", ncols=2, fontsize="small")
 
 # %%
-# Why? In 10 ms a hand hardly moves. No model at all, the measured output of one sample ago, is
-# nearly as good:
+# Why? In 10 ms a hand hardly moves. Without any model, the previous sample of the measured output
+# is nearly as good:
 
 last_sample = y_new.groupby(level="run").shift(1).fillna(0.0)
 print(f"VAF {vaf_score(y_new, last_sample, run_in=1.0):.1f} %")
@@ -91,7 +91,7 @@ for nk, model in of_person.items():
     print(f"delay {nk / 60:.1f} s: one step ahead {ahead:.2f} %, free run {free:.1f} %")
 
 # %%
-# Half a second late in its free run, the second model is worse than no model:
+# Simulated half a second late, the second model is worse than no model:
 
 from skhoid.plotting import SimulationDisplay
 
@@ -100,6 +100,6 @@ _ = SimulationDisplay.from_estimator(of_person[30], X, y, window=(30, 60))
 # %%
 # The answer
 # ----------
-# Nobody can say. One step ahead the right model and the wrong one explain 99.9 % both, and the last
-# sample alone 99.6 %. In the free run they differ by far: 89 % against 25 % for the simulated
+# Nobody can tell. One step ahead the right model and the wrong one both explain 99.9 %, and the
+# last sample alone 99.6 %. In the free run they are far apart: 89 % against 25 % for the simulated
 # person, 93.5 % against 0 for the real one. Judge a model by its free run, on runs it has not seen.

@@ -40,6 +40,6 @@ def _check_effects(names: list[str], command: str) -> None:
     unknown = next((name for name in names if name not in EFFECTS), None)
     if unknown is not None:
         raise ValueError(
-            f"No effect is called {unknown!r}. There are: {', '.join(EFFECTS)}."
+            f"No effect is called {unknown!r}. The effects are: {', '.join(EFFECTS)}."
             f"{did_you_mean(unknown, EFFECTS)}"
         )

@@ -248,7 +248,7 @@ class EffectSearchCV(
         y : Series or array of shape (n_rows,)
             Measured output.
         groups : array-like of shape (n_rows,) or None, default=None
-            Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
+            Group of each row, as in ``GridSearchCV``: what ``cv`` keeps together, and what
             ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
         **params : dict
             What else ``cv`` requests, with metadata routing enabled.

@@ -528,7 +528,7 @@ def test_errors_say_what_to_do(runs):
         OperatorRegressor().with_effect(DeadZone)
     with pytest.raises(ValueError, match=r"place must be one of input, delay.*elsewhere"):
         OperatorRegressor().with_effect(broken(place="elsewhere")())
-    with pytest.raises(TypeError, match="An effect is an instance"):
+    with pytest.raises(TypeError, match="An effect must be an instance"):
         Effects.of([3])
     with pytest.raises(NotImplementedError, match="must implement apply"):
         Effect().apply(0.0, None)
@@ -537,7 +537,7 @@ def test_errors_say_what_to_do(runs):
 @pytest.mark.parametrize(
     ("one", "reason"),
     [
-        ("wrong_delay", "estimates its delay already"),
+        ("wrong_delay", "already estimates its delay"),
         ("feedforward", "no target"),
         ("preview", "no target"),
         ("output_feedback", "no column of role x"),

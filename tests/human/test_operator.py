@@ -163,7 +163,7 @@ def test_lead_is_given_once():
         HumanOperator(T_L=-1.0)
     with pytest.raises(ValueError, match=r"HumanOperator: K_edot must be zero or positive"):
         HumanOperator(K_edot=-1.0)
-    with pytest.raises(ValueError, match="tau_e is a constant"):
+    with pytest.raises(ValueError, match="tau_e must be constant"):
         HumanOperator(tau_e=lambda t: 0.2)
 
 

@@ -113,7 +113,7 @@ class SquareRoot(Effect):
 
     name = "square_root"
     place = "input"
-    physics = "Large errors are answered less than in proportion."
+    physics = "The response to large errors is less than proportional."
     parameters = (Parameter("knee", Dimension(e=1), 0.01, 10.0),)
 
     def __init__(self, *, knee=None):

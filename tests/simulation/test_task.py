@@ -215,5 +215,5 @@ def test_responses_of_a_pursuit_operator(name):
     alone = HumanOperator(K_e=1.0, T_L=0.0).frequency_response(OMEGA)
     expected = (gains[0] + gains[1] * 1j * OMEGA) * alone
     np.testing.assert_allclose(operator.frequency_response(OMEGA, input=name), expected)
-    with pytest.raises(ValueError, match="input is 'e', or 'f_t' or 'x'"):
+    with pytest.raises(ValueError, match="input must be 'e', or 'f_t' or 'x'"):
         operator.frequency_response(OMEGA, input="q")
