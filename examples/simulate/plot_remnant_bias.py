@@ -3,10 +3,10 @@ Does the colour of remnant bias the model?
 ==========================================
 
 An ARX model takes the noise in u to be white noise filtered by 1/A, with the same A as in the
-operator's own dynamics. Real remnant has a colour of its own. How far off are the delay and the
+operator's own dynamics. Real remnant has its own colour. How far off are the delay and the
 parameters, for five remnant filters?
 
-The figures are those of Figs. 9, 10 and 11 of the thesis in a smaller form: condition C1, 25 runs
+The figures are smaller versions of Figs. 9, 10 and 11 of the thesis: condition C1, 25 runs
 instead of 100, three intensities instead of seven.
 """
 
@@ -108,7 +108,7 @@ _ = fig.legend(
 
 # %%
 # Filters of first and second order make the delay too long, those of third and fourth order too
-# short, and only the neuromuscular filter leaves it where it is.
+# short, and only the neuromuscular filter leaves it unchanged.
 
 mean_delay = results.pivot_table("nk", index="filter", columns="P_n")
 print(mean_delay.loc[list(FILTERS)].round(1).to_string())
@@ -118,7 +118,7 @@ print(mean_delay.loc[list(FILTERS)].round(1).to_string())
 # --------------
 # Relative bias of each parameter, with the true delay (filled) and the delay found (open). The
 # scale is linear up to 1 % and logarithmic beyond. The signs are those of Eq. 30; the text of the
-# thesis has them the other way round.
+# thesis has the opposite signs.
 
 fig, axes = plt.subplots(4, 1, figsize=(6.8, 9), sharex=True, layout="constrained")
 for ax, name in zip(axes, NAMES, strict=True):
@@ -135,8 +135,8 @@ _ = fig.legend(handles, TITLES.values(), loc="outside upper center", ncols=5, fr
 
 # %%
 # With the first-order filter the biases of b_0 and b_1 are hundreds of percent, more than ten times
-# those of any other filter, and the delay found makes them larger still. The least bias is that of
-# the neuromuscular filter, whose remnant has the form that the model assumes, or nearly so.
+# those with any other filter, and the delay found makes them larger still. The bias is smallest
+# with the neuromuscular filter, whose remnant has nearly the form that the model assumes.
 
 with_true = results[results["delay"] == "true"]
 print("mean relative bias at P_n = 0.15, %")
@@ -207,9 +207,9 @@ _ = fig.legend(
 )
 
 # %%
-# Every weight is largest at high frequencies, but not by as much: from 20 to 100 rad/s it grows
-# more than 500-fold with the filters of second order and above, and only 18-fold with that of first
-# order. Misfits above 20 rad/s then hardly count, and are large.
+# Every weight is largest at high frequencies, but not equally so: from 20 to 100 rad/s it grows
+# more than 500-fold with the filters of second order and above, but only 18-fold with the
+# first-order filter. Misfits above 20 rad/s then hardly count, and are large.
 
 for order in FILTERS:
     weight = np.interp([20, 100], omega, weight_of_C1[order])
@@ -222,7 +222,7 @@ for order in FILTERS:
 # ----------
 # Yes. With first-order remnant the delay comes out six samples too long and the parameters b_0 and
 # b_1 ten times too large: the model follows the noise and misses the operator's peak. Remnant of
-# second to fourth order leaves some tens of percent in b_0 and b_1, and only remnant that the
-# neuromuscular system has filtered leaves the model nearly right. The biases are many times the
-# scatter of the runs, so that neither more runs nor a search of the delay help; see
+# second to fourth order leaves errors of some tens of percent in b_0 and b_1, and only remnant
+# filtered by the neuromuscular system leaves the model nearly right. The biases are many times the
+# scatter of the runs, so neither more runs nor a search for the delay helps; see
 # :doc:`/closed-loop` for what does.

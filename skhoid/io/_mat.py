@@ -19,7 +19,7 @@ from ._table import FileTable, one_by_one, read_as, require
 
 __all__ = ["read_mat"]
 
-_MOST_NAMES = 100_000  # of links that lead to each other there is no end
+_MOST_NAMES = 100_000  # links that lead to each other never end
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # "" is a file that h5py wrote, not MATLAB.
 _NUMERIC_CLASSES = {"", "double", "single", "logical"} | {
@@ -78,7 +78,7 @@ def _read_v5(path: Path) -> FileTable:
             check_memory(math.prod(values.shape), what)
             with read_as(path, f"a MATLAB file, at its variable {names[position]!r}"):
                 values = values.tocsc()
-                values.check_format()  # SciPy writes to places that are not there
+                values.check_format()  # SciPy would write out of bounds
                 values = values.toarray()
         return values
 
@@ -156,14 +156,14 @@ def _read_hdf5(path: Path) -> FileTable:
 
 
 def _first(values: np.ndarray, count: int) -> np.ndarray:
-    """The first samples of a variable, of the first run if its columns are runs."""
+    """The first samples of a variable, or of its first run if its columns are runs."""
     if values.ndim == 2 and 1 not in values.shape:
         return values[:count, 0]
     return np.ravel(values)[:count]
 
 
 def _list_hdf5(h5py: Any, file: Any, places: dict[str, str], unreadable: dict[str, str]) -> None:
-    """List what a file holds, shallow names first; links may lead anywhere, back too."""
+    """List what a file holds, shallow names first; links may lead anywhere, even back."""
     waiting = deque([("", "", file, frozenset([_identity(h5py, file)]))])
     while waiting and len(places) + len(unreadable) < _MOST_NAMES:
         prefix, route, group, above = waiting.popleft()
@@ -176,7 +176,7 @@ def _list_hdf5(h5py: Any, file: Any, places: dict[str, str], unreadable: dict[st
                 item = group[key]
                 what = _not_numbers(h5py, name, item)
             except (KeyError, OSError, RuntimeError) as error:
-                unreadable[name] = f"is broken, or a link that leads nowhere: {error.args[0]}."
+                unreadable[name] = f"is damaged, or a link to nothing: {error.args[0]}."
                 continue
             if what is None:
                 places[name] = place
@@ -189,13 +189,13 @@ def _list_hdf5(h5py: Any, file: Any, places: dict[str, str], unreadable: dict[st
 
 
 def _identity(h5py: Any, group: Any) -> tuple[int, int]:
-    """What two names of one group have in common."""
+    """What identifies a group under all its names."""
     info = h5py.h5o.get_info(group.id)
     return info.fileno, info.addr
 
 
 def _not_numbers(h5py: Any, name: str, item: Any) -> str | None:
-    """What an object of a file is in place of numbers; None if it holds numbers."""
+    """What an object in a file is instead of numbers; None if it holds numbers."""
     is_group = isinstance(item, h5py.Group)
     matlab_class = item.attrs.get("MATLAB_class", b"")
     if isinstance(matlab_class, bytes):

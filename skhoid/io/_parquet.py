@@ -64,7 +64,7 @@ def read_parquet(path: Path) -> FileTable:
             path.open("rb") as raw,
             parquet.ParquetFile(raw) as file,
         ):
-            if regular:  # an index of which but start and step are stored
+            if regular:  # an index stored as start and step only
                 return [_any_column(file, name)[:count] for name in names]
             first = next(file.iter_batches(count), None)
             if first is None:
@@ -96,5 +96,5 @@ def _any_column(file: Any, name: str) -> pd.Series:
     """A column as pandas takes it."""
     if name in file.schema_arrow.names:
         return file.read(columns=[name]).column(name).to_pandas()
-    # A regular row index, of which but start and step are stored.
+    # A regular row index, stored as start and step only.
     return file.read().to_pandas().index.to_series()

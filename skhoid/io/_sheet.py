@@ -31,9 +31,9 @@ def read_csv(path: Path) -> FileTable:
     names = sheet.names
     note = ""
     if all(_is_number(name) for name in names):
-        note = "Its first row holds numbers: write a header row with the names of the columns."
+        note = "Its first row holds numbers: add a header row with the names of the columns."
     elif len(names) == 1 and len(names[0].split()) > 1:
-        note = "Separate cells by commas, semicolons or tabs, not by blanks."
+        note = "Separate cells with commas, semicolons or tabs, not with spaces."
 
     def load(numbers: Sequence[int], labels: int | None) -> tuple[list[Any], Any]:
         plain = plain_columns(sheet, numbers, labels)
@@ -81,7 +81,7 @@ def _sheet(text: Text) -> Sheet:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table of text: the names in its header, and the rows behind."""
+    """A table of text: the names in its header, and the rows below."""
 
     text: Text
     separator: str
@@ -100,7 +100,7 @@ class Sheet:
 
     @cached_property
     def decimal(self) -> str | None:
-        """The sign before decimals, if there can be but one."""
+        """The decimal sign, if only one is possible."""
         if self.separator == "," or not self.text.commas:
             return "."
         return None if self.text.points else ","
@@ -142,7 +142,7 @@ class Sheet:
         return [cells[position] for position in cells]
 
     def refuse_long_cells(self, n_rows: int) -> None:
-        """Refuse quoted cells that go on in the next line: two stray quotes swallow the rows."""
+        """Refuse quoted cells that continue in the next line: two stray quotes swallow the rows."""
         if not self.has_quotes or self.skip + n_rows >= self.text.n_lines:
             return
         wrong = self.wrong_row("")  # or lines between the rows are blank
@@ -150,7 +150,7 @@ class Sheet:
             raise ValueError(wrong)
 
     def column(self, position: int) -> pd.Series:
-        """A column; its decimal commas are points if no other number has one."""
+        """A column; decimal commas become points if no other number has a point."""
         column = self.cells[position]
         if self.separator == "," or pd.api.types.is_numeric_dtype(column.dtype):
             return column
@@ -165,7 +165,7 @@ class Sheet:
                 raise ValueError(
                     f"{self.text.path} is ambiguous: column {self.names[position]!r} has commas in "
                     f"its numbers ({commas.iloc[0]!r}) and column {name!r} has points. Write all "
-                    "numbers with a decimal point and without separators of thousands."
+                    "numbers with a decimal point and without thousands separators."
                 )
         numbers = column.astype(object)
         # float() and not pd.to_numeric, which is inexact in the last digit before pandas 3.1.
@@ -173,7 +173,7 @@ class Sheet:
         return numbers
 
     def wrong_row(self, said: str) -> str:
-        """What is wrong with the first row that is no line of as many cells as the header."""
+        """What is wrong with the first row that is not one line of as many cells as the header."""
         path, separator, names = self.text.path, self.separator, self.names
         begin = end = 0  # of a row, in lines
         with self.text.open() as file:
@@ -188,9 +188,9 @@ class Sheet:
                             return _open_quote(path, begin + 1)
                         return (
                             f'{path} cannot be read as a table: a quote (") in line {begin + 1} is '
-                            f"closed in line {end}, so that these lines are one row. Delete it, or "
-                            "close it in its line; if the cell is a text of several lines, write "
-                            "it in one."
+                            f"closed only in line {end}, which makes these lines one row. Delete "
+                            "it, or close it in its line; if the cell is a text of several lines, "
+                            "put it into one."
                         )
                     if len(row) > len(names):
                         columns = counted(len(names), "column")
@@ -198,7 +198,7 @@ class Sheet:
                             f"{path} cannot be read as a table of {columns} separated by "
                             f"{separator!r}, as in its first line "
                             f"({separator.join(names)[:60]!r}): line {end} has {len(row)} cells. "
-                            "The first line must be the header: delete what stands above the names "
+                            "The first line must be the header: delete anything above the names "
                             "of the columns. Every row needs as many cells as the header."
                         )
             except csv.Error:  # a cell of more than 128 kB
@@ -207,15 +207,15 @@ class Sheet:
 
 
 def _holds_rows(name: str, separator: str) -> bool:
-    """Whether a quote in the header was closed below, so that rows are part of a name."""
+    """Whether a quote in the header was closed further down, so that rows are part of a name."""
     lines = [line.split(separator) for line in name.split("\n")[1:]]
     return any(len(line) > 1 and any(map(_is_number, line)) for line in lines)
 
 
 def _open_quote(path: Path, line: int) -> str:
     return (
-        f'{path} cannot be read as a table: a quote (") in line {line} is closed nowhere, '
-        "or far below. Delete it, or close it."
+        f'{path} cannot be read as a table: a quote (") in line {line} is never '
+        "closed, or only far below. Delete it, or close it."
     )
 
 

@@ -103,7 +103,7 @@ def test_a_folder_that_is_a_link_to_nothing(capsys, words, folder):
 
 def test_a_device_is_no_recording(capsys):
     assert main(["identify", os.devnull, "--time", "t"]) == 2
-    assert f"{os.devnull} is no ordinary file" in capsys.readouterr().err
+    assert f"{os.devnull} is not a regular file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

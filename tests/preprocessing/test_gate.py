@@ -154,7 +154,7 @@ REFUSED = {
     "lazy frame": (pl.DataFrame(FRAME).lazy(), TypeError, r"X is a LazyFrame.*X\.collect\(\)"),
     "dict": (dict(FRAME), TypeError, r"X is a dict.*pandas\.DataFrame\(X\)"),
     "ordered dict": (OrderedDict(FRAME), TypeError, r"X is a OrderedDict.*DataFrame\(X\)"),
-    "a name twice": (TWICE, ValueError, "2 columns of X are called 'x'"),
+    "the same name twice": (TWICE, ValueError, "2 columns of X are called 'x'"),
     "no columns": (FRAME[[]], ValueError, "X has no columns"),
     "no rows": (FRAME[:0], ValueError, r"0 sample\(s\)"),
 }
