@@ -33,11 +33,11 @@ comparison = compare(model, *held_out, estimation=fitted)
 page = comparison.plot()
 
 # %%
-# The bar at the bottom sums up the answer. Blue is explained. Grey does not repeat when the same
+# The bar at the top sums up the answer. Blue is explained. Grey does not repeat when the same
 # target is shown again: it is remnant, which no model can predict. Vermilion, between them,
 # repeats: a better model could explain it.
 #
-# The panels above show where. Most points are lost from 41 s on, but most of what repeats, the
+# The panels below it show where. Most points are lost from 41 s on, but most of what repeats, the
 # vermilion part of the bars, is lost before. In frequency, points are lost at those lines of the
 # target that stand out above the remnant.
 #

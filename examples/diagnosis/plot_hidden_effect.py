@@ -107,7 +107,7 @@ _ = EffectRankingDisplay.from_estimator(search, step=1)
 
 from skhoid.plotting import ErrorPathDisplay
 
-print(search.error_path_.round(3))
+print(search.error_path_[["effect", "vaf", "rmse", "explainable_gap"]].round(3))
 _ = ErrorPathDisplay.from_estimator(search)
 
 # %%

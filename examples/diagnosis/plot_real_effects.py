@@ -117,7 +117,7 @@ print(search.fit(X, y).summary())
 
 # %%
 # Every effect of the catalogue was added to the model in turn, and judged on a held-out recording.
-# The best of them gain a few tenths of a point each:
+# The best two gain a point each, the others a few tenths at most:
 
 from skhoid.plotting import EffectRankingDisplay
 
@@ -128,9 +128,8 @@ _ = EffectRankingDisplay.from_estimator(search, n_candidates=12)
 # repeats, and that is several points more than the model explains: it is not noise. This can be
 # believed. The author of the recordings explains them by a generator that locks on to the phase of
 # the orbit, in two dimensions at once, and nothing of the kind is in the catalogue. So the search
-# gives no name, and calls the effects it added stand-ins. Rightly so: with a different recording in
-# place of one of them the spring is gone, the change of gain takes no time at all, and the rest is
-# the same.
+# gives no name: what it added looks like part of the answer, but gains too little. Rightly so: with
+# a different recording in place of one of them nothing is added at all, and as much is missing.
 
 other = EffectSearchCV(OperatorRegressor(inputs=["f_t"]), display="pursuit")
 print(other.fit(*recordings("2b", "2d", "2e")).summary())

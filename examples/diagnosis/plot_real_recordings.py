@@ -94,7 +94,7 @@ _ = OperatingPointDisplay.from_comparison(delayed)
 
 X, y = repeats
 alone = compare(undelayed, X.loc[["phase-size 2b"]], y.loc[["phase-size 2b"]])
-print(f"VAF {alone.vaf:.1f} %; ceiling {alone.ceiling_note}")
+print(f"VAF {alone.vaf:.1f} %; noise ceiling, {alone.ceiling_note}")
 
 # %%
 # A rider

@@ -88,7 +88,8 @@ of_person = {nk: ARXRegressor(nk=nk).fit(X[:half], y[:half]) for nk in (6, 30)}
 for nk, model in of_person.items():
     ahead = vaf_score(y[half:], model.predict_ahead(X, y)[half:])
     free = vaf_score(y[half:], model.predict(X)[half:])
-    print(f"delay {nk / 60:.1f} s: one step ahead {ahead:.2f} %, free run {free:.1f} %")
+    print(f"delay {nk / 60:.1f} s: one step ahead {ahead:.2f} %, simulated {free:.1f} %")
+print("(VAF, clipped at 0)")
 
 # %%
 # Simulated half a second late, the second model is worse than no model:

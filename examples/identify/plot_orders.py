@@ -28,7 +28,7 @@ print(f"{len(search.cv_results_['params'])} models")
 # %%
 # The contours
 # ------------
-# One panel per delay; an asterisk marks the highest VAF in each, a ring the chosen model.
+# One panel per delay; a star marks the highest VAF in each, a ring the chosen model.
 
 from skhoid.plotting import VAFContourDisplay
 
@@ -37,7 +37,7 @@ _ = VAFContourDisplay.from_estimator(search)
 # %%
 # Models with a single lag of the input (bottom row) or of the output (left column) are the poorest;
 # empty areas are models whose simulation explains nothing at all. Beyond two lags of each the
-# surface is nearly flat. Some asterisks are at its edge, where the models have ten parameters or
+# surface is nearly flat. Some stars are at its edge, where the models have ten parameters or
 # more, but they are hardly higher than their surroundings.
 
 results = search.cv_results_

@@ -27,7 +27,7 @@ print(found.table.iloc[8].dropna().to_string())
 # %%
 # Gain over no forgetting
 # -----------------------
-# Fig. 13. An asterisk marks the best horizon of a line, and the dashed line the best mean over all
+# Fig. 13. A star marks the best horizon of a line, and the dashed line the best mean over all
 # cells.
 
 from skhoid.plotting import StudyTradeOffDisplay

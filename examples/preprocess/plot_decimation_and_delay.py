@@ -70,8 +70,8 @@ _ = ax.legend(title="factor", ncols=2)
 # %%
 # At 60 Hz the fit concentrates on the next 17 ms and suffers from the correlation of its own
 # errors, the more so the longer the delay. From factor 4 on the models simulate well and, each with
-# its best delay, hardly differ: by 0.2 %, while the runs differ by 1.1 % among themselves. The best
-# model, refitted on all runs, on the first of them:
+# its best delay, hardly differ: by 0.3 points at most, while the runs scatter by 1.2 points (one
+# standard deviation). The best model, refitted on all runs, on the first of them:
 
 from skhoid.plotting import SimulationDisplay
 
@@ -120,7 +120,7 @@ _ = ax.legend()
 # The answer
 # ----------
 # One standard ``GridSearchCV`` finds both: for this person factor 10, a model at 6 Hz, and a delay
-# of 0.1 s, with a VAF of 93.4 % in runs it has not seen; a factor of 4 to 15 does nearly as well.
+# of 0.1 s, with a VAF of 93.8 % in runs it has not seen; a factor of 4 to 15 does nearly as well.
 # The choice must be made at the full rate. There the rider's model is best at factor 32 (74.7 %)
 # and loses 12 % by factor 50, while the VAF at the model's rate still rises to 84.7 %: it rewards
 # the coarsest model for what the filter removed.

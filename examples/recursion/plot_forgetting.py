@@ -43,7 +43,7 @@ starts = {
     f"$P_0 = 10^{power}$ I": fitted(RecursiveARX(na=3, nb=4, init="zeros", p0=10.0**power))
     for power in (0, 2, 4, 6)
 }
-_ = ParameterPathDisplay.from_estimator(starts | {"batch": batch}, parameters=["a1", "b0"])
+_ = ParameterPathDisplay.from_estimator({"batch": batch} | starts, parameters=["a1", "b0"])
 
 # %%
 # With a large P0 the first samples throw the estimates about, out of the panels; P0 = I holds them
@@ -54,7 +54,7 @@ _ = ParameterPathDisplay.from_estimator(starts | {"batch": batch}, parameters=["
 errors = batch[-1].standard_errors_
 for name, model in starts.items():
     off = np.abs((model[-1].coef_ - batch[-1].coef_) / errors).max()
-    print(f"{name}: at the end {off:.2g} standard errors from the batch model")
+    print(f"{name.replace('$', '')}: at the end {off:.2g} standard errors from the batch model")
 
 # %%
 # λ: how long is the past?
@@ -76,7 +76,7 @@ memories = {
     f"λ = {factor:g}": fitted(RecursiveARX(na=3, nb=4, forgetting=factor, init="zeros", p0=1e4))
     for factor in (0.95, 0.99, 1.0)
 }
-_ = ParameterPathDisplay.from_estimator(memories | {"batch": batch}, parameters=["a1", "b0"])
+_ = ParameterPathDisplay.from_estimator({"batch": batch} | memories, parameters=["a1", "b0"])
 
 # %%
 # Nothing changes in this person, so all movement of the path is noise. Its scatter in the second

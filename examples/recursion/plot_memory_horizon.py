@@ -67,7 +67,8 @@ intensities = {
 _ = MemoryHorizonDisplay.from_estimator(intensities)
 for name, search in intensities.items():
     gain = search.cv_results_["gain"]
-    print(f"{name}: best N0 {search.best_memory_horizon_:5g}, gain {gain.max():5.2f} points")
+    best = search.best_memory_horizon_
+    print(f"{name.replace('$', '')}: best N0 {best:5g}, gain {gain.max():5.2f} points")
 
 # %%
 # Overfit

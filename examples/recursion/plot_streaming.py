@@ -19,7 +19,7 @@ from skhoid import make_tracking_runs
 X, y, truth = make_tracking_runs(
     "C1", 2, remnant_intensity=0.05, remnant_order="nm", return_truth=True, random_state=0
 )
-NAMES = ["$a_1$", "$a_2$", "$b_0$", "$b_1$"]
+NAMES = ["a_1", "a_2", "b_0", "b_1"]
 NK = truth.nk
 
 
@@ -99,7 +99,7 @@ for ax, i, limits in ((axes[0], 0, (-2.2, 0.2)), (axes[1], 2, (-0.1, 0.2))):
     for label, (path, color, style) in paths.items():
         ax.plot(time, path[:, i], color=color, ls=style, lw=1.0, label=label)
     ax.axhline(truth.arx_parameters.iloc[0, i], label="truth", **ROLES["truth"].style(1.0))
-    ax.set(ylabel=NAMES[i], ylim=limits)
+    ax.set(ylabel=f"${NAMES[i]}$", ylim=limits)
 axes[2].semilogy(time, size, color=PALETTE[1])
 axes[2].set(xlabel="time, s", ylabel="largest entry of P,\ntextbook", xlim=(0, time[-1]))
 for ax in axes:

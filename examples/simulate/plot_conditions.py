@@ -69,7 +69,7 @@ _ = axes[0].set_ylabel("target $f_t$, deg")
 
 # %%
 # Each pair of conditions side by side, drawn by :class:`skhoid.plotting.TrackingDisplay`; the
-# dashed line is where the parameters change fastest.
+# dotted line is where the parameters change fastest.
 
 from skhoid.plotting import TrackingDisplay
 
@@ -86,6 +86,8 @@ def draw(pair, window):
         transition = None if name in ("C1", "C2") else T_M
         TrackingDisplay.from_runs(X[["e", "x"]], y, transition=transition, **options)
         column[0].set_title(name)
+        if column[0].get_legend():  # it would hide the error
+            column[0].get_legend().remove()
     for ax in axes[:, 1]:
         ax.set_ylabel("")
 

@@ -118,7 +118,7 @@ axes[0].set(ylabel="control mode")
 axes[1].plot(truth.parameters["K_edot"], color=COLORS[0], label=r"$K_{\dot e}$, s")
 axes[1].plot(truth.parameters["K_e"], color=COLORS[1], label="$K_e$")
 axes[1].set(ylabel="operator's gains")
-axes[1].legend(loc="center right")
+axes[1].legend(loc="center", bbox_to_anchor=(0.4, 0.5))
 axes[2].plot(t, y, color=ROLES["measured"].colour, lw=0.8)
 axes[2].set(xlabel="time, s", ylabel="control u, deg", xlim=(0, 81.92))
 for ax in axes:

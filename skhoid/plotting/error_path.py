@@ -315,7 +315,8 @@ class ErrorPathDisplay(Display):
                     lw=scaled(5.0),
                     solid_capstyle="butt",
                 )
-        text += ", not in the catalogue" if left else ""
+        if left and not np.isnan(ceiling) and gap >= SMALL_GAP:
+            text += ", not in the catalogue"
         self.ceiling_text_ = panel.annotate(
             wrapped(text, int(OF_SMALL * 0.9 * letters_above(panel))),
             (0.0, at),
