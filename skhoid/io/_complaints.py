@@ -262,7 +262,9 @@ def _of_time(
         per_second = per_second_of(table, guess.time or "", guess.units.get("time"))
     except ValueError as error:
         return [Problem(str(error))]
-    index = pd.MultiIndex.from_arrays([codes, time / per_second], names=[RUN, "time"])
+    known = len(set(map(str, labels))) == len(labels) > 0
+    runs = pd.Categorical.from_codes(codes, [str(label) for label in labels]) if known else codes
+    index = pd.MultiIndex.from_arrays([runs, time / per_second], names=[RUN, "time"])
     try:
         read_layout(pd.DataFrame({"e": np.zeros(time.size)}, index=index))
     except IrregularSamplingError as error:
