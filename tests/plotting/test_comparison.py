@@ -398,17 +398,17 @@ def test_operating_points(found):
         assert sum(len(line.get_xdata()) for line in red) == bins["exceeds"].sum()
 
 
-def test_operating_points_of_the_output_are_those_predicted(found):
+def test_operating_points_of_the_output_are_those_simulated(found):
     display = OperatingPointDisplay.from_comparison(found)
     named = dict(zip(display.lines_, (p.get_xlabel() for p in display.axes_), strict=True))
-    assert named["u"] == "predicted control u"
-    assert named["u rate"] == "predicted control u rate"
-    assert "predicted" not in named["e"] + named["x"] + named["f_t"]
+    assert named["u"] == "simulated u, deg"
+    assert named["u rate"] == "simulated u rate, deg/s"
+    assert "simulated" not in named["e"] + named["x"] + named["f_t"]
     table = found.by_operating_point.replace({"channel": {"u": "force", "u rate": "force rate"}})
     other = OperatingPointDisplay(by_operating_point=table, output="force").plot()
     assert [p.get_xlabel() for p in other.axes_[-2:]] == [
-        "predicted force",
-        "predicted force rate",
+        "simulated force",
+        "simulated force rate",
     ]
 
 
