@@ -95,7 +95,7 @@ def test_numbers_that_are_none_are_named():
         skhoid.crossover(HumanOperator(), element, t=[[1.0]])
     with pytest.raises(TypeError, match="noise must hold numbers; got 'white'"):
         skhoid.make_tracking_runs("C1", 1, noise="white")
-    with pytest.raises(TypeError, match="repeats has a label for each run"):
+    with pytest.raises(TypeError, match="repeats must have a label for each run"):
         skhoid.compare(MODEL, X, Y, repeats=np.zeros((2, 2)))
 
 
