@@ -68,7 +68,6 @@ import matplotlib.pyplot as plt
 from skhoid import Multisine, auto_psd
 from skhoid.plotting import PALETTE, ROLES
 
-FOREGROUND = ROLES["measured"].colour
 LABELS = {"n": "remnant n", "e": "error e", "u": "control u", "x": "output x"}
 
 
@@ -85,11 +84,12 @@ def draw(signals, lowest):
         layout="constrained",
     )
     for (left, right), name in zip(axes, signals.columns, strict=True):
-        left.plot(signals.loc[0, name], color=FOREGROUND, lw=0.8)
+        color = ROLES["remnant" if name == "n" else "measured"].colour
+        left.plot(signals.loc[0, name], color=color, lw=0.8)
         left.set(ylabel=f"{LABELS[name]}, deg", xlim=(0, 81.92))
         one = psd[psd["channel"] == name]
         lines = one[one["excited"]]
-        right.loglog(one["omega"], one["psd"], color=FOREGROUND, lw=0.5)
+        right.loglog(one["omega"], one["psd"], color=color, lw=0.5)
         right.loglog(lines["omega"], lines["psd"], "o", color=PALETTE[1], ms=4)
         right.set(ylabel="PSD, deg² s/rad", xlim=(0.07, 314), ylim=(lowest, None))
     axes[-1, 0].set_xlabel("time, s")
