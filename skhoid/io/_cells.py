@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ._column_guess import Problem, quoted, without_list
 from ._likeness import numbers_of
 from ._table import FileTable, as_numbers
-from .guess import Problem, quoted, without_list
 
 __all__ = ["columns_of", "filled", "more_of", "shapes_differ"]
 

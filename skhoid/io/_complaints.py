@@ -12,10 +12,10 @@ from ..runs import RUN, read_layout
 from ..runs.clock import JITTER_TOLERANCE
 from ..runs.roles import role_of
 from ._cells import columns_of, filled, more_of, shapes_differ
+from ._column_guess import ColumnGuess, Problem, quoted
 from ._labels import restarts_of
 from ._runs import per_second_of
 from ._table import FileTable
-from .guess import ColumnGuess, Problem, quoted
 
 __all__ = ["problems_of_files", "problems_of_runs"]
 

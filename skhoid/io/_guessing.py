@@ -11,6 +11,7 @@ import pandas as pd
 
 from ..runs.roles import OUTPUT, role_of
 from ..runs.words import advances_evenly, labelled_stretches
+from ._column_guess import MEANING, OPTION, ColumnGuess, Problem, quoted, without_list
 from ._header_words import (
     STRONG,
     axis_of,
@@ -24,7 +25,6 @@ from ._header_words import (
 )
 from ._likeness import alike, coherence, equal, factor_of, moves, numbers_of
 from ._table import FileTable, split_header
-from .guess import MEANING, OPTION, ColumnGuess, Problem, quoted, without_list
 
 __all__ = ["guess_of"]
 

@@ -14,6 +14,7 @@ import pandas as pd
 from .._sklearn import DT, checked
 from ..runs import RUN, TIME, run_index
 from ..runs.roles import role_of
+from ._column_guess import ColumnGuess, UnclearColumnsError, where_of
 from ._complaints import problems_of_files, problems_of_runs
 from ._guessing import guess_of
 from ._mat import read_mat
@@ -22,7 +23,6 @@ from ._paths import Paths, expand_paths, shown
 from ._runs import FileRuns, runs_of
 from ._sheet import read_csv
 from ._table import FileTable, split_header
-from .guess import ColumnGuess, UnclearColumnsError, where_of
 
 __all__ = ["read_runs"]
 

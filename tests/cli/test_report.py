@@ -35,7 +35,7 @@ def calls(monkeypatch):
 def test_report_is_written_by_default_beside_the_story(capsys, biased_file, biased_runs):
     assert main(["report", *biased_file, "--effects", "bias", "--title", "Monday"]) == 0
     printed = capsys.readouterr().out
-    assert "Step 1: add bias" in printed
+    assert "Missing: bias; with it" in printed
     assert "Report: report.html (one file; open it in a browser)" in printed
     page = Path("report.html").read_text()
     assert page.startswith("<!DOCTYPE html>")

@@ -179,7 +179,7 @@ def test_all_runs_but_one_missing(simulated):
     X, y, truth = simulated
     y = y.copy()
     y.loc[[1, 3]] = np.nan
-    with pytest.warns(MissingDataWarning, match="all rows of run 1, 3: not scored"):
+    with pytest.warns(MissingDataWarning, match="all rows of run 1, 3, which is not scored"):
         comparison = compare(Oracle(truth.u_without_remnant), X, y)
     said(comparison)
     assert comparison.by_run["vaf"].notna().tolist() == [False, True, False]
@@ -272,7 +272,7 @@ def test_false_alarm_is_a_rate(simulated, value):
     ("repeats", "message"),
     [
         ({1: "a", 9: "a"}, r"repeats names run 9; the runs are \[1, 2, 3\]"),
-        (["a", "a"], "repeats has 2 entries for 3 runs: give one label a run"),
+        (["a", "a"], "repeats has 2 entries for 3 runs: give one label per run"),
         (3, "repeats"),
         ("all", "repeats"),
     ],

@@ -78,7 +78,7 @@ def test_wrong_delay_is_found_with_its_size(simulated, nk, missing):
     X, y, _ = simulated
     X_fit, y_fit, _ = runs(3, seed=100, first_run=11)
     comparison = compare(ARXRegressor(nk=nk).fit(X_fit, y_fit), X, y)
-    assert "later" in first_three(comparison)["delay"].title
+    assert "longer" in first_three(comparison)["delay"].title
     test = comparison.tests.set_index("test").loc["delay"]
     assert abs(test["size"] - missing) < 0.02
 
@@ -89,7 +89,7 @@ def test_shifted_response_is_found_with_its_size(simulated, shift):
     X, y, truth = simulated
     u = truth.linear_response.groupby(level="run").shift(-shift).fillna(0.0)
     comparison = compare(LinearTruth(u), X, y)
-    assert ("later" if shift > 0 else "earlier") in first_three(comparison)["delay"].title
+    assert ("longer" if shift > 0 else "shorter") in first_three(comparison)["delay"].title
     test = comparison.tests.set_index("test").loc["delay"]
     assert abs(test["size"] - shift * DT) < 0.02
 

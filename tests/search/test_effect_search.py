@@ -92,8 +92,8 @@ def test_the_summary_says_what_the_last_step_would_gain():
     given = EffectSearchCV(OperatorRegressor(delay=TAU), ["wrong_delay", "bias"])
     ranking = given.fit(*recorded()).ranking_  # the second step has a free delay
     last = ranking[ranking["step"] == 2].iloc[0]
-    assert f"{last['effect']}, would gain {last['vaf_gain']:.2f} points" in given.summary()
-    assert "The best of 1 effect tried" in given.summary()
+    best = f"Best of 1 effect tried: {last['effect']}, {last['vaf_gain']:+.2f} points"
+    assert best in given.summary()
 
 
 @pytest.mark.slow
@@ -393,7 +393,7 @@ def test_on_a_compensatory_display_the_target_is_equivalent():
         for display in ("compensatory", "pursuit", "preview")
     }
     assert rows["compensatory"].str.startswith("equivalent to").all()
-    assert "compensatory display shows the error alone" in rows["compensatory"]["feedforward"]
+    assert "compensatory display shows only the error" in rows["compensatory"]["feedforward"]
     assert not rows["pursuit"]["feedforward"].startswith("equivalent")
     assert rows["pursuit"]["preview"].startswith("equivalent to")
     assert not rows["preview"].str.startswith("equivalent").any()

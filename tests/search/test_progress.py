@@ -54,8 +54,8 @@ def test_each_candidate_is_told_twice(runs, n_jobs, delay):
     n_steps = search.ranking_["step"].nunique()
     assert counts.begun["effects tried"] >= n_steps
     tried = (search.ranking_["status"] != "does not apply").sum()
-    assert counts.begun[""] >= 2 * tried
-    assert (counts.begun[""] == 2 * tried) == (delay is None)
+    assert counts.begun[""] >= 2 * tried  # more, if a step is searched again with a free delay
+    assert delay is not None or counts.begun[""] == 2 * tried
 
 
 def test_a_bar_is_drawn_where_it_is_asked_for(runs, capsys):

@@ -80,5 +80,5 @@ def test_held_out_rows_without_a_ceiling(biased):
     assert "not periodic" in why
     unknown = f"  how much is left to explain is not known for held-out rows: {why}"
     assert unknown in told
-    assert f"The ceiling is not known: {why}." in story.search_.summary()
+    assert f"The noise ceiling is not known: {why}." in story.search_.summary()
     assert story.as_dict()["ceiling_note"] == why
