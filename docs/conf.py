@@ -125,13 +125,19 @@ sphinx_gallery_conf = {
 }
 
 
-def leave_out_sklearn_members(app, what, name, obj, skip, options):
-    """Skip what scikit-learn's base classes bring along: its pages document it."""
-    from_sklearn = (getattr(obj, "__module__", None) or "").startswith("sklearn")
-    return True if from_sklearn else None
+# What EffectSearchCV calls on the estimators that it searches with, and nobody else: their pages
+# leave it out, and effect-in-depth.md tells those who write an estimator of their own.
+CALLED_BY_SEARCHES = ("prepare", "first_fit", "with_fit", "free_run")
+
+
+def leave_out_members(app, what, name, obj, skip, options):
+    """Skip what scikit-learn's base classes bring along (its pages document it), and plumbing."""
+    module = getattr(obj, "__module__", None) or ""
+    plumbing = name in CALLED_BY_SEARCHES and module.startswith("skhoid.greybox")
+    return True if plumbing or module.startswith("sklearn") else None
 
 
 def setup(app):
-    app.connect("autodoc-skip-member", leave_out_sklearn_members)
+    app.connect("autodoc-skip-member", leave_out_members)
     app.connect("builder-inited", gallery_pages.show_panels, priority=900)  # after the gallery
     app.connect("doctree-read", gallery_pages.show_sharp, priority=400)  # before copies are made

@@ -7,8 +7,8 @@ index. Estimators, searches and transformers follow the scikit-learn API. By tas
   `check_channels`, `lost_control`; recordings `load_human_tracking`, `load_bicycle_rider`.
 - Preprocess, in pipelines: `Decimator`, `DelayShift`, `RunInTrimmer`; outside them
   `ensemble_average`.
-- Identify: `ARXRegressor`; delay and orders by `DelaySearchCV`, `OrderSearchCV`; the physical
-  model `OperatorRegressor`.
+- Identify: `ARXRegressor`; delay and orders with `DelaySearchCV`, `OrderSearchCV`;
+  the physical model `OperatorRegressor`.
 - Track a change: `RecursiveARX`, `RecursiveARXCV`, `forgetting_factor`.
 - Validate: `vaf_score`, `VAFScorer`, `compare`, `remnant_estimate`, `performance_scores`.
 - Find what is missing: `EffectSearchCV`, `report`; the catalogue is `skhoid.effects`, and
@@ -17,7 +17,7 @@ index. Estimators, searches and transformers follow the scikit-learn API. By tas
   `crossover`, `crossover_path`, `fourier_coefficients`, `FrequencyResponse`, `auto_psd`.
 - Simulate: `make_tracking_runs`, `CompensatoryTask`, `tracking_condition`, `mixed_condition`,
   `HumanOperator`, `ControlledElement`, `LinearElement`, `Remnant`, `tune_remnant`, `Multisine`;
-  what varies over time is a `Sigmoid`, `Step`, `Ramp` or `Mixture`.
+  parameters that vary in time are a `Sigmoid`, `Step`, `Ramp` or `Mixture`.
 - Plan an experiment: `recommend_forgetting`, `MonteCarloStudy`, `simulate_experiment`,
   `analyse_experiment`.
 - Draw: `skhoid.plotting`. Errors and warnings to catch: `skhoid.exceptions`.
@@ -33,7 +33,7 @@ import lazy_loader
 
 from ._version import __version__ as __version__
 
-# The names are in __init__.pyi, beside this file; each is imported when it is first asked for.
+# The names are in __init__.pyi, next to this file; each is imported on first use.
 __getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 _NAMESPACES = {
     "effects",
@@ -46,5 +46,5 @@ _NAMESPACES = {
     "testing",
     "thesis",
 }
-# Without the namespaces: a star would import matplotlib with skhoid.plotting.
+# Without the namespaces: a star import would import matplotlib with skhoid.plotting.
 __all__ = [name for name in _names if name not in _NAMESPACES]

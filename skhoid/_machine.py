@@ -1,4 +1,4 @@
-"""The machine that work runs on: its memory, and what happens when a process is told to end."""
+"""The machine: its memory, and what happens when a process is told to end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def check_memory(n_numbers: float, what: str) -> None:
         return
     if _NUMBER * n_numbers > memory:
         raise ValueError(
-            f"{what} would take {_NUMBER * n_numbers / 2**30:.3g} GiB of memory, and the machine "
+            f"{what} would take {_NUMBER * n_numbers / 2**30:.3g} GiB of memory, but the machine "
             f"has {memory / 2**30:.3g} GiB."
         )
 

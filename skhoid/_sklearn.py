@@ -1,4 +1,4 @@
-"""Private names and habits of scikit-learn, which no other file knows."""
+"""Private names and conventions of scikit-learn, which no other file uses."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -75,8 +75,9 @@ class FittedDisplay:
 class CoefficientsOfLags:
     """The attribute ``coef_`` of a model, refused to selection by importance.
 
-    That takes it for one number per column of X, and scikit-learn has no tag by which a model could
-    say that it is not: who asks has to be looked at. ``_one_per_column`` says that it is.
+    It expects one number per column of X, and scikit-learn has no tag by which a model could say
+    otherwise, so the caller has to be inspected. ``_one_per_column`` says that it has one per
+    column.
     """
 
     def __get__(self, model: Any, owner: Any = None) -> Any:
@@ -90,7 +91,8 @@ class CoefficientsOfLags:
             first = ", ".join(model.parameter_names_[:4])
             raise TypeError(
                 f"coef_ of {type(model).__name__} has one number per lag ({first}, ...), and "
-                "selection by importance needs one per column of X. Compare sets of inputs: "
+                "selection by importance needs one per column of X. Compare sets of inputs "
+                "instead: "
                 'GridSearchCV(model, {"inputs": [["e"], ["e", "x"]]}, scoring=VAFScorer(), '
                 "cv=LeaveOneGroupOut()), fitted with groups=run_labels(X)."
             )

@@ -26,7 +26,7 @@ __all__ = [
 
 
 class RunIndexError(ValueError):
-    """Rows, runs or indexes of ``X`` and ``y`` break the data convention.
+    """Rows, runs or indexes of ``X`` and ``y`` violate the data convention.
 
     Examples
     --------
@@ -40,7 +40,7 @@ class RunIndexError(ValueError):
 
 
 class IrregularSamplingError(ValueError):
-    """The clock of a run is too irregular, or not the one the model was fitted at.
+    """The clock of a run is too irregular, or differs from the one of the fit.
 
     Examples
     --------
@@ -95,7 +95,7 @@ class UnstableLoopError(ValueError):
 
 
 class RemnantIntensityError(ValueError):
-    """No remnant gain gives the wanted intensity, or the realisations do not determine it.
+    """No remnant gain gives the requested intensity, or the realisations do not determine it.
 
     Examples
     --------
@@ -128,7 +128,7 @@ class StudyFolderError(ValueError):
 
 
 class WorkersLostError(RuntimeError):
-    """The workers of a study died again and again; what was finished is kept.
+    """The workers of a study died repeatedly; what was finished is kept.
 
     Examples
     --------
@@ -147,7 +147,7 @@ class WorkersLostError(RuntimeError):
 
 
 class StudyWarning(UserWarning):
-    """Part of a study had to be computed again, or data sets failed.
+    """Part of a study had to be recomputed, or data sets failed.
 
     Examples
     --------
@@ -167,7 +167,7 @@ class StudyWarning(UserWarning):
 
 
 class SamplingJitterWarning(UserWarning):
-    """The sampling instants jitter, within the tolerance.
+    """The sampling instants jitter, but within the tolerance.
 
     Examples
     --------
@@ -208,7 +208,7 @@ class MissingDataWarning(UserWarning):
 
 
 class PoorExcitationWarning(UserWarning):
-    """The data do not determine all parameters; some stay where they were.
+    """The data do not determine all parameters; some keep their previous values.
 
     Examples
     --------
@@ -246,7 +246,7 @@ class RunCutWarning(UserWarning):
 
 
 class PooledRunsWarning(UserWarning):
-    """Runs of several subjects or conditions are fitted as those of one operator.
+    """Runs of several subjects or conditions are fitted as if from one operator.
 
     Examples
     --------
@@ -266,7 +266,7 @@ class PooledRunsWarning(UserWarning):
 
 
 class SlowClockWarning(UserWarning):
-    """The clock is one on which no person steers: it may count milliseconds, or rows.
+    """The clock is too slow for a person: it may count milliseconds, or rows.
 
     Examples
     --------
@@ -285,7 +285,7 @@ class SlowClockWarning(UserWarning):
 
 
 class RunTimeWarning(UserWarning):
-    """Runs that should share their time in the run do not.
+    """Runs that should share a time axis do not.
 
     Examples
     --------

@@ -44,8 +44,8 @@ def vaf_score(
 ) -> Any:
     """Variance accounted for by a simulated output, in percent.
 
-    ``VAF = max(0, 1 - sum((y - y_hat)**2) / sum(y**2)) * 100``, Eq. 25 of the thesis. Means are
-    kept, as there; rows in which ``y_true`` is NaN are not measured and are left out.
+    ``VAF = max(0, 1 - sum((y - y_hat)**2) / sum(y**2)) * 100``, Eq. 25 of the thesis. As in the
+    thesis, means are kept; rows in which ``y_true`` is NaN are left out.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ def vaf_score(
     window : (float, float) or None, default=None
         Score only rows with ``window[0] <= time < window[1]``, in seconds of the time index.
     average : {"pooled", "mean"} or None, default="pooled"
-        Sum the squares over all runs, or average the values of the runs; None returns one value
-        per run, NaN for a run in which nothing was measured.
+        Sum the squares over all runs, or average the VAFs of the runs; None returns one VAF per
+        run, NaN for a run in which nothing was measured.
     centered : bool, default=False
         Remove the mean of each run from both signals first.
     dt : float or None, default=None
@@ -80,7 +80,7 @@ def vaf_score(
 
     See Also
     --------
-    VAFScorer : The same, unclipped, as ``scoring=`` of scikit-learn's searches.
+    VAFScorer : The same, unclipped, for ``scoring=`` in scikit-learn's searches.
 
     Examples
     --------
@@ -153,7 +153,7 @@ def warn_of_unscored(layout: RunLayout, y: np.ndarray, keep: np.ndarray) -> None
     if empty.any() and (known & keep).any():
         names = [repr(layout.labels[i]) for i in np.flatnonzero(empty)]
         warnings.warn(
-            f"y is NaN in all rows of run {', '.join(names)}: not scored.",
+            f"y is NaN in all rows of run {', '.join(names)}, which is not scored.",
             MissingDataWarning,
             stacklevel=3,
         )
@@ -189,7 +189,7 @@ def vaf_of_sums(
     """
     if not scored.any():
         raise ValueError(
-            "No row is left to score: the run-in, the window and missing values leave out all rows."
+            "No row is left to score: the run-in, the window and missing values exclude all rows."
         )
     power = np.where(scored, power, np.nan)
     if average == "pooled":
@@ -220,7 +220,7 @@ def scored_signals(
     keep = keep & ~np.isnan(y)
     if not keep.any():
         raise ValueError(
-            "No row is left to score: the run-in, the window and missing values leave out all "
+            "No row is left to score: the run-in, the window and missing values exclude all "
             f"{y.size} rows. A run in which nothing was measured has no score: leave it out of X "
             "and y (skhoid.select_runs)."
         )
@@ -237,10 +237,9 @@ def scored_signals(
 class VAFScorer:
     """Score a fitted estimator by the VAF of its free run, for ``scoring=``.
 
-    Returns the unclipped VAF in percent, no lower than -1000, so that a search can tell a bad
-    model from a worse one. Rows that a :class:`RunInTrimmer` in the pipeline leaves out are left
-    out here too. Scores are taken at the full rate, whatever the decimation factor, so that
-    factors can be compared.
+    Returns the unclipped VAF in percent, at least -1000, so that a search can tell a bad model from
+    a worse one. Rows that a :class:`RunInTrimmer` in the pipeline leaves out are not scored. Scores
+    are at the full rate, whatever the decimation factor, so that factors can be compared.
 
     Parameters
     ----------
@@ -249,17 +248,17 @@ class VAFScorer:
     window : (float, float) or None, default=None
         Score only rows with ``window[0] <= time < window[1]``, in seconds of the time index.
     rate : {"full", "model"}, default="full"
-        ``"model"`` scores on the filtered and thinned signals that the model was fitted on, as
-        the thesis does. Filtering leaves less to explain, so these figures tend to favour the
-        coarsest model: do not choose a decimation factor by them.
+        ``"model"`` scores on the filtered and thinned signals that the model was fitted on, as the
+        thesis does. Filtering leaves less to explain, so these scores tend to favour the coarsest
+        model: do not use them to choose a decimation factor.
     average : {"pooled", "mean"}, default="pooled"
-        Sum the squares over all runs, or average the values of the runs.
+        Sum the squares over all runs, or average the VAFs of the runs.
     centered : bool, default=False
         Remove the mean of each run from both signals first.
     dt : float or None, default=None
-        Sampling time in seconds of data without a time index. None means that of the estimator.
+        Sampling time in seconds of data without a time index. None uses that of the estimator.
     run : column name or position, or None, default=None
-        Run column of ``X`` for data without a run index. None means that of the estimator.
+        Run column of ``X`` for data without a run index. None uses that of the estimator.
 
     See Also
     --------

@@ -1,4 +1,4 @@
-"""Taking pipelines and searches apart: first step, last step, and run-in trimmers between."""
+"""Taking pipelines and searches apart: first step, last step, and run-in trimmers in between."""
 
 from __future__ import annotations
 

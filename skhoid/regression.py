@@ -78,9 +78,9 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             self._mark = layout.mark
         elif layout.mark != self._mark:
             raise RunIndexError(
-                f"{type(self).__name__} was fitted on X {_marked(self._mark)} and now gets X "
-                f"{_marked(layout.mark)}. Pass X through the same Decimator, best by putting both "
-                "in one Pipeline."
+                f"{type(self).__name__} was fitted on X {_marked(self._mark)}, but now gets X "
+                f"{_marked(layout.mark)}. Pass X through the same Decimator, preferably by "
+                "putting both in one Pipeline."
             )
         return ModelGrid.of(layout), values
 
@@ -133,8 +133,8 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         if self.jitter_ > NOTED_JITTER:
             warnings.warn(
                 f"The sampling instants jitter by up to {100 * self.jitter_:.1f} % of "
-                f"{grid.layout.dt:.6g} s. The model takes them as regular; "
-                "skhoid.resample_runs(X, y) brings them onto a regular grid.",
+                f"{grid.layout.dt:.6g} s. The model treats them as regular; "
+                "skhoid.resample_runs(X, y) puts them on a regular grid.",
                 SamplingJitterWarning,
                 stacklevel=4,
             )
@@ -166,12 +166,11 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         told = [f"run {layout.labels[run]!r} ({name!r})" for run, name in left_out.items()]
         if len(left_out) == len(layout.labels):
             raise ValueError(
-                f"No run is left to fit; these hold a channel that is NaN in all rows, nothing was "
-                f"measured there: {', '.join(told)}. Leave out the column, if the model does not "
-                "need it."
+                f"No run is left to fit; in each, a channel is NaN in all rows: "
+                f"{', '.join(told)}. Leave out the column if the model does not need it."
             )
         warnings.warn(
-            f"{len(told)} of {len(layout.labels)} runs are left out, because a channel is NaN in "
+            f"{len(told)} of {len(layout.labels)} runs are left out because a channel is NaN in "
             f"all their rows: {', '.join(told)}.",
             MissingDataWarning,
             stacklevel=5,
@@ -202,9 +201,9 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             rows = np.unique(np.concatenate(list(counting.values())))
             named = [(names or self.inputs_)[i] for i in counting]
             warnings.warn(
-                f"{rows.size} rows of the inputs {named} are NaN, first "
+                f"{rows.size} rows of the inputs {named} are NaN, the first at "
                 f"{grid.layout.where(grid.full_row(int(rows[0])))}; the simulation holds the last "
-                "value there, or zero where there is none.",
+                "value there, or zero if there is none.",
                 MissingDataWarning,
                 stacklevel=4,
             )
@@ -225,25 +224,25 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If there is no such parameter: effects that are given by their names have none.
+            If there is no such parameter: effects given by name have none.
         """
         nested = next((name for name in params if name.startswith("effects__")), None)
         effects = params.get("effects", getattr(self, "effects", None))
         if nested is not None and not hasattr(effects, "set_params") and hasattr(self, "effects"):
             raise ValueError(
                 f"{nested} cannot be set: effects={effects!r} has no parameters of its own. Give "
-                "effects as objects, which have: effects=skhoid.effects.Effects.of("
-                f"{'...' if effects is None else repr(effects)})."
+                f"effects as objects instead: "
+                f"effects=skhoid.effects.Effects.of({'...' if effects is None else repr(effects)})."
             )
         return super().set_params(**params)
 
     def predict(self, X: Any) -> np.ndarray:
         """Simulate the output from the inputs alone (free run).
 
-        The output is zero before each run, and before the first row after a gap or a marked
-        run-in; inputs are zero before the recording begins. Models with ``initial_`` equal to
-        ``"estimate"`` begin as if the inputs had always been as in the first row. A NaN input
-        holds the last value, and a warning says how many. Unstable models stay finite (within
+        The output is zero before each run, and before the first row after a gap or a marked run-in;
+        inputs are zero before the recording begins. Models with ``initial_`` equal to
+        ``"estimate"`` begin as if the inputs had always been as in the first row. A NaN input is
+        replaced by the last value, and a warning says how many. Unstable models stay finite (within
         1e100).
 
         Parameters
@@ -263,7 +262,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
     def score(self, X: Any, y: Any) -> float:
         """Score the free run by its VAF in percent, pooled over runs.
 
-        Models that estimate initial states take those that fit ``y`` best.
+        Models that estimate initial states use those that fit ``y`` best.
 
         Parameters
         ----------
@@ -296,20 +295,20 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         return prediction, self._fed(grid.layout, values)
 
     def summary(self, X: Any = None, y: Any = None) -> Summary:
-        """Say in a table what was fitted, how, and how sure the parameters are.
+        """Summarise in a table what was fitted, how, and how certain the parameters are.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_rows, n_columns), default=None
-            Channels to validate on, best of runs that were not fitted.
+            Channels to validate on, preferably of runs that were not fitted.
         y : Series or array of shape (n_rows,), default=None
-            Their measured output. With data the header shows the VAF of the free run, and that of
-            the predictions one step ahead of models that make them: the free run is what counts.
+            Their measured output. With data, the header shows the VAF of the free run and, if the
+            model makes them, of predictions one step ahead: the free run is what counts.
 
         Returns
         -------
         text : Summary
-            A string, of lines of at most 88 columns, that notebooks show line by line.
+            A string with lines of at most 88 columns, which notebooks show line by line.
         """
         self._check_fitted()
         found = self._summary()
@@ -333,7 +332,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
                 grid, values = self._read_X(X, reset=False)
             keep = scored_rows(grid.layout, None, None) & self._fed(grid.layout, values)
             vaf = vaf_of_rows(self._read_y(X, y), ahead, keep, grid.layout, "pooled", False)
-            facts["VAF, one step"] = f"{vaf:.1f} % (is high for wrong models too)"
+            facts["VAF, one step"] = f"{vaf:.1f} % (high even for wrong models)"
         return facts
 
     def __sklearn_tags__(self) -> Any:
@@ -374,6 +373,6 @@ def still(what: str, values: np.ndarray) -> str | None:
 
 
 def bad_output(output: str, y: np.ndarray) -> str | None:
-    """What is wrong with an output that does not move."""
+    """What is wrong with an output that does not change."""
     found = still(f"The output {output!r}", y)
     return None if found is None else f"{found}; is it the right column?"

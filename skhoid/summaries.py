@@ -1,6 +1,6 @@
 """Summaries, as text and as HTML; and the words that all of them share.
 
-Open it for how a summary shows in a notebook, or how a VAF, a p-value, a gap or an estimate is
+It defines how a summary looks in a notebook, and how a VAF, a p-value, a gap or an estimate is
 written.
 """
 
@@ -95,9 +95,9 @@ class TextTable:
 
 
 class Summary(str):
-    """Text that shows line by line, also as the last expression of a notebook's cell.
+    """Text shown line by line, also as the last expression of a notebook cell.
 
-    It is a string in all else.
+    Otherwise it is an ordinary string.
 
     Examples
     --------
@@ -156,7 +156,7 @@ class ModelSummary:
 
 
 def rendered(module: str, template: str, **content: Any) -> str:
-    """A page of a template that lies beside a module; what it shows is escaped."""
+    """A page from a template next to a module; its content is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # for this alone
 
     environment = Environment(
@@ -197,8 +197,8 @@ def grid_facts(model: Any) -> dict[str, str]:
 class Estimate(NamedTuple):
     """A parameter as text: value, standard error, ends of its interval, and unit.
 
-    What was given has the standard error 0; what lies at a bound, or what the data do not
-    determine, NaN. All show a dash. What is not determined has an interval all the same: its range.
+    A given value has the standard error 0; one at a bound, or not determined by the data, has NaN.
+    All show a dash. A value that is not determined still has an interval: its range.
     """
 
     value: str
@@ -276,7 +276,7 @@ def quantity(value: float, unit: str | None) -> str:
 
 
 def vaf_name(*, centered: bool = False, clipped: bool = False) -> str:
-    """What a VAF is called: the plain word is about zero and not clipped (``VAF_RULE``).
+    """Name of a VAF: the plain word means about zero and not clipped (``VAF_RULE``).
 
     Examples
     --------

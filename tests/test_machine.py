@@ -99,7 +99,7 @@ def test_other_threads_are_left_alone():
 
 def test_more_than_the_machine_has_is_refused():
     check_memory(1e3, "A little")
-    with pytest.raises(ValueError, match=r"Too much would take .* GiB of memory, and the machine"):
+    with pytest.raises(ValueError, match=r"Too much would take .* GiB of memory, but the machine"):
         check_memory(1e18, "Too much")
 
 

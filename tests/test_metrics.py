@@ -119,7 +119,7 @@ def test_zero_power_is_an_error():
 
 def test_sizes_at_the_ends_of_floats():
     y = np.arange(1.0, 9.0)
-    with pytest.raises(ValueError, match=r"y_true is nowhere larger than 8e-200, too small"):
+    with pytest.raises(ValueError, match=r"y_true is never larger than 8e-200, too small"):
         vaf_score(y * 1e-200, y * 1e-200)
     assert vaf_score(y * 1e-30, y * 1e-30) == 100
     assert vaf_score(y, -y * 1e307) == 0

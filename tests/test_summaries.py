@@ -196,7 +196,7 @@ def test_path_of_a_recursive_model(runs):
     facts = facts_of(text)
     assert "Memory: N0 = 100 samples, 2 s (λ = 0.99)" in facts
     assert f"{model.n_updates_} updates Runs: 3, pooled" in facts
-    assert "Protection: held information at 0 instants" in facts
+    assert "Protection: forgetting held back at 0 instants" in facts
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_stream_has_no_path_and_dashes_before_the_first_update():
     text = model.summary()
     check_lines(text)
     assert table_of(text)["a1"][1:] == ["-"] * 5
-    assert "no path is kept" in text
+    assert "partial_fit keeps no path" in text
     model.partial_fit(X[2:], y[2:])
     check_numbers(
         table_of(model.summary()), model.parameter_names_, model.coef_, model.standard_errors_

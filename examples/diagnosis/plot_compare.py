@@ -2,19 +2,20 @@
 Is a VAF of 77 % good?
 ======================
 
-A person tracks a target, the controlled element changes from 1/s to 1/s² in the middle of each run,
+A person tracks a target. In the middle of each run the controlled element changes from 1/s to 1/s²,
 and the person adapts. A constant model explains 77 % of what the hand did. Is the rest noise, or
 does the model lack something? And if so, what?
 
 The runs are simulated (condition C4 of the thesis, remnant of 15 % of the variance of u), so that
-we can look up the truth in the end.
+we can look up the truth at the end.
 """
 
 # %%
 # Compare
 # -------
-# Five runs to fit a model, five others to compare it with. ``X`` has the error ``e``, which drives
-# the model, and the target ``f_t``, which tells :func:`~skhoid.compare` that all runs share it.
+# Five runs to fit a model, and five others for the comparison. ``X`` has the error ``e``, which
+# drives the model, and the target ``f_t``, which tells :func:`~skhoid.compare` that all runs share
+# it.
 
 from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs
 
@@ -32,13 +33,13 @@ comparison = compare(model, *held_out, estimation=fitted)
 page = comparison.plot()
 
 # %%
-# The bar at the foot is the answer in short. Blue is explained. Grey does not repeat when the same
-# target is shown again: remnant, which no model can predict. What lies between, vermilion, repeats,
-# and a better model could explain it.
+# The bar at the top sums up the answer. Blue is explained. Grey does not repeat when the same
+# target is shown again: it is remnant, which no model can predict. Vermilion, between them,
+# repeats: a better model could explain it.
 #
-# The panels above say where. Most is lost from 41 s on, but what repeats, the part of the bars that
-# is vermilion, most of all before. In frequency it is lost at some lines of the target, those that
-# stand out of the remnant.
+# The panels below it show where. Most points are lost from 41 s on, but most of what repeats, the
+# vermilion part of the bars, is lost before. In frequency, points are lost at those lines of the
+# target that stand out above the remnant.
 #
 # In words
 # --------
@@ -46,26 +47,26 @@ page = comparison.plot()
 print(comparison.summary())
 
 # %%
-# Each finding has its evidence, what it means and what to do about it; those that cost most come
-# first. Costs overlap, and one fault shows in many views: a response that grows in the middle of a
-# run has another gain than the model at most times, and looks like an effect of amplitude where
-# amplitudes grow too. So change one thing, and compare again.
+# Each finding comes with its evidence, what it means and what to do about it; the most expensive
+# come first. Costs overlap, and one fault shows in many views: a response that grows in the middle
+# of a run has a different gain from the model at most times, and looks like an effect of amplitude
+# where amplitudes grow too. So change one thing, and compare again.
 #
 # Where in time
 # -------------
-# The upper panel shares out the points lost among windows of the run. Vermilion is what repeats
-# over runs by more than chance: misfit. The rest is remnant, and there is more of it after 41 s. In
-# the lower panel the grey band is what the residual's power would do by chance if nothing changed.
-# Dashed lines are changes that a test finds, after it has paid for looking everywhere.
+# The upper panel divides the lost points among windows of the run. Vermilion is what repeats from
+# run to run by more than chance: misfit. The rest is remnant, and there is more of it after 41 s.
+# In the lower panel the grey band shows how the residual's power would vary by chance if nothing
+# changed. Dashed lines are changes that a test finds, corrected for having looked everywhere.
 
 from skhoid.plotting import ResidualTimeDisplay
 
 _ = ResidualTimeDisplay.from_comparison(comparison)
 
 # %%
-# ``by_time`` has the figures; ``explainable`` is the part of ``share`` that repeats. ``gain`` is
-# that of the person's response, over the model's: the model is far too strong before the change,
-# and a little too weak after it, where most of the power is that it was fitted to.
+# ``by_time`` has the numbers; ``explainable`` is the part of ``share`` that repeats. ``gain`` is
+# the gain of the person's response divided by the model's: the model is far too strong before the
+# change, and a little too weak after it, where most of the power in the fit is.
 
 windows = comparison.by_time.query("run == 'all'")
 columns = ["start", "stop", "vaf", "share", "explainable", "gain", "sd_gain"]
@@ -74,9 +75,10 @@ print(windows[columns].round(2).to_string(index=False))
 # %%
 # Where in frequency
 # ------------------
-# The target excites ten lines (dots). At some of them the residual stands out of the noise, and so
-# it does at some frequencies between them (curves): what repeats there, no constant linear model
-# can explain. Below, the person's response by way of the target, and the model's.
+# The target excites ten lines (dots). At some of them the residual stands out above the noise, and
+# also at some frequencies between them (curves): what repeats there cannot be explained by any
+# constant linear model. Below: the response of the person and of the model, estimated with the
+# target as the instrument.
 
 from skhoid.plotting import ResidualFrequencyDisplay
 
@@ -94,8 +96,8 @@ _ = RunComparisonDisplay.from_comparison(comparison)
 # Run 8 has the lowest VAF, but is not unlike the others: its rms error is as small as theirs, and
 # there was less to explain.
 #
-# The same over time and frequency at once: red cells hold more power than noise does there on
-# average, blue ones less, and dots are beyond chance.
+# The same over time and frequency together: red cells have more power than the average noise there,
+# blue ones less, and dots mark cells beyond chance.
 
 from skhoid.plotting import ResidualMapDisplay
 
@@ -122,14 +124,14 @@ for finding in followed.findings:
     print(finding.title)
 
 # %%
-# The change of the response is gone from the findings, and with it most of the others. What still
-# changes at 41 s is the power of the remnant itself. That is true: the gain of its filter grows to
-# 2.6 times its value, and power goes with the square.
+# The change of the response has gone from the findings, and most of the others with it. What still
+# changes at 41 s is the power of the remnant itself. That is correct: the gain of its filter grows
+# to 2.6 times its value, and power grows with the square.
 
 print(truth.parameters["K_n"].loc[[0.0, 81.91]].round(4).to_string())
 
 # %%
-# So the windows after 41 s still lose more than those before, but next to nothing of it repeats:
+# So the windows after 41 s still lose more than those before, but hardly any of it repeats:
 
 _ = ResidualTimeDisplay.from_comparison(followed)
 
@@ -156,13 +158,13 @@ print(f"true ceiling {100 * (1 - (n**2).sum() / (u**2).sum()):.1f} %")
 
 # %%
 # Both ceilings are within a point of it, and that of the better model is closer. Remnant goes round
-# the loop into e, and the person answers it. What a model gets wrong of *that* answer differs from
-# run to run, like noise. It is allowed for as far as the person answers e linearly and changes
-# slowly; the rest counts as noise. So the ceiling that a model gives is a lower bound, and rises
-# when the model gets better.
+# the loop into e, and the person responds to it. A model's error in *that* response differs from
+# run to run, like noise. This is allowed for as far as the person responds to e linearly and
+# changes slowly; the rest counts as noise. So the ceiling estimated with a model is a lower bound,
+# and rises as the model gets better.
 #
 # The answer
 # ----------
-# 77 % is not good: about 6 points could still be won, and one finding, a response that grows near
-# 41 s, says how. A recursive model wins most of them. Of the 18 % that it does not explain, all but
-# a point or two are remnant.
+# 77 % is not good: about 6 points could still be gained, and one finding, a response that grows
+# near 41 s, says how. A recursive model gains most of them. Of the 18 % that it does not explain,
+# all but a point or two are remnant.

@@ -4,15 +4,15 @@ What is this person doing that the model does not know?
 
 Three recordings of a person who tracks a target. A linear model of the operator explains 72 % of
 what the hand does. Is the rest noise? If not, what is it? From the measurement to two named effects
-with their numbers, and the error falls at each step.
+with their parameters, with the error falling at each step.
 """
 
 # %%
 # The measurement
 # ---------------
-# Two of four effects are hidden in a simulated person, drawn with a seed that was chosen for a pair
-# which shows well. What follows is given the recordings only: the error ``e``, the target ``f_t``
-# and the stick ``u``.
+# Two of four effects are hidden in a simulated person, drawn with a seed chosen to give a pair that
+# shows well. What follows uses only the recordings: the error ``e``, the target ``f_t`` and the
+# stick ``u``.
 
 # sphinx_gallery_thumbnail_number = 4
 import numpy as np
@@ -45,7 +45,7 @@ print(X.head(3))
 # %%
 # A model
 # -------
-# An operator with gain, lead, delay and arm, constant in time, its parameters estimated by maximum
+# An operator with gain, lead, delay and arm, constant in time, with parameters estimated by maximum
 # likelihood:
 
 from skhoid import OperatorRegressor
@@ -54,7 +54,7 @@ model = OperatorRegressor().fit(X, y)
 print(model.parameters_[["value", "sd", "unit"]].round(3))
 
 # %%
-# It is given the error and simulates the stick. Measured and simulated are alike, but not the same:
+# Given the error, it simulates the stick. Measured and simulated are similar, but not the same:
 
 from skhoid.plotting import SimulationDisplay
 
@@ -63,7 +63,7 @@ _ = SimulationDisplay.from_estimator(model, X, y, runs=0)
 # %%
 # Where does it fail?
 # -------------------
-# :func:`skhoid.compare` says how much of the difference is remnant, which no model explains, and
+# :func:`skhoid.compare` shows how much of the difference is remnant, which no model explains, and
 # where the rest is:
 
 from skhoid import compare
@@ -72,20 +72,20 @@ comparison = compare(model, X, y)
 page = comparison.plot()
 
 # %%
-# A better model can reach at least 12 points more: that much of the residual is the same in every
-# run. It belongs neither to all errors alike nor to all times:
+# A better model can gain at least 12 points: that much of the residual is the same in every run. It
+# is not spread evenly over all errors, nor over all times:
 
 for finding in comparison.findings[:3]:
     print(f"- {finding.title}")
 
 # %%
 # These are symptoms, and a model that is wrong in one way looks wrong in others too. Which physical
-# effect do they come from?
+# effect is behind them?
 #
 # Which effect is it?
 # -------------------
-# The search adds each effect of the catalogue to the model, fits all parameters anew, and judges on
-# runs that were held out. It adds the best one and begins again, until none pays:
+# The search adds each effect of the catalogue to the model, refits all parameters, and judges the
+# result on held-out runs. It adds the best effect and starts again, until none helps:
 
 from skhoid import EffectSearchCV
 
@@ -93,8 +93,8 @@ search = EffectSearchCV(OperatorRegressor()).fit(X, y)
 print(search.summary())
 
 # %%
-# All candidates of the first step, and how sure the first place is: the title says how far behind
-# the runner-up is; effects whose channels were not recorded do not apply:
+# All candidates of the first step, and how certain the first place is: the title says how far
+# behind the runner-up is. Effects whose channels were not recorded do not apply:
 
 from skhoid.plotting import EffectRankingDisplay
 
@@ -103,11 +103,11 @@ _ = EffectRankingDisplay.from_estimator(search, step=1)
 # %%
 # The error falls
 # ---------------
-# Step by step, on runs that the model has not seen, and down to the remnant:
+# Step by step, on runs that the model has not seen, down to the remnant:
 
 from skhoid.plotting import ErrorPathDisplay
 
-print(search.error_path_.round(3))
+print(search.error_path_[["effect", "vaf", "rmse", "explainable_gap"]].round(3))
 _ = ErrorPathDisplay.from_estimator(search)
 
 # %%
@@ -120,35 +120,34 @@ _ = EffectStepsDisplay.from_estimator(search)
 # %%
 # The effects themselves
 # ----------------------
-# Each has parameters in units, with standard errors. The threshold, and the errors that this person
-# met:
+# Each has parameters with units and standard errors. The threshold, and the errors that occurred:
 
 from skhoid.plotting import IdentifiedEffectDisplay
 
 _ = IdentifiedEffectDisplay.from_estimator(search, "dead_zone", X)
 
 # %%
-# And the gains, which change on the way:
+# And the gains, which change during the run:
 
 _ = IdentifiedEffectDisplay.from_estimator(search, "tv_gain", X)
 
 # %%
 # Against the truth
 # -----------------
-# Now we look at what was drawn. Nothing else was hidden, so that the best possible model is the
-# person's own answer, without remnant. (These runs are a good case: three sets of recordings were
-# tried, and all gave the same two names, but one put the change 3 standard errors too early.)
+# Now we look at what was drawn. Nothing else was hidden, so the best possible model is the person's
+# own response, without remnant. (These runs are a good case: three sets of recordings were tried,
+# and all gave the same two names, but one put the change 3 standard errors too early.)
 
 print(hidden)
 columns = ["value", "sd", "low", "high", "unit"]
 print(search.best_estimator_.parameters_.loc["dead_zone__width":"tv_gain__time", columns].round(3))
 best = 100 * (1 - (truth.remnant**2).sum() / (y**2).sum())
-print(f"held-out VAF {search.error_path_['vaf'].iloc[-1]:.1f} %, of the true answer {best:.1f} %")
+print(f"held-out VAF {search.error_path_['vaf'].iloc[-1]:.1f} %, of the true response {best:.1f} %")
 
 # %%
 # And where nothing is hidden?
 # ----------------------------
-# The same person without effects; the four are candidates:
+# The same person without effects, and the same four candidates:
 
 X_plain, y_plain = make_tracking_runs(
     "C1", 3, duration=50.0, sampling_rate=50.0, remnant_intensity=0.1, random_state=3
@@ -161,6 +160,7 @@ print(plain.verdict_)
 # The answer
 # ----------
 # This person ignores errors below 0.3 deg, and changes gain and lead half-way through the run. Both
-# are named from the recordings alone, and here measured within two standard errors. With them the
-# held-out VAF rises from 72 to 91 %, within half a point of what the person's own answer explains;
-# the other 9 % are remnant. Where nothing is hidden the search finds nothing.
+# effects are named from the recordings alone, and their parameters are here within two standard
+# errors of the truth. With them the held-out VAF rises from 72 to 91 %, within half a point of what
+# the person's own response explains; the other 9 % are remnant. Where nothing is hidden, the search
+# finds nothing.

@@ -2,9 +2,9 @@
 Does a person ignore small errors?
 ==================================
 
-A linear model explains 76 % of what a person does who does not bother about errors below 0.4 deg,
-and 84 % of one whose stick stops at 0.8 deg. Who looks at the VAF alone sees neither. What gives a
-dead zone and a stop away?
+A linear model explains 76 % of what a person does who ignores errors below 0.4 deg, and 84 % of
+what one does whose stick stops at 0.8 deg. The VAF alone reveals neither. What gives a dead zone
+and a stop away?
 """
 
 # %%
@@ -12,7 +12,7 @@ dead zone and a stop away?
 # ---------------------
 # A loop in a few lines: the person sees the error 0.2 s late, acts on what exceeds the dead zone
 # through an arm of 10 rad/s, and adds remnant; the stick may have stops; its deflection is the
-# velocity of the cursor. The effects are inside the loop, so that remnant meets them too.
+# velocity of the cursor. The effects are inside the loop, so they act on remnant too.
 
 import numpy as np
 import pandas as pd
@@ -54,7 +54,7 @@ def record(runs, gain, threshold=0.0, stop=np.inf):
 # %%
 # The one who ignores small errors
 # --------------------------------
-# An ARX model, fitted to five runs, against five others:
+# An ARX model fitted to five runs, compared with five others:
 
 from skhoid import ARXRegressor, compare
 
@@ -69,18 +69,18 @@ _ = OperatingPointDisplay.from_comparison(comparison)
 
 # %%
 # Each panel sorts the residual by the value of a signal, and shows its mean. If the model lacked
-# nothing, means would stay inside the grey band, however remnant is coloured. Here they make a
-# zigzag over e: for small positive errors the hand does less than the model says, for large ones
-# more. A linear model is a compromise between nothing below the threshold and too much above. The
-# same zigzag shows over all signals that go with e.
+# nothing, the means would stay inside the grey band, whatever the colour of the remnant. Here they
+# make a zigzag over e: for small positive errors the hand does less than the model says, for large
+# ones more. The linear model is a compromise between no response below the threshold and a strong
+# one above. The same zigzag shows over all signals that correlate with e.
 
 for finding in comparison.findings:
     if finding.name == "nonlinearity":
         print(finding)
 
 # %%
-# Other findings follow from it. A dead zone distorts, and a linear model that is wrong by as much
-# looks wrong in every view:
+# Other findings follow from it. A dead zone distorts, and a linear model that is so far off looks
+# wrong in every view:
 
 for finding in comparison.findings:
     if finding.severity > 0:
@@ -89,7 +89,7 @@ for finding in comparison.findings:
 # %%
 # Add what the finding says
 # -------------------------
-# Now models whose input is what exceeds a threshold, for some thresholds:
+# Now models whose input is the part of the error above a threshold, for several thresholds:
 
 by_threshold = {0.0: comparison}
 for threshold in (0.2, 0.4, 0.6):
@@ -106,14 +106,14 @@ truth = 100 * (1 - ((y - answer) ** 2).sum() / (y**2).sum())
 print(f"true ceiling {truth:.1f} %")
 
 # %%
-# 0.4 deg, the true one, leaves next to nothing. The ceiling has risen by a point on the way:
-# remnant shakes the error in and out of the dead zone, and that part of the misfit differs from run
-# to run, as noise does. So the linear model's ceiling is a lower bound, as its note says:
+# 0.4 deg, the true threshold, leaves hardly anything. The ceiling has risen by a point along the
+# way: remnant moves the error in and out of the dead zone, and that part of the misfit differs from
+# run to run, like noise. So the linear model's ceiling is a lower bound, as its note says:
 
 print(comparison.ceiling_note)
 
 # %%
-# The amplitude view of the right model is calm, and all other findings have gone with the first:
+# The amplitude view of the right model is flat, and all other findings have gone with the first:
 
 _ = OperatingPointDisplay.from_comparison(by_threshold[0.4])
 for finding in by_threshold[0.4].findings:
@@ -131,8 +131,8 @@ print(f"VAF {comparison.vaf:.1f} %")
 _ = OperatingPointDisplay.from_comparison(comparison)
 
 # %%
-# Now the zigzag is the other way round: weaker at large errors than at small. Saturation, a rate
-# limit, or a person who is sparing with large deflections? The levels of u tell. A stop collects
+# Now the zigzag is reversed: the response is weaker at large errors than at small ones. Saturation,
+# a rate limit, or a person who avoids large deflections? The levels of u tell. A stop collects
 # samples at one value, which nothing else does:
 
 import matplotlib.pyplot as plt
@@ -154,7 +154,6 @@ _ = ax.legend()
 # %%
 # The answer
 # ----------
-# Small errors ignored and large ones cut off leave a zigzag in the mean residual over amplitude, in
-# opposite directions, far outside what remnant can do. Levels that u holds tell a stop from a
-# habit. With the dead zone in the model, 76 % become 87 %, and these runs show nothing else that is
-# missing.
+# Ignored small errors and clipped large ones leave opposite zigzags in the mean residual over
+# amplitude, far beyond what remnant can do. Levels at which u stays tell a stop from a habit. With
+# the dead zone in the model, 76 % become 87 %, and these runs show nothing else that is missing.

@@ -3,8 +3,8 @@ How much could any model explain?
 =================================
 
 A person is not a machine: shown the same target twice, the hand does not do the same twice. No
-model predicts that part, the remnant. So there is a highest VAF that a model can reach, the *noise
-ceiling*, and a VAF says little without it. Where can it be read from?
+model predicts that part, the remnant. So there is a highest VAF that any model can reach, the
+*noise ceiling*, and a VAF says little without it. How can it be estimated?
 
 In a simulation the remnant n is known, and with it the true ceiling, 100 (1 - Σn²/Σu²).
 """
@@ -12,8 +12,8 @@ In a simulation the remnant n is known, and with it the true ceiling, 100 (1 - �
 # %%
 # Runs, models, and the truth
 # ---------------------------
-# Two conditions of the thesis, with remnant of 15 % of the variance of u. Of ten runs that show the
-# same target, five serve to fit a model, and five to compare it with.
+# Two conditions of the thesis, with remnant of 15 % of the variance of u. Of ten runs with the same
+# target, five are used to fit a model, and five to compare it with.
 
 import numpy as np
 import pandas as pd
@@ -47,7 +47,7 @@ def true_ceiling(condition, comparison):
 # The tempting way: does u repeat?
 # --------------------------------
 # The target is the same in all runs. So take the mean of u over the runs as what can be explained,
-# and the deviations from it as noise:
+# and deviations from it as noise:
 
 
 def repeatability(u):
@@ -70,12 +70,13 @@ table = pd.DataFrame(
 print(table.round(1).to_string())
 
 # %%
-# In both conditions the model explains *more* than repeats. That is no contradiction: remnant goes
-# round the loop. It moves the controlled element, appears in the error, and the person answers it.
-# This answer differs from run to run, but it can be predicted, because e was measured.
+# In both conditions the model explains *more* than what repeats. That is no contradiction: remnant
+# goes round the loop. It moves the controlled element, appears in the error, and the person
+# responds to it. This response differs from run to run, but it can be predicted, because e was
+# measured.
 #
-# It shows between the lines of the spectrum. The target excites ten frequencies; all that u holds
-# at others stems from remnant. It is more than the remnant itself:
+# It shows between the lines of the spectrum. The target excites ten frequencies; everything in u at
+# other frequencies is due to remnant. It is more than the remnant itself:
 
 from skhoid import Multisine
 
@@ -92,10 +93,11 @@ for condition, (_, u) in data.items():
 # %%
 # The way that works: does the residual repeat?
 # ---------------------------------------------
-# The residual of a good model is the remnant, and the answer to it is in the prediction. What the
-# model lacks repeats with the target, run after run; remnant does not. So what the *residual* does
-# not repeat is the noise, whatever the model lacks, as long as that is an answer to the target.
-# (What a linear error of the response to e adds to it is estimated, and taken out first.)
+# The residual of a good model is the remnant; the response to it is part of the simulated output.
+# What the model lacks repeats with the target, run after run; remnant does not. So the part of the
+# *residual* that does not repeat is the noise, whatever the model lacks, as long as that is a
+# response to the target. (The contribution of a linear error in the response to e is estimated and
+# taken out first.)
 
 for condition, c in comparisons.items():
     low, high = c.noise_ceiling_interval
@@ -114,9 +116,9 @@ _ = NoiseCeilingDisplay.from_comparison(comparisons["C2"])
 # %%
 # One run only
 # ------------
-# Without repeats, a periodic target helps: what the model lacks of the answer to it lies at the
-# excited lines, and between them there is only noise. This route is taken when there is one run
-# and it holds a whole number of periods.
+# Without repeats, a periodic target helps: what the model lacks of the response to it lies at the
+# excited lines, and between them there is only noise. This route is taken when there is only one
+# run with a whole number of periods.
 
 rows = []
 for condition, (X, y) in data.items():
@@ -137,18 +139,29 @@ for condition, (X, y) in data.items():
 table = pd.DataFrame(rows)
 print(table.round(1).to_string(index=False))
 inside = table["truth"].between(table["low"], table["high"])
-print(f"\n{inside.sum()} of {len(table)} intervals hold the truth")
+print(f"\n{inside.sum()} of {len(table)} intervals contain the truth")
 
 # %%
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import ROLES
+
+CEILING, TRUTH = ROLES["ceiling"], ROLES["truth"]
 fig, axes = plt.subplots(1, 2, figsize=(8.0, 3.6), sharey=True, layout="constrained")
 for ax, (condition, part) in zip(axes, table.groupby("condition"), strict=True):
     at = np.arange(len(part))
     half = part["ceiling"] - part["low"]
-    ax.errorbar(at - 0.1, part["ceiling"], half, fmt="o", color="0.35", capsize=3, label="ceiling")
-    ax.plot(at + 0.1, part["truth"], "x", color="#009E73", mew=2, label="truth")
+    ax.errorbar(
+        at - 0.1,
+        part["ceiling"],
+        half,
+        fmt="o",
+        color=CEILING.colour,
+        capsize=3,
+        label=CEILING.word,
+    )
+    ax.plot(at + 0.1, part["truth"], "x", color=TRUTH.colour, mew=2, label=TRUTH.word)
     ax.set_xticks(at, part["run"])
     ax.set(title=condition, xlabel="run")
     ax.grid(axis="y", alpha=0.3)
@@ -156,13 +169,14 @@ axes[0].set_ylabel("highest VAF, %")
 _ = axes[1].legend()
 
 # %%
-# The ceiling belongs to these very runs: by chance remnant is larger in one than in another, and
-# the truth moves along with the estimate. Five runs together know it best. (Intervals should hold
-# the truth in nine of ten cases; those of single runs are rather too narrow.)
+# The ceiling belongs to these particular runs: by chance remnant is larger in one than in another,
+# and the truth moves along with the estimate. Five runs together give it most accurately.
+# (Intervals of 95 % should contain the truth in 19 of 20 cases; those of single runs are rather
+# too narrow.)
 #
 # No way at all
 # -------------
-# A target of its own in every run, which is not periodic in the recording, leaves no way to tell
+# If every run has its own target, which is not periodic in the recording, there is no way to tell
 # misfit from noise. Then there is no ceiling, and the comparison says so.
 
 no_whole_period = data["C1"][0].index.get_level_values("time") < 70
@@ -180,7 +194,7 @@ print(f"{c.ceiling_route}: {c.noise_ceiling:.1f} %, true {true_ceiling('C1', c):
 # %%
 # The answer
 # ----------
-# Up to about 85 % in these runs, and a simple ARX model is within a point or two of it. The
-# repeatability of u would have put the ceiling at 77 and 59 %, below what the model reaches.
-# So: compare the residual, not u; show the same target several times, or at least a periodic one;
-# and quote a VAF with its ceiling.
+# Up to about 85 % in these runs, and a simple ARX model comes within a point or two of it. The
+# repeatability of u would have put the ceiling at 77 and 59 %, below what the model reaches. So:
+# compare the residual, not u; show the same target several times, or at least a periodic one; and
+# quote a VAF with its ceiling.

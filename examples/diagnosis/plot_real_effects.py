@@ -4,7 +4,7 @@ Which effect is missing in models of two real people?
 
 One person balances a bicycle that is pulled sideways; another follows a target on a screen. A
 search over physical effects says what a linear model of each lacks. Here nobody knows the truth.
-What does the search say, and what of it should be believed?
+What does the search say, and how much of it can be believed?
 
 Both recordings come with skhoid (A. Matic, 2022, doi:10.1101/2022.07.20.500761; P.D.L. de Lange
 and J.K. Moore, doi:10.6084/m9.figshare.659465).
@@ -13,8 +13,8 @@ and J.K. Moore, doi:10.6084/m9.figshare.659465).
 # %%
 # A rider
 # -------
-# The output is the steer angle, and the error that the rider answers is the roll angle. A linear
-# model is given the roll angle alone. Measured and simulated:
+# The output is the steer angle, and the error to which the rider responds is the roll angle. The
+# linear model has only the roll angle as input. Measured and simulated:
 
 # sphinx_gallery_thumbnail_number = 3
 from skhoid import EffectSearchCV, OperatorRegressor, load_bicycle_rider
@@ -47,12 +47,12 @@ print(any_path.ranking_[columns].round(1).to_string(index=False))
 
 # %%
 # The yaw rate, by far. It explains nearly all of the steer angle, within hundredths of a second and
-# without the arm. No rider does that: a bicycle that is steered turns, at a rate in proportion to
-# speed and steer angle. The model has not found what moves the rider, but what the rider moves.
+# without the arm. No rider does that: a bicycle turns when steered, at a rate proportional to speed
+# and steer angle. The model has not found what moves the rider, but what the rider moves.
 #
-# A search cannot know which way an arrow points. We do, and leave out what follows from the output
-# at once: the yaw rate, and every answer without delay. A direct answer to motion takes at least
-# 0.06 s.
+# A search cannot know the direction of cause and effect. We do, and leave out what follows
+# immediately from the output: the yaw rate, and every response without delay. A direct response to
+# motion takes at least 0.06 s.
 
 from skhoid.effects import MotionFeedback
 
@@ -64,22 +64,23 @@ plausible = EffectSearchCV(model, effects=felt).fit(X, y)
 print(plausible.summary())
 
 # %%
-# The error at each step, on parts of the run that were held out:
+# The error at each step, on held-out parts of the run:
 
 from skhoid.plotting import ErrorPathDisplay
 
 _ = ErrorPathDisplay.from_estimator(plausible)
 
 # %%
-# With the pull, the answers after 8 s are closer to the measured ones. That to the pull before 5 s
-# is still wrong, as if the rider had not answered it at all: no constant response explains both.
+# With the pull, the responses after 8 s are closer to the measured ones. The response to the pull
+# before 5 s is still wrong, as if the rider had not responded at all: no constant response explains
+# both.
 
 from skhoid.plotting import EffectStepsDisplay
 
 _ = EffectStepsDisplay.from_estimator(plausible)
 
 # %%
-# Both channels side by side, each alone beside the roll angle:
+# Both channels compared, each added alone to the roll angle:
 
 import pandas as pd
 
@@ -97,8 +98,8 @@ print(table.to_string())
 # Three times the same target
 # ---------------------------
 # A target on an orbit whose size and phase are disturbed, the same in three recordings. The model
-# is that of an operator who answers the target: gain and lead, delay, and an arm. Pixels count
-# from the middle of the path.
+# is that of an operator who responds to the target: gain and lead, delay, and an arm. Pixels are
+# counted from the middle of the path.
 
 from skhoid import load_human_tracking
 
@@ -115,8 +116,8 @@ search = EffectSearchCV(OperatorRegressor(inputs=["f_t"]), display="pursuit")
 print(search.fit(X, y).summary())
 
 # %%
-# Every effect of the catalogue was added to the model in turn, and judged on a recording that was
-# held out. The best of them gain a few tenths of a point each:
+# Every effect of the catalogue was added to the model in turn, and judged on a held-out recording.
+# The best two gain a point each, the others a few tenths at most:
 
 from skhoid.plotting import EffectRankingDisplay
 
@@ -124,11 +125,11 @@ _ = EffectRankingDisplay.from_estimator(search, n_candidates=12)
 
 # %%
 # Yet something is missing. The recordings are repeats, so we know how much of the cursor's path
-# repeats, and that is some points more than the model explains: it is no noise. This can be
+# repeats, and that is several points more than the model explains: it is not noise. This can be
 # believed. The author of the recordings explains them by a generator that locks on to the phase of
 # the orbit, in two dimensions at once, and nothing of the kind is in the catalogue. So the search
-# gives no name, and calls what it added stand-ins. Rightly: with another recording in place of one
-# of them the spring is gone, the change of gain takes no time at all, and the rest is the same.
+# gives no name: what it added looks like part of the answer, but gains too little. Rightly so: with
+# a different recording in place of one of them nothing is added, and 3.8 points stay unexplained.
 
 other = EffectSearchCV(OperatorRegressor(inputs=["f_t"]), display="pursuit")
 print(other.fit(*recordings("2b", "2d", "2e")).summary())
@@ -140,11 +141,11 @@ table = search.baseline_.parameters_
 print(table[["value", "sd", "unit"]].round(3).to_string())
 
 # %%
-# It stands at 0.1 s, the least that the model allows a person, and the data would take a shorter
-# one. The arm of the model makes the cursor late as well, by 2 zeta / omega; but even both together
-# are soon for a reaction to a target that nobody knows. This person predicts where the target will
-# be. And if we insist on a longer delay, the model invents a lead to make up for it, and is hardly
-# worse: a smooth target cannot tell the two apart.
+# It is 0.1 s, the shortest that the model allows a person, and the data favour an even shorter one.
+# The arm of the model delays the cursor as well, by 2 zeta / omega; but even the sum of both is
+# short for a reaction to an unknown target. This person predicts where the target will be. And if
+# we insist on a longer delay, the model invents a lead to compensate, and is hardly worse: a smooth
+# target cannot tell the two apart.
 
 late = table["value"]["tau_e"] + 2 * table["value"]["zeta_nm"] / table["value"]["omega_nm"]
 insisting = OperatorRegressor(delay=0.25, inputs=["f_t"]).fit(X, y)
@@ -155,12 +156,12 @@ print(f"and a lead of {insisting.parameters_.loc['T_L', 'value']:.2f} s")
 # %%
 # The answer
 # ----------
-# **The rider**: the pull pays most of what a rider can feel, 6 points, with a delay of a fifth to a
-# quarter of a second, which is what a person needs. The roll rate pays about half of that beside
-# the roll angle, and two points beside the pull, with a delay at its bound: no estimate. The yaw
-# rate would pay far more than either, and means nothing. One run of a minute in closed loop cannot
-# say whether the pull moves the handlebar through the rider's arms or through the frame; pulls at
-# two speeds, or with the hands off, would.
+# ***The rider**: of what a rider can feel, the pull gains most, 6 points, with a delay of a fifth
+# to a quarter of a second, which is what a person needs. The roll rate gains about half of that
+# when added to the roll angle, and two points when added to the pull as well, with a delay at its
+# bound: not an estimate. The yaw rate would gain far more than either, and means nothing. One
+# closed-loop run of a minute cannot say whether the pull moves the handlebar through the rider's
+# arms or through the frame; pulls at two speeds, or with the hands off, could.
 #
 # **The tracker**: something is missing, and it is not in the catalogue. We believe it. We do not
 # believe the delay: this person predicts.

@@ -2,9 +2,9 @@
 How much is left to explain of two real people?
 ===============================================
 
-A person follows a target on a screen; another balances a bicycle. Both are fitted with a simple
-ARX model. What does a comparison find in recordings whose truth nobody knows, and what does it say
-of how much is left to explain?
+One person follows a target on a screen; another balances a bicycle. A simple ARX model is fitted to
+each. What does a comparison find in recordings whose truth nobody knows, and what does it say about
+how much is left to explain?
 
 Both recordings come with skhoid (A. Matic, 2022, doi:10.1101/2022.07.20.500761; P.D.L. de Lange
 and J.K. Moore, doi:10.6084/m9.figshare.659465).
@@ -13,10 +13,10 @@ and J.K. Moore, doi:10.6084/m9.figshare.659465).
 # %%
 # Four times the same target
 # --------------------------
-# Runs 2b to 2e show one and the same target, so they have a noise ceiling. (Frames came at slightly
-# other instants, by which the recorded targets differ by up to 3 %; ``repeats=True`` says that they
-# are repeats.) The model comes from three other targets, and knows no delay. Pixels count from the
-# middle of the path.
+# Runs 2b to 2e show the same target, so they have a noise ceiling. (Frame times differ slightly, so
+# the recorded targets differ by up to 3 %; ``repeats=True`` says that they are repeats.) The model
+# was fitted to three other targets, and has no delay. Pixels are counted from the middle of the
+# path.
 
 from skhoid import ARXRegressor, compare, load_human_tracking
 
@@ -36,8 +36,8 @@ comparison = compare(undelayed, *repeats, estimation=fitted, repeats=True)
 page = comparison.plot()
 
 # %%
-# All but 2 to 3 % of the movement is the same four times: that is the ceiling of models which are
-# given the target. This one explains 91 %, far below the interval of the ceiling.
+# All but 2 to 3 % of the movement is the same all four times: that is the ceiling for models driven
+# by the target. This one explains 91 %, far below the interval of the ceiling.
 
 
 def verdict(c):
@@ -64,7 +64,7 @@ for finding in comparison.findings:
 # %%
 # With a delay
 # ------------
-# The delay is searched for as it says, by simulation, on the runs that serve to fit:
+# As it advises, the delay is searched for by simulation, on the runs used for the fit:
 
 from skhoid import DelaySearchCV
 
@@ -74,34 +74,34 @@ print(f"delay {search.best_delay_:.2f} s")
 verdict(delayed)
 
 # %%
-# 2.6 points are won, 4 are left. Where?
+# 2.6 points are gained, 4 are left. Where?
 
 from skhoid.plotting import OperatingPointDisplay, ResidualFrequencyDisplay
 
 _ = ResidualFrequencyDisplay.from_comparison(delayed)
 
 # %%
-# At most frequencies that the target holds, and most clearly near 8 rad/s: there the hand moves
-# more than the target, and more than a model of second order can. And over amplitude:
+# At most frequencies of the target, and most clearly near 8 rad/s: there the hand moves more than
+# the target, and more than a second-order model can. And over amplitude:
 
 _ = OperatingPointDisplay.from_comparison(delayed)
 
 # %%
-# In fast movements the hand does not reach the speed that the model says (right panel), on either
-# side. Whether that is a limit of the arm, or a person who cuts corners, these runs do not say.
+# In fast movements the hand does not reach the speed that the model says (right panel), in either
+# direction. Whether that is a limit of the arm or a person who cuts corners, these runs do not say.
 #
 # A ceiling needs repeats, or whole periods of a multisine. One of these runs alone has neither:
 
 X, y = repeats
 alone = compare(undelayed, X.loc[["phase-size 2b"]], y.loc[["phase-size 2b"]])
-print(f"VAF {alone.vaf:.1f} %; ceiling {alone.ceiling_note}")
+print(f"VAF {alone.vaf:.1f} %; noise ceiling, {alone.ceiling_note}")
 
 # %%
 # A rider
 # -------
 # One run of 60 s in which somebody balances a bicycle while being pulled sideways. A model of the
-# rider's answer to the roll angle, fitted to the first half, is compared with the second. The
-# recording is taken as it was published.
+# rider's response to the roll angle, fitted to the first half, is compared with the second. The
+# recording is used as it was published.
 
 from sklearn.pipeline import make_pipeline
 
@@ -123,14 +123,14 @@ for finding in comparison.findings:
 # %%
 # The roll rate is too small by π/180: it was converted from degrees to radians twice. A model that
 # used it would not have complained; its gain on the roll rate would have been 57 times too large.
-# With the units put right nothing is found in the channels:
+# With the units corrected, no problems are found in the channels:
 
 _, corrected = rider()
 for finding in compare(model, *corrected, roles={"PullForce": "dist"}).findings:
     print(finding.title)
 
 # %%
-# And the model? It explains 80 %. Of the other 20 % nobody can say whether they are noise: there is
+# And the model? It explains 80 %. Whether the other 20 % are noise, nobody can say: there is only
 # one run, no target, and the pulls do not repeat.
 
 from skhoid.plotting import NoiseCeilingDisplay, ResidualCorrelationDisplay
@@ -138,9 +138,9 @@ from skhoid.plotting import NoiseCeilingDisplay, ResidualCorrelationDisplay
 _ = NoiseCeilingDisplay.from_comparison(comparison)
 
 # %%
-# The pulls come from outside the loop, so that a residual that followed them would be proof of an
-# answer that does not go through the roll angle, or of a wrong one. It does not follow them by more
-# than chance:
+# The pulls come from outside the loop, so a residual that followed them would prove that there is a
+# response that does not go through the roll angle, or that the modelled one is wrong. It does not
+# follow them by more than chance:
 
 _ = ResidualCorrelationDisplay.from_comparison(comparison)
 
@@ -148,6 +148,6 @@ _ = ResidualCorrelationDisplay.from_comparison(comparison)
 # The answer
 # ----------
 # The person at the screen is later than a model without delay. With the delay 4 points are still
-# left, and the views say where to look: worth going on. Of the rider we learn that a channel is in
-# the wrong unit, and that one run cannot tell misfit from noise: worth a second run with the same
-# pulls.
+# left, and the views say where to look: it is worth continuing. About the rider we learn that a
+# channel is in the wrong unit, and that one run cannot tell misfit from noise: it is worth
+# recording a second run with the same pulls.

@@ -26,7 +26,7 @@ candidates = ["dead_zone", "cubic_gain", "saturation", "backlash", "bias", "tv_g
 search = EffectSearchCV(OperatorRegressor(), effects=candidates).fit(X, y)
 
 # %%
-# The report is one page: what the data are, where the model fails, which effect does better and
+# The report is one page: what the data are, where the model fails, which effect improves it and
 # why, and what to do next. Click on a step of the staircase, or use the arrow keys.
 
 page = report(
@@ -40,10 +40,10 @@ page = report(
 page
 
 # %%
-# ``page.save("report.html")`` writes it to one file, to be sent by mail or kept with the data. On
+# ``page.save("report.html")`` writes it to a single file, to send by mail or keep with the data. On
 # the command line ``skhoid diagnose run*.csv --report report.html`` does the same.
 #
-# Each picture is there on its own as well:
+# Each picture is also available on its own:
 
 from skhoid.plotting import ErrorPathDisplay
 

@@ -4,7 +4,7 @@ Which ARX model has the operator's frequency response?
 
 Without remnant an ARX model at 100 Hz is the operator, nearly to the last digit. With remnant it is
 not, and decimation is said to help. Which models, at which rates, look like the operator in a Bode
-plot, and is a higher VAF a better model?
+plot, and does a higher VAF mean a better model?
 
 The figures are those of Figs. 5.11, 5.13 and F.2 of the thesis, with the VAFs of Table 5.3.
 """
@@ -45,8 +45,9 @@ _ = BodeDisplay.from_estimator(model, omega, label="ARX[2, 2, 28]", compare=comp
 # ---------------------------
 # Remnant of first order with P_n = 0.15, and the models that the thesis finds the most suitable at
 # each decimation factor (Table 5.3). :class:`skhoid.Decimator` filters the signals (F) or only
-# thins them (NF); then the first half fits and the second one judges. Two figures of merit, as
-# means of ten runs: the VAF, and the relative error of the response at the target's lines.
+# thins them (NF); then the models are fitted on the first half and judged on the second. Two
+# figures of merit, as means of ten runs: the VAF, and the relative error of the response at the
+# target's lines.
 
 import pandas as pd
 
@@ -104,15 +105,15 @@ fig.set_layout_engine("constrained")
 _ = fig.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False)
 
 # %%
-# The phases come near the operator's up to 10 rad/s. The magnitudes do not: up to d = 4 the models
-# have no peak to speak of, because a single A must fit remnant, too, which has none. The coarse
-# grids of d = 8 and 16 leave out the frequencies at which remnant outweighs everything.
+# Up to 10 rad/s the phases are close to the operator's. The magnitudes are not: up to d = 4 the
+# models have hardly any peak, because a single A must also fit the remnant, which has none. The
+# coarse grids of d = 8 and 16 leave out the frequencies at which remnant outweighs everything.
 #
 # What decimation costs an exact model
 # ------------------------------------
 # The operator's dynamics under zero-order hold (Table F.1), at all five rates, with the phase of
 # the delay added and without the sample that the hold itself adds. They lead by half a sample of
-# their own grid, and at d = 16 the magnitude in C1 is up to 17 % too low, just below the peak.
+# their own grid, and at d = 16 the magnitude in C1 is up to 17 % too low just below the peak.
 
 from skhoid import tracking_condition, zoh_parameters
 from skhoid.interpret import arx_response
@@ -139,6 +140,6 @@ _ = fig.legend(handles, labels, loc="outside upper center", ncols=6, frameon=Fal
 # ----------
 # At 100 Hz ARX[2, 2, 28] is the operator as long as there is no remnant (VAF 99.96 %). With remnant
 # of first order it misses the peak, and so do all models up to d = 4, by 40 % at the lines of the
-# target; with d = 8 and 16 and higher orders the error is 11 % to 17 %. The VAF hardly tells: it is
-# 80 % to 86 % for all of them, and at d = 16 filtering raises it by two percent without bringing
-# the model closer to the operator. Choose the rate by a Bode plot.
+# target; with d = 8 and 16 and higher orders the error is 11 % to 17 %. The VAF hardly shows this:
+# it is 80 % to 86 % for all of them, and at d = 16 filtering raises it by two percent without
+# bringing the model closer to the operator. Choose the rate by a Bode plot.

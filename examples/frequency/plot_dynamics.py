@@ -1,9 +1,9 @@
 """
-How does an operator adapt to what is controlled?
-=================================================
+How does an operator adapt to the controlled element?
+=====================================================
 
 An element that behaves like 1/s is easy to control, one like 1/s² is not. What does a person change
-between the two, and what remains of the stability of the loop?
+between the two, and how much stability does the loop keep?
 
 The figures are those of Figs. 6, 5.2 and 5.3 of the thesis.
 """
@@ -11,7 +11,7 @@ The figures are those of Figs. 6, 5.2 and 5.3 of the thesis.
 # %%
 # Two elements, two operators
 # ---------------------------
-# Conditions C1 and C2 of the thesis (Table II). :class:`skhoid.FrequencyResponse` takes everything
+# Conditions C1 and C2 of the thesis (Table II). :class:`skhoid.FrequencyResponse` accepts anything
 # that has a frequency response, here the physical objects themselves.
 
 import numpy as np
@@ -29,14 +29,14 @@ for label, name in states.items():
     operators[label] = FrequencyResponse.of(condition.operator, omega)
 
 # %%
-# Left the controlled elements, right the operators. In the band of 1 to 5 rad/s (grey) the second
+# Left: the controlled elements; right: the operators. In the band of 1 to 5 rad/s (grey) the second
 # element falls off nearly twice as steeply and lags by 170 to 180 degrees instead of 100 to 130;
-# the second operator makes up for it by a lead time of 1.2 s instead of 0.4 s. The peak at 11 rad/s
+# the second operator compensates with a lead time of 1.2 s instead of 0.4 s. The peak at 11 rad/s
 # is that of the arm.
 
 import matplotlib.pyplot as plt
 
-from skhoid.plotting import BodeDisplay
+from skhoid.plotting import PALETTE, BodeDisplay
 
 
 def side_by_side(panels, **options):
@@ -49,7 +49,7 @@ def side_by_side(panels, **options):
         handles, labels = column[0].get_legend_handles_labels()
         column[0].get_legend().remove()
         for ax in column:
-            ax.axvspan(1, 5, color="0.93", zorder=0)
+            ax.axvspan(1, 5, color=PALETTE[-1], alpha=0.2, lw=0)
     axes[0, 1].set_ylabel("")
     axes[1, 1].set_ylabel("")
     fig.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False)
@@ -69,8 +69,8 @@ display = BodeDisplay.from_responses(loops, view="open_loop")
 print(display.crossover_.round(2).to_string())
 
 # %%
-# Both loops resemble an integrator with a delay around crossover, as the crossover model says they
-# must. The closed loops:
+# Around crossover, both loops resemble an integrator with a delay, as the crossover model says. The
+# closed loops:
 
 _ = BodeDisplay.from_responses({label: loop.closed_loop() for label, loop in loops.items()})
 
@@ -99,5 +99,5 @@ for label, name in states.items():
 # ----------
 # The person trades gain for lead: K_e falls from 0.09 to 0.07, T_L rises from 0.4 s to 1.2 s. The
 # double integrator is tracked at a crossover of 2.7 rad/s instead of 1.6 rad/s, but with a phase
-# margin of 23 instead of 77 degrees: quicker and nearer to instability. (On the grid of the thesis
+# margin of 23 instead of 77 degrees: faster and closer to instability. (On the grid of the thesis
 # these are 2.8 and 1.5 rad/s, 22.7 and 77.0 degrees.)

@@ -28,7 +28,7 @@ data = {
 # Fourier coefficients
 # --------------------
 # :func:`skhoid.fourier_coefficients` divides the Fourier transforms of u and e at the excited lines
-# (Eq. 5.14). The bins beside each line tell the remnant, and with it the variance of a single run.
+# (Eq. 5.14). The bins next to each line give the remnant, and with it the variance of a single run.
 
 import numpy as np
 
@@ -59,8 +59,8 @@ _ = BodeDisplay.from_responses(
 # %%
 # The loop
 # --------
-# Times the known controlled element it becomes the open loop, and from that the closed loop
-# follows, with the variances propagated. Left with remnant, right without.
+# Multiplied by the known controlled element it becomes the open loop, and from that follows the
+# closed loop, with propagated variances. Left: with remnant; right: without.
 
 import matplotlib.pyplot as plt
 
@@ -79,6 +79,10 @@ def draw(title, of_response, **options):
         column[0].set_title(f"{title}, {name}")
         handles, labels = column[0].get_legend_handles_labels()
         column[0].get_legend().remove()
+        below = zip(*column[1].get_legend_handles_labels(), strict=True)
+        of_loop = [(mark, label.split(": ")[1]) for mark, label in below if label not in labels]
+        if of_loop:  # crossover frequency and phase margin
+            column[1].legend(*zip(*of_loop, strict=True), loc="lower left", fontsize="small")
     axes[0, 1].set_ylabel("")
     axes[1, 1].set_ylabel("")
     fig.set_layout_engine("constrained")
@@ -94,8 +98,8 @@ draw("closed loop", lambda response: (response * element).closed_loop())
 # %%
 # How far off?
 # ------------
-# Errors of magnitude and phase at each line, the standard deviation that the run states for its
-# magnitude, and the coherence, which is the share of the signals that the target explains.
+# Errors of magnitude and phase at each line, the standard deviation of the magnitude estimated from
+# the run, and the coherence, which is the share of the signals that the target explains.
 
 import pandas as pd
 
@@ -117,7 +121,7 @@ print(pd.DataFrame(columns, index=index).round(2).to_string())
 # %%
 # More runs
 # ---------
-# The mean of twenty runs has bars too short to be seen.
+# The error bars of the mean of twenty runs are too short to see.
 
 X, y = make_tracking_runs(noisy, 20, random_state=1)
 many = fourier_coefficients(X, y, forcing=f_t)
@@ -132,7 +136,8 @@ for name, values in errors.items():
 # %%
 # The answer
 # ----------
-# Yes, at ten frequencies, as long as nothing changes during the run. With remnant of 15 % one run
-# gives the magnitude to 5 to 17 % and the phase to 3 to 10 degrees, worst at the lowest lines,
-# where the error is small. Its own bars say so, and the mean of twenty runs is hardly worse than
-# the remnant-free loop. What lies between the lines, and what changes in time, takes a model.
+# Yes, at ten frequencies, as long as nothing changes during the run. With 15 % remnant one run
+# gives the magnitude to within 5 to 17 % and the phase to within 3 to 10 degrees, worst at the
+# lowest lines, where the error is small. Its error bars show this, and the mean of twenty runs is
+# hardly worse than the remnant-free loop. For what lies between the lines, and what changes in
+# time, you need a model.

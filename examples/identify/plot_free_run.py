@@ -3,7 +3,7 @@ One step ahead the model explains 99.9 %: is it good?
 =====================================================
 
 Two models of one person explain 99.9 % of what the hand does, one step ahead. One of them has twice
-the person's delay. What shows it?
+the person's delay. How can we tell?
 """
 
 # %%
@@ -32,7 +32,7 @@ import pandas as pd
 simulated = {}
 for name, model in models.items():
     simulated[name, "one step ahead"] = model.predict_ahead(X_new, y_new)
-    simulated[name, "free run"] = model.predict(X_new)
+    simulated[name, "simulated"] = model.predict(X_new)
 vaf = pd.Series({key: vaf_score(y_new, u, run_in=1.0) for key, u in simulated.items()})
 print(vaf.unstack().round(2))
 
@@ -51,8 +51,9 @@ figure, axes = plt.subplots(
 )
 for ax, (key, u) in zip(axes.T.ravel(), simulated.items(), strict=True):
     u = pd.Series(u, index=y_new.index).loc[run]
-    ax.plot(measured, color="black", lw=1.6, label="measured")
-    ax.plot(u, lw=1.0, label="simulated", color=ROLES["simulated"].colour)
+    ax.plot(measured, label="measured", **ROLES["measured"].style(1.6))
+    role = ROLES["ahead" if "one step ahead" in key else "simulated"]
+    ax.plot(u, label=role.word, **role.style(1.0))
     ax.set_title(f"{', '.join(key)}: VAF {vaf[key]:.1f} %", fontsize="medium")
     ax.grid(alpha=0.3)
 axes[0, 0].set(xlim=(30.0, 40.0), ylim=(-0.32, 0.32))
@@ -60,11 +61,12 @@ for ax in axes[1]:
     ax.set_xlabel("time, s")
 for ax in axes[:, 0]:
     ax.set_ylabel("control u, deg")
-_ = axes[0, 0].legend(loc="lower left", ncols=2, fontsize="small")
+for ax in axes[:, 0]:
+    ax.legend(loc="lower left", ncols=2, fontsize="small")
 
 # %%
-# Why? In 10 ms a hand hardly moves. No model at all, the measured output of one sample ago, is
-# nearly as good:
+# Why? In 10 ms a hand hardly moves. Without any model, the previous sample of the measured output
+# is nearly as good:
 
 last_sample = y_new.groupby(level="run").shift(1).fillna(0.0)
 print(f"VAF {vaf_score(y_new, last_sample, run_in=1.0):.1f} %")
@@ -86,10 +88,11 @@ of_person = {nk: ARXRegressor(nk=nk).fit(X[:half], y[:half]) for nk in (6, 30)}
 for nk, model in of_person.items():
     ahead = vaf_score(y[half:], model.predict_ahead(X, y)[half:])
     free = vaf_score(y[half:], model.predict(X)[half:])
-    print(f"delay {nk / 60:.1f} s: one step ahead {ahead:.2f} %, free run {free:.1f} %")
+    print(f"delay {nk / 60:.1f} s: one step ahead {ahead:.2f} %, simulated {free:.1f} %")
+print("(VAF, clipped at 0)")
 
 # %%
-# Half a second late in its free run, the second model is worse than no model:
+# Simulated half a second late, the second model is worse than no model:
 
 from skhoid.plotting import SimulationDisplay
 
@@ -98,6 +101,6 @@ _ = SimulationDisplay.from_estimator(of_person[30], X, y, window=(30, 60))
 # %%
 # The answer
 # ----------
-# Nobody can say. One step ahead the right model and the wrong one explain 99.9 % both, and the last
-# sample alone 99.6 %. In the free run they differ by far: 89 % against 25 % for the simulated
+# Nobody can tell. One step ahead the right model and the wrong one both explain 99.9 %, and the
+# last sample alone 99.6 %. In the free run they are far apart: 89 % against 25 % for the simulated
 # person, 93.5 % against 0 for the real one. Judge a model by its free run, on runs it has not seen.

@@ -2,9 +2,9 @@
 How does the operator change during a run?
 ==========================================
 
-In condition C4 the controlled element turns from a single into a double integrator within a moment.
-Which gain, lead and neuromuscular mode does the person have before, and which after? Five simulated
-runs, whose truth is known, show how well windows of ten seconds tell.
+In condition C4 the controlled element suddenly changes from a single to a double integrator. What
+gain, lead and neuromuscular mode does the person have before and after? Five simulated runs, whose
+truth is known, show how well ten-second windows can tell.
 """
 
 # %%
@@ -34,11 +34,11 @@ over_time = pd.concat(rows).set_index("time")
 print(over_time.loc[[20.0, 60.0], ["K_e", "K_edot", "T_L", "omega_nm", "zeta_nm"]].round(3))
 
 # %%
-# The picture puts the truth behind the estimates. The change is seen, smeared over the width of
-# the window; while a window straddles it, omega_nm and zeta_nm dip, since one model has to do for
-# two operators. K_edot is told best; T_L = K_edot / K_e inherits the scatter of K_e. Estimates are
-# off by more than their deviations, which know the scatter and not the bias that even this remnant
-# causes in a closed loop.
+# The picture shows the truth behind the estimates. The change is visible, smeared over the width of
+# the window; while a window straddles it, omega_nm and zeta_nm dip, since one model has to describe
+# two operators. K_edot is estimated best; T_L = K_edot / K_e inherits the scatter of K_e. Estimates
+# are off by more than their standard deviations, which include the scatter but not the bias that
+# even this remnant causes in a closed loop.
 
 import matplotlib.pyplot as plt
 
@@ -51,5 +51,5 @@ plt.show()
 # The answer
 # ----------
 # The gain K_e falls from 0.09 to 0.07 and that on the error rate, K_edot, rises from 0.03 to 0.08:
-# the lead T_L goes from 0.4 to 1.2 s. The neuromuscular mode stays where it is, near 11 rad/s.
-# Windows of ten seconds tell that much, and that the change was in the middle; not how fast it was.
+# the lead T_L goes from 0.4 to 1.2 s. The neuromuscular mode stays near 11 rad/s. Ten-second
+# windows show that much, and that the change was in the middle, but not how fast it was.

@@ -2,12 +2,12 @@
 Tracking ability or noise sensitivity?
 ======================================
 
-How long should a recursion remember, in six conditions and with remnant from none to much? Does a
-memory for each parameter do better than one for all? And how much of what a short memory gains is
-noise?
+How long should a recursion remember, in six conditions and with remnant from none to much? Are
+separate memories for the parameters better than one for all? And how much of what a short memory
+gains is noise?
 
 The figures are those of Fig. 13 and Appendix J of the thesis, from 10 estimation and 5 validation
-runs of each cell instead of 100 and 10.
+runs per cell instead of 100 and 10.
 """
 
 # %%
@@ -15,7 +15,7 @@ runs of each cell instead of 100 and 10.
 # ---------
 # Each estimation run has its own delay n_k*, a recursion from the batch model of its first 30.72 s,
 # and 28 settings: 14 memory horizons N0, with one λ for all parameters, and with Λ, which forgets
-# b_0 and b_1 alone. Each path of parameters is then run freely on validation runs, and scored from
+# only b_0 and b_1. Each path of parameters is then simulated on validation runs, and scored from
 # 30.72 to 51.20 s, around the transition.
 
 from skhoid.thesis import forgetting_study
@@ -27,7 +27,8 @@ print(found.table.iloc[8].dropna().to_string())
 # %%
 # Gain over no forgetting
 # -----------------------
-# Fig. 13. An asterisk marks the best horizon of a line, the dashed line the best mean of all cells.
+# Fig. 13. A star marks the best horizon of a line, and the dashed line the best mean over all
+# cells.
 
 from skhoid.plotting import StudyTradeOffDisplay
 
@@ -35,10 +36,9 @@ display = StudyTradeOffDisplay.from_table(found.table)
 print(display.best_overall_)
 
 # %%
-# Without remnant a memory of a few samples is best: there is nothing to average. With it the best
-# is at 128 to 512 samples (once 1024) where something changes, and no forgetting at all, or nearly
-# so, where nothing does. From 1/s² back to 1/s (C5, C6) forgetting gains less than on the way
-# there.
+# Without remnant a memory of a few samples is best: there is nothing to average. With remnant the
+# best is 128 to 512 samples (once 1024) where something changes, and no forgetting, or hardly any,
+# where nothing does. From 1/s² back to 1/s (C5, C6) forgetting gains less than on the way there.
 
 best = found.summary["vaf_validation"].unstack("memory_horizon").idxmax(axis=1)
 print(best.unstack("condition").to_string())
@@ -46,9 +46,9 @@ print(best.unstack("condition").to_string())
 # %%
 # Overfit
 # -------
-# The VAF on the estimation run less that on validation runs, Eq. J.1: what was learned that is not
-# the person. It grows quickly as N0 goes below the best. (That some lines do not end at zero is
-# because ten runs and five others differ, not overfit.)
+# The VAF on the estimation run minus that on validation runs, Eq. J.1: what was learned that is not
+# the person. It grows quickly as N0 falls below the best. (Some lines do not end at zero because
+# ten runs differ from five others, not because of overfit.)
 
 _ = StudyTradeOffDisplay.from_table(found.table, kind="overfit_difference")
 
@@ -70,9 +70,9 @@ for claim in found.claims:
 # The answer
 # ----------
 # Over all cells 256 samples, 2.56 s, are best, as in the thesis; 512 are as good in this small
-# study. With 5 % remnant 128 to 256 are best where a person adapts, with 30 % 512, which gains 4 to
-# 10 points on the way to 1/s² (C3, C4) and 0 to 2 on the way back (C5, C6). Where nothing
-# changes, do not forget. Λ wins 0.1 points at the best horizon and 0.8 at a quarter of it: as for
-# prediction, it does not matter. Paths of parameters are another question,
-# :ref:`sphx_glr_gallery_montecarlo_plot_parameter_paths.py`, and one's own experiment is a third,
+# study. Where a person adapts, 128 to 256 are best with 5 % remnant, and 512 with 30 %, which gains
+# 4 to 10 points on the way to 1/s² (C3, C4) and 0 to 2 on the way back (C5, C6). Where nothing
+# changes, do not forget. Λ gains 0.1 points at the best horizon and 0.8 at a quarter of it: for the
+# VAF it does not matter. Paths of parameters are another question,
+# :ref:`sphx_glr_gallery_montecarlo_plot_parameter_paths.py`, and your own experiment is a third,
 # :ref:`sphx_glr_gallery_montecarlo_plot_recommend.py`.

@@ -2,8 +2,9 @@
 How many runs does it take to see a change of 10 %?
 ===================================================
 
-A person answers an error 10 % more strongly after some training. How many runs before and after
-must one record to see that, with how much remnant? A study of one's own says so in seconds.
+After some training, a person responds 10 % more strongly to an error. How many runs before and
+after must you record to see that, and with how much remnant? A study of your own answers this in
+seconds.
 """
 
 # %%
@@ -24,9 +25,9 @@ after = replace(condition, name="after", operator=HumanOperator(K_e=1.1 * 0.09, 
 # ---------
 # A study is a table of conditions, a number of replications, and a function of one data set. Here a
 # data set is a whole session of 12 runs, and the function returns a row for each. With
-# ``batched=True`` it is given many sessions at once, as arrays of the shape (runs, samples). An
-# ARX(2, 2) model is then a line of linear algebra, and the study quick;
-# :class:`skhoid.ARXRegressor` would find the same, and be simpler where time does not matter.
+# ``batched=True`` it is given many sessions at once, as arrays of shape (runs, samples). An ARX(2,
+# 2) model is then a line of linear algebra, and the study is quick; :class:`skhoid.ARXRegressor`
+# would find the same, and is simpler when time does not matter.
 
 import numpy as np
 
@@ -63,7 +64,7 @@ table = study.run()
 print(table.head(3).to_string())
 
 # %%
-# How well is a gain known from one run? The interval is that of the mean over all of them.
+# How well is a gain known from one run? The interval is that of the mean over all runs.
 
 from skhoid.montecarlo import summarize
 
@@ -72,13 +73,13 @@ print(summarize(table, values=["K_e", "K_edot"])[columns].round(4).to_string())
 
 # %%
 # K_e is found within about 1 % on average, K_edot 4 to 7 % too high: that is the bias of remnant.
-# But it is too high before and after, and a *change* is seen all the same.
+# But it is too high both before and after, so a *change* is still seen.
 #
 # Is it seen?
 # -----------
-# A t test of the first n runs before against the first n after. Remnant is not all that makes runs
-# differ: people are not the same in each run. The second row of panels has a scatter of 5 % from
-# run to run on top; as estimates follow the gain, it may be put on them.
+# A t test compares the first n runs before with the first n after. Remnant is not the only reason
+# why runs differ: people are not the same in each run. The second row of panels adds a scatter of 5
+# % from run to run; since estimates follow the gain, it can be added to them.
 
 import pandas as pd
 from scipy.stats import ttest_ind
@@ -110,19 +111,22 @@ power = summarize(tests, by=cell, values="seen").droplevel("value").sort_index()
 print((100 * power["mean"]).round().unstack("runs").to_string())
 
 # %%
-# ``summarize`` describes any column of any table by any cell: here the share of sessions, with its
+# ``summarize`` describes any column of any table by cell: here the share of sessions, with its
 # interval.
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE
+
+TITLES = {"K_e": "$K_e$", "K_edot": r"$K_{\dot e}$"}
 fig, axes = plt.subplots(2, 2, figsize=(8, 5.6), sharex=True, sharey=True, layout="constrained")
 for (name, scatter), ax in zip(cells, axes.flat, strict=True):
-    for P_n in (0.05, 0.15, 0.30):
+    for P_n, color in zip((0.05, 0.15, 0.30), PALETTE, strict=False):
         shown = 100 * power.loc[(name, scatter, P_n), ["mean", "low", "high"]].clip(0, 1)
-        (line,) = ax.plot(shown.index, shown["mean"], marker=".", label=f"{P_n:g}")
-        ax.fill_between(shown.index, shown["low"], shown["high"], color=line.get_color(), alpha=0.2)
-    ax.axhline(80, color="grey", lw=0.8, ls=":")
-    ax.set_title(f"{name}, people scatter by {100 * scatter:g} %", fontsize="medium")
+        ax.plot(shown.index, shown["mean"], color=color, marker=".", label=f"{P_n:g}")
+        ax.fill_between(shown.index, shown["low"], shown["high"], color=color, alpha=0.2)
+    ax.axhline(80, color=PALETTE[-1], lw=0.8, ls=":")
+    ax.set_title(f"{TITLES[name]}, people scatter by {100 * scatter:g} %", fontsize="medium")
     ax.grid(alpha=0.3)
 axes[0, 0].legend(title="$P_n$")
 for ax in axes[:, 0]:
@@ -131,8 +135,8 @@ for ax in axes[1]:
     ax.set_xlabel("runs before, and as many after")
 
 # %%
-# And is it seen where there is none? Six runs of the first person against the other six, in all
-# sessions:
+# And is a change seen where there is none? Six runs of the first person against the other six, in
+# all sessions:
 
 same = table[table["condition"] == "before"]
 same = same.pivot(index=["remnant_intensity", "replication"], columns="run", values="K_e")
@@ -145,7 +149,7 @@ print(f"{100 * seen.mean():.1f} % of {seen.size}")
 # An operator who is the same in each run shows a change of 10 % in four of five sessions with two
 # runs (K_e) or three (K_edot) before and as many after if remnant is 5 %, with four if it is 15,
 # and with six if it is 30 %. People who themselves scatter by 5 % need six, eight, and about ten:
-# then the person counts for more than the remnant, and K_edot does as well as K_e, in spite of its
-# bias. All of that is for ARX(2, 2) models at 100 Hz with the true delay; put your own rate,
+# then the person matters more than the remnant, and K_edot does as well as K_e, in spite of its
+# bias. All of this is for ARX(2, 2) models at 100 Hz with the true delay; put your own rate,
 # duration and forcing function into the table of conditions, and your own estimator into the
 # function.

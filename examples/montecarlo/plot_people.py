@@ -2,16 +2,16 @@
 Who adapts, and does the model have to?
 =======================================
 
-Seven runs of each person, a controlled element that turns from 1/s into 1/s² half-way: who takes up
-lead, who does not, and may the model let the neuromuscular parameters be constant? The analysis of
-Section VI of the thesis, on people drawn by the computer, so that the truth is known. The last part
-says how to do the same with recordings of your own.
+Seven runs of each person, and a controlled element that changes from 1/s to 1/s² half-way: who adds
+lead, who does not, and may the model keep the neuromuscular parameters constant? The analysis of
+Section VI of the thesis, on simulated people, so that the truth is known. The last part shows how
+to do the same with your own recordings.
 """
 
 # %%
 # Three people
 # ------------
-# In C1 the controlled element stays what it is, in C4 it changes suddenly at 41.92 s of the
+# In C1 the controlled element stays the same; in C4 it changes suddenly at 41.92 s of the
 # measurement window (at 50.00 s of the 90.00 s recorded). The first 8.08 s of a recording are the
 # run-in, at negative time.
 
@@ -31,26 +31,26 @@ result = analyse_experiment(X, y, transition_time={"C4": 41.92})
 print(result.summary())
 
 # %%
-# The scores by part of the run, as in Table VI. Whoever takes up lead keeps the error down in the
-# last part, where 1/s² is to be controlled.
+# The scores by part of the run, as in Table VI. Those who add lead keep the error small in the last
+# part, where 1/s² is to be controlled.
 
 print(result.score_table("C4").round(3).to_string())
 
 # %%
 # The path, with one λ
 # --------------------
-# Thin lines are single runs, black is their mean, orange the batch models.
+# Thin lines are single runs, black is their mean, and orange shows the batch models.
 
 _ = result.plot("C4", form="lambda")
 
 # %%
 # S2 and S3 change b_0 and b_1 within seconds. Before and after, their a_1 and a_2 are the same; in
-# between they jump, since with one λ all parameters share the surprise.
+# between they jump, since with one λ all parameters react to the change.
 
 _ = result.plot("C4", form="lambda", parameters="operator")
 
 # %%
-# In the words of the field: S2 and S3 double K_edot, S1 goes on as before. T_L = K_edot / K_e is
+# In terms of the operator: S2 and S3 double K_edot, S1 carries on as before. T_L = K_edot / K_e is
 # the worst of the estimates where K_e is small, as the thesis found.
 #
 # With Λ
@@ -65,7 +65,7 @@ columns = ["subject", "condition", "adapts", "variation_a", "variation_b", "gain
 print(result.verdicts[columns].round(1).to_string(index=False))
 
 # %%
-# How near is that to the truth? The batch models after the change, against the parameters of the
+# How close is that to the truth? The batch models after the change, and the parameters of the
 # people:
 
 import pandas as pd
@@ -82,7 +82,7 @@ table = {
 print(pd.DataFrame(table).round(3).to_string())
 
 # %%
-# Recordings of your own
+# Your own recordings
 # ----------------------
 # Files of one person in one condition are read by :func:`skhoid.read_runs`; several are joined, and
 # the names of the levels say what they are::
@@ -115,14 +115,14 @@ print(pd.DataFrame(table).round(3).to_string())
 #     result.plot("step", form="Lambda")
 #
 # One person in one condition needs neither level: ``analyse_experiment(*read_runs(...))``. A target
-# serves the tracking score only. Runs that are missing, too short or of different length are in
-# ``result.notes``, or an error that names them.
+# is used for the tracking score only. Runs that are missing, too short or of different length are
+# listed in ``result.notes``, or named in an error.
 
 # %%
 # The answer
 # ----------
 # S2 and S3 adapt and S1 does not; in C1 nobody does, as it should be (of people who do not, 1 % are
-# said to). Their a_1 and a_2 hold still, so that Λ is justified: the paths are smoother, and other
-# runs are simulated somewhat better. What five runs do not mend is the bias that comes with the
-# remnant: K_edot is up to 15 % too low and omega_nm up to 18 % too high, in people who adapt and in
-# those who do not. That somebody adapts is certain; to what, less so.
+# said to). Their a_1 and a_2 stay constant, so Λ is justified: the paths are smoother, and other
+# runs are simulated somewhat better. Five runs do not remove the bias caused by remnant: K_edot is
+# up to 15 % too low and omega_nm up to 18 % too high, in people who adapt and in those who do not.
+# That somebody adapts is certain; to what, less so.

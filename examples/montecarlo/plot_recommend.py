@@ -2,16 +2,16 @@
 Which memory should my experiment have?
 =======================================
 
-The experiment is still to come: another vehicle, another target, 50 Hz. The recursion will need a
-memory horizon, and 2.56 s is the answer to somebody else's question. What is it here?
+The experiment is still being planned: another vehicle, another target, 50 Hz. The recursion will
+need a memory horizon, and 2.56 s is the answer to somebody else's question. What is it here?
 """
 
 # %%
 # The experiment as planned
 # -------------------------
 # A vehicle whose dynamics change half-way through runs of 60 s; a target of eight sines; and a
-# person, whom one has to guess: say that the crossover frequency goes from 1.3 to 2.4 rad/s, a
-# second after the vehicle has changed.
+# person, about whom we have to guess: say that the crossover frequency goes from 1.3 to 2.4 rad/s,
+# a second after the vehicle has changed.
 
 # sphinx_gallery_thumbnail_number = 2
 from skhoid import CompensatoryTask, ControlledElement, HumanOperator, Multisine, Sigmoid, crossover
@@ -60,13 +60,14 @@ X, y, truth = make_tracking_runs(
     return_truth=True,
     random_state=0,
 )
-_ = TrackingDisplay.from_runs(X, y, truth=truth)
+units = dict.fromkeys(["e", "x", "f_t", "u"], "deg")
+_ = TrackingDisplay.from_runs(X, y, truth=truth, units=units)
 
 # %%
 # The advice
 # ----------
-# Runs of this task are simulated, followed with all memory horizons, and each path is run on
-# others.
+# Runs of this task are simulated and followed with all memory horizons, and each path is simulated
+# on other runs.
 
 from skhoid import recommend_forgetting
 
@@ -111,8 +112,8 @@ for name, (guess, P_n) in guesses.items():
 # The answer
 # ----------
 # 128 samples, which at 50 Hz is 2.56 s again: 7 to 9 points better than no forgetting. Twice or
-# half of it costs about a point, and none of the guesses moves it by more than a factor of two.
-# That, more than the number, is what such a study is for: were the advice to jump from guess to
-# guess, the person would have to be known first. Half the change gains little by forgetting at all,
-# and then it hardly matters how much. Take the horizon for single runs; several runs pooled allow a
-# shorter one, :ref:`sphx_glr_gallery_recursion_plot_memory_horizon.py`.
+# half of that costs about a point, and none of the guesses moves it by more than a factor of two.
+# That, more than the number, is what such a study is for: if the advice jumped from guess to guess,
+# the person would have to be known first. With half the change, forgetting gains little, and then
+# it hardly matters how much. This horizon is for single runs; several runs pooled allow a shorter
+# one, :ref:`sphx_glr_gallery_recursion_plot_memory_horizon.py`.

@@ -2,8 +2,8 @@
 Does this person change during a run?
 =====================================
 
-Nothing was switched in these recordings, but a person may learn, tire or lose interest. A
-recursion would show it. Or would it show something else?
+Nothing was switched in these recordings, but a person may learn, tire or lose interest. A recursion
+would show that. Or would it show something else?
 
 Ten recordings of one person who follows a moving target come with skhoid (A. Matic, 2022,
 doi:10.1101/2022.07.20.500761).
@@ -13,8 +13,8 @@ doi:10.1101/2022.07.20.500761).
 # What the criterion says
 # -----------------------
 # ``forgetting="auto"`` takes the memory horizon that makes the one-step predictions most likely.
-# Where it is finite, a model that forgets predicts better than a constant one; the difference of
-# the logarithms of the likelihoods says how much.
+# Where it is finite, a model that forgets predicts better than a constant one; the difference in
+# log-likelihood says how much.
 
 # sphinx_gallery_thumbnail_number = 4
 import numpy as np
@@ -48,7 +48,7 @@ found = pd.DataFrame(
 print(found.round(1).to_string())
 
 # %%
-# All ten want to forget, nine of them by far. The first one, with N0 = 256, 4.3 s:
+# All ten prefer to forget, nine of them clearly. The first one, with N0 = 256, 4.3 s:
 
 from skhoid.plotting import ParameterPathDisplay
 
@@ -56,12 +56,14 @@ path = RecursiveARX(**ORDERS, memory_horizon=256, store_covariance=True)
 _ = ParameterPathDisplay.from_estimator(path.fit(*whole["difficulty 50"]))
 
 # %%
-# A person who learns for half a minute, it seems. Bands are narrow.
+# It looks like a person who learns for half a minute. The bands are narrow.
 #
 # Look at the errors first
 # ------------------------
 
 import matplotlib.pyplot as plt
+
+from skhoid.plotting import PALETTE, ROLES
 
 errors = path.one_step_errors_
 worst = int(np.nanargmax(np.abs(errors)))
@@ -71,35 +73,35 @@ print(
 )
 fig, axes = plt.subplots(2, 1, figsize=(6.4, 4.2), sharex=True, layout="constrained")
 X, y = whole["difficulty 50"]
-axes[0].plot(path.time_path_, X["f_t"], color="0.6", label="target")
-axes[0].plot(path.time_path_, y, color="#0072B2", lw=1.0, label="cursor")
-axes[0].set(ylabel="px", xlim=(0, 5))
+axes[0].plot(path.time_path_, X["f_t"], color=PALETTE[-1], label="target")
+axes[0].plot(path.time_path_, y, label="cursor, measured", **ROLES["measured"].style(1.0))
+axes[0].set(ylabel="position, px", xlim=(0, 5))
 axes[0].legend()
-axes[1].plot(path.time_path_, errors, color="#D55E00", lw=1.0)
-axes[1].set(xlabel="time, s", ylabel="one-step error, px")
+axes[1].plot(path.time_path_, errors, **ROLES["ahead"].style(1.0))
+axes[1].set(xlabel="time, s", ylabel="error one\nstep ahead, px")
 for ax in axes:
     ax.grid(alpha=0.3)
 
 # %%
 # The cursor jumps by 60 px from one frame to the next while the person is still on the way to the
-# target. To least squares that is worth more than a thousand samples of ordinary errors, and sits
-# in θ0 and in all that is not yet forgotten. The "learning" is the forgetting of the jump. Without
-# the first two seconds of each run:
+# target. To least squares that outweighs a thousand samples of ordinary errors, and it stays in θ0
+# and in everything not yet forgotten. The "learning" is the forgetting of the jump. Without the
+# first two seconds of each run:
 
 later = recordings(start=2.0)
 _ = ParameterPathDisplay.from_estimator(path.fit(*later["difficulty 50"]))
 
 # %%
-# The trend of the first half minute is gone. What is left comes and goes. (Before some 18 s the
+# The trend of the first half minute is gone. What is left comes and goes. (Before about 18 s the
 # path hardly moves, because it starts from the estimate of the first 30.72 s; its band does not
-# know that these data are used twice.)
+# account for using these data twice.)
 #
 # Two people who do not change
 # ----------------------------
-# What would the criterion say of somebody constant? We can ask: take a batch model of the run,
+# What would the criterion say about a constant person? We can ask: take a batch model of the run,
 # simulate it on the same target with its own one-step errors in random order, and round to whole
-# pixels as the recording is. Once with the model's own orders, and once with a person of third
-# order, who is just as constant.
+# pixels like the recording. Once with the model's own orders, and once with a third-order person,
+# who is just as constant.
 
 from scipy.signal import lfilter
 
@@ -131,15 +133,15 @@ table = pd.DataFrame(rows).T
 print(table.round(1).to_string())
 
 # %%
-# If the person is constant and of the model's form, the criterion says so: the gain is less than 3.
-# But in nine of ten runs a constant person of third order looks more changeable than the recording.
-# A model that is too simple predicts better when its parameters follow the phase of each movement.
-# In the tenth, "difficulty 80", the memory is 4 samples, 67 ms: no person changes as fast.
+# If the person is constant and has the model's form, the criterion says so: the gain is less than
+# 3. But in nine of ten runs a constant third-order person looks more variable than the recording. A
+# model that is too simple predicts better when its parameters follow the phase of each movement. In
+# the tenth, "difficulty 80", the memory is 4 samples, 67 ms: no person changes as fast.
 #
 # Another target
 # --------------
-# The runs 2b to 2e show the same target. A path of parameters that belongs to the person should
-# serve the person on other targets, too; one that belongs to the target should not.
+# The runs 2b to 2e show the same target. A parameter path that belongs to the person should also
+# work on other targets; one that belongs to the target should not.
 
 from skhoid import RecursiveARXCV, VAFScorer
 
@@ -166,14 +168,14 @@ _ = ax.legend()
 
 # %%
 # On the same target the shortest memory wins, 2 samples of 17 ms, on a run that it has not seen. On
-# other targets it is worthless. What such a path has learned is this target.
+# other targets it is worthless: what such a path has learned is this target.
 #
 # The answer
 # ----------
 # Nothing here shows that the person changes, although all ten runs prefer a model that forgets. In
 # one run a jump of the recording looked like half a minute of learning. In most others forgetting
-# makes up for a model of too low an order: a constant person of third order would look the same,
-# and paths with a short memory raise the VAF from 92.6 to 96.7 % on the same target and fail on any
-# other. With 512 samples, 8.5 s, two of the four other targets gain 0.6 or 0.7 %, one nothing, and
-# one loses 0.8: if the person changes slowly, it is by no more than that. Before you call a path
+# makes up for too low a model order: a constant third-order person would look the same, and paths
+# with a short memory raise the VAF from 92.6 to 96.7 % on the same target and fail on any other.
+# With 512 samples, 8.5 s, two of the four other targets gain 0.6 or 0.7 %, one nothing, and one
+# loses 0.8: if the person changes slowly, it is by no more than that. Before you call a path
 # adaptation, look at the errors, try a constant person, and change the target.

@@ -2,8 +2,8 @@
 Does a recursion survive a pause?
 =================================
 
-An online estimate at 100 Hz: rows come one by one, the person takes a minute's rest between two
-runs, and goes on. What happens to the parameters, in a textbook recursion and in skhoid's?
+An online estimate at 100 Hz: rows arrive one by one, and the person rests for a minute between two
+runs. What happens to the parameters, in a textbook recursion and in skhoid's?
 """
 
 # %%
@@ -19,7 +19,7 @@ from skhoid import make_tracking_runs
 X, y, truth = make_tracking_runs(
     "C1", 2, remnant_intensity=0.05, remnant_order="nm", return_truth=True, random_state=0
 )
-NAMES = ["$a_1$", "$a_2$", "$b_0$", "$b_1$"]
+NAMES = ["a_1", "a_2", "b_0", "b_1"]
 NK = truth.nk
 
 
@@ -34,7 +34,7 @@ def with_pause(seconds):
 # %%
 # The textbook
 # ------------
-# Recursive least squares as it is usually printed, and usually written.
+# Recursive least squares as usually printed and usually coded.
 
 
 def textbook(e, u, N0, p0=1e4):
@@ -54,7 +54,7 @@ def textbook(e, u, N0, p0=1e4):
 # %%
 # skhoid, row by row
 # ------------------
-# ``partial_fit`` takes one row in a call, or any number. It keeps no path, so we collect it.
+# ``partial_fit`` takes one row per call, or any number. It keeps no path, so we collect it.
 
 from skhoid import RecursiveARX
 
@@ -72,7 +72,7 @@ def streamed(e, u, N0, new_runs=()):
 # %%
 # One minute
 # ----------
-# With a memory of 128 samples. A third stream is not given the pause at all: it is told that a new
+# With a memory of 128 samples. A third stream does not get the pause at all: it is told that a new
 # run begins.
 
 e, u = with_pause(60)
@@ -86,34 +86,37 @@ told[~paused] = streamed(e[~paused], u[~paused], 128, new_runs={n})[0]
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE, ROLES
+
 time = np.arange(u.size) / 100
 paths = {
-    "textbook": (book, "#D55E00", "-"),
-    "skhoid, zeros": (zeros, "#0072B2", "-"),
-    "skhoid, new run": (told, "#009E73", "--"),
+    "textbook": (book, PALETTE[1], "-"),
+    "skhoid, zeros": (zeros, PALETTE[0], "-"),
+    "skhoid, new run": (told, PALETTE[3], ":"),
 }
 fig, axes = plt.subplots(3, 1, figsize=(6.8, 6.4), sharex=True, layout="constrained")
 for ax, i, limits in ((axes[0], 0, (-2.2, 0.2)), (axes[1], 2, (-0.1, 0.2))):
     for label, (path, color, style) in paths.items():
         ax.plot(time, path[:, i], color=color, ls=style, lw=1.0, label=label)
-    ax.axhline(truth.arx_parameters.iloc[0, i], color="black", lw=0.8, label="true")
-    ax.set(ylabel=NAMES[i], ylim=limits)
-axes[2].semilogy(time, size, color="#D55E00")
+    ax.axhline(truth.arx_parameters.iloc[0, i], label="truth", **ROLES["truth"].style(1.0))
+    ax.set(ylabel=f"${NAMES[i]}$", ylim=limits)
+axes[2].semilogy(time, size, color=PALETTE[1])
 axes[2].set(xlabel="time, s", ylabel="largest entry of P,\ntextbook", xlim=(0, time[-1]))
 for ax in axes:
-    ax.axvspan(time[n], time[-n], color="0.92", zorder=0)
+    ax.axvspan(time[n], time[-n], color=PALETTE[-1], alpha=0.2, lw=0)
     ax.grid(alpha=0.3)
 _ = fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 # %%
-# During the pause the textbook's P grows by e every 1.28 s, to 10^22. Then information comes back,
-# and what should remain is a difference of huge numbers: it is lost in rounding. Nothing overflows
-# and nothing warns; a_1 and a_2 are just never corrected again, and b_0 and b_1 go wrong with them.
+# During the pause the textbook's P grows by a factor of e every 1.28 s, to 10^22. When information
+# returns, the result should be a small difference of huge numbers, and is lost in rounding. Nothing
+# overflows and nothing warns; a_1 and a_2 are simply never corrected again, and b_0 and b_1 go
+# wrong with them.
 #
-# skhoid forgets nothing while nothing comes, and counts the instants. Both of its streams end where
-# they should, and where they do not differ. On the way the one with zeros pays for a false message:
-# u fell to zero at once, as no operator of its kind would do. The one that was told of a new run
-# pays nothing.
+# skhoid forgets nothing while nothing arrives, and counts these instants. Both of its streams end
+# where they should, at the same values. On the way, the stream with zeros pays for a false message:
+# u fell to zero at once, as no such operator would do. The one that was told of a new run pays
+# nothing.
 
 print(f"instants at which skhoid did not forget: {model.n_held_} of {u.size}")
 for label, (path, _, _) in paths.items():
@@ -122,8 +125,8 @@ for label, (path, _, _) in paths.items():
 # %%
 # A lottery
 # ---------
-# Other memories and pauses. How far, in percent, is each from a stream of the second run alone, at
-# its end?
+# Other memories and pauses. How far, in percent, does each end from a stream of the second run
+# alone?
 
 
 print("N0   pause, s   textbook     skhoid")
@@ -140,8 +143,8 @@ for N0 in (32, 64, 128):
 # %%
 # The answer
 # ----------
-# skhoid's does: after any of these pauses it ends, but for rounding, where it would have ended
-# without one. The textbook's is a lottery that rounding draws. Sometimes the explosion of P acts as
-# a fresh start, and all is well; in five of nine cases here it ends as NaN or, worse, with finite
-# parameters that are 60 % off and stay so. Say ``new_run=True`` when a person goes on after a
-# pause, and leave its zeros out: then it leaves no trace at all.
+# skhoid's does: after any of these pauses it ends, apart from rounding, where it would have ended
+# without one. The textbook's is a lottery, drawn by rounding errors. Sometimes the explosion of P
+# acts as a fresh start, and all is well; in five of nine cases here it ends as NaN or, worse, with
+# finite parameters that are 60 % off and stay so. Pass ``new_run=True`` when a person continues
+# after a pause, and leave out its zeros: then the pause leaves no trace at all.

@@ -2,9 +2,9 @@
 When does the person adapt, and to what?
 ========================================
 
-The controlled element turns from 1/s into 1/s² within a moment. A recursion follows the person
-sample by sample. How close to the truth does its path come, and what helps: a memory for each
-parameter, more runs, other remnant?
+The controlled element suddenly changes from 1/s to 1/s². A recursion follows the person sample by
+sample. How close to the truth is its path, and what helps: a separate memory for each parameter,
+more runs, different remnant?
 
 The figures are those of Figs. 14 to 17 of the thesis in a smaller form: condition C4, 10 runs
 instead of 100.
@@ -13,10 +13,10 @@ instead of 100.
 # %%
 # One λ, or Λ
 # -----------
-# Remnant of second order, 15 % of the variance of u. Each run has a recursion of its own, as in the
-# thesis, and the estimates are averaged: once with N0 = 256 for all parameters, and once with a
-# memory that does not end for a_1 and a_2, which do not change. :func:`skhoid.reference_fits` gives
-# what batch models make of the first and last 30.72 s.
+# Remnant of second order, 15 % of the variance of u. Each run has its own recursion, as in the
+# thesis, and the estimates are averaged: once with N0 = 256 for all parameters, and once with an
+# infinite memory for a_1 and a_2, which do not change. :func:`skhoid.reference_fits` fits batch
+# models to the first and last 30.72 s.
 
 # sphinx_gallery_thumbnail_number = 2
 import numpy as np
@@ -49,10 +49,10 @@ _ = ParameterPathDisplay.from_estimator(
 )
 
 # %%
-# The change in b_0 and b_1 is there, and the path takes it on within some ten seconds. But all of
-# it lies beside the truth (green, dashed), and so do the orange batch models: they agree with each
-# other, and are biased alike. What should be constant, a_1 and a_2, wanders with the remnant, and
-# jumps at the transition, where the old b_0 and b_1 are suddenly wrong.
+# The change in b_0 and b_1 is visible, and the path follows it within about ten seconds. But the
+# whole path is offset from the truth (green, dashed), and so are the orange batch models: they
+# agree with each other, and share the same bias. What should be constant, a_1 and a_2, wanders with
+# the remnant, and jumps at the transition, where the old b_0 and b_1 are suddenly wrong.
 #
 # Now Λ:
 
@@ -61,8 +61,8 @@ _ = ParameterPathDisplay.from_estimator(
 )
 
 # %%
-# Output parameters hold still, and single runs of b_0 and b_1 scatter less, too: part of their
-# scatter had followed that of a_1 and a_2. The mean path is half-way sooner.
+# The output parameters stay constant, and b_0 and b_1 of single runs scatter less, too: part of
+# their scatter came from a_1 and a_2. The mean path reaches half-way sooner.
 
 time = each["λ"].time_path_
 at = time > 51.2
@@ -91,8 +91,8 @@ _ = OperatorParametersDisplay.from_estimator(
 
 # %%
 # K_edot is tracked well: the person generates lead. K_e follows; T_L = K_edot / K_e has the errors
-# of both. omega_nm and zeta_nm are far too high throughout, by many of their standard deviations:
-# they describe the remnant as well.
+# of both. omega_nm and zeta_nm are far too high throughout, by many standard deviations: they also
+# describe the remnant.
 
 over_time = operator_parameters(pooled)
 names = ["K_e", "T_L", "K_edot", "omega_nm", "zeta_nm"]
@@ -126,8 +126,8 @@ _ = OperatorParametersDisplay.from_estimator(
 )
 
 # %%
-# Other remnant, other bias: omega_nm is nearly right, zeta_nm too low instead of too high, and the
-# gains are somewhat worse. White noise that has passed a second-order filter is, in samples, not
+# Different remnant, different bias: omega_nm is nearly right, zeta_nm too low instead of too high,
+# and the gains are somewhat worse. Once sampled, white noise through a second-order filter is not
 # quite the noise / A of the model.
 
 for label, model, known in (("second order", pooled, truth), ("suitable", suited, truth_nm)):
@@ -139,8 +139,8 @@ for label, model, known in (("second order", pooled, truth), ("suitable", suited
 # %%
 # What to do with ten runs
 # ------------------------
-# One recursion for all of them, a mean of ten, or one on the mean of the signals? Judged by the
-# free run on ten other runs, in the window of 20.48 s around the transition, and by the mean of b_0
+# One recursion for all of them, a mean of ten, or one on the mean of the signals? They are judged
+# by the free run on ten other runs, in the 20.48 s around the transition, and by the mean of b_0
 # afterwards.
 
 import pandas as pd
@@ -168,9 +168,9 @@ print(f"true b_0: {truth.arx_parameters['b0'].iloc[-1]:.3f}")
 # %%
 # The answer
 # ----------
-# The person adapts at the transition and takes up lead: K_edot rises from 0.036 to 0.085 s. A
-# recursion with N0 = 256 sees b_0 half-way after 2.7 s with λ and 1.6 s with Λ. Λ does not simulate
-# better, but its path is readable: what does not change holds still. Pooling ten runs raises the
-# VAF on others from 75 to 80 %. What no memory and no number of runs mends is the bias: with
-# second-order remnant omega_nm comes out 27 % too high. Signals that are averaged first lose most
-# remnant before it can do that, and come closest.
+# The person adapts at the transition and adds lead: K_edot rises from 0.036 to 0.085 s. A recursion
+# with N0 = 256 has b_0 half-way after 2.7 s with λ and 1.6 s with Λ. Λ does not simulate better,
+# but its path is easier to read: what does not change stays constant. Pooling ten runs raises the
+# VAF on others from 75 to 80 %. No memory and no number of runs removes the bias: with second-order
+# remnant omega_nm comes out 27 % too high. Averaging the signals first removes most of the remnant
+# before it can do that, and comes closest.

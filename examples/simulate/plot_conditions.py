@@ -2,8 +2,9 @@
 Do the signals show that the operator has changed?
 ==================================================
 
-The element that a person controls turns from 1/s into 1/s² in mid-run, slowly or at once, and the
-person adapts. What of that can be seen in the error, the control output and the element's output?
+The element that a person controls changes from 1/s to 1/s² in mid-run, slowly or at once, and the
+person adapts. How much of that can be seen in the error, the control output and the element's
+output?
 
 The figures are those of Fig. 7 and Appendix E (E.2 to E.14) of the thesis: conditions C1 to C6
 without remnant.
@@ -13,8 +14,8 @@ without remnant.
 # Six conditions
 # --------------
 # C1 and C2 do not vary; C3 and C4 go from the one to the other gradually (G = 0.5 1/s) and suddenly
-# (100 1/s), at 40.96 s; C5 and C6 come back. Without remnant a run is all there is to know, so one
-# is enough. :func:`skhoid.make_tracking_runs` also gives the truth behind it.
+# (100 1/s), at 40.96 s; C5 and C6 go back. Without remnant all runs are the same, so one is enough.
+# :func:`skhoid.make_tracking_runs` also gives the truth behind it.
 
 from skhoid import make_tracking_runs
 
@@ -31,20 +32,22 @@ runs = {
 
 import matplotlib.pyplot as plt
 
+from skhoid.plotting import PALETTE, ROLES
+
 fig, axes = plt.subplots(2, 1, figsize=(6.4, 5.0), sharex=True, layout="constrained")
-for name, color in (("C3", "#0072B2"), ("C4", "#D55E00")):
+for name, color in zip(("C3", "C4"), PALETTE, strict=False):
     X, y, _ = runs[name]
     axes[0].plot(X.loc[0, "e"], color=color, lw=1.2, label=name)
     axes[1].plot(y.loc[0], color=color, lw=1.2, label=name)
 axes[0].set(ylabel="error e, deg")
 axes[1].set(xlabel="time, s", ylabel="control u, deg", xlim=(30.72, 51.2), ylim=(-0.6, 0.6))
 for ax in axes:
-    ax.axvline(T_M, color="0.6", lw=1.0)
+    ax.axvline(T_M, color=PALETTE[-1], lw=1.0)
     ax.grid(alpha=0.3)
 _ = axes[0].legend()
 
 # %%
-# The two are one at first and again at the end. In between, in the wake of the transition, the
+# The two coincide at the beginning and again at the end. In between, following the transition, the
 # difference in u is as large as u itself.
 
 difference = (runs["C3"][1] - runs["C4"][1]).loc[0]
@@ -55,18 +58,18 @@ print(f"standard deviation of u: {runs['C4'][1].loc[0].loc[30.72:51.2].std():.3f
 # %%
 # The whole measurement window
 # ----------------------------
-# The target is the same in all of them; on the right its part in the transition window.
+# The target is the same in all of them; on the right is its part in the transition window.
 
 fig, axes = plt.subplots(1, 2, figsize=(7.2, 2.6), sharey=True, layout="constrained")
 for ax, window in zip(axes, ((0, 81.92), (30.72, 51.2)), strict=True):
-    ax.plot(runs["C1"][0].loc[0, "f_t"], color="black", lw=1.0)
+    ax.plot(runs["C1"][0].loc[0, "f_t"], color=ROLES["measured"].colour, lw=1.0)
     ax.set(xlabel="time, s", xlim=window)
     ax.grid(alpha=0.3)
 _ = axes[0].set_ylabel("target $f_t$, deg")
 
 # %%
 # Each pair of conditions side by side, drawn by :class:`skhoid.plotting.TrackingDisplay`; the
-# dashed line is where the parameters change fastest.
+# dotted line is where the parameters change fastest.
 
 from skhoid.plotting import TrackingDisplay
 
@@ -83,6 +86,8 @@ def draw(pair, window):
         transition = None if name in ("C1", "C2") else T_M
         TrackingDisplay.from_runs(X[["e", "x"]], y, transition=transition, **options)
         column[0].set_title(name)
+        if column[0].get_legend():  # it would hide the error
+            column[0].get_legend().remove()
     for ax in axes[:, 1]:
         ax.set_ylabel("")
 
@@ -139,7 +144,7 @@ print(pd.DataFrame(rows).T.round(3).to_string())
 # %%
 # The answer
 # ----------
-# The error tells nothing: its spread hardly depends on the dynamics, because the operator adapts.
-# The control output does, since it more than doubles with 1/s². But whether the change was slow or
-# sudden shows for a few seconds only, and only against a run of the other kind. To see more in a
-# single run takes a model whose parameters vary.
+# The error does not: its spread hardly depends on the dynamics, because the operator adapts. The
+# control output does: it more than doubles with 1/s². But whether the change was slow or sudden
+# shows for a few seconds only, and only in comparison with a run of the other kind. Seeing more in
+# a single run takes a model whose parameters vary.

@@ -13,8 +13,8 @@ The figures are those of Fig. 8, Figs. 5.5 to 5.8 and Appendix B (B.2 to B.4) of
 # Five filters of the same intensity
 # ----------------------------------
 # P_n = var(n) / var(u) is what counts, but remnant goes round the loop and so into u as well: the
-# gain K_n has to be found. :func:`skhoid.tune_remnant` does so on ten realisations of the noise.
-# The gains of Table G.1 are those of ten other realisations, rounded.
+# gain K_n has to be tuned. :func:`skhoid.tune_remnant` does so on ten realisations of the noise.
+# The gains of Table G.1 come from ten other realisations, rounded.
 
 # sphinx_gallery_thumbnail_number = 2
 import numpy as np
@@ -34,14 +34,14 @@ for order in (1, 2, 3, 4, "nm"):
 _ = BodeDisplay.from_responses(filters)
 
 # %%
-# The steeper the filter, the more of the noise is at the frequencies at which the operator works.
+# The steeper the filter, the more of the noise lies at the frequencies at which the operator works.
 # Only the neuromuscular filter, which colours the operator's own response as well, has a peak.
 #
 # A run with remnant
 # ------------------
 # The loop of the thesis's Chapter 5: condition C1, a first-order filter with T_n = 0.2 s, a gain
-# that was tuned for P_n = 0.15, ten periods of which the last one is kept. (Its own noise came from
-# MATLAB, ours does not; so the numbers differ as those of two runs do.)
+# tuned for P_n = 0.15, and ten periods of which the last is kept. (Its noise came from MATLAB, ours
+# does not, so the numbers differ as those of two runs do.)
 
 from skhoid import make_tracking_runs
 
@@ -66,6 +66,7 @@ print(f"score without remnant = {X_calm['e'].var() / X_calm['f_t'].var():.4f}")
 import matplotlib.pyplot as plt
 
 from skhoid import Multisine, auto_psd
+from skhoid.plotting import PALETTE, ROLES
 
 LABELS = {"n": "remnant n", "e": "error e", "u": "control u", "x": "output x"}
 
@@ -83,16 +84,17 @@ def draw(signals, lowest):
         layout="constrained",
     )
     for (left, right), name in zip(axes, signals.columns, strict=True):
-        left.plot(signals.loc[0, name], color="black", lw=0.8)
+        color = ROLES["remnant" if name == "n" else "measured"].colour
+        left.plot(signals.loc[0, name], color=color, lw=0.8)
         left.set(ylabel=f"{LABELS[name]}, deg", xlim=(0, 81.92))
         one = psd[psd["channel"] == name]
         lines = one[one["excited"]]
-        right.loglog(one["omega"], one["psd"], color="black", lw=0.5)
-        right.loglog(lines["omega"], lines["psd"], "o", color="#D55E00", ms=4)
-        right.set(ylabel="deg²/(rad/s)", xlim=(0.07, 314), ylim=(lowest, None))
+        right.loglog(one["omega"], one["psd"], color=color, lw=0.5)
+        right.loglog(lines["omega"], lines["psd"], "o", color=PALETTE[1], ms=4)
+        right.set(ylabel="PSD, deg² s/rad", xlim=(0.07, 314), ylim=(lowest, None))
     axes[-1, 0].set_xlabel("time, s")
     axes[-1, 1].set_xlabel("frequency, rad/s")
-    axes[0, 1].set_title("auto-PSD, excited lines marked", fontsize="medium")
+    axes[0, 1].set_title("spectra, excited lines marked", fontsize="medium")
     fig.align_ylabels()
     for ax in axes.ravel():
         ax.grid(alpha=0.3)
@@ -102,20 +104,20 @@ draw(X[["e", "x"]].assign(n=truth.remnant, u=y)[["n", "e", "u", "x"]], lowest=1e
 
 # %%
 # The spectrum of n is that of its filter, with nothing at the lines of the target. In e and u the
-# lines stand out of the remnant by one or two decades, except where the error of a good tracker is
-# small. In x, which follows the target, they do so by more.
+# lines stand out above the remnant by one or two decades, except where the error of a good tracker
+# is small. In x, which follows the target, they stand out further.
 #
 # Without remnant
 # ---------------
-# The same without noise. Everything is periodic now, the bins between the lines hold rounding
-# only, and the traces are smoother.
+# The same without noise. Now everything is periodic, the bins between the lines hold only rounding
+# errors, and the traces are smoother.
 
 draw(X_calm[["e", "x"]].assign(u=y_calm)[["e", "u", "x"]], lowest=1e-10)
 
 # %%
 # Remnant is the operator's own disturbance
 # -----------------------------------------
-# How much of u is remnant at all, and how much of it has been round the loop?
+# How much of u is remnant, and how much of it has been round the loop?
 
 runs = noisy.simulate(20, random_state=1)
 forced = calm.simulate()
@@ -129,7 +131,7 @@ print(f"score with remnant: {runs.score().mean():.3f} ± {runs.score().std(ddof=
 # The answer
 # ----------
 # For 15 % of the variance of u, K_n is 0.011 with a filter of first order and 0.020 with one of
-# fourth: the steeper the filter, the less of it is at high frequencies. Remnant worsens the score
-# from 0.177 to 0.19. And what the operator makes of their own noise, once it has been round the
-# loop, is another 8 % of the variance of u: the error holds remnant too, from which the bias of
-# models in closed loop comes.
+# fourth: the steeper the filter, the less of the noise is at high frequencies. Remnant worsens the
+# score from 0.177 to 0.19. And the operator's response to their own noise, once it has been round
+# the loop, is another 8 % of the variance of u: the error contains remnant too, which is why models
+# fitted in a closed loop are biased.

@@ -3,10 +3,10 @@ Does the colour of remnant bias the model?
 ==========================================
 
 An ARX model takes the noise in u to be white noise filtered by 1/A, with the same A as in the
-operator's own dynamics. Real remnant has a colour of its own. How far off are the delay and the
+operator's own dynamics. Real remnant has its own colour. How far off are the delay and the
 parameters, for five remnant filters?
 
-The figures are those of Figs. 9, 10 and 11 of the thesis in a smaller form: condition C1, 25 runs
+The figures are smaller versions of Figs. 9, 10 and 11 of the thesis: condition C1, 25 runs
 instead of 100, three intensities instead of seven.
 """
 
@@ -68,7 +68,7 @@ print(f"true parameters: {dict(zip(NAMES, truth.round(4).tolist(), strict=True))
 
 import matplotlib.pyplot as plt
 
-from skhoid.plotting import PALETTE
+from skhoid.plotting import PALETTE, ROLES
 
 COLORS = dict(zip(FILTERS, PALETTE, strict=False))
 TITLES = {order: f"$H_n^{{{order}}}$" for order in FILTERS}
@@ -86,7 +86,7 @@ def boxes(ax, column, delay, width, shift=0.0, filled=True):
             patch_artist=True,
             flierprops={"marker": ".", "ms": 2, "mec": COLORS[order]},
         )
-        face = (COLORS[order], 0.4) if filled else "white"
+        face = (COLORS[order], 0.4) if filled else "none"
         plt.setp(box["boxes"], facecolor=face, edgecolor=COLORS[order])
         plt.setp(box["whiskers"] + box["caps"], color=COLORS[order])
         plt.setp(box["medians"], color=COLORS[order], lw=2)
@@ -95,14 +95,20 @@ def boxes(ax, column, delay, width, shift=0.0, filled=True):
 
 fig, ax = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
 boxes(ax, "nk", "true", width=0.13)
-ax.axhline(NK, color="0.5", ls=":", zorder=0)
+true_delay = ax.axhline(NK, zorder=0, **ROLES["truth"].style(1.2))
 ax.set(xlabel="remnant intensity $P_n$", ylabel="delay $n_k^*$, samples of 10 ms")
 handles = [plt.Rectangle((0, 0), 1, 1, color=color) for color in COLORS.values()]
-_ = fig.legend(handles, TITLES.values(), loc="outside upper center", ncols=5, frameon=False)
+_ = fig.legend(
+    [*handles, true_delay],
+    [*TITLES.values(), "truth"],
+    loc="outside upper center",
+    ncols=6,
+    frameon=False,
+)
 
 # %%
 # Filters of first and second order make the delay too long, those of third and fourth order too
-# short, and only the neuromuscular filter leaves it where it is.
+# short, and only the neuromuscular filter leaves it unchanged.
 
 mean_delay = results.pivot_table("nk", index="filter", columns="P_n")
 print(mean_delay.loc[list(FILTERS)].round(1).to_string())
@@ -112,13 +118,13 @@ print(mean_delay.loc[list(FILTERS)].round(1).to_string())
 # --------------
 # Relative bias of each parameter, with the true delay (filled) and the delay found (open). The
 # scale is linear up to 1 % and logarithmic beyond. The signs are those of Eq. 30; the text of the
-# thesis has them the other way round.
+# thesis has the opposite signs.
 
 fig, axes = plt.subplots(4, 1, figsize=(6.8, 9), sharex=True, layout="constrained")
 for ax, name in zip(axes, NAMES, strict=True):
     boxes(ax, name, "true", width=0.06, shift=-0.04)
     boxes(ax, name, "found", width=0.06, shift=0.04, filled=False)
-    ax.axhline(0, color="0.5", lw=0.8, zorder=0)
+    ax.axhline(0, color=PALETTE[-1], lw=0.8, zorder=0)
     ax.set_yscale("symlog", linthresh=1)
     ax.set_ylabel(f"bias of ${name[0]}_{name[1]}$, %")
     ax.set_yticks([-100, -10, -1, 0, 1, 10, 100, 1000], minor=False)
@@ -129,8 +135,8 @@ _ = fig.legend(handles, TITLES.values(), loc="outside upper center", ncols=5, fr
 
 # %%
 # With the first-order filter the biases of b_0 and b_1 are hundreds of percent, more than ten times
-# those of any other filter, and the delay found makes them larger still. The least bias is that of
-# the neuromuscular filter, whose remnant has the form that the model assumes, or nearly so.
+# those with any other filter, and the delay found makes them larger still. The bias is smallest
+# with the neuromuscular filter, whose remnant has nearly the form that the model assumes.
 
 with_true = results[results["delay"] == "true"]
 print("mean relative bias at P_n = 0.15, %")
@@ -153,6 +159,7 @@ from skhoid import FrequencyResponse
 from skhoid.interpret import arx_response
 from skhoid.plotting import BodeDisplay
 
+ZOH = "ZOH of the operator (truth)"
 omega = np.geomspace(0.2, np.pi / DT, 400)  # rad/s
 fig, axes = plt.subplots(
     3, 2, figsize=(7.6, 8.4), sharex=True, sharey="row", height_ratios=(3, 2, 2)
@@ -160,8 +167,7 @@ fig, axes = plt.subplots(
 for condition, column in zip(("C1", "C2"), axes.T, strict=True):
     true = zoh_parameters(tracking_condition(condition).operator, DT)
     exact = arx_response(true, omega, DT, na=2, nk=NK)
-    responses = {"ZOH of the operator": FrequencyResponse(omega, exact, delay=NK * DT)}
-    polynomials = {"": true[:2]}
+    responses, polynomials = {}, {}
     for order in FILTERS:
         X, y = make_tracking_runs(
             condition,
@@ -174,11 +180,15 @@ for condition, column in zip(("C1", "C2"), axes.T, strict=True):
         fitted = ARXRegressor(nk=NK).fit(X, y)
         responses[TITLES[order]] = FrequencyResponse.of(fitted, omega)
         polynomials[order] = fitted.a_
+    responses[ZOH] = FrequencyResponse(omega, exact, delay=NK * DT)
+    polynomials[ZOH] = true[:2]
     display = BodeDisplay.from_responses(responses, ax=column[:2])
     z = np.exp(-1j * omega * DT)
     weights = {name: abs(1 + a[0] * z + a[1] * z**2) ** 2 for name, a in polynomials.items()}
+    for line in (display.magnitude_[ZOH], display.phase_[ZOH]):
+        line.set(**ROLES["truth"].style(1.5))
     for weight, line in zip(weights.values(), display.magnitude_.values(), strict=True):
-        column[2].loglog(omega, weight, color=line.get_color())
+        column[2].loglog(omega, weight, color=line.get_color(), ls=line.get_linestyle())
     if condition == "C1":
         weight_of_C1 = weights
     column[0].set_title(condition, y=1.02)
@@ -197,9 +207,9 @@ _ = fig.legend(
 )
 
 # %%
-# Every weight is largest at high frequencies, but not by as much: from 20 to 100 rad/s it grows
-# more than 500-fold with the filters of second order and above, and only 18-fold with that of first
-# order. Misfits above 20 rad/s then hardly count, and are large.
+# Every weight is largest at high frequencies, but not equally so: from 20 to 100 rad/s it grows
+# more than 500-fold with the filters of second order and above, but only 18-fold with the
+# first-order filter. Misfits above 20 rad/s then hardly count, and are large.
 
 for order in FILTERS:
     weight = np.interp([20, 100], omega, weight_of_C1[order])
@@ -212,7 +222,7 @@ for order in FILTERS:
 # ----------
 # Yes. With first-order remnant the delay comes out six samples too long and the parameters b_0 and
 # b_1 ten times too large: the model follows the noise and misses the operator's peak. Remnant of
-# second to fourth order leaves some tens of percent in b_0 and b_1, and only remnant that the
-# neuromuscular system has filtered leaves the model nearly right. The biases are many times the
-# scatter of the runs, so that neither more runs nor a search of the delay help; see
+# second to fourth order leaves errors of some tens of percent in b_0 and b_1, and only remnant
+# filtered by the neuromuscular system leaves the model nearly right. The biases are many times the
+# scatter of the runs, so neither more runs nor a search for the delay helps; see
 # :doc:`/closed-loop` for what does.

@@ -19,18 +19,19 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from skhoid import Mixture, Ramp, Sigmoid, Step
+from skhoid.plotting import PALETTE, ROLES
 
 T_M = 40.96  # s, the middle of the measurement window
 RATES = [0.1, 0.25, 0.5, 1.0, 10.0, 100.0]  # 1/s
 t = np.arange(8192) / 100
-colors = plt.cm.viridis_r(np.linspace(0.1, 1.0, len(RATES)))
+*COLORS, GREY = PALETTE
 
 fig, ax = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
-for rate, color in zip(RATES, colors, strict=True):
+for rate, color in zip(RATES, COLORS, strict=True):
     ax.plot(t, Sigmoid(0.0, 1.0, rate=rate, time=T_M)(t), color=color, label=f"{rate:g}")
-ax.axvline(T_M, color="0.6", lw=0.8)
-ax.axvspan(T_M - 10.24, T_M + 10.24, color="0.93", zorder=0)
-ax.set(xlabel="time, s", ylabel="p(t)", xlim=(0, 81.92))
+ax.axvline(T_M, color=GREY, lw=0.8)
+ax.axvspan(T_M - 10.24, T_M + 10.24, color=GREY, alpha=0.2, lw=0)
+ax.set(xlabel="time, s", ylabel="parameter p(t)", xlim=(0, 81.92))
 ax.set_yticks([0, 0.5, 1], ["$p_i$", "$(p_i + p_f)/2$", "$p_f$"])
 _ = ax.legend(title="G, 1/s")
 
@@ -50,12 +51,12 @@ for rate in RATES:
 # The same with numbers for another parameter, over t_M and over G:
 
 fig, axes = plt.subplots(1, 2, figsize=(7.2, 3.2), sharey=True, layout="constrained")
-for time, color in zip([30, 40, 50, 60, 70], colors, strict=False):
+for time, color in zip([30, 40, 50, 60, 70], COLORS, strict=False):
     axes[0].plot(Sigmoid(0.1, 0.4, rate=0.5, time=time)(np.arange(101)), color=color, label=time)
-for rate, color in zip([0.1, 0.25, 0.5, 1, 10], colors, strict=False):
+for rate, color in zip([0.1, 0.25, 0.5, 1, 10], COLORS, strict=False):
     seconds = np.linspace(0, 100, 2001)
     axes[1].plot(seconds, Sigmoid(0.1, 0.4, rate, 50.0)(seconds), color=color, label=rate)
-axes[0].set(xlabel="time, s", ylabel="P(t)", title="G = 0.5 1/s")
+axes[0].set(xlabel="time, s", ylabel="parameter P(t)", title="G = 0.5 1/s")
 axes[1].set(xlabel="time, s", title="$t_M$ = 50 s")
 axes[0].legend(title="$t_M$, s")
 _ = axes[1].legend(title="G, 1/s")
@@ -79,7 +80,7 @@ fig, axes = plt.subplots(2, 2, figsize=(7.2, 4.4), sharex=True, layout="constrai
 ramps = {"$T_c = T_L$, s": T_c, "$K_c$, 1/s": K, "$K_e$": operator.K_e}
 curves = {**ramps, r"$\omega_b = 1/T_c$, rad/s": element.omega_b}
 for ax, (label, curve) in zip(axes.ravel(), curves.items(), strict=True):
-    ax.plot(t, curve(t), color="#0072B2")
+    ax.plot(t, curve(t), color=COLORS[0])
     ax.set(ylabel=label, xlim=(0, 81.92))
     ax.set_xticks([0, t1, t2, 81.92], ["0", "$t_1$", "$t_2$", "$T_m$"])
     ax.grid(alpha=0.3)
@@ -112,13 +113,13 @@ from skhoid import make_tracking_runs, mixed_condition
 X, y, truth = make_tracking_runs(mixed_condition("C1", "C2", mode), 1, return_truth=True)
 
 fig, axes = plt.subplots(3, 1, figsize=(6.4, 5.2), sharex=True, layout="constrained")
-axes[0].plot(t, mode(t), color="#0072B2")
-axes[0].set(ylabel="CM(t)")
-axes[1].plot(truth.parameters["K_edot"], color="#0072B2", label=r"$K_{\dot e}$, s")
-axes[1].plot(truth.parameters["K_e"], color="#D55E00", label="$K_e$")
+axes[0].plot(t, mode(t), color=COLORS[0])
+axes[0].set(ylabel="control mode")
+axes[1].plot(truth.parameters["K_edot"], color=COLORS[0], label=r"$K_{\dot e}$, s")
+axes[1].plot(truth.parameters["K_e"], color=COLORS[1], label="$K_e$")
 axes[1].set(ylabel="operator's gains")
-axes[1].legend(loc="center right")
-axes[2].plot(t, y, color="black", lw=0.8)
+axes[1].legend(loc="center", bbox_to_anchor=(0.4, 0.5))
+axes[2].plot(t, y, color=ROLES["measured"].colour, lw=0.8)
 axes[2].set(xlabel="time, s", ylabel="control u, deg", xlim=(0, 81.92))
 for ax in axes:
     ax.grid(alpha=0.3)

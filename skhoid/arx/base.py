@@ -70,10 +70,10 @@ class BaseARX(RunRegressor):
                 c for c, gap in zip(channels, np.isnan(columns).any(axis=0), strict=True) if gap
             ]
             warnings.warn(
-                f"{n_missing} rows of {', '.join(map(repr, named))} are NaN, first "
+                f"{n_missing} rows of {', '.join(map(repr, named))} are NaN, the first at "
                 f"{grid.layout.where(grid.full_row(int(np.flatnonzero(missing)[0])))}; "
-                f"{self.n_rows_missing_} rows whose lags need them are left out, "
-                f"{n_used} are used.",
+                f"{self.n_rows_missing_} rows whose lags need them are left out, {n_used} are "
+                "used.",
                 MissingDataWarning,
                 stacklevel=5,
             )
@@ -90,7 +90,7 @@ class BaseARX(RunRegressor):
         """Return the discrete-time transfer function from the inputs to the output.
 
         G(z) = z^-nk (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...), with the sampling time ``dt_``.
-        The intercept is not part of it, nor is a :class:`DelayShift` that stands before the model.
+        It includes neither the intercept nor a :class:`DelayShift` before the model.
 
         Parameters
         ----------
@@ -100,8 +100,8 @@ class BaseARX(RunRegressor):
         Returns
         -------
         G : scipy.signal.dlti, dict of them by input, or control.TransferFunction
-            With several inputs SciPy, which has no systems of several inputs with delays, gets
-            a dict ``{input: dlti}``; python-control gets one system.
+            With several inputs, a dict ``{input: dlti}`` for SciPy, which has no multi-input
+            systems with delays, and one system for python-control.
         """
         self._check_fitted()
         if backend not in ("scipy", "control"):
@@ -210,7 +210,7 @@ class BaseARX(RunRegressor):
     def predict_ahead(self, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
         """Predict each row from the output measured ``horizon`` samples before it.
 
-        One-step predictions are good even for wrong models: validate with :meth:`predict`.
+        One-step predictions look good even for wrong models: validate with :meth:`predict`.
 
         Parameters
         ----------
@@ -230,7 +230,7 @@ class BaseARX(RunRegressor):
         """
         self._check_fitted()
         if isinstance(horizon, bool) or not isinstance(horizon, (int, np.integer)) or horizon < 1:
-            raise ValueError(f"horizon is a number of samples, at least 1; got {horizon!r}.")
+            raise ValueError(f"horizon must be a number of samples, at least 1; got {horizon!r}.")
         grid, values = self._read_X(X, reset=False)
         output = grid.thin_output(self._read_y(X, y))
         return grid.to_full_rate(self._ahead(grid, values, output, int(horizon)))
@@ -381,9 +381,9 @@ def check_lengths(grid: ModelGrid, orders: Orders) -> None:
     many = f" (and {short.size - 1} more)" if short.size > 1 else ""
     raise ShortRunError(
         f"Run {grid.layout.labels[short[0]]!r}{many} has at most {longest[short[0]]} successive "
-        f"rows at {grid.dt:g} s, and lags that reach {needed - 1} samples back need {needed} "
-        f"(X has n_samples = {grid.layout.n_rows}). Leave the run out "
-        "(skhoid.select_runs), or use smaller na, nb and nk, or a smaller decimation factor."
+        f"rows at {grid.dt:g} s, but lags that reach {needed - 1} samples back need {needed} (X "
+        f"has n_samples = {grid.layout.n_rows}). Leave the run out (skhoid.select_runs), or use "
+        "smaller na, nb and nk, or a smaller decimation factor."
     )
 
 
@@ -393,6 +393,5 @@ def check_row_count(n_rows: int, n_params: int, grid: ModelGrid) -> None:
         return
     raise ShortRunError(
         f"{n_rows} rows are left for {n_params} parameters (n_samples = {grid.layout.n_rows} rows "
-        "of X, of which lags, missing values and the run-in take the rest). Use more data or "
-        "fewer lags."
+        "in X; lags, missing values and the run-in use up the rest). Use more data or fewer lags."
     )

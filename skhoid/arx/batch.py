@@ -27,8 +27,8 @@ from .strategies import EquationError, LinearSimulationError, SimulationError, S
 
 EQUATION_ERROR = {"ols": EquationError.by_least_squares, "iv": EquationError.by_instruments}
 NO_EFFECTS_BY_INSTRUMENTS = (
-    "method='iv' has no effects: these are estimated in simulation, which remnant does not bias as "
-    "it does one-step errors. Take method='ols'."
+    "method='iv' does not take effects: they are estimated in simulation, which remnant does not "
+    "bias the way it biases one-step errors. Use method='ols'."
 )
 
 
@@ -38,8 +38,8 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     A(q) y(t) = B(q) x(t - nk) + c + eps(t) with A = 1 + a_1 q^-1 + ... + a_na q^-na and
     B = b_0 + b_1 q^-1 + ... + b_{nb-1} q^-(nb-1) for each input (Eqs. 6-9 of the thesis).
 
-    With ``effects`` the response of one input is that of the ARX model and the effects together,
-    and all parameters minimise the error of simulation, not that of one step.
+    With ``effects`` the response to one input is that of the ARX model and the effects together,
+    and all parameters minimise the simulation error, not the one-step error.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     fit_intercept : bool, default=False
         Add a constant c to the regressors. The thesis keeps means and has none.
     method : {"ols", "iv"}, default="ols"
-        Ordinary least squares by QR factorisation, or instrumental variables. Remnant that is
-        not of the form eps/A biases OLS in a closed loop; ``"iv"`` removes the bias, for more
-        variance, with signals from outside the loop.
+        Ordinary least squares by QR factorisation, or instrumental variables. Remnant that is not
+        of the form eps/A biases OLS in a closed loop; ``"iv"`` uses signals from outside the loop
+        to remove the bias, at the cost of more variance.
     instruments : list of column names or positions, or None, default=None
         External signals for ``method="iv"``: forcing functions on target or disturbance. None
         means the columns of role ``f_t`` and ``dist...``.
@@ -65,11 +65,11 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         ``"ols"`` takes the equation error as white; ``"hac"`` (Newey and West) allows for the
         coloured error that remnant leaves.
     effects : Effect, Effects, str, list of these, or None, default=None
-        What the linear model lacks, such as ``"dead_zone"``; see :mod:`skhoid.effects`. They need
-        one linear input (named by ``inputs``, or of role ``e``), and may use all columns.
+        What the linear model is missing, such as ``"dead_zone"``; see :mod:`skhoid.effects`. They
+        need one linear input (named by ``inputs``, or of role ``e``), and may use all columns.
     controlled_element : ControlledElement, LinearElement, str, system or None, default=None
-        For effects that use its inverse: ``"1/(s(s+1))"``, or a transfer function of SciPy or
-        python-control; None estimates it from output and x where needed.
+        For effects that use its inverse: ``"1/(s(s+1))"``, or a SciPy or python-control transfer
+        function; None estimates it from output and x where needed.
     settling : float, default=0.0
         Seconds at the start of each run (and after each gap) that do not count in a fit with
         effects, which starts from rest.
@@ -77,13 +77,14 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         How simulations begin. ``"rest"``: with all signals zero before the first sample.
         ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
         run best; in ``predict``, as if the inputs had always been as in the first row. None takes
-        that only where runs show that they do not begin at rest, in ``score`` each run alone.
+        ``"estimate"`` only where runs clearly do not begin at rest, in ``score`` for each run by
+        itself.
     start : dict or None, default=None
-        Values to start a fit with effects from, ``{parameter: value}`` by the names of
-        ``parameters_``, beside the model's own starts.
+        Starting values for a fit with effects, ``{parameter: value}`` by the names of
+        ``parameters_``, in addition to the model's own starts.
     n_starts : int, default=24
-        How many systems of different poles are tried as starts of a fit with effects, beside those
-        that least squares find; fixed ones, so that a fit can be repeated.
+        How many systems with different poles are tried as starts of a fit with effects, in addition
+        to those from least squares; they are fixed, so a fit is repeatable.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
@@ -103,18 +104,18 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         The constant c, 0 without ``fit_intercept``.
     covariance_ : ndarray of shape (n_estimated, n_estimated)
         Covariance of what was estimated, in the order of the first rows of ``parameters_``:
-        ``coef_``, and after it the parameters of effects.
+        ``coef_``, then the parameters of effects.
     standard_errors_ : ndarray of shape (n_params,)
         Standard errors of ``coef_``, square roots of the diagonal of ``covariance_``.
     noise_variance_ : float
-        Variance of the equation error, in the squared unit of ``y``; with effects that of the
-        whitened residual.
+        Variance of the equation error, in the squared unit of ``y``; with effects, of the whitened
+        residual.
     parameters_ : DataFrame
         Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
-        meaning. Parameters of effects are called ``<effect>__<parameter>``; those that are given,
+        meaning. Parameters of effects are called ``<effect>__<parameter>``; those that are fixed,
         or follow from others, come last.
     effects_ : Effects
-        The effects with estimated values and with their choices (form, channel) made.
+        The effects with their estimated values and chosen form and channel.
     noise_ar_ : ndarray of shape (6,)
         With effects: AR model of the residual of simulation.
     loglik_, bic_, vaf_ : float
@@ -150,14 +151,13 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     Notes
     -----
     Several runs are fitted together. Lags never cross runs or gaps, and only known data are used:
-    regression starts at k_c = max(na + 1, nb + nk) of each run. Confidence intervals concern the
-    parameters of the ARX model itself, not those of the operator: a model that is biased by
-    remnant is precisely wrong.
+    regression starts at k_c = max(na + 1, nb + nk) of each run. Confidence intervals are for the
+    parameters of the ARX model, not of the operator: a model biased by remnant is precisely wrong.
 
-    With effects, parameters minimise the squares of the simulation's residual, whitened by an AR
-    model. Bounds and start values of an effect's times follow from how fast the output moves.
-    ``predict_ahead`` adds what the AR model foresees of the residual, and ``to_transfer_function``
-    is that of the linear part.
+    With effects, parameters minimise the sum of squares of the simulation's residual, whitened by
+    an AR model. Bounds and starting values of an effect's times follow from how fast the output
+    moves. ``predict_ahead`` adds the AR model's prediction of the residual, and
+    ``to_transfer_function`` returns the linear part.
 
     References
     ----------
@@ -173,7 +173,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     >>> bool(model.score(X, y) > 90)
     True
 
-    Nine samples of 10 ms are missing of the delay of a simulated operator, which has 29:
+    The delay given is nine samples (of 10 ms) short of the simulated operator's 29:
 
     >>> from skhoid import make_tracking_runs
     >>> X, y = make_tracking_runs("C1", 2, duration=20.48, remnant_intensity=0.05, random_state=2)
@@ -264,7 +264,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         ShortRunError
             If a run has fewer rows than the lags need.
         RunIndexError, IrregularSamplingError
-            If rows, runs or time break the data convention.
+            If rows, runs or time violate the data convention.
         ValueError
             If an effect does not apply to the data, with the reason.
 
@@ -273,7 +273,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         MissingDataWarning
             With the number of rows that are NaN.
         sklearn.exceptions.ConvergenceWarning
-            If ``method="iv"`` still moves after 20 rounds.
+            If ``method="iv"`` has not converged after 20 rounds.
         """
         with_effects = len(Effects.of(self.effects)) > 0
         if with_effects and self.method == "iv":
@@ -294,7 +294,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
             ),
             estimated=fitted_arx,
             description=orders_text(orders),
-            errors_note="Standard errors take the residual, whitened by its AR model, as white.",
+            errors_note="Standard errors assume that the AR model whitens the residual.",
             start=self.start or {},
             check=partial(check_lengths, orders=orders),
         )
@@ -307,7 +307,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         """The estimate by the error of simulation, if it is one."""
         strategy = self._strategy
         if not isinstance(strategy, (SimulationError, LinearSimulationError)):
-            raise AttributeError("This model was estimated by its equation error.")
+            raise AttributeError("This model was estimated from its equation error.")
         return strategy.simulation
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""How free runs of a linear ARX model begin: at rest, or as inputs and outputs say."""
+"""How free runs of a linear ARX model begin: at rest, or from what inputs and outputs show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The error for least squares without a unique solution, which names the cause."""
+"""The error for least squares without a unique solution; it names the cause."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def _bad_channel(channels: list[str], X: np.ndarray, orders: Orders) -> str | No
             return f"{found}: it excites nothing. Leave it out."
         if found is not None and (orders.nb[position] > 1 or orders.intercept):
             return (
-                f"{found}: its lags cannot be told apart. Leave it out, or use data in which it "
-                "moves; for an offset use fit_intercept=True."
+                f"{found}: its lags cannot be told apart. Leave it out, or use data in which "
+                "it changes; for an offset use fit_intercept=True."
             )
     return None
 
@@ -89,11 +89,12 @@ def _generic(null_space: np.ndarray, names: list[str], orders: Orders) -> str:
     involved = [n for n, w in zip(names, weight, strict=True) if w > 1e-3]
     if not any(name.startswith("a") for name in involved):
         return (
-            f"The inputs do not excite {', '.join(involved)}: n sine waves can tell apart at most "
-            "2 n lags of an input, a step only one. Use a smaller nb, or a richer forcing function."
+            f"The inputs do not excite {', '.join(involved)}: n sine waves can distinguish at "
+            "most 2 n lags of an input, a step only one. Use a smaller nb, or a richer forcing "
+            "function."
         )
     return (
-        f"{', '.join(involved)} are linearly dependent. Either the data hold no noise and fewer "
-        "lags explain them exactly (use smaller na and nb), or the inputs excite too few "
+        f"{', '.join(involved)} are linearly dependent. Either the data are free of noise and "
+        "fewer lags explain them exactly (use smaller na and nb), or the inputs excite too few "
         "frequencies."
     )

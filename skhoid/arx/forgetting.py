@@ -14,9 +14,9 @@ NOMINAL_HORIZON = 256.0  # samples; best over all conditions of the thesis (Sect
 def forgetting_factor(
     memory_horizon: Any = None, *, memory_time: Any = None, dt: float | None = None
 ) -> Any:
-    """Forgetting factor of a memory horizon: λ = 1 - 1 / N0 (Section III-B, Table V).
+    """Forgetting factor for a memory horizon: λ = 1 - 1 / N0 (Section III-B, Table V).
 
-    A measurement N0 samples old has e^-1, about 37 %, of the weight of the newest one.
+    A measurement N0 samples old has e^-1 (about 37 %) of the weight of the newest.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def forgetting_factor(
     Raises
     ------
     ValueError
-        If not just one of N0 and T0 is given, or a horizon is not longer than one sample.
+        If not exactly one of N0 and T0 is given, or a horizon is not longer than one sample.
 
     Examples
     --------
@@ -56,7 +56,9 @@ def forgetting_factor(
     try:
         horizon = np.asarray(given, dtype=float) / (1.0 if memory_time is None else dt)
     except (TypeError, ValueError):
-        raise ValueError(f"A memory is a number, or one per parameter; got {given!r}.") from None
+        raise ValueError(
+            f"The memory must be a number, or one per parameter; got {given!r}."
+        ) from None
     if not (horizon > 1).all():
         samples = np.asarray(given).tolist() if memory_time is None else horizon.tolist()
         raise ValueError(
@@ -138,8 +140,8 @@ def read_forgetting(
     by_name = isinstance(forgetting, str)
     if by_name and forgetting not in ("auto", "variable"):
         raise ValueError(
-            "forgetting is a number λ, one per parameter, an array or function over time, 'auto' "
-            f"or 'variable'; got {forgetting!r}."
+            "forgetting must be a number λ, one per parameter, an array or function over time, "
+            f"'auto' or 'variable'; got {forgetting!r}."
         )
     if len(given) > 1 + (forgetting == "variable" if by_name else False):
         raise ValueError(
@@ -154,7 +156,7 @@ def read_forgetting(
         if factors.shape not in ((), (n_params,)):
             name = names[1] if memory_horizon is not None else names[2]
             raise ValueError(
-                f"{name} is one number or one per parameter ({n_params}); got the shape "
+                f"{name} must be one number or one per parameter ({n_params}); got the shape "
                 f"{factors.shape}."
             )
         factors = factors.reshape(1, -1)
@@ -181,15 +183,15 @@ def _evaluated(function: Callable[[np.ndarray], Any], time: np.ndarray, n_params
         values = np.asarray(function(time.copy()), dtype=np.float64)
     except (TypeError, ValueError, ArithmeticError, LookupError) as error:
         raise ValueError(
-            f"The function forgetting(t) failed for the array t of {time.size} times ({error}). It "
-            "gets all times at once: choose between values with np.where, not if."
+            f"The function forgetting(t) failed for the array t of {time.size} times ({error}). "
+            "It is called with all times at once: choose between values with np.where, not if."
         ) from error
     if values.ndim == 0 or len(values) == time.size:
         values = values if values.ndim != 1 else values[:, None]
         return _in_shape(values, time.size, n_params, "The function forgetting(t)")
     raise ValueError(
-        f"The function forgetting(t) returned the shape {values.shape} for {time.size} instants t. "
-        f"It returns a number, or the shape ({time.size},) or ({time.size}, {n_params})."
+        f"The function forgetting(t) returned the shape {values.shape} for {time.size} instants "
+        f"t. It must return a number, or the shape ({time.size},) or ({time.size}, {n_params})."
     )
 
 
@@ -198,7 +200,7 @@ def _in_shape(values: Any, n_instants: int, n_params: int, what: str) -> np.ndar
     try:
         factors = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{what} is a number, or numbers; got {values!r}.") from error
+        raise ValueError(f"{what} must be a number, or numbers; got {values!r}.") from error
     if factors.ndim == 0:
         shaped = factors.reshape(1, 1)
     elif factors.shape == (n_params,):
@@ -207,7 +209,7 @@ def _in_shape(values: Any, n_instants: int, n_params: int, what: str) -> np.ndar
         shaped = factors.reshape(n_instants, -1)
     else:
         raise ValueError(
-            f"{what} has the shape {factors.shape}. It is a number, one per parameter "
+            f"{what} has the shape {factors.shape}. It must be a number, one per parameter "
             f"({n_params},), one per instant ({n_instants},), or both ({n_instants}, {n_params})."
         )
     wrong = ~((shaped > 0) & (shaped <= 1))

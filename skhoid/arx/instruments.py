@@ -76,7 +76,7 @@ def estimate(
     parts, n_missing = _stretches(y, X, R, begin, end, orders, lags)
     if not parts:
         raise ShortRunError(
-            f"The instruments reach {int(lags[-1])} samples ({lags[-1] * dt:.3g} s) back, and no "
+            f"The instruments reach {int(lags[-1])} samples ({lags[-1] * dt:.3g} s) back, but no "
             "run is longer. Use longer runs, or method='ols'."
         )
     raw_Phi, raw_output, Z = _stack(parts)
@@ -189,10 +189,10 @@ def _two_stage(
     theta /= scale
     if rank < orders.n_params:
         raise RankDeficiencyError(
-            f"The instruments {names} excite {min(rank, Q.shape[1])} directions, and there are "
-            f"{orders.n_params} parameters. n sine waves give at most 2 n directions: use a richer "
-            "forcing function, add an instrument, or use smaller na and nb. Is an instrument zero "
-            "or constant?"
+            f"The instruments {names} excite {min(rank, Q.shape[1])} directions, but there are "
+            f"{orders.n_params} parameters. n sine waves give at most 2 n directions: use a "
+            "richer forcing function, add an instrument, or use smaller na and nb. Is an "
+            "instrument zero or constant?"
         )
     return theta, Q
 

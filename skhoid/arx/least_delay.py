@@ -1,4 +1,4 @@
-"""The least delay of channels that the output itself moves, without which models rebuild it."""
+"""The least delay of channels that the output moves; with less, a model could reconstruct it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..runs.roles import of_person, role_of
 
 HUMAN = 0.1  # s
 DOMAINS = (None, "human", "machine")
-FROM_X = "x is a function of the output, so that a model could rebuild the output from it"
+FROM_X = "x is a function of the output, so a model could reconstruct the output from it"
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,9 @@ class LeastDelay:
         """Why, in words."""
         names = " and ".join(map(str, self.loop))
         if self.domain == "human":
-            return f"a person answers {names} after {self.seconds:.3g} s at the earliest; {FROM_X}"
-        return f"{names} is moved by the output; {FROM_X}"
+            earliest = f"{self.seconds:.3g} s at the earliest"
+            return f"a person responds to {names} after {earliest}; {FROM_X}"
+        return f"the output moves {names}; {FROM_X}"
 
     def notes(self, best: Any, *, given: bool) -> list[str]:
         """What is to be said of a delay that was found or given, in samples."""
@@ -45,15 +46,15 @@ class LeastDelay:
             return []
         if given and shortest < self.samples:
             return [
-                f"The delay given, {shortest} samples, is shorter than the least, {self.samples} "
-                f"({self.seconds:.3g} s): {self.reason}. What it finds may be the inverse of the "
-                "controlled element."
+                f"The given delay, {shortest} samples, is shorter than the least delay, "
+                f"{self.samples} ({self.seconds:.3g} s): {self.reason}. The fit may find the "
+                "inverse of the controlled element."
             ]
         beside = 1 if self.domain == "human" else 0  # a minimum beside the limit is the limit's
         if not given and shortest <= self.samples + beside and self.closed:
             return [
-                f"The delay found, {shortest} samples, is at the least that was tried, "
-                f"{self.samples} samples ({self.seconds:.3g} s): {self.reason}. Do not trust it."
+                f"The estimated delay, {shortest} samples, is at its lower bound, {self.samples} "
+                f"samples ({self.seconds:.3g} s): {self.reason}. It is not reliable."
             ]
         return []
 

@@ -25,13 +25,14 @@ if TYPE_CHECKING:
     from .recursive import RecursiveARX
 
 JUDGE = (
-    "Residual sd{} one step ahead. Judge a model by its free run, best on runs that were not "
+    "Residual sd{} one step ahead. Judge a model by its free run, preferably on runs that were not "
     "fitted: summary(X, y)."
 )
 CLOSED_LOOP = (
-    "In a closed loop coloured remnant biases least squares; no standard error shows that bias{}."
+    "In a closed loop, coloured remnant biases least squares; standard errors do not show this "
+    "bias{}."
 )
-WHITE = "Standard errors take the equation error as white{}."
+WHITE = "Standard errors assume a white equation error{}."
 
 
 def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> ModelSummary:
@@ -62,7 +63,7 @@ def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> 
         "Standard errors allow for a coloured equation error (Newey and West)."
         if hac
         else WHITE.format(
-            " once filtered by the model of the remnant"
+            " after filtering by the remnant model"
             if instrumental
             else '; covariance="hac" allows for a coloured one'
         )
@@ -71,7 +72,7 @@ def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> 
         notes.append(CLOSED_LOOP.format('. method="iv" removes it'))
     notes.append(JUDGE.format(", AIC and BIC are" if criteria else " is"))
     if criteria:
-        notes.append("AIC and BIC are without constants; compare them on the same rows only.")
+        notes.append("AIC and BIC omit constants; compare them only on the same rows.")
     return ModelSummary(
         f"{type(model).__name__}: {_response(model)}",
         facts,
@@ -96,15 +97,15 @@ def recursive_summary(model: RecursiveARX) -> ModelSummary:
             facts["Missing"] = f"{model.n_rows_missing_} rows"
     facts |= grid_facts(model) | _delay(model)
     facts["Residual sd"] = _residual_sd(model)
-    facts["Protection"] = f"held information at {model.n_held_} instants"
+    facts["Protection"] = f"forgetting held back at {model.n_held_} instants"
     facts["Largest |pole|"] = f"{_largest_pole(model)} at the end"
     notes = [
-        WHITE.format(", and know nothing of the lag behind parameters that change"),
+        WHITE.format(", and do not include the lag behind changing parameters"),
         CLOSED_LOOP.format(""),
         JUDGE.format(" is"),
     ]
     if not has_path:
-        notes.append("After partial_fit no path is kept: predictions use the last parameters.")
+        notes.append("partial_fit keeps no path: predictions use the last parameters.")
     elif smoothed:
         notes.append("The last parameters are not smoothed; the path is.")
     return ModelSummary(

@@ -61,27 +61,25 @@ class PartialFit(BaseARX):
     _set_forgetting: Any
 
     def partial_fit(self, X: Any, y: Any, *, new_run: bool = False) -> Self:
-        """Go on with rows that follow those seen before, one or many.
+        """Update the estimates with rows that follow those seen before, one or many.
 
-        The estimates do not depend on how the stream is cut: with the same θ0 and P0 they are
+        The estimates do not depend on how the stream is cut: with the same θ0 and P0 they equal
         those of ``fit``, bit for bit. With ``init="ols"`` or ``p0=None`` rows are collected until
-        ``init_window`` is full, and then taken; until then there is no estimate. Give ``init`` and
-        ``p0`` to have one from the first row with known lags. After ``fit`` the stream goes on
-        from its end.
+        ``init_window`` is full; until then there is no estimate. Give ``init`` and ``p0`` to have
+        one from the first row with known lags. After ``fit`` the stream continues from its end.
 
-        Parameters that were set since the last call count as in scikit-learn: another forgetting,
-        or other reset times, from this call on; other orders are refused; all others when another
-        stream begins.
+        Parameters set since the last call take effect as follows: forgetting and reset times from
+        this call on; changed orders raise an error; all others when a new stream begins.
 
-        A new run, or a gap, clears the lags; θ and P stay. Runs are taken one after the other, so
-        that several of them give something else than ``fit``, which aligns them. No path is kept:
+        A new run, or a gap, clears the lags; θ and P are kept. Runs are taken one after the other,
+        so several runs give a different result from ``fit``, which aligns them. No path is kept:
         ``coef_`` and what derives from it are current, and predictions use it.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_rows, n_columns)
-            Channels. Runs and gaps are seen from the index, or from the run column. The fast way
-            (about 4 µs a call) is a float64 array; give the delay as ``nk``, as pipelines have no
+            Channels. Runs and gaps are read from the index, or from the run column. A float64 array
+            is fastest (about 4 µs per call); give the delay as ``nk``, since pipelines have no
             ``partial_fit``.
         y : Series or array of shape (n_rows,)
             Output. NaN means no measurement.
@@ -140,8 +138,8 @@ class PartialFit(BaseARX):
             output = self._read_y(X, y)
         if grid.layout.mark is not None:
             raise ValueError(
-                "partial_fit cannot take decimated rows: the filter of the Decimator needs what "
-                "comes after them. Stream at the rate of the model."
+                "partial_fit cannot take decimated rows: the Decimator's filter needs the samples "
+                "after them. Stream at the rate of the model."
             )
         self._read_orders(begun=stream is not None or pending is not None)
         # Nothing is kept of rows that are refused.
@@ -173,14 +171,15 @@ class PartialFit(BaseARX):
         orders = Orders.of(self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept))
         if begun and orders != self.orders_:
             raise ValueError(
-                f"The stream began with {self.orders_} and now has {orders}. Orders are read "
-                "when a stream begins: call fit, or begin another with sklearn.base.clone."
+                f"The stream began with {self.orders_} and now has {orders}. Orders cannot change "
+                "within a stream: call fit, or begin a new stream with sklearn.base.clone."
             )
         if orders.first_row > MOST_ROWS_BACK or orders.n_params > MOST_PARAMETERS:
             raise ValueError(
                 f"{orders.n_params} parameters with lags that reach {orders.first_row} samples "
-                f"back are too many to stream: at most {MOST_PARAMETERS}, and {MOST_ROWS_BACK} "
-                "samples. Use fewer lags na and nb, or a smaller delay nk (in samples)."
+                f"back are too many to stream; the limits are {MOST_PARAMETERS} parameters and "
+                f"{MOST_ROWS_BACK} samples. Use fewer lags na and nb, or a smaller delay nk (in "
+                "samples)."
             )
         self.orders_ = orders
         self.parameter_names_ = orders.parameter_names(self.inputs_)
@@ -189,8 +188,8 @@ class PartialFit(BaseARX):
         if np.shape(self.forgetting) not in ((), (orders.n_params,)):
             raise ValueError(
                 f"partial_fit cannot take forgetting as an array of shape "
-                f"{np.shape(self.forgetting)} over instants, whose number is open. Give it as a "
-                "function of the time in the run, in seconds."
+                f"{np.shape(self.forgetting)} over instants, since their number is not known in "
+                "advance. Give it as a function of the time in the run, in seconds."
             )
 
     def __sklearn_is_fitted__(self) -> bool:
@@ -202,20 +201,21 @@ class PartialFit(BaseARX):
             raise NotFittedError(
                 f"There is no estimate yet: partial_fit has collected {rows} rows of the "
                 f"{window_rows(self.init_window, self.dt_)} of init_window={self.init_window:g} s. "
-                "Give init= and p0= to have one from the beginning."
+                "Give init= and p0= to have one from the start."
             )
         super()._check_fitted()
 
     def _check_streaming(self, fitted: bool) -> None:
         if self.combine == "average_estimates" or "coef_paths_" in vars(self):
             raise ValueError(
-                "partial_fit cannot go on with combine='average_estimates', one recursion a run."
+                "partial_fit cannot continue with combine='average_estimates', one recursion per "
+                "run."
             )
         automatic = isinstance(self.forgetting, str) and self.forgetting == "auto"
         for option, chosen in (("smooth=True", self.smooth), ("forgetting='auto'", automatic)):
             if chosen and not fitted:
                 raise ValueError(
-                    f"partial_fit cannot begin with {option}, which needs whole runs. Call fit on "
+                    f"partial_fit cannot start with {option}, which needs whole runs. Call fit on "
                     "recorded runs first."
                 )
 
@@ -240,7 +240,7 @@ class PartialFit(BaseARX):
     ) -> tuple[np.ndarray, np.ndarray]:
         """theta0 and P0, from the regressors of the first window where they come from data."""
         if table is not None and len(table) < len(self.parameter_names_):
-            clock = "X has no time index, so that a row counts as 1 s: give dt=. Or give "
+            clock = "X has no time index, so each row counts as 1 s: give dt=. Or give "
             advice = "Give " if self._indexed or self.dt is not None else clock
             raise ShortRunError(
                 f"The first {self.init_window:g} s hold {len(table)} usable rows for "
@@ -253,8 +253,8 @@ class PartialFit(BaseARX):
         forgetting = self._read_forgetting(np.zeros(1))
         if forgetting.automatic:
             raise ValueError(
-                "forgetting='auto' needs whole runs, and partial_fit has none: give the forgetting "
-                "factor, or call fit."
+                "forgetting='auto' needs whole runs, which partial_fit does not have: give the "
+                "forgetting factor, or call fit."
             )
         return forgetting
 

@@ -31,8 +31,8 @@ class RecursiveARX(PartialFit):
 
     P̄ = ΛP(t-1)Λ, K = P̄φ / (1 + φ'P̄φ), ε = u - φ'θ(t-1), θ(t) = θ(t-1) + Kε, P(t) = (I - Kφ')P̄
 
-    with Λ = diag(λ_i)^(-1/2); for one λ this is θ(t) that minimises the squares of all errors so
-    far, those k samples ago weighted by λ^k.
+    with Λ = diag(λ_i)^(-1/2); for one λ this is the θ(t) that minimises the sum of squares of all
+    errors so far, those k samples ago weighted by λ^k.
 
     Parameters
     ----------
@@ -44,11 +44,11 @@ class RecursiveARX(PartialFit):
         Add a constant to the regressors.
     forgetting : float, array, callable, "auto", "variable" or None, default=None
         λ in (0, 1], one number or one per parameter (Λ); over time as an array of shape
-        (n_instants,) or (n_instants, n_params) or as a function that gives it for times in
-        seconds. ``"auto"`` takes the memory horizon of 2, 4, ... 8192 samples and infinity with
-        the largest likelihood of the one-step predictions. ``"variable"`` forgets more when
-        errors are large (Fortescue and others 1981), on average with the memory horizon or time
-        given, by default 256 samples. Without this and the next two nothing is forgotten, λ = 1.
+        (n_instants,) or (n_instants, n_params) or as a function that gives it for times in seconds.
+        ``"auto"`` takes the memory horizon of 2, 4, ... 8192 samples and infinity with the largest
+        likelihood of the one-step predictions. ``"variable"`` forgets more when errors are large
+        (Fortescue and others 1981), on average with the memory horizon or time given, by default
+        256 samples. If this and the next two are None, nothing is forgotten (λ = 1).
     memory_horizon : float or one per parameter, default=None
         N0 in samples of the fitted grid, λ = 1 - 1 / N0; may be infinite.
     memory_time : float or one per parameter, default=None
@@ -59,25 +59,25 @@ class RecursiveARX(PartialFit):
         θ0: by ordinary least squares on the first ``init_window`` seconds of each run, zeros, or
         given.
     init_window : float, default=30.72
-        Seconds of data, or what there is, for ``init="ols"`` and ``p0=None``, from the first row
-        that is not NaN.
+        Seconds of data (or as many as there are) for ``init="ols"`` and ``p0=None``, from the first
+        row that is not NaN.
     p0 : float, array of shape (n_params,) or (n_params, n_params), or None, default=None
-        P0: a number is that times the identity (the thesis: 1), numbers are its diagonal. None
+        P0: a number is multiplied by the identity (the thesis: 1), several are its diagonal. None
         scales with the data: diag(1 / (w mean φ_i²)) over the init window, worth w = 1 sample
         where θ0 is that of OLS, and 0.0001 otherwise.
     reset_times : float or array-like, default=None
-        Times in the run, in seconds, at which P is set back to P0; θ stays.
+        Times in the run, in seconds, at which P is reset to P0; θ is kept.
     combine : {"pooled", "average_estimates"}, default="pooled"
-        Several runs, aligned by time in the run: one recursion that minimises the errors of all
-        of them, with one forgetting step per instant; or one recursion a run, whose estimates
-        are averaged (Figs. 16-17).
+        How to combine several runs, aligned by time in the run: one recursion that minimises the
+        errors of all runs, with one forgetting step per instant; or one recursion per run, whose
+        estimates are averaged (Figs. 16-17).
     parameters : {"path", "last"}, default="path"
-        What predictions use: θ at the same time in the run, beyond the fitted times that of the
-        nearest end; or the last θ throughout.
+        What predictions use: θ at the same time in the run (outside the fitted times, that of the
+        nearest end), or the last θ throughout.
     smooth : bool, default=False
-        Smooth the path by also using what comes later (fixed-interval smoothing), with the random
-        walk of the parameters that the forgetting implies: their covariance grows from P to P / λ.
-        It needs one λ for all parameters, and is not for streaming.
+        Smooth the path by also using later data (fixed-interval smoothing), with the random walk of
+        the parameters that the forgetting implies: their covariance grows from P to P / λ. It needs
+        one λ for all parameters, and is not for streaming.
     store_covariance : bool, default=False
         Keep ``covariance_path_``.
     roles : dict or None, default=None
@@ -125,8 +125,8 @@ class RecursiveARX(PartialFit):
     n_updates_ : int
         Updates of θ.
     n_held_ : int
-        Instants at which some of the information was not forgotten, because there was no new
-        information to replace it.
+        Instants at which some information was not forgotten, because no new information replaced
+        it.
     parameter_names_ : list of str
         Names of the parameters.
     dt_ : float
@@ -150,22 +150,22 @@ class RecursiveARX(PartialFit):
 
     Notes
     -----
-    The first update is at k_c = max(na + 1, nb + nk) of each run, also where θ0 comes from OLS on
-    the same data, as in the thesis. A NaN in y or in the lags of a row gives no update and
-    forgets nothing.
+    The first update is at k_c = max(na + 1, nb + nk) of each run, even if θ0 comes from OLS on the
+    same data, as in the thesis. Where y or a lag is NaN, nothing is updated and nothing is
+    forgotten.
 
-    P is kept in factors, P = UDU' (Bierman 1977), and stays symmetric and positive definite.
+    P is stored as factors, P = UDU' (Bierman 1977), and stays symmetric and positive definite.
     Information that is not replaced is not forgotten: neither while all regressors are less than
     3e-6 of what they were, nor, for factor i, while D_i max(φ_i²) exceeds 1e11, the bound on P of
-    Salgado, Goodwin and Middleton (1988) in the factors. In data that excite the model neither
-    happens; ``n_held_`` counts.
+    Salgado, Goodwin and Middleton (1988) in the factors. Neither happens in data that excite the
+    model; ``n_held_`` counts such instants.
 
     ``a_``, ``b_`` and ``to_transfer_function`` are those of the last θ. :meth:`predict_ahead` uses
-    θ of ``horizon`` instants before, which knows nothing of what it predicts.
+    the θ of ``horizon`` instants before, which has not seen what it predicts.
 
-    Standard deviations need a white equation error, which coloured remnant is not, and know
-    nothing of the lag behind parameters that change. For a λ that varies in time they take its
-    latest value.
+    Standard deviations assume a white equation error, which coloured remnant violates, and do not
+    include the lag behind changing parameters. For a λ that varies in time they use its latest
+    value.
 
     References
     ----------
@@ -258,8 +258,8 @@ class RecursiveARX(PartialFit):
     def fit(self, X: Any, y: Any) -> RecursiveARX:
         """Run the recursion over recorded runs.
 
-        With ``init="ols"`` the data of the first window are used twice, for θ0 and by the
-        recursion, as in the thesis.
+        With ``init="ols"`` the first window of data is used twice, for θ0 and in the recursion, as
+        in the thesis.
 
         Parameters
         ----------
@@ -279,7 +279,7 @@ class RecursiveARX(PartialFit):
         ShortRunError
             If a run has fewer rows than the lags need.
         RunIndexError, IrregularSamplingError
-            If rows, runs or time break the data convention.
+            If rows, runs or time violate the data convention.
 
         Warns
         -----
@@ -324,8 +324,8 @@ class RecursiveARX(PartialFit):
             forgetting = forgetting.with_horizon(max(found, key=lambda N0: (found[N0], N0)))
         if self.smooth and (forgetting.factors.shape[1] > 1 or forgetting.diagonal):
             raise ValueError(
-                "smooth=True needs one λ for all parameters, and forgetting_form='joint'; with one "
-                "λ per parameter ΛPΛ is no random walk."
+                "smooth=True needs one λ for all parameters, and forgetting_form='joint'; with "
+                "one λ per parameter, ΛPΛ is not a random walk."
             )
         plan = RecursionPlan(self.orders_, forgetting, resets, self.smooth, self.store_covariance)
         recursions = plan.each(data, starts) if each else [plan.pooled(data, starts[0])]
@@ -380,7 +380,7 @@ class RecursiveARX(PartialFit):
 
     def _reset_times(self) -> np.ndarray:
         given = [] if self.reset_times is None else self.reset_times
-        refusal = f"reset_times are times in the run, in seconds; got {given!r}."
+        refusal = f"reset_times must be times in the run, in seconds; got {given!r}."
         try:
             times = np.atleast_1d(np.asarray(given, dtype=np.float64))
         except (TypeError, ValueError) as error:
@@ -487,9 +487,9 @@ class RecursiveARX(PartialFit):
         if outside.any():
             row = grid.full_row(int(grid.begin[np.argmax(outside)]))
             warnings.warn(
-                f"Rows from {grid.layout.where(row)} on lie outside the fitted times "
-                f"{self.time_path_[0]:g} to {self.time_path_[-1]:g} s, so that all of them get the "
-                "parameters of the nearest end. Time must count from the start of each run; or use "
+                f"Rows from {grid.layout.where(row)} on lie outside the fitted times, "
+                f"{self.time_path_[0]:g} to {self.time_path_[-1]:g} s, so they get the parameters "
+                "of the nearest end. Count time from the start of each run, or use "
                 "parameters='last'.",
                 RunTimeWarning,
                 stacklevel=5,

@@ -29,9 +29,9 @@ HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
     """Recursive ARX model whose memory horizon is chosen on validation runs.
 
-    All horizons are estimated side by side, in one pass over the data of each fold, and the free
-    run along each path is scored on the runs that are left out (Fig. 13 of the thesis). The best
-    one is fitted on all runs.
+    All horizons are estimated in one pass over the data of each fold, and the free run along each
+    path is scored on the runs left out (Fig. 13 of the thesis). The best horizon is then fitted on
+    all runs.
 
     Parameters
     ----------
@@ -53,14 +53,14 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
     p0 : float, array of shape (n_params,) or (n_params, n_params), or None, default=None
         P0.
     parameters : {"path", "last"}, default="path"
-        What predictions use, those that are scored too.
+        What predictions use, including those that are scored.
     store_covariance : bool, default=False
         Keep its ``covariance_path_``.
     cv : int, splitter, iterable or None, default=None
         Folds of whole runs; None leaves out one run at a time. To train on one run and validate on
         the others, as the thesis does, use ``LeavePGroupsOut(n_runs - 1)``.
     scoring : VAFScorer or None, default=None
-        How the VAF is taken: run-in, window (the thesis: that of the transition), average.
+        How the VAF is computed: run-in, window (in the thesis that of the transition), average.
     n_jobs : int or None, default=None
         Threads for the folds.
     roles : dict or None, default=None
@@ -77,7 +77,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
     best_score_ : float
         That VAF in percent.
     best_index_ : int
-        Its place in ``cv_results_``.
+        Its position in ``cv_results_``.
     cv_results_ : dict
         For each entry ``memory_horizon``, ``forgetting`` (λ), ``mean_test_score``,
         ``std_test_score``, ``split<i>_test_score``, the same for ``train``, ``gain`` over the last
@@ -85,8 +85,8 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
         ``overfit_ratio`` of the VAF on training and on validation runs (Eqs. J.1-J.4). VAF is
         unclipped, at least -1000.
     n_runs_pooled_ : int
-        Runs that were estimated together in each fold (the fewest). The best horizon is for that
-        many runs; more runs leave less noise, and make shorter horizons better.
+        Runs estimated together in each fold (the smallest number). The best horizon is for that
+        many runs; more runs leave less noise, which favours shorter horizons.
 
     See Also
     --------
@@ -98,8 +98,8 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
     Other attributes are those of :class:`RecursiveARX`. For progress, call
     ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
 
-    Runs of one forcing function share more than the operator: a path of very short memory can
-    learn the response to that very function, and then fails on any other. Where the best horizon
+    Runs with one forcing function share more than the operator: a path with very short memory can
+    learn the response to that particular function, and then fails on any other. If the best horizon
     is surprisingly short, validate on runs with another target.
 
     Examples
@@ -185,10 +185,10 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
         y : Series or array of shape (n_rows,)
             Output. NaN means no measurement.
         groups : array-like of shape (n_rows,) or None, default=None
-            Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
+            Group of each row, as in ``GridSearchCV``: what ``cv`` keeps together, and what
+            ``cv=None`` leaves out one at a time. Groups consist of whole runs. None uses the runs.
         **params : dict
-            What else ``cv`` requests, with metadata routing enabled.
+            Anything else that ``cv`` requests, if metadata routing is enabled.
 
         Returns
         -------
@@ -197,7 +197,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
         Raises
         ------
         ValueError
-            If there is one run only, or a fold cuts a run.
+            If there is only one run, or a fold cuts a run.
         """
         data = self._read_recursion(X, y)
         settings = self._settings(data)
@@ -231,14 +231,14 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
         if self.memory_horizons is not None:
             if not np.iterable(self.memory_horizons):
                 raise ValueError(
-                    f"memory_horizons is a sequence of horizons; got {self.memory_horizons!r}."
+                    f"memory_horizons must be a sequence of horizons; got {self.memory_horizons!r}."
                 )
             entries = tuple(self.memory_horizons)
         if not entries:
-            raise ValueError("memory_horizons is empty; name at least one, or None for 2 ... 8192.")
+            raise ValueError("memory_horizons is empty; give at least one, or None for 2 ... 8192.")
         if any(entry is None or isinstance(entry, str) for entry in entries):
             raise ValueError(
-                "memory_horizons holds numbers of samples, or tuples of one per parameter; got "
+                "memory_horizons must hold numbers of samples, or tuples of one per parameter; got "
                 f"{list(entries)}."
             )
         self._entries: list[Any] = [tuple(e) if np.ndim(e) else float(e) for e in entries]
@@ -263,9 +263,9 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
         some = np.bincount(run, validation.known) > 0
         if some.sum() == 1:
             raise ValueError(
-                "RecursiveARXCV validates on other runs, and X has one"
+                "RecursiveARXCV validates on other runs, but X has only one"
                 f"{'' if some.size == 1 else ' with measurements'}. For a single run use "
-                "RecursiveARX(forgetting='auto'), which goes by one-step predictions."
+                "RecursiveARX(forgetting='auto'), which uses one-step predictions."
             )
         if self.cv is None and routed["groups"] is None and validation.scored[some].all():
             every = np.flatnonzero(some)
@@ -275,11 +275,11 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
             try:
                 folds = folds_of(layout, self.cv, routed, validation.known, validation.keep)
             except RunCutWarning as cut:
-                raise ValueError(f"{cut} A path in time cannot be scored within a run.") from None
+                raise ValueError(f"{cut} A path over time cannot be scored within a run.") from None
         if any(rows.cut for fold in folds for rows in fold):
             raise ValueError(
-                f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs "
-                "whole ones, as LeaveOneGroupOut and GroupKFold give."
+                f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs whole "
+                "runs, as LeaveOneGroupOut and GroupKFold give."
             )
         return [
             (np.flatnonzero(fold.train.whole & some), np.flatnonzero(fold.test.whole & some))
@@ -331,7 +331,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
         super()._check_streaming(fitted)
         if not fitted:
             raise ValueError(
-                "RecursiveARXCV streams only after fit, which chooses the memory horizon."
+                "RecursiveARXCV can stream only after fit, which chooses the memory horizon."
             )
 
 
@@ -343,8 +343,8 @@ class _HorizonScores:
         self.scorer = search.scoring if search.scoring is not None else VAFScorer()
         if self.scorer.rate == "model":
             raise ValueError(
-                "A search scores at the full rate; figures of VAFScorer(rate='model') cannot "
-                "choose between models."
+                "A search scores at the full rate; VAFScorer(rate='model') cannot choose between "
+                "models."
             )
         layout = data.grid.layout
         self.run = layout.run_of(np.arange(layout.n_rows))

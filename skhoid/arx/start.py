@@ -29,7 +29,7 @@ def start_of(
         theta0 = np.zeros(n_params)
     else:
         refusal = (
-            f"init is 'ols', 'zeros' or theta0: {n_params} finite numbers for "
+            f"init must be 'ols', 'zeros' or theta0: {n_params} finite numbers for "
             f"{', '.join(names)}; got {init!r}."
         )
         try:
@@ -57,8 +57,8 @@ def _least_squares(table: np.ndarray, scale: np.ndarray, names: list[str]) -> np
         return triangle.solve()
     warnings.warn(
         f"The first {len(table)} usable rows do not determine all of {', '.join(names)}; the "
-        "recursion starts from the smallest parameters that fit them. Give a longer init_window, "
-        "or init= and p0=.",
+        "recursion starts from the minimum-norm parameters that fit them. Give a longer "
+        "init_window, or init= and p0=.",
         PoorExcitationWarning,
         stacklevel=5,
     )
@@ -70,7 +70,7 @@ def _given_P0(p0: Any, n_params: int) -> np.ndarray:
         given = np.asarray(p0, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(
-            f"p0 is a number, {n_params} numbers or a matrix of them; got {p0!r}."
+            f"p0 must be a number, {n_params} numbers or a matrix of them; got {p0!r}."
         ) from error
     P0 = given
     if given.ndim == 0:
@@ -79,8 +79,8 @@ def _given_P0(p0: Any, n_params: int) -> np.ndarray:
         P0 = np.diag(given)
     if P0.shape != (n_params, n_params):
         raise ValueError(
-            f"p0 is a number, {n_params} numbers or a matrix of shape ({n_params}, {n_params}); "
-            f"got the shape {given.shape}."
+            f"p0 must be a number, {n_params} numbers or a matrix of shape ({n_params}, "
+            f"{n_params}); got the shape {given.shape}."
         )
     scale = np.sqrt(np.abs(np.diag(P0)))
     if (
@@ -91,8 +91,8 @@ def _given_P0(p0: Any, n_params: int) -> np.ndarray:
     sizes = np.diag(P0)
     if not (sizes.min() > SMALLEST_P0 and sizes.max() < LARGEST_P0):
         raise ValueError(
-            f"p0 makes variances from {sizes.min():g} to {sizes.max():g}, which cannot be computed "
-            f"with: they lie between {SMALLEST_P0:g} and {LARGEST_P0:g}. To say that nothing is "
-            "known, 1e4 times the expected variances does; or p0=None."
+            f"p0 gives variances from {sizes.min():g} to {sizes.max():g}, outside the range that "
+            f"can be computed with, {SMALLEST_P0:g} to {LARGEST_P0:g}. If nothing is known, 1e4 "
+            "times the expected variances is enough; or use p0=None."
         )
     return P0

@@ -1,4 +1,4 @@
-"""Strategies of ARXRegressor: how it is estimated, and how it predicts afterwards.
+"""Strategies of ARXRegressor: how it is estimated and how it predicts.
 
 ``ARXRegressor.fit`` chooses one: the equation error, by least squares or instrumental variables,
 or the error of simulation, where there are effects.
@@ -157,8 +157,9 @@ class EquationError(AnswersByEquation):
         found = estimate(output, inputs, outside, begin, end, model.orders_, model.dt_, names, hac)
         if not found.converged:
             warnings.warn(
-                f"The instrumental-variable estimate still moves after {found.n_rounds} rounds; "
-                "the instruments may be weak. Compare its standard errors with method='ols'.",
+                f"The instrumental-variable estimate has not converged after {found.n_rounds} "
+                "rounds; the instruments may be weak. Compare its standard errors with "
+                "method='ols'.",
                 ConvergenceWarning,
                 stacklevel=4,
             )
@@ -294,8 +295,8 @@ def _instrument_columns(model: ARXRegressor, n_columns: int) -> list[int]:
         positions = [i for i, n in enumerate(names) if is_external(role_of(n, model.roles))]
     if not positions:
         raise ValueError(
-            "method='iv' needs external signals in X, such as the target f_t or a disturbance: "
-            f"name them with instruments=[...]; the columns are {names}."
+            "method='iv' needs external signals in X, such as the target f_t or a disturbance. "
+            f"Name them with instruments=[...]; the columns are {names}."
         )
     inside = [names[p] for p in positions if p in model._columns]
     if inside:

@@ -59,14 +59,14 @@ class Clock:
         if step <= 0:
             raise RunIndexError(
                 f"The stream goes back in time: {layout.where(row)} follows t = {self.time:.6g} s "
-                "of the same run. Give the rows in order of time; if a new run begins, give it a "
-                "label of its own or say new_run=True."
+                "of the same run. Give the rows in order of time; if a new run begins, give it "
+                "its own label or pass new_run=True."
             )
         if step <= GAP * layout.dt and abs(step - layout.dt) > JITTER_TOLERANCE * layout.dt:
             raise IrregularSamplingError(
                 f"The stream leaves its sampling grid: {layout.where(row)} comes {step:.6g} s "
-                f"after the row before it, and the sampling time is {layout.dt:.6g} s. Resample "
-                "the rows, or say new_run=True."
+                f"after the previous row, but the sampling time is {layout.dt:.6g} s. Resample "
+                "the rows, or pass new_run=True."
             )
         return step <= GAP * layout.dt
 

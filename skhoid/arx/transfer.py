@@ -21,7 +21,7 @@ def transfer_function(
         denominator[: orders.na + 1] = [1.0, *a]
         numerator = np.zeros(degree + 1)
         numerator[nk : nk + nb] = row[:nb]
-        # Leading zeros are no coefficients; SciPy warns of them.
+        # Leading zeros are not coefficients; SciPy warns about them.
         numerator = np.trim_zeros(numerator, "f")
         polynomials.append((numerator if numerator.size else np.zeros(1), denominator))
     if backend == "control":

@@ -8,7 +8,7 @@ from ..exceptions import did_you_mean
 from .arguments.names import EFFECTS
 from .options import refuse
 
-ABOUT_FILES = ["time", "dt", "run", "unit", "resample"]
+ABOUT_FILES = ["time", "dt", "run", "subject", "condition", "unit", "resample"]
 ABOUT_FILES += ["input", "instruments", "output", "x", "target", "role", "display"]
 BUNDLED = ("identify", "diagnose", "report")  # which have recordings of their own
 
@@ -40,6 +40,6 @@ def _check_effects(names: list[str], command: str) -> None:
     unknown = next((name for name in names if name not in EFFECTS), None)
     if unknown is not None:
         raise ValueError(
-            f"No effect is called {unknown!r}. There are: {', '.join(EFFECTS)}."
+            f"No effect is called {unknown!r}. The effects are: {', '.join(EFFECTS)}."
             f"{did_you_mean(unknown, EFFECTS)}"
         )

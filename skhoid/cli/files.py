@@ -52,6 +52,10 @@ def read_files(
     )
     X, y = read_guessed(guess, irregular=options.resample)
     options.columns = guess
+    for level in ("subject", "condition"):
+        label = getattr(options, level)
+        if label is not None:
+            X, y = _of_label(X, y, level, label)
     if options.resample:
         X, y = resample_runs(X, y, dt=options.dt)
         return Recorded(X, y, guess)
@@ -62,6 +66,27 @@ def read_files(
             "--dt SECONDS in place of --time."
         )
     return Recorded(X, y, guess)
+
+
+def _of_label(X: Any, y: Any, level: str, label: str) -> tuple[Any, Any]:
+    """The runs of one subject, or of one condition."""
+    if level not in X.index.names:
+        raise ValueError(
+            f"--{level} selects among several {level}s, and no column of the files tells them "
+            "apart: leave it out."
+        )
+    labels = X.index.get_level_values(level).astype(str)
+    if label not in labels:
+        raise ValueError(
+            f"There is no {level} {label!r} in the files, only "
+            f"{', '.join(map(repr, labels.unique()))}."
+        )
+    chosen = labels == label
+    attributes, of_output = X.attrs, y.attrs
+    X, y = X[chosen].droplevel(level), y[chosen].droplevel(level)
+    X.index, y.index = (part.index.remove_unused_levels() for part in (X, y))
+    X.attrs, y.attrs = attributes, of_output
+    return X, y
 
 
 def columns_dict(options: argparse.Namespace) -> dict[str, Any] | None:

@@ -11,7 +11,7 @@ from typing import Any
 
 Steps = list[tuple[str, str]]
 # Options that say what is in the files, which the next command needs too.
-OF_FILES = ("output", "time", "run", "dt", "run_in", "x", "target")
+OF_FILES = ("output", "time", "run", "subject", "condition", "dt", "run_in", "x", "target")
 
 
 def _typed(options: argparse.Namespace, *commands: str, without: Sequence[str] = ()) -> str:

@@ -34,7 +34,8 @@ PARTS = {  # options of a paper's study, as far as its function has them
 }
 OF_OUT = ["no_pictures", "format", "table_format"]
 KEPT = ["jobs", "out", *OF_OUT]
-OF_FILES = ["input", "output", "time", "run", "dt", "unit", "resample", "measurement_time"]
+OF_FILES = ["input", "output", "time", "run", "subject", "condition", "dt", "unit", "resample"]
+OF_FILES += ["measurement_time"]
 APPLY = {
     "list": [],
     "all": ["replications", *PARTS, "seed", *KEPT],

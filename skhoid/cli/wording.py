@@ -25,9 +25,17 @@ OPTION = {
     r"\bselect_runs\b": "files",
 }
 
+_POOLED = re.compile(
+    r"(Runs of \d+ (subject|condition)s are fitted as those of one: (.*?), .*?)\. Fit each"
+)
+
 
 def reworded(text: str, options: argparse.Namespace) -> str:
     """A message, with the options of this command that do what it says in Python."""
+    pooled = _POOLED.match(text)
+    if pooled and hasattr(options, pooled[2]):
+        label = shlex.quote(pooled[3])
+        return f"{pooled[1]}. Say --{pooled[2]} {label} to fit one by itself, and so on."
     for part in PYTHON_ONLY:
         text = text.replace(part, "")
     found = [

@@ -211,7 +211,7 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
             "gain",
             f"The measured response is {100 * abs(gain.size):.0f} % {more} than the simulated one",
             f"{_p(gain)}; it costs about {_points(c, gain.cost)}.",
-            "The gain differs from that of the runs it was fitted on, or the fit is biased by "
+            "The gain differs from that of the runs used for the fit, or the fit is biased by "
             "remnant in the loop or by a short memory.",
             "Fit on runs of the same condition; compare with Fourier coefficients or instruments "
             '(ARXRegressor(method="iv")).',
@@ -366,7 +366,7 @@ def _overfit(c: Comparison, signals: Signals, then: NextSteps) -> tuple[bool, st
     p parameters fitted to N independent values of noise raise the error of other runs to
     (N + p)/(N - p) times their own; N is twice the bandwidth of the output times the duration.
     """
-    differ = "These runs differ from those the model was fitted on"
+    differ = "These runs differ from those the model was fitted to"
     either = f"The model has learnt the noise of its own runs, or {differ[0].lower()}{differ[1:]}."
     if then.n_parameters is None:
         return True, either

@@ -61,10 +61,9 @@ class Ceiling:
 def consistent_ceiling(
     ceiling: float, vaf: float, sd: float = 0.0, *, held_out: bool = True
 ) -> tuple[float, str]:
-    """Ceiling to show beside the VAF of a model, or NaN and the reason why it is not known.
+    """Ceiling to show with the VAF of a model, or NaN and the reason why it is not known.
 
-    A ceiling is never above 100, and no model that did not see the rows can exceed it but by
-    chance.
+    A ceiling is never above 100, and a model that did not see the rows exceeds it only by chance.
 
     Parameters
     ----------
@@ -75,7 +74,7 @@ def consistent_ceiling(
     sd : float, default=0.0
         Standard error of the ceiling, in points.
     held_out : bool, default=True
-        Whether the model was judged on rows that it was not fitted on.
+        Whether the model was judged on rows that it was not fitted to.
 
     Returns
     -------
@@ -97,7 +96,7 @@ def consistent_ceiling(
     if vaf > ceiling + max(SIGMAS * sd, LEAST_EXCESS):
         judged = "a model judged on rows it did not see" if held_out else "the model"
         why = (
-            "what does not repeat is not noise alone: the runs differ in more than their remnant "
+            "what does not repeat is not only noise: the runs differ in more than their remnant "
             "(a disturbance, the person, the initial state)"
         )
         if not held_out:

@@ -1,4 +1,4 @@
-"""Changes in the run: of the response, of the remnant's power, of the mean; CUSUMs, outliers."""
+"""Changes during the run: of the response, the remnant's power and the mean; CUSUMs, outliers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The part of signals that is caused from outside the loop, and owes nothing to the remnant."""
+"""The part of signals that is caused from outside the loop and is independent of the remnant."""
 
 from __future__ import annotations
 

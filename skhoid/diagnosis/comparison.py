@@ -58,14 +58,14 @@ class Comparison:
     false_alarm : float
         Rate at which each test, and each table as a whole, exceeds chance with nothing missing.
     domain : {"human", "machine"}
-        Whose words the findings use.
+        Wording of the findings.
     vaf : float
         VAF of the free run on all scored rows, in percent, about zero and unclipped.
     vaf_about_mean : float
         The same relative to the power of the output about its mean, 100 (1 - Σr²/Σ(y - ȳ)²). An
         error of the mean counts in both. NaN where the output is constant.
     mean_share : float
-        Share (0 to 1) of the power of the output that its mean holds. Above one half, texts give
+        Share (0 to 1) of the output's power that is due to its mean. Above one half, texts give
         VAF, ceiling and points about the mean.
     one_step_vaf : float
         VAF one step ahead; NaN for a model that makes no such prediction.
@@ -74,7 +74,8 @@ class Comparison:
     estimation_vaf : float
         VAF on the runs given as ``estimation``; NaN if there are none.
     overfit_ratio : float
-        Mean squared residual, relative to the output's, on validation over estimation runs.
+        Mean squared residual, relative to the output's power, on validation runs divided by that on
+        estimation runs.
     overfit : bool or None
         Whether the ratio exceeds 1.1; None without estimation runs.
     noise_ceiling : float
@@ -83,27 +84,27 @@ class Comparison:
     noise_ceiling_interval : (float, float)
         Its 95 % confidence interval.
     explainable_gap : float
-        Estimated ceiling less ``vaf``, in VAF points: what a better model could still win. Not
-        thresholded: below 0 by chance where nothing is left, and the ceiling is then the VAF.
+        Estimated ceiling minus ``vaf``, in VAF points: what a better model could still gain. Not
+        thresholded: by chance it is below 0 where nothing is left, and the ceiling is then the VAF.
     ceiling_route : {"repeats", "lines", "none"}
-        Where the ceiling is from.
+        How the ceiling was found.
     ceiling_note : str
         The same as a sentence; why it is not known, where it is not.
     leak : LeakTest or None
-        Whether the prediction is the output rebuilt from x; None without x (or e and f_t), and of
-        a model that has inputs from outside the loop alone.
+        Whether the prediction is the output rebuilt from x; None without x (or e and f_t), and for
+        a model with inputs only from outside the loop.
     traces : DataFrame
         ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
         a role, row by row.
     by_run, by_time, by_frequency, by_operating_point : DataFrame
         The residual by run, by window of time in the run, by frequency, and by value of signals.
-        ``exceeds`` is two-sided: a window that holds less than the others exceeds chance too.
+        ``exceeds`` is two-sided: a window with less than the others exceeds chance too.
         In ``by_time``, ``explainable`` is the part of ``share`` (VAF points lost) that repeats
         over runs.
     tests : DataFrame
-        One row for each test; ``p`` accounts for the search inside the test, ``exceeds`` is
-        p < ``false_alarm``; ``cost`` in VAF points; ``valid`` is False for what is described and
-        not tested.
+        One row per test; ``p`` accounts for the search inside the test, ``exceeds`` is p <
+        ``false_alarm``; ``cost`` is in VAF points; ``valid`` is False for what is described but not
+        tested.
     correlations : DataFrame
         Cross-correlation of the prewhitened residual with signals, by lag.
     cusum : DataFrame
@@ -115,7 +116,7 @@ class Comparison:
     remnant_spectrum : DataFrame
         Density over ``omega`` (rad/s) of what does not repeat; described, not tested.
     findings : list of Finding
-        What it means and what to do next, the most important first.
+        What the results mean and what to do next, most important first.
     notes : list of str
         What was left out.
 
@@ -207,7 +208,7 @@ class Comparison:
         Parameters
         ----------
         ax : sequence of Axes or None, default=None
-            Where to; None makes a figure.
+            Axes to draw on; None makes a figure.
 
         Returns
         -------
@@ -241,24 +242,22 @@ def compare(
     dt: float | None = None,
     run: Any = None,
 ) -> Comparison:
-    """Compare a fitted model with measured runs: how good, where bad, how much left to explain.
+    """Compare a fitted model with measured runs: how good, where it fails, what is left to explain.
 
     Parameters
     ----------
     model : fitted regressor, pipeline or search
-        Anything with ``predict``. One-step figures come from ``predict_ahead``, where there is
-        one.
+        Anything with ``predict``. One-step figures come from ``predict_ahead``, if there is one.
     X : DataFrame or array of shape (n_rows, n_columns)
         Channels of the validation runs, one row per sample. Roles are taken from the names of
-        columns: ``e``, ``x``, ``f_t``, ``dist...``. A target that is not there is e + x.
+        columns: ``e``, ``x``, ``f_t``, ``dist...``. A missing target is computed as e + x.
     y : Series or array of shape (n_rows,)
         Measured output.
     estimation : (X, y) or None, default=None
-        Runs that the model was fitted on. They are scored by themselves, for the verdict on
-        overfit.
+        Runs that the model was fitted to. They are scored separately, to check for overfitting.
     repeats : None, bool, dict or sequence, default=None
-        Which runs share the target: those whose ``f_t`` are equal (None), all (True), none
-        (False), those of one label in ``{run: label}`` or in a sequence of one label a run.
+        Which runs share the target: those whose ``f_t`` are equal (None), all (True), none (False),
+        or those with the same label in ``{run: label}`` or in a sequence of one label per run.
     roles : dict or None, default=None
         ``{column: role}`` for columns that are not named by their role. None takes those of the
         model.
@@ -268,9 +267,9 @@ def compare(
         Rate at which each test, and each table as a whole, says that something exceeds chance
         when nothing is missing; from 1e-12 to 0.5.
     domain : {"human", "machine"} or None, default=None
-        Whose words the findings use, and how soon an answer can come: a person's not within
-        0.1 s. None means a person where the model is an OperatorRegressor, or where there are an
-        error and x or f_t; else a machine.
+        Wording of the findings, and how soon a response can come: a person's not within 0.1 s. None
+        means a person if the model is an OperatorRegressor, or if there are an error and x or f_t;
+        otherwise a machine.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: that of the model, or 1).
     run : column name or position, or None, default=None
@@ -289,17 +288,17 @@ def compare(
     --------
     remnant_estimate : Intensity and spectrum of the remnant.
     performance_scores : Scores and windows of an experiment.
-    check_channels : Units, clocks and copies of the recorded channels.
+    check_channels : Checks units, clocks and copies of the recorded channels.
 
     Notes
     -----
     The residual of run k is r_k = d + n_k: a misfit d that repeats with the target, and remnant
-    n_k. The ceiling is 100 (1 - Σn²/Σu²) with Σn² from what r does not repeat. (What u does not
-    repeat would be more: remnant goes round the loop into e, and its answer can be predicted.)
-
-    Tests use patterns that owe nothing to the remnant of their own run: the target, and what
-    signals of the other runs have in common. They are valid in a closed loop whatever the colour
-    of the remnant. A finding is no proof of a cause: see its meaning.
+    n_k. The ceiling is 100 (1 - Σn²/Σu²) with Σn² from the part of r that does not repeat. (The
+    part of u that does not repeat would be larger: remnant goes round the loop into e, and the
+    response to it can be predicted.) Tests use patterns that are independent of the remnant of
+    their own run: the target, and what signals of the other runs have in common. They are valid in
+    a closed loop whatever the colour of the remnant. A finding does not prove a cause: see its
+    meaning.
 
     Examples
     --------
@@ -318,7 +317,7 @@ def compare(
     if estimation is not None:
         if not isinstance(estimation, (tuple, list)) or len(estimation) != 2:
             raise TypeError(
-                "estimation is the pair (X, y) of the runs that the model was fitted on."
+                "estimation must be the pair (X, y) of the runs that the model was fitted to."
             )
         fitted = read_signals(model, *estimation, repeats=False, **options)
     vaf = _pooled(signals, signals.predicted)  # which refuses an output of zeros

@@ -1,9 +1,8 @@
 """Correlation of the residual with signals of the loop.
 
 With signals from outside the loop (f_t, f_d) this is the test of a fault that holds in a closed
-loop: whatever the colour of the remnant, it owes nothing to them. With e and x it is shown, not
-tested: remnant goes round the loop, so that a coloured one correlates with past e even for the
-exact model.
+loop: whatever its colour, the remnant is independent of them. With e and x it is shown, not tested:
+remnant goes round the loop, so coloured remnant correlates with past e even for the exact model.
 """
 
 from __future__ import annotations

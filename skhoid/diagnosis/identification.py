@@ -1,7 +1,7 @@
 """The thesis's identification procedure, step by step, on recorded runs (its Section III-D).
 
 Rows in which control was lost are left out first, and models that rebuild the output from what it
-caused are refused in the end.
+caused are refused at the end.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ MOST_DELAYS = 2_000
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
 OPPOSED = -0.15  # correlation, below which a residual opposes what the prediction holds
-UNTOLD = "cannot be told from the controlled element's inverse"
+UNTOLD = "cannot be told apart from the controlled element's inverse"
 REBUILDS = "rebuilds the output from the controlled element's response"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelChoice:
-    """What the caller fixes of the models: orders and delay that are None are searched for.
+    """What the caller fixes: orders and delay that are None are searched for.
 
     Orders are not searched if ``na`` or ``nb`` is given (the other is then 2). Searches compare
     least squares; with ``method="iv"`` what they choose is fitted by instrumental variables.
@@ -107,14 +107,14 @@ class FittedModel:
 
     @property
     def leaks(self) -> bool:
-        """Whether the model is refused: it answers what nobody could see."""
+        """Whether the model is refused: it responds to what nobody could see."""
         return self.leak is not None and self.leak.leaks is True
 
     @property
     def untold(self) -> bool:
         """Whether it could as well rebuild the output from x.
 
-        It answers sooner than anybody does, or as soon and cannot be tested.
+        It responds sooner than anybody could, or just as soon and cannot be tested.
         """
         tested = self.leak is not None and self.leak.leaks is not None
         return self.spare < 0 or (self.spare <= 1 and not tested)
@@ -384,7 +384,9 @@ class _Measured:
         run_in: float | None,
     ) -> _Measured:
         if choice.lost_control not in CHOICES:
-            raise ValueError(f"lost_control is 'leave_out' or 'keep'; got {choice.lost_control!r}.")
+            raise ValueError(
+                f"lost_control must be 'leave_out' or 'keep'; got {choice.lost_control!r}."
+            )
         of_role = columns_by_role(list(X.columns), choice.roles)
         channels = {role: as_column(X.iloc[:, i]) for role, i in of_role.items()}
         inputs = input_columns(list(X.columns), X.shape[1], choice.inputs, None, choice.roles)
@@ -479,8 +481,8 @@ def _doubted(dt: float, longest_delay: float) -> str:
     if dt <= longest_delay:
         return ""
     return (
-        f" The rows are counted as {dt:.3g} s apart: if the times are not in seconds, say in what "
-        "they are with units={'time': ...}."
+        f" The rows are counted as {dt:.3g} s apart: if the times are not in seconds, state their "
+        "unit with units={'time': ...}."
     )
 
 

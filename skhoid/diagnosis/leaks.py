@@ -1,8 +1,9 @@
 """Test whether a prediction is the output rebuilt from the controlled element's response.
 
 The element's output is a function of its input, x = G (u + d). A model that sees x without delay
-can compute G^-1 x = u + d: it knows the output with hardly a delay, and it knows a disturbance that
-nobody could see. No person answers a disturbance within some 0.1 s; such a prediction does.
+can compute G^-1 x = u + d: it knows the output with hardly any delay, and it knows a disturbance
+that nobody could see. No person responds to a disturbance within about 0.1 s; such a prediction
+does.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ SIGMAS = 3.0  # standard errors by which the slope exceeds half of that
 LEAST_DISTURBANCE = 0.1  # rms, of that of the output; less is no probe
 POWER = 0.99  # of the output, below the band's edge
 WIDER = 2.0  # times that edge: a disturbance is faster than the answer to it
-HONEST = "No more than a delayed answer would contain: "
+HONEST = "No more than a delayed response would contain: "
 REBUILT = ": the model rebuilds the output from the element's response instead of predicting it"
 LEAST_ROWS = 16  # of a run
 LEAST_PERIODS = 20  # of the edge of the band, of all runs
@@ -37,7 +38,7 @@ OF_OUTPUT = (0, 1, 2, 4)  # taps of the output
 
 @dataclass(frozen=True)
 class LeakTest:
-    """Whether a prediction holds a disturbance that the controller could not see.
+    """Whether a prediction contains a disturbance that the controller could not see.
 
     Parameters
     ----------
@@ -54,9 +55,9 @@ class LeakTest:
         inverse predicts u + d, whose residual is -d: -1. Of a model that does not know d: near 0.
     slope : float
         Part of d that the prediction holds at once: regression on d at lags from -0.05 s to 0.1 s,
-        with the output and the target held fixed. The inverse has 1, a delayed answer 0 or less.
+        with the output and the target held fixed. The inverse has 1, a delayed response 0 or less.
     sd : float
-        Standard error of the slope, with the long-run variance of what is left.
+        Standard error of the slope, with the long-run variance of the remainder.
     reason : str
         What was seen, as a sentence.
     """
@@ -118,15 +119,14 @@ def leak_test(
         Numerator and denominator of the element in powers of q^-1 at ``dt``, x = b/a (u + d). None
         estimates a low-order one from u and x, with the target as the instrument.
     target : ndarray or None, default=None
-        Target; zeros where there is none to follow. Without an ``element`` it is needed.
+        Target; zeros if there is none to follow. Required without an ``element``.
     disturbance : ndarray or None, default=None
         Recorded disturbance of the element's input.
     told : bool, default=True
-        Whether the model has the recorded disturbance as an input: what follows it linearly is
-        then not unseen. To a model that is not told it, it is as unseen as one that is recorded
-        nowhere.
+        Whether the model has the recorded disturbance as an input: what follows it linearly is then
+        not unseen. For a model without that input it is as unseen as one that is not recorded.
     least_delay : float, default=0.1
-        Sooner than this (s) nothing that answers the disturbance can be an answer.
+        Shortest time (s) in which a response to the disturbance is possible.
 
     Returns
     -------
@@ -233,7 +233,7 @@ def leak_of_channels(
     told : callable
         Whether the model has the recorded disturbance of this role as an input.
     least_delay : float
-        Sooner than this (s) nothing that answers the disturbance can be an answer.
+        Shortest time (s) in which a response to the disturbance is possible.
 
     Returns
     -------

@@ -143,7 +143,9 @@ class NextSteps:
             return self._refit(name)
         if hasattr(self._model, "coef_path_"):
             return "Use a shorter memory horizon (RecursiveARXCV finds it)."
-        return "Use RecursiveARX (memory_horizon by RecursiveARXCV), or a gain that varies in time."
+        return (
+            "Use RecursiveARX (memory_horizon by RecursiveARXCV), or a gain that varies over time."
+        )
 
     def drift(self) -> str:
         """For a mean that changes within the run."""

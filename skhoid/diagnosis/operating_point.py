@@ -22,7 +22,7 @@ N_DRAWS = 2000
 def by_operating_point(
     signals: Signals, ceiling: Ceiling, false_alarm: float
 ) -> tuple[pd.DataFrame, list[Test]]:
-    """Mean residual against the value that signals had one response time earlier.
+    """Mean residual against the value of signals one response time earlier.
 
     Remnant goes round the loop into e, x and u, and would sort itself into bins: with runs that
     share the target the straight line that it makes is taken out, otherwise the mean residual is

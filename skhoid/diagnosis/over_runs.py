@@ -87,7 +87,7 @@ def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, lis
                 float(alone[worst]),
                 where=float(used[worst]),
                 size=float(np.exp(log[worst] - np.median(log))),
-                description="residual power of one run against the others",
+                description="residual power of one run compared with the others",
             )
         )
         centred = np.arange(used.size) - (used.size - 1) / 2
@@ -100,7 +100,7 @@ def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, lis
                 slope / sd,
                 float(2 * norm.sf(abs(slope / sd))),
                 size=float(100 * np.expm1(slope)),
-                description="trend of the residual power from run to run (percent a run)",
+                description="trend of the residual power from run to run (percent per run)",
             )
         )
     tests += _lost_control(signals)

@@ -45,16 +45,16 @@ MAYBE_FIRST_ORDER = "A first order is not excluded (probability {:.2f}). If it i
 ROUTES = {
     "repeats": "what does not repeat between runs with the same target",
     "lines": "the residual between the excited lines of the target",
-    "none": "the whole residual, an upper bound: it holds what the model lacks as well",
+    "none": "the whole residual, an upper bound: it includes what the model lacks",
 }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RemnantEstimate:
-    """Remnant of an operator, as :func:`remnant_estimate` finds it.
+    """Remnant of an operator, as found by :func:`remnant_estimate`.
 
-    Intervals hold the value with 95 % probability. K_n and T_n, and their intervals, are those of
-    the order chosen; ``orders`` has them for every order.
+    Intervals are 95 %. K_n and T_n, and their intervals, are those of the order chosen; ``orders``
+    has them for every order.
 
     Parameters
     ----------
@@ -73,23 +73,23 @@ class RemnantEstimate:
     gain_interval : (float, float)
         Interval of K_n, given m.
     orders : DataFrame
-        One row an order m (the index): ``gain``, ``time_constant``, their standard deviations
+        One row per order m (the index): ``gain``, ``time_constant``, their standard deviations
         ``sd_gain`` and ``sd_time_constant``, ``log_likelihood`` below that of the best order (0,
-        or negative), and ``probability``, of orders that were equally likely beforehand.
+        or negative), and ``probability``, if all orders are equally likely beforehand.
     p_value : float
         Probability of a misfit as large as that of the chosen order, if the remnant is of that
-        order. Small: none of the filters describes it, and order and time constant are at best a
+        order. If small, none of the filters describes it, and order and time constant are at best a
         rough description.
     spectrum : DataFrame
         ``omega`` (rad/s), ``psd`` (squared unit of u per rad/s, one-sided), ``fitted``, the
         density of the chosen filter, and ``used`` (bool), the frequencies of the fit.
     route : {"repeats", "lines", "none"}
-        Where the noise comes from: what runs of one target do not repeat, the residual between
-        excited lines, or the whole residual.
+        Where the noise comes from: what does not repeat between runs with the same target, the
+        residual between excited lines, or the whole residual.
     warning : str
-        A caution, for a remnant of first order; otherwise empty.
+        A caution if the remnant is of first order; otherwise empty.
     n_runs : int
-        Number of runs it rests on.
+        Number of runs used.
     output : str
         Name of u.
     unit : str or None
@@ -161,8 +161,8 @@ class RemnantEstimate:
             ]
         if self.p_value < UNLIKELY:
             lines.append(
-                f"  No order describes the spectrum ({p_text(self.p_value)}): order, time constant "
-                "and gain are a rough picture."
+                f"  No order describes the spectrum ({p_text(self.p_value)}): order, time "
+                "constant and gain are only a rough description."
             )
         if self.warning:
             lines.append(f"Warning: {self.warning}")
@@ -187,7 +187,7 @@ def remnant_estimate(
     dt: float | None = None,
     run: Any = None,
 ) -> RemnantEstimate:
-    """Estimate the operator's remnant from what a model's free run leaves.
+    """Estimate the operator's remnant from the residual of a model's free run.
 
     The remnant n is what does not repeat in the residual over runs that share the target; with
     one run and a periodic target, the residual between the excited lines; otherwise it cannot be
@@ -203,8 +203,8 @@ def remnant_estimate(
     y : Series or array of shape (n_rows,)
         The operator's output u.
     repeats : sequence, dict, bool or None, default=None
-        Which runs share the target: a label a run, ``{run: label}``, True (all) or False (none).
-        None compares the targets.
+        Which runs share the target: one label per run, ``{run: label}``, True (all) or False
+        (none). None compares the targets.
     roles : dict or None, default=None
         ``{column: role}`` for columns whose names are not their roles.
     run_in : float or None, default=None
@@ -224,24 +224,24 @@ def remnant_estimate(
 
     Notes
     -----
-    The interval of P_n is that of the operator: other runs of the same operator have another
-    realisation of the remnant, and a ratio of their own. The ratio in these very runs is known
-    better, two to three times at five runs. It allows for what remnant adds to u on its way round
-    the loop, and for a power that varies over the run.
+    The interval of P_n is for the operator: other runs of the same operator have another
+    realisation of the remnant, and their own ratio. The ratio in these particular runs is known
+    better, two to three times at five runs. The interval allows for what remnant adds to u on its
+    way round the loop, and for a power that varies over the run.
 
-    Order and time constant come from a Whittle likelihood of the averaged periodogram, up to
-    60 rad/s, half the Nyquist frequency, or ten times a floor of white measurement noise. The
-    probabilities compare the four orders with each other and take for granted that one of them is
-    true; ``p_value`` tests that. With no measurement noise the right order comes out in all of
-    2,880 simulations of five runs (C1, C2 and C4, P_n 0.05 to 0.30, orders 1 to 4) and in 98 % of
-    single runs; with white noise of a tenth of the remnant's power in little more than half of
-    those of orders 3 and 4, since a steep spectrum then ends in the floor.
+    Order and time constant come from a Whittle likelihood of the averaged periodogram, up to 60
+    rad/s, half the Nyquist frequency, or ten times a floor of white measurement noise. The
+    probabilities compare the four orders with each other and assume that one of them is true;
+    ``p_value`` tests that. Without measurement noise the right order is found in all of 2,880
+    simulations of five runs (C1, C2 and C4, P_n 0.05 to 0.30, orders 1 to 4) and in 98 % of single
+    runs; with white noise of a tenth of the remnant's power in little more than half of those of
+    orders 3 and 4, since a steep spectrum then ends in the floor.
 
-    What a model gets wrong of the linear response to e is in its residual, and as remnant goes
-    round the loop into e, it does not repeat either. It is estimated from the part of e that the
-    target explains, and taken out; what a model lacks beyond that, and does not repeat, counts as
-    remnant. With an ARX(2, 2) model of other runs, P_n comes out within 1.5 % of its value on
-    average for orders 1 to 3; for order 4 it is 5 % too high at P_n = 0.15 and 14 % at 0.30.
+    A model's error in the linear response to e is in its residual and, since remnant goes round the
+    loop into e, it does not repeat either. It is estimated from the part of e that the target
+    explains, and taken out; anything else that the model lacks and that does not repeat counts as
+    remnant. With an ARX(2, 2) model of other runs, P_n is within 1.5 % of its value on average for
+    orders 1 to 3; for order 4 it is 5 % too high at P_n = 0.15 and 14 % at 0.30.
 
     References
     ----------
@@ -325,7 +325,7 @@ def _intensity(
     N = sum(float(part["n"].sum()) for part in parts)
     U = sum(float(part["u"].sum()) for part in parts)
     if not U > 0:
-        raise ValueError("The output is constant in all runs; it has no remnant to speak of.")
+        raise ValueError("The output is constant in all runs, so there is no remnant to estimate.")
     P = N / U
     variance = sum(
         float(np.sum(p["nn"] - 2 * P * p["nu"] + P**2 * (p["uu"] + p["response"]))) for p in parts

@@ -111,12 +111,15 @@ def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
         return [repeats.get(label, ("alone", label)) for label in layout.labels]
     if isinstance(repeats, str) or not isinstance(repeats, Iterable):
         raise TypeError(
-            "repeats is None, True, False, a dict {run: label} or a sequence of one label per run; "
+            "repeats must be None, True, False, a dict {run: label} or a sequence of one label per "
+            "run; "
             f"got {repeats!r}."
         )
     labels = list(repeats)
     if not all(isinstance(label, Hashable) for label in labels):
-        raise TypeError(f"repeats has a label for each run, a number or a name; got {repeats!r}.")
+        raise TypeError(
+            f"repeats must have a label for each run, a number or a name; got {repeats!r}."
+        )
     if len(labels) != n_runs:
         raise ValueError(
             f"repeats has {len(labels)} entries for {n_runs} runs: give one label per run (runs "

@@ -38,11 +38,11 @@ def performance_scores(
     dt: float | None = None,
     run: Any = None,
 ) -> pd.DataFrame:
-    """Score how well each run was tracked, and with how much control, in windows of time.
+    """Score tracking performance and control activity of each run, in windows of time.
 
-    As in Table VI of the thesis: the root mean square of the error, which keeps its mean; the
+    As in Table VI of the thesis: the root mean square of the error, including its mean; the
     tracking score var(e) / var(f_t); the control activity var(u). Variances are about the mean of
-    the window. A missing value is left out of the scores that need it, and counted.
+    the window. Missing values are left out of the scores that need them, and counted.
 
     Parameters
     ----------
@@ -52,11 +52,10 @@ def performance_scores(
         The operator's output u. An output of the role x, such as a cursor, serves as x too.
     windows : sequence, dict or str, default=("T_m", "ini", "tran", "fin")
         ``"T_m"`` is the whole run, ``"ini"`` its first and ``"fin"`` its last 30.72 s, ``"tran"``
-        the 20.48 s around ``change``. Windows of one's own are (start, stop), in seconds of the
-        time index and without the row at stop, or ``{name: (start, stop)}``; a sequence may mix
-        these.
+        the 20.48 s around ``change``. Your own windows are (start, stop), in seconds of the time
+        index and excluding the row at stop, or ``{name: (start, stop)}``; a sequence may mix these.
     change : float or None, default=None
-        Instant around which ``"tran"`` lies, in seconds of the time index. None means the middle
+        Time around which ``"tran"`` is centred, in seconds of the time index. None means the middle
         of the run.
     roles : dict or None, default=None
         ``{column: role}`` for columns whose names are not their roles.
@@ -69,22 +68,22 @@ def performance_scores(
     -------
     scores : DataFrame
         One row for each run and window. Columns: the levels of the row index (``subject``,
-        ``condition``, ``run``, as far as there are any), ``window``, its ``start`` and ``stop`` in
-        the run (s), ``rms_e``, ``tracking_score``, ``control_activity``, ``n_samples``, and
-        ``n_missing``, the samples of them in which a signal is NaN. A score without its signal is
-        NaN: without f_t, and e or x to make it of, there is no tracking score.
-        ``scores.attrs["units"]`` holds the units, as far as X and y have any.
+        ``condition``, ``run``, if present), ``window``, its ``start`` and ``stop`` in the run (s),
+        ``rms_e``, ``tracking_score``, ``control_activity``, ``n_samples``, and ``n_missing``, the
+        samples of them in which a signal is NaN. A score without its signal is NaN: without f_t, or
+        e and x to compute it from, there is no tracking score. ``scores.attrs["units"]`` has the
+        units that X and y have.
 
     Raises
     ------
     ShortRunError
         If a run is shorter than a named window, or has no row in a window.
     ValueError
-        If there is neither an error nor an output, or a window makes no sense.
+        If there is neither an error nor an output, or a window is not valid.
 
     Notes
     -----
-    A run-in marked by :class:`~skhoid.RunInTrimmer` is no part of the run.
+    A run-in marked by :class:`~skhoid.RunInTrimmer` is not part of the run.
 
     References
     ----------
@@ -206,8 +205,8 @@ def _checked(window: Any) -> Window:
     if _is_pair(window) and window[0] < window[1]:
         return float(window[0]), float(window[1])
     raise ValueError(
-        f"A window is one of {NAMED}, (start, stop) in seconds or {{name: (start, stop)}}, and "
-        f"begins before it ends; got {window!r}."
+        f"A window must be one of {NAMED}, (start, stop) in seconds or {{name: (start, stop)}}, "
+        f"and must begin before it ends; got {window!r}."
     )
 
 

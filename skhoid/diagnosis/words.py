@@ -26,7 +26,7 @@ class Words:
 
 WORDS = {
     "human": Words(
-        lost_control="A person who has lost control no longer answers as before.",
+        lost_control="A person who has lost control no longer responds as before.",
         outlying_run="Another person, a practice run, fatigue, or a setting that was changed.",
         learning="The person is still learning (falling) or tiring (growing) from run to run.",
         bias="An offset of the recording, a trim of the stick, or integral action.",
@@ -37,15 +37,15 @@ WORDS = {
         power_change="Effort or workload change, or the remnant's gain follows the person's own.",
         mean_change="A bias that drifts or steps: posture, trim, or an offset of the recording.",
         range="check the stick's range",
-        asymmetry="Left and right are not alike: the arm, the stick, or an offset.",
+        asymmetry="Left and right differ: the arm, the stick, or an offset.",
         follows_target="On a pursuit or preview display: feedforward from the target. On a "
         "compensatory display the person does not see the target, so it can only be precognition, "
         "a linear misfit of the response to e, or something equivalent to it.",
-        follows_disturbance="The person, or the stick, answers the disturbance along a path that "
-        "does not go through e: motion, force, or vibration.",
+        follows_disturbance="The person, or the stick, responds to the disturbance along a path "
+        "that does not go through e: motion, force, or vibration.",
     ),
     "machine": Words(
-        lost_control="Beyond a stop or a limit, or after a fault, it no longer answers as before.",
+        lost_control="Beyond a stop or a limit, or after a fault, it no longer responds as before.",
         outlying_run="Another setting, load or temperature, a fault, or another initial state.",
         learning="It warms up, wears, or drifts from run to run.",
         bias="An offset of the recording or the actuator, a constant load, or integral action.",
@@ -56,7 +56,7 @@ WORDS = {
         power_change="The noise depends on time or on the operating point.",
         mean_change="A load or an offset that drifts or steps.",
         range="check the range of actuator and sensor",
-        asymmetry="The two directions are not alike: friction, geometry, or an offset.",
+        asymmetry="The two directions differ: friction, geometry, or an offset.",
         follows_target="Feedforward from the reference, or a linear misfit of the response to the "
         "input.",
         follows_disturbance="The disturbance acts on the output along a path that the model lacks.",

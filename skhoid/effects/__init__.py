@@ -1,4 +1,4 @@
-"""Named physical effects of an operator, which models include and searches try."""
+"""Named physical effects, which models include and searches try."""
 
 from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
 from .base import Effect

@@ -25,26 +25,26 @@ FACTORS, FINER_FACTORS = np.linspace(0.88, 1.12, 25), np.linspace(0.992, 1.008, 
 
 
 class Saturation(StaticMap):
-    """Stops: the output, the command or what is seen of the error stays within limits.
+    """Stops: the output, the command or the perceived error stays within limits.
 
     ``"hard"``: min(max(u, -limit), limit); ``"unequal"``: from -limit (1 - skew) to limit (1 +
     skew); ``"soft"``: limit tanh(u / limit); ``"behind"``: the mean of the hard one over remnant
-    that passes it too, with standard deviation ``remnant``.
+    that is limited too, with standard deviation ``remnant``.
 
     Parameters
     ----------
     limit : float or None, default=None
         In units of the output, or of the error; None estimates it.
     remnant : float or None, default=None
-        Standard deviation of the remnant before the stop, in units of the output, of
-        ``"behind"``; None estimates it.
+        Standard deviation of the remnant ahead of the stop (``"behind"``), in units of the output;
+        None estimates it.
     skew : float or None, default=None
-        Half the relative difference of the stops, of ``"unequal"``; None estimates it.
+        Half the relative difference between the two stops (``"unequal"``); None estimates it.
     form : {"hard", "soft", "unequal", "behind"} or None, default=None
-        None tries the first three, and the last where samples pile up at a stop.
+        None tries the first three, and ``"behind"`` where samples pile up at a stop.
     at : {"output", "command", "error"} or None, default=None
-        What is limited: the output, the command before the limb, or the error, as by the edge of a
-        screen; None is the output, and a search tries all, the others as ``"hard"``.
+        What is limited: the output, the command to the limb, or the error, as by the edge of a
+        screen. None means the output; a search tries all three, the other two as ``"hard"``.
 
     References
     ----------
@@ -58,12 +58,12 @@ class Saturation(StaticMap):
     """
 
     name = "saturation"
-    physics = "The stick reaches its stop, or the hand its greatest deflection."
+    physics = "The stick reaches its stop, or the hand its full deflection."
     physics_at = {
-        "command": "The command to the limb does not grow beyond a limit.",
-        "error": "Errors beyond a limit look alike, as at the edge of a display.",
+        "command": "The command to the limb is limited.",
+        "error": "Errors beyond a limit look the same, as at the edge of a display.",
     }
-    machine_physics = "The output reaches a stop, or the end of the sensor's range."
+    machine_physics = "The output reaches a stop, or the limit of the sensor's range."
     formula = "u' = min(max(u, -limit), limit), or limit tanh(u / limit)"
     tex = (
         r"u' = \begin{cases} \min(\max(u, -\mathrm{limit}),\, \mathrm{limit}) & \text{hard} \\"
@@ -93,17 +93,20 @@ class Saturation(StaticMap):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        limit = Parameter("limit", self.unit, 0.1, 4.0, (0.8, 1.6), "greatest deflection")
+        limit = Parameter("limit", self.unit, 0.1, 4.0, (0.8, 1.6), "maximum deflection")
         if self.form == "unequal":
-            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "of the stops")
+            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "asymmetry of the stops")
             return (limit, skew)
         if self.form != "behind":
             return (limit,)
-        return (limit, Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "before the stop"))
+        return (
+            limit,
+            Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "remnant ahead of the stop"),
+        )
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
-        # A stop behind the remnant shows in the output itself.
+        # A stop after the remnant shows in the output itself.
         possible = self.form == "behind" or stop_of(record) is not None
         return [v for v in made if v.form != "behind" or possible]
 
@@ -123,12 +126,12 @@ class Saturation(StaticMap):
 
 
 class RateLimit(Effect):
-    """The output moves at a limited rate.
+    """The rate of the output is limited.
 
     Parameters
     ----------
     limit : float or None, default=None
-        Greatest rate in units of the output per second; None estimates it.
+        Maximum rate, in units of the output per second; None estimates it.
 
     References
     ----------
@@ -143,13 +146,13 @@ class RateLimit(Effect):
 
     name = "rate_limit"
     place = "output"
-    physics = "Hand or actuator cannot move faster."
-    machine_physics = "The actuator cannot move faster."
+    physics = "The hand or the actuator has a maximum speed."
+    machine_physics = "The actuator has a maximum speed."
     formula = "|du'/dt| <= limit"
     tex = r"\left|\frac{\mathrm{d}u'}{\mathrm{d}t}\right| \le \mathrm{limit}"
     source = "Duda (1997)"
     kinks = True
-    parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "greatest rate"),)
+    parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "maximum rate"),)
 
     def __init__(self, *, limit: float | None = None):
         self.limit = limit
@@ -159,7 +162,7 @@ class RateLimit(Effect):
 
 
 class Backlash(Effect):
-    """Play: the output follows at a distance and stays when the command turns.
+    """Play: the output trails the command by a gap, and stays put when the command reverses.
 
     Parameters
     ----------
@@ -181,7 +184,7 @@ class Backlash(Effect):
     place = "output"
     physics = "There is play between hand and stick, or in the linkage."
     machine_physics = "There is play in the gears or the linkage."
-    formula = "u' stays while |u - u'| < gap, and follows at that distance"
+    formula = "u' holds while |u - u'| < gap, then trails u by gap"
     tex = r"u'_k = \min(\max(u'_{k-1},\, u_k - \mathrm{gap}),\, u_k + \mathrm{gap})"
     source = "Gelb and Vander Velde (1968)"
     parameters = (Parameter("gap", U, 0.01, 2.0, (0.1, 0.3), "half-width of the play"),)
@@ -195,17 +198,17 @@ class Backlash(Effect):
 
 
 class Stiction(Effect):
-    """Dry friction: the output sticks until it breaks away, then moves to behind the command.
+    """Dry friction: the output sticks until it breaks away, then trails the command.
 
-    ``"slide"``: it follows from there until the command turns; ``"jump"``: it sticks there again.
+    ``"slide"``: it keeps following until the command reverses; ``"jump"``: it sticks again at once.
 
     Parameters
     ----------
     breakaway : float or None, default=None
-        Distance of command and output at which it breaks away, in units of the output; None
+        Distance between command and output at which it breaks away, in units of the output; None
         estimates it.
     kinetic : float or None, default=None
-        Distance kept while it slides (Coulomb friction), or left by a jump, as a share of
+        Distance kept while sliding (Coulomb friction), or left after a jump, as a fraction of
         ``breakaway``; None estimates it.
     form : {"slide", "jump"} or None, default=None
         None tries both.
@@ -223,9 +226,9 @@ class Stiction(Effect):
 
     name = "stiction"
     place = "output"
-    physics = "The stick sticks, breaks away and slides, or sticks again."
-    machine_physics = "The output sticks, breaks away and slides, or sticks again."
-    formula = "u' stays while |u - u'| < breakaway, then follows kinetic * breakaway behind"
+    physics = "The stick sticks, breaks away, then slides or sticks again."
+    machine_physics = "The output sticks, breaks away, then slides or sticks again."
+    formula = "u' holds while |u - u'| < breakaway, then trails u by kinetic * breakaway"
     tex = (
         r"u' = \begin{cases} \text{constant} & \text{while } |u - u'| < \mathrm{breakaway} \\"
         r" u \mp \mathrm{kinetic} \cdot \mathrm{breakaway} & \text{then} \end{cases}"
@@ -233,7 +236,7 @@ class Stiction(Effect):
     source = "Armstrong-Helouvry et al. (1994)"
     parameters = (
         Parameter("breakaway", U, 0.01, 2.0, (0.1, 0.2, 0.4, 0.7), "static friction"),
-        Parameter("kinetic", ONE, 0.0, 0.95, (0.2, 0.6), "kinetic by static friction"),
+        Parameter("kinetic", ONE, 0.0, 0.95, (0.2, 0.6), "ratio of kinetic to static friction"),
     )
     smooth = False
     shades = True
@@ -278,28 +281,27 @@ class Stiction(Effect):
 
 
 class Quantised(StaticMap):
-    """The output, the command or what is seen takes discrete levels.
+    """The output, the command or the perceived error takes discrete levels.
 
-    ``"sharp"``: u' = step round(u / step - offset); ``"behind"``: its mean over remnant that passes
-    it too, with standard deviation ``remnant``, u + steps that the remnant smooths; ``"uneven"``
-    has levels at step n^(1 / power), n = 0, 1, 2 ... to either side.
+    ``"sharp"``: u' = step round(u / step - offset); ``"behind"``: its mean over remnant that is
+    quantised too, with standard deviation ``remnant``, u + steps that the remnant smooths;
+    ``"uneven"`` has levels at step n^(1 / power), n = 0, 1, 2 ... to either side.
 
     Parameters
     ----------
     step : float or None, default=None
-        Distance of levels in units of the output, or of the error; None estimates it.
+        Distance between levels, in units of the output or of the error; None estimates it.
     offset : float or None, default=None
         Shift of the thresholds, in steps; 0.5 rounds down. None estimates it.
     remnant : float or None, default=None
-        Standard deviation of the remnant before it, in steps, of ``"behind"``; None estimates it.
+        Standard deviation of the remnant ahead of it (``"behind"``), in steps; None estimates it.
     power : float or None, default=None
-        How levels crowd away from zero (above one) or towards it, of ``"uneven"``; None estimates
-        it.
+        How levels crowd away from zero (above one) or towards it (``"uneven"``); None estimates it.
     form : {"sharp", "behind", "uneven"} or None, default=None
-        None tries all, the last at the output only.
+        None tries all, ``"uneven"`` at the output only.
     at : {"output", "command", "error"} or None, default=None
-        What has levels: the output, the command before the limb, or the error, as on a coarse
-        display; None is the output, and a search tries all.
+        What has levels: the output, the command to the limb, or the error, as on a coarse display.
+        None means the output; a search tries all three.
 
     References
     ----------
@@ -316,7 +318,7 @@ class Quantised(StaticMap):
     title = "quantisation"
     physics = "The output moves in steps: keys, detents, or a coarse converter."
     physics_at = {
-        "command": "The command to the limb is one of few.",
+        "command": "The command to the limb takes only a few values.",
         "error": "The error is seen in steps, as on a coarse display.",
     }
     machine_physics = "The output moves in steps: detents, or a coarse converter."
@@ -348,13 +350,20 @@ class Quantised(StaticMap):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         steps = (0.5, 1.0, 2.0)
-        offset = Parameter("offset", ONE, -0.5, 0.5, (0.0, 0.5), "of thresholds, in steps")
-        step = Parameter("step", self.unit, 0.05, 6.0, steps, "of levels")
+        offset = Parameter(
+            "offset", ONE, -0.5, 0.5, (0.0, 0.5), "shift of the thresholds, in steps"
+        )
+        step = Parameter("step", self.unit, 0.05, 6.0, steps, "distance between levels")
         if self.form == "behind":
-            remnant = Parameter("remnant", ONE, 0.15, 0.35, (0.2,), "before levels, in steps")
+            remnant = Parameter(
+                "remnant", ONE, 0.15, 0.35, (0.2,), "remnant ahead of the levels, in steps"
+            )
             return (step, offset, remnant)
         if self.form == "uneven":
-            return (step, Parameter("power", ONE, 0.5, 2.0, (0.8, 1.25), "of uneven levels"))
+            return (
+                step,
+                Parameter("power", ONE, 0.5, 2.0, (0.8, 1.25), "crowding of uneven levels"),
+            )
         return (step, offset)
 
     softness = 0.0  # of corners, in steps
@@ -409,11 +418,11 @@ class Quantised(StaticMap):
 
 
 class HardeningStiffness(Effect):
-    """A spring that stiffens with deflection acts against the command.
+    """A spring that stiffens with deflection opposes the command.
 
-    ``"cubic"``: stiffness u^3; ``"square"``: stiffness u abs(u). With an operator the neuromuscular
-    spring, omega_nm^2 (u + stiffness u^3); with an ARX model A(q) u = B(q) (x - stiffness u^3),
-    which is the Duffing oscillator.
+    ``"cubic"``: stiffness u^3; ``"square"``: stiffness u abs(u). With an operator it is the
+    neuromuscular spring, omega_nm^2 (u + stiffness u^3); with an ARX model, A(q) u = B(q) (x -
+    stiffness u^3), the Duffing oscillator.
 
     Parameters
     ----------
@@ -436,7 +445,7 @@ class HardeningStiffness(Effect):
 
     name = "hardening_stiffness"
     place = "spring"
-    physics = "The spring of limb or stick stiffens with deflection."
+    physics = "The spring of the limb or stick stiffens with deflection."
     machine_physics = "The spring stiffens with deflection."
     formula = "u + stiffness u^3, or u + stiffness u |u|, in place of u in the spring"
     tex = (
@@ -456,7 +465,9 @@ class HardeningStiffness(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         dimension = ONE / U if self.form == "square" else ONE / U**2
-        return (Parameter("stiffness", dimension, 0.0, 20.0, (0.02, 0.3), "of the spring"),)
+        return (
+            Parameter("stiffness", dimension, 0.0, 20.0, (0.02, 0.3), "stiffening of the spring"),
+        )
 
     def apply(self, signal: Spring, record: Record, stiffness: float) -> Spring:
         return signal.stiffer(**{self.form or "cubic": stiffness})

@@ -1,4 +1,4 @@
-"""The base class of all effects: open it for what an effect of your own must and may define."""
+"""The base class of all effects: what an effect of your own must and may define."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from .traces import Signature
 
 
 class Effect(Composable, BaseEstimator):
-    """Base of all effects; a subclass is an effect of your own.
+    """Base class of all effects; subclass it for an effect of your own.
 
-    A subclass names its ``parameters``, takes each as a keyword argument of ``__init__`` with the
+    A subclass lists its ``parameters``, takes each as a keyword argument of ``__init__`` with
     default None, and implements ``apply``.
 
     Attributes
     ----------
     name : str
-        Fixed id, which tables, JSON and scripts use.
+        Fixed id, used in tables, JSON and scripts.
     title : str
-        What people call it, in pictures and prose; "" is the id without its underscores.
+        Name for people, used in pictures and prose; "" means the id without its underscores.
     place : str
         Where it acts: ``"input"`` maps the error, ``"delay"`` the delay, ``"gain"`` the gains on
         error and error rate, ``"path"`` adds to the command, ``"command"`` maps the command before
@@ -46,34 +46,34 @@ class Effect(Composable, BaseEstimator):
     parameters : tuple of Parameter
         Its numbers.
     smooth : bool
-        Whether the response changes smoothly with the parameters; they are searched on a
-        grid of their starts otherwise.
+        Whether the response changes smoothly with the parameters; otherwise they are searched on a
+        grid of their starts.
     kinks : bool
         Whether the response has kinks that move with the parameters, so that a fit may end in any
-        of several minima side by side: those nearby are looked at, and widen standard errors.
+        of several neighbouring minima: those nearby are checked too, and widen standard errors.
     shades : bool
-        Whether the choices of ``form`` are shades of the first: a search tries the others only
-        where that explains something.
+        Whether the choices of ``form`` are variants of the first: a search tries the others only
+        where the first explains something.
     runs_apart : bool
-        Whether what it makes of a run depends on that run alone: those of a large record are then
+        Whether its result for a run depends on that run alone: the runs of a large record are then
         simulated a few at a time.
     n_hidden : int
-        How many numbers it finds in the data besides its parameters, such as the ends of
-        intervals. They count in the BIC as parameters do.
+        How many numbers it finds in the data besides its parameters, such as the ends of intervals.
+        The BIC counts them as parameters.
     noise : str
-        What it adds to the output, such as "a sine", where that is noise to a free run,
-        since no input explains it; "" for all other effects. Noise is not fitted by a search but
-        recognised by its ``signature``, and has a ``realisation`` for plots.
+        What it adds to the output, such as "a sine", where that is noise to a free run, since no
+        input explains it; "" for all other effects. A search does not fit noise but recognises it
+        by its ``signature``; its ``realisation`` is for plots.
     domains : tuple of str
-        What it is an effect of: ``"human"`` operators, ``"machine"``, or both. A search tries those
-        of its own domain only.
+        What it applies to: ``"human"`` operators, ``"machine"``, or both. A search tries only the
+        effects of its own domain.
     machine_physics : str
-        ``physics`` in words that fit a machine; "" where they are the same.
+        ``physics`` worded for a machine; "" where the wording is the same.
     choices : dict of str to tuple of str
-        Arguments that are choices, such as ``form``, with what there is to choose from. One that
-        is None is open, and all are tried.
+        Arguments that are choices, such as ``form``, with their options. One that is None is open,
+        and all are tried.
     neutral : dict of str to float
-        Values of parameters at which it does nothing, where there are such.
+        Values of parameters at which it does nothing, if there are any.
 
     See Also
     --------
@@ -90,10 +90,12 @@ class Effect(Composable, BaseEstimator):
     >>> class Compressed(Effect):
     ...     name = "compressed"
     ...     place = "input"
-    ...     physics = "Large errors are answered less than in proportion."
+    ...     physics = "The response to large errors is less than proportional."
     ...     formula = "e' = knee asinh(e / knee)"
     ...     parameters = (
-    ...         Parameter("knee", Dimension(e=1), 0.01, 10.0, (1.0,), meaning="of the answer"),
+    ...         Parameter(
+    ...             "knee", Dimension(e=1), 0.01, 10.0, (1.0,), meaning="knee of the response"
+    ...         ),
     ...     )
     ...
     ...     def __init__(self, *, knee=None):
@@ -125,7 +127,7 @@ class Effect(Composable, BaseEstimator):
     neutral: Mapping[str, float] = {}
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
-        """What comes out of the effect when ``signal`` goes in, at values of the parameters."""
+        """Output of the effect for the input ``signal``, at values of the parameters."""
         raise NotImplementedError(f"{type(self).__name__} must implement apply.")
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
@@ -139,7 +141,7 @@ class Effect(Composable, BaseEstimator):
         return self.refusal(record, core)
 
     def physics_in(self, domain: str) -> str:
-        """``physics`` in the words of a domain, ``"human"`` or ``"machine"``."""
+        """``physics`` worded for a domain, ``"human"`` or ``"machine"``."""
         return (domain == "machine" and self.machine_physics) or self.physics
 
     def variants(self, record: Record) -> list[Effect]:
@@ -153,11 +155,11 @@ class Effect(Composable, BaseEstimator):
         return made
 
     def alternatives(self, record: Record) -> list[Effect]:
-        """What a search tries apart, and takes the likeliest of: by default the effect alone."""
+        """Variants that a search tries, keeping the likeliest; by default the effect alone."""
         return [self]
 
     def starts(self, record: Record) -> list[dict[str, float]]:
-        """Values of the parameters to start estimation from, in the units of the data."""
+        """Starting values of the parameters, in the units of the data."""
         found: list[dict[str, float]] = [{}]
         for p in self.parameters:
             scale = p.scale_of(record, self.place)
@@ -165,7 +167,7 @@ class Effect(Composable, BaseEstimator):
         return found
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
-        """Starts found by a search of the effect's own, none by default.
+        """Starts found by the effect's own search; none by default.
 
         ``error_of(values, seconds)`` is what the best multiple of the simulated output leaves of
         the first seconds of the runs; see :class:`ErrorScan` for what else it offers.
@@ -175,7 +177,7 @@ class Effect(Composable, BaseEstimator):
     def scanned_beside(
         self, error_of: ErrorScan, values: dict[str, float]
     ) -> list[dict[str, float]]:
-        """Starts near values that were found, where the response is not smooth; none by default."""
+        """Starts near the values found, where the response is not smooth; none by default."""
         return []
 
     def adjusted(self, error_of: Callable[[Effect], float], record: Record) -> Effect:
@@ -193,13 +195,13 @@ class Effect(Composable, BaseEstimator):
         return None
 
     def signature(self, residual: np.ndarray, record: Record) -> Signature | None:
-        """What the residual of a model (n_samples, n_runs) shows of ``noise``; None if nothing."""
+        """What a model's residual (n_samples, n_runs) shows of ``noise``; None if nothing."""
         return None
 
     def realisation(
         self, values: dict[str, float], t: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Times in seconds, by default a stretch that shows it well, and ``noise`` there."""
+        """Times in seconds, by default a stretch that shows it well, and the ``noise`` at them."""
         raise NotImplementedError(f"{type(self).__name__} is noise and must implement realisation.")
 
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
@@ -211,7 +213,7 @@ class Effect(Composable, BaseEstimator):
         return bounds
 
     def derived(self, values: dict[str, float]) -> dict[str, tuple[float, Dimension, str]]:
-        """Further numbers of a fitted effect: value, dimension and meaning by name.
+        """Further results of a fitted effect: value, dimension and meaning by name.
 
         ``values`` holds the parameters of the core and, by their plain names, those of the effect.
         """
@@ -224,7 +226,7 @@ class Effect(Composable, BaseEstimator):
 
     @property
     def fixed(self) -> dict[str, float]:
-        """Parameters that are given."""
+        """Parameters that are fixed."""
         return {
             p.name: float(getattr(self, p.name))
             for p in self.parameters

@@ -1,4 +1,4 @@
-"""The catalogue: the list of all effects that a search tries, and the same as a table."""
+"""The catalogue: all effects that a search tries, as a list and as a table."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ PLACES = ("input", "delay", "gain", "path", "command", "spring", "inside", "sum"
 
 
 class Composable:
-    """What ``+`` can combine: the base of effects that compositions rely on."""
+    """What ``+`` can combine: the base class that compositions rely on."""
 
     name: ClassVar[str]
     place: ClassVar[str]
@@ -30,7 +30,7 @@ class Effects(BaseComposition):
     Parameters
     ----------
     steps : list of (str, Effect)
-        Names and effects. Signals pass effects of the same place in this order.
+        Names and effects. Signals pass through effects of the same place in this order.
 
     See Also
     --------
@@ -53,7 +53,7 @@ class Effects(BaseComposition):
 
     @classmethod
     def of(cls, effects: Any) -> Effects:
-        """A composition of anything that names effects: None, one, a list of them, a composition.
+        """Make a composition from anything that names effects: None, one, a list, a composition.
 
         Parameters
         ----------
@@ -82,7 +82,9 @@ class Effects(BaseComposition):
         named: list[tuple[str, Effect]] = []
         for name, one in steps:
             if not isinstance(one, Composable):
-                raise TypeError(f"An effect is an instance of skhoid.effects.Effect; got {one!r}.")
+                raise TypeError(
+                    f"An effect must be an instance of skhoid.effects.Effect; got {one!r}."
+                )
             if one.place not in PLACES:
                 raise ValueError(
                     f"{type(one).__name__}.place must be one of {', '.join(PLACES)}; got "
@@ -111,7 +113,7 @@ class Effects(BaseComposition):
         return Effects.of([*(e for _, e in self.steps), *(e for _, e in Effects.of(other).steps)])
 
     def get_params(self, deep: bool = True) -> dict:
-        """Names and values of the parameters, of all effects when deep.
+        """Names and values of the parameters; of all effects if ``deep``.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The kinds of linear core that effects act in; open it to add one."""
+"""The kinds of linear core that effects act in; add one here."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from enum import StrEnum
 
 
 class CoreKind(StrEnum):
-    """What kind of linear core an effect acts in: the argument ``core`` of ``Effect.refusal``.
+    """Kind of linear core that an effect acts in: the argument ``core`` of ``Effect.refusal``.
 
     Attributes
     ----------
     OPERATOR
-        A human operator whose delay is given.
+        A human operator with a given delay.
     OPERATOR_FREE_DELAY
         A human operator whose delay is estimated with the other parameters.
     ARX
@@ -32,5 +32,5 @@ class CoreKind(StrEnum):
 
     @property
     def is_operator(self) -> bool:
-        """Whether it is a human operator, its delay given or not."""
+        """Whether it is a human operator, with its delay given or estimated."""
         return self is not CoreKind.ARX

@@ -1,4 +1,4 @@
-"""Dimensions of parameters as exponents of units; open it to add a unit that labels can show."""
+"""Dimensions of parameters as exponents of units; add a unit for labels here."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class RoleName(str):
 class Dimension:
     """Dimension of a number: exponents of the units of output, input and time.
 
-    Dimensions are multiplied, divided and raised to whole powers; labels follow from them.
+    Dimensions can be multiplied, divided and raised to whole powers; labels follow from them.
 
     Parameters
     ----------
@@ -28,9 +28,9 @@ class Dimension:
     rad : int, default=0
         Of the radian, which appears in the label only.
     Hz : int, default=0
-        Of the hertz, which is one over the second with a name of its own.
+        Of the hertz, one over the second under its own name.
     T : int, default=0
-        Of the duration of a run: of the ``scale`` of a parameter only, in place of seconds.
+        Of the duration of a run: for the ``scale`` of a parameter only, in place of seconds.
     channels : tuple of (str, int), default=()
         Of the units of other channels, by their names. See ``Dimension.of_channel``.
 
@@ -74,7 +74,7 @@ class Dimension:
         Parameters
         ----------
         name : str or None
-            Its name; None while that is an open choice.
+            Its name; None while the choice is open.
 
         Returns
         -------
@@ -138,7 +138,7 @@ class Dimension:
         ----------
         units : dict of str to str or None, default=None
             Units of ``"u"``, ``"e"`` and, by the name in brackets, of channels: ``"[speed]"``.
-            Those that are not known are names in brackets.
+            Unknown units are shown as names in brackets.
 
         Returns
         -------
@@ -166,7 +166,7 @@ def checked(dimension: Any, what: str) -> Dimension:
     if isinstance(dimension, Dimension):
         return dimension
     raise TypeError(
-        f"{what} must be a Dimension, which is exponents of units; got {dimension!r}. Write "
+        f"{what} must be a Dimension (exponents of units); got {dimension!r}. Write "
         "Dimension(u=1, e=-1) for units of the output per unit of the input, Dimension(s=1) for "
         'seconds, Dimension(e=1) / Dimension.of_channel("speed") for the input per unit of a '
         "channel, Dimension() for a number without unit; its label follows."

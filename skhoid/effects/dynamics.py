@@ -1,4 +1,4 @@
-"""Further linear dynamics: lag, lead, second neuromuscular mode, higher order."""
+"""Additional linear dynamics: lag, lead, second neuromuscular mode, higher order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .record import Record, differentiated
 
 
 class ExtraLag(Effect):
-    """Equalization lag: 1 / (time s + 1).
+    """Equalisation lag: 1 / (time s + 1).
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ class ExtraLag(Effect):
 
     name = "extra_lag"
     place = "command"
-    physics = "The operator smooths what is seen."
-    machine_physics = "The input passes a further lag."
+    physics = "The operator low-pass filters what is seen."
+    machine_physics = "The input passes through an additional lag."
     formula = "1 / (time s + 1)"
     tex = r"H(s) = \frac{1}{\mathrm{time}\; s + 1}"
     source = "McRuer and Krendel (1974)"
@@ -71,19 +71,19 @@ class ExtraLead(Effect):
 
     name = "extra_lead"
     place = "command"
-    physics = "The operator answers the acceleration of the error too."
-    machine_physics = "The input passes a further lead."
+    physics = "The operator also responds to the acceleration of the error."
+    machine_physics = "The input passes through an additional lead."
     formula = "time s + 1"
     tex = r"H(s) = \mathrm{time}\; s + 1"
     source = "McRuer and Krendel (1974)"
-    parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "second lead"),)
+    parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "time constant of the second lead"),)
     neutral = {"time": 0.0}
 
     def __init__(self, *, time: float | None = None):
         self.time = time
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
-        return "an ARX model has zeros of its own: raise nb" if core == CoreKind.ARX else None
+        return "an ARX model has its own zeros: raise nb" if core == CoreKind.ARX else None
 
     def apply(self, signal: Any, record: Record, time: float) -> Any:
         faster = signal.position + differentiated(signal.rate, record.dt)
@@ -116,7 +116,7 @@ class NeuromuscularMode(Effect):
     name = "nm_mode"
     title = "second neuromuscular mode"
     place = "command"
-    physics = "Limb and stick together have a second mode."
+    physics = "The limb and the stick together have a second mode."
     machine_physics = "There is a second mode."
     formula = "omega^2 / (s^2 + 2 zeta omega s + omega^2)"
     tex = r"H(s) = \frac{\omega^2}{s^2 + 2 \zeta \omega s + \omega^2}"
@@ -141,7 +141,7 @@ class NeuromuscularMode(Effect):
 
 
 class HigherOrder(Effect):
-    """Two more poles and zeros, of gain 1 at low frequency.
+    """Two more poles and zeros, with gain 1 at low frequency.
 
     Parameters
     ----------

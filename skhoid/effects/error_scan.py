@@ -1,4 +1,4 @@
-"""What an effect may ask of the model to which it is added: open it to write ``scanned``."""
+"""What an effect may ask of the model it is added to: read it to write ``scanned``."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class ErrorScan(Protocol):
         """
 
     def earlier(self, seconds: float) -> dict[str, float]:
-        """Changes of the model to ``ordinary`` that make it answer that much earlier.
+        """Changes of the model to ``ordinary`` that make it respond that much earlier.
 
         Parameters
         ----------
@@ -132,14 +132,14 @@ class ErrorScan(Protocol):
         """
 
     def left(self, columns: Sequence[np.ndarray], seconds: float) -> np.ndarray:
-        """Sums of squares that the best sums of answers to commands leave, for many sums at once.
+        """Sums of squares that the best sums of responses to commands leave, for many sums at once.
 
-        Needs a core that answers as a system of second order, an operator.
+        Needs a core that responds as a second-order system: an operator.
 
         Parameters
         ----------
         columns : sequence of ndarray of shape (n_samples, n_runs, n_sums)
-            Commands; each has a factor in its sum, and another on the rate of its answer, which
+            Commands; each has a factor in its sum, and another on the rate of its response, which
             makes up for dynamics that are not ``ordinary``.
         seconds : float
             Of the beginning of each run.
@@ -152,7 +152,7 @@ class ErrorScan(Protocol):
     def left_by_events(self, points: np.ndarray, seconds: float, of_error: bool) -> np.ndarray:
         """Sums of squares that commands held between events leave, for many at once.
 
-        Needs a core that answers as a system of second order, an operator.
+        Needs a core that responds as a second-order system: an operator.
 
         Parameters
         ----------
@@ -167,5 +167,5 @@ class ErrorScan(Protocol):
         Returns
         -------
         found : ndarray of shape (n_points, 3)
-            Squares, seconds by which an earlier answer leaves these, and factor on the command.
+            Squares, seconds by which an earlier response leaves these, and factor on the command.
         """

@@ -1,4 +1,4 @@
-"""Nonlinear answers to the error: threshold, asymmetry, rectification, cubic gain, magnitude."""
+"""Nonlinear responses to the error: threshold, asymmetry, rectification, cubic gain, magnitude."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from .static_map import StaticMap, mean_within
 
 
 class DeadZone(StaticMap):
-    """Indifference threshold: small errors are not answered, or small commands not carried out.
+    """Indifference threshold: small errors get no response, or small commands are not carried out.
 
     ``"gap"``: e' = sign(e) max(abs(e) - width, 0); ``"smooth"``: e' = e - width tanh(e / width);
     ``"jump"``: e' = e where abs(e) > width, else 0; ``"behind"``: the mean of the gap over remnant
-    that passes it too, with standard deviation ``remnant``.
+    that passes through it too, with standard deviation ``remnant``.
 
     Parameters
     ----------
     width : float or None, default=None
-        Half-width in units of the error, or of the output; None estimates it.
+        Half-width, in units of the error or of the output; None estimates it.
     remnant : float or None, default=None
-        Standard deviation of the remnant before it, of ``"behind"``, in the same units; None
+        Standard deviation of the remnant ahead of it (``"behind"``), in the same units; None
         estimates it.
     form : {"gap", "smooth", "jump", "behind"} or None, default=None
-        Whether the answer starts from zero at the threshold or jumps; None tries all, the last at
-        other places than the error.
+        Whether the response starts from zero at the threshold or jumps; None tries all,
+        ``"behind"`` only at places other than the error.
     at : {"error", "command", "output"} or None, default=None
-        What has the threshold: the error, the command before the limb, or the output behind it;
-        None is the error, and a search tries all.
+        What has the threshold: the error, the command to the limb, or the output of the limb. None
+        means the error; a search tries all three.
 
     References
     ----------
@@ -47,12 +47,12 @@ class DeadZone(StaticMap):
     """
 
     name = "dead_zone"
-    physics = "Errors below a threshold are not seen, or not answered."
+    physics = "Errors below a threshold are not perceived, or not acted on."
     physics_at = {
         "command": "Small commands do not move the limb.",
         "output": "Small movements of the hand do not move the stick.",
     }
-    machine_physics = "Inputs below a threshold have no effect: play, overlap, or friction at rest."
+    machine_physics = "Inputs below a threshold have no effect: play, overlap, or static friction."
     formula = "e' = sign(e) max(|e| - width, 0), or e where |e| > width"
     tex = (
         r"e' = \begin{cases} \operatorname{sign}(e)\max(|e| - \mathrm{width},\, 0) & \text{gap} \\"
@@ -82,7 +82,10 @@ class DeadZone(StaticMap):
         width = Parameter("width", self.unit, 0.02, 3.0, (0.25, 0.7), "half-width of the threshold")
         if self.form != "behind":
             return (width,)
-        return (width, Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "before the threshold"))
+        return (
+            width,
+            Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "remnant ahead of the threshold"),
+        )
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
@@ -104,23 +107,23 @@ class DeadZone(StaticMap):
 
 
 class AsymmetricGain(StaticMap):
-    """Left and right are answered with different gains.
+    """Errors to the left and to the right get different gains.
 
     ``"all"``: e' = e + asymmetry abs(e); ``"large"``: e' = e + asymmetry max(abs(e) - level, 0),
-    where small errors are answered alike.
+    where small errors get the same gain on both sides.
 
     Parameters
     ----------
     asymmetry : float or None, default=None
-        Half the relative difference of the gains, without unit; None estimates it.
+        Half the relative difference between the gains, dimensionless; None estimates it.
     level : float or None, default=None
         Error above which the gains differ (``"large"``), in units of the error, or of the output;
         None estimates it.
     form : {"all", "large"} or None, default=None
         None tries both.
     at : {"error", "command", "output"} or None, default=None
-        What is answered so: the error, the command before the limb, or the output behind it;
-        None is the error, and a search tries all, the others as ``"all"``.
+        What it applies to: the error, the command to the limb, or the output of the limb. None
+        means the error; a search tries all three, the other two as ``"all"``.
 
     References
     ----------
@@ -135,12 +138,12 @@ class AsymmetricGain(StaticMap):
 
     name = "asym_gain"
     title = "asymmetric gain"
-    physics = "Errors to one side are answered more strongly than to the other."
+    physics = "The response is stronger to errors on one side than on the other."
     physics_at = {
-        "command": "Commands to one side are carried out more strongly than to the other.",
-        "output": "The stick moves more strongly to one side than to the other.",
+        "command": "Commands to one side are carried out more strongly than those to the other.",
+        "output": "The stick moves further to one side than to the other.",
     }
-    machine_physics = "Inputs to one side act more strongly than to the other."
+    machine_physics = "Inputs to one side act more strongly than those to the other."
     formula = "e' = e + asymmetry |e|, or e + asymmetry max(|e| - level, 0)"
     tex = (
         r"e' = \begin{cases} e + \mathrm{asymmetry}\,|e| & \text{all} \\"
@@ -171,7 +174,9 @@ class AsymmetricGain(StaticMap):
         if self.form == "large":
             return (
                 Parameter("asymmetry", ONE, -0.95, 0.95, (-0.3, 0.3), meaning),
-                Parameter("level", self.unit, 0.05, 2.0, (0.3, 0.8), "above which gains differ"),
+                Parameter(
+                    "level", self.unit, 0.05, 2.0, (0.3, 0.8), "error above which gains differ"
+                ),
             )
         return (Parameter("asymmetry", ONE, -0.7, 0.7, (-0.2, 0.2), meaning),)
 
@@ -182,20 +187,20 @@ class AsymmetricGain(StaticMap):
 
 
 class Rectified(Effect):
-    """Half-wave rectification: errors of one sign are answered, the others hardly.
+    """Half-wave rectification: errors of one sign get a response, the others hardly any.
 
     ``"sharp"``: e' = e on its side, leak e on the other; ``"soft"``: e' = (e + s sqrt(e^2 +
-    width^2) - s width) / 2 with s = 1 or -1, which goes from one side to the other gradually.
+    width^2) - s width) / 2 with s = 1 or -1, a gradual transition from one side to the other.
 
     Parameters
     ----------
     leak : float or None, default=None
-        Relative gain on the other side, at most 0.18 (above, see :class:`AsymmetricGain`), of
-        ``"sharp"``; None estimates it.
+        Relative gain on the other side (``"sharp"``), at most 0.18 (for more, see
+        :class:`AsymmetricGain`); None estimates it.
     width : float or None, default=None
-        Error about which ``"soft"`` bends, in units of the error; None estimates it.
+        Width of the bend of ``"soft"``, in units of the error; None estimates it.
     side : {"positive", "negative"} or None, default=None
-        Sign of the errors that are answered; None tries both.
+        Sign of the errors that get a response; None tries both.
     form : {"sharp", "soft"} or None, default=None
         None tries both.
 
@@ -213,7 +218,7 @@ class Rectified(Effect):
     name = "rectified"
     title = "one-sided response"
     place = "input"
-    physics = "Only errors of one sign are answered."
+    physics = "The operator responds only to errors of one sign."
     machine_physics = "Only inputs of one sign act."
     formula = "e' = max(e, leak e), or min(e, leak e)"
     tex = (
@@ -241,8 +246,8 @@ class Rectified(Effect):
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         if self.form == "soft":
-            return (Parameter("width", E, 0.02, 1.0, (0.3,), "of the bend"),)
-        return (Parameter("leak", ONE, 0.0, 0.18, (0.05,), "gain of the other side"),)
+            return (Parameter("width", E, 0.02, 1.0, (0.3,), "width of the bend"),)
+        return (Parameter("leak", ONE, 0.0, 0.18, (0.05,), "relative gain on the other side"),)
 
     def apply(
         self, signal: np.ndarray, record: Record, leak: float = 0.0, width: float = 0.0
@@ -257,19 +262,19 @@ class Rectified(Effect):
 class CubicGain(StaticMap):
     """Gain that grows (hardening) or falls (softening) with amplitude.
 
-    ``"cubic"``: e' = e + hardening e^3; ``"square"``: e' = e + hardening e abs(e); ``"power"``:
-    e' = sign(e) abs(e)^(1 + hardening), in units of the standard deviation of the error. Where it
-    softens, the answer stays at its greatest beyond the error that gives it.
+    ``"cubic"``: e' = e + hardening e^3; ``"square"``: e' = e + hardening e abs(e); ``"power"``: e'
+    = sign(e) abs(e)^(1 + hardening), in units of the standard deviation of the error. Where it
+    softens, the response stays at its maximum beyond the error where it is reached.
 
     Parameters
     ----------
     hardening : float or None, default=None
-        In the unit of the error to the power -2, -1 and without unit; None estimates it.
+        In the unit of the error to the power -2 or -1, or dimensionless; None estimates it.
     form : {"cubic", "square", "power"} or None, default=None
         None tries all.
     at : {"error", "command"} or None, default=None
-        What is answered so: the error, or the command before the limb; None is the error, and a
-        search tries both, the command without ``"square"``.
+        What it applies to: the error, or the command to the limb. None means the error; a search
+        tries both, the command without ``"square"``.
     reference : float or None, default=None
         Standard deviation of the error (or output) that ``"power"`` refers to; None takes it from
         the data.
@@ -286,9 +291,9 @@ class CubicGain(StaticMap):
     """
 
     name = "cubic_gain"
-    physics = "Large errors are answered more (or less) than in proportion."
-    physics_at = {"command": "Large commands are carried out more (or less) than in proportion."}
-    machine_physics = "Large inputs act more (or less) than in proportion."
+    physics = "The response to large errors is more (or less) than proportional."
+    physics_at = {"command": "The response to large commands is more (or less) than proportional."}
+    machine_physics = "The response to large inputs is more (or less) than proportional."
     formula = "e' = e + hardening e^3, e + hardening e |e|, or sign(e) |e|^(1 + hardening)"
     tex = (
         r"e' = \begin{cases} e + \mathrm{hardening}\; e^3 & \text{cubic} \\"
@@ -316,7 +321,7 @@ class CubicGain(StaticMap):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        meaning = "growth of the gain with amplitude"
+        meaning = "increase of the gain with amplitude"
         if self.form == "power":
             return (Parameter("hardening", ONE, -0.7, 2.5, (-0.3, 0.3), meaning),)
         if self.form == "square":
@@ -342,17 +347,17 @@ class CubicGain(StaticMap):
 
 
 class AbsoluteValue(Effect):
-    """The size of the error is answered as well as its sign: the command gets gain abs(e).
+    """The operator responds to the magnitude of the error too: the command gets gain abs(e).
 
-    ``"together"`` with the error; ``"apart"`` earlier or later than that.
+    ``"together"``: at the same time as to the error; ``"apart"``: earlier or later.
 
     Parameters
     ----------
     gain : float or None, default=None
         In units of the output per unit of the error; None estimates it.
     later : float or None, default=None
-        How much later than the error its size is answered (``"apart"``), in seconds; None estimates
-        it.
+        How much later the response to the magnitude is than that to the error (``"apart"``), in
+        seconds; None estimates it.
     form : {"together", "apart"} or None, default=None
         None tries both.
 
@@ -370,8 +375,8 @@ class AbsoluteValue(Effect):
     name = "absolute_value"
     title = "response to size alone"
     place = "path"
-    physics = "The stick moves to one side with the size of the error, whatever its sign."
-    machine_physics = "The output moves to one side with the size of the input, whatever its sign."
+    physics = "The magnitude of the error moves the stick to one side, whatever the error's sign."
+    machine_physics = "The input's magnitude moves the output to one side, whatever its sign."
     formula = "command + gain |e(t - tau_e - later)|"
     tex = r"c' = c + \mathrm{gain}\;|e(t - \tau_e - \mathrm{later})|"
     source = "McRuer and Krendel (1974)"
@@ -388,10 +393,13 @@ class AbsoluteValue(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = Parameter("gain", U / E, -5.0, 5.0, (-0.3, 0.3), "answer to the size")
+        gain = Parameter("gain", U / E, -5.0, 5.0, (-0.3, 0.3), "gain on the magnitude")
         if self.form != "apart":
             return (gain,)
-        return (gain, Parameter("later", S, -0.3, 0.6, (-0.1, 0.1), "than the error"))
+        return (
+            gain,
+            Parameter("later", S, -0.3, 0.6, (-0.1, 0.1), "delay after the response to the error"),
+        )
 
     def apply(self, signal: Any, record: Record, gain: float, later: float = 0.0) -> Any:
         size = np.abs(signal.error)

@@ -1,4 +1,4 @@
-"""Forces of the output and its rate inside a machine: friction, outflow by a root, stops."""
+"""Forces of the output and its rate inside a machine: friction, square-root outflow, stops."""
 
 from __future__ import annotations
 
@@ -51,21 +51,22 @@ class _Inside(Effect):
 
 
 class Friction(_Inside):
-    """Dry friction against the motion: a force that depends on the sign of the speed.
+    """Dry friction opposes the motion: a force that depends on the sign of the speed.
 
     A(q) y = B(q) (x - F(v)) with v the output (``of="output"``, where that is a speed) or its rate
     (``"rate"``). ``"coulomb"``: F = coulomb sign(v); ``"smooth"``: F = coulomb tanh(v / width);
     ``"stribeck"``: F = coulomb sign(v) (1 + excess exp(-(v / fall)^2)), which is greater at rest.
-    Viscous friction, in proportion to v, is in A(q) already, and a constant force in the intercept.
+    Viscous friction, proportional to v, is already in A(q), and a constant force in the intercept.
 
     Parameters
     ----------
     coulomb : float or None, default=None
         Force that opposes the motion, in units of the input; None estimates it.
     width : float or None, default=None
-        Speed at which three quarters of it act (``"smooth"``), in units of v; None estimates it.
+        Speed at which three quarters of the force act (``"smooth"``), in units of v; None estimates
+        it.
     excess : float or None, default=None
-        Static by Coulomb friction, less one (``"stribeck"``); None estimates it.
+        Ratio of static to Coulomb friction, minus one (``"stribeck"``); None estimates it.
     fall : float or None, default=None
         Speed over which the excess falls (``"stribeck"``), in units of v; None estimates it.
     form : {"coulomb", "smooth", "stribeck"} or None, default=None
@@ -73,8 +74,8 @@ class Friction(_Inside):
     of : {"output", "rate"} or None, default=None
         None tries both.
     reference : float or None, default=None
-        Speed in units of v, a thousandth of which is the width of the sign function; None takes the
-        standard deviation of v in the data.
+        Speed in units of v; the sign function is a thousandth of it wide. None takes the standard
+        deviation of v in the data.
 
     References
     ----------
@@ -88,7 +89,7 @@ class Friction(_Inside):
     """
 
     name = "friction"
-    physics = "Dry friction opposes the motion, whatever its speed."
+    physics = "Dry friction opposes the motion, whatever the speed."
     formula = "A y = B (x - coulomb sign(v) (1 + excess exp(-(v / fall)^2)))"
     tex = (
         r"A\,y = B\,(x - F(v)), \quad F = \begin{cases}"
@@ -131,7 +132,7 @@ class Friction(_Inside):
         if self.form == "stribeck":
             return (
                 coulomb,
-                Parameter("excess", ONE, 0.0, 3.0, (0.3,), "of static friction"),
+                Parameter("excess", ONE, 0.0, 3.0, (0.3,), "excess of static friction"),
                 Parameter("fall", speed, 5e-3, 0.3, (0.05,), "speed of its fall"),
             )
         return (coulomb,)
@@ -188,19 +189,18 @@ def rate_size(record: Record) -> float:
 
 
 class RootFlow(_Inside):
-    """An outflow by the square root of the level, as of a tank: Torricelli's law.
+    """Outflow proportional to the square root of the level, as from a tank (Torricelli's law).
 
     A(q) y = B(q) (x - flow sqrt(max(y - level, 0))).
 
     Parameters
     ----------
     flow : float or None, default=None
-        In units of the input per root of the unit of the output; it is given and estimated as the
-        outflow at a level of one standard deviation of the output, in units of the input. None
-        estimates it.
+        In units of the input per square root of the unit of the output; it is given and estimated
+        as the outflow at a level of one standard deviation of the output, in units of the input.
+        None estimates it.
     level : float or None, default=None
-        Reading of the output at which nothing flows, in its units, of ``"above"``; None estimates
-        it.
+        Reading of the output at which nothing flows (``"above"``), in its units; None estimates it.
     form : {"zero", "above"} or None, default=None
         Whether the outlet is at a reading of zero; None tries both.
     reference : float or None, default=None
@@ -221,7 +221,7 @@ class RootFlow(_Inside):
 
     name = "root_flow"
     title = "square-root flow"
-    physics = "What flows out grows with the root of the level (or pressure), not in proportion."
+    physics = "The outflow grows with the square root of the level (or pressure)."
     formula = "A y = B (x - flow sqrt(max(y - level, 0) / reference))"
     tex = (
         r"A\,y = B\,\bigl(x - \mathrm{flow}"
@@ -250,7 +250,7 @@ class RootFlow(_Inside):
         flow = Parameter("flow", E, 0.0, 50.0, (0.3, 2.0), "outflow at the reference level")
         if self.form != "above":
             return (flow,)
-        return (flow, Parameter("level", U, -5.0, 5.0, (-1.0, 0.0), "of the outlet"))
+        return (flow, Parameter("level", U, -5.0, 5.0, (-1.0, 0.0), "level of the outlet"))
 
     def variants(self, record: Record) -> list[Effect]:
         reference = record.sd("u") if self.reference is None else self.reference
@@ -277,16 +277,15 @@ class RootFlow(_Inside):
 
 
 class Stops(_Inside):
-    """Stops that the machine itself meets: its state stays there, and returns at once.
+    """Stops inside the machine: its state is held there, and leaves at once when driven back.
 
-    y = min(max(y, low), high) in the recursion: with what is stored in A(q). A stop behind the
-    dynamics, such as a sensor's range, is :class:`Saturation`.
+    y = min(max(y, low), high) in the recursion, so that A(q) continues from the limited output. A
+    stop after the dynamics, such as a sensor's range, is :class:`Saturation`.
 
     Parameters
     ----------
     low, high : float or None, default=None
-        Least and greatest output, in its units, of ``"both"`` or the one that there is; None
-        estimates it.
+        Lowest and highest output, in its units; form ``"both"`` has both. None estimates it.
     form : {"high", "low", "both"} or None, default=None
         None tries all.
 
@@ -303,7 +302,7 @@ class Stops(_Inside):
 
     name = "stops"
     title = "end stops"
-    physics = "The machine runs into a stop, or a tank over, and comes back from there at once."
+    physics = "The machine hits a stop, or a tank overflows, and leaves that limit without delay."
     formula = "y = min(max(y, low), high) in the recursion"
     tex = r"y = \min(\max(y,\, \mathrm{low}),\, \mathrm{high}) \quad\text{in the recursion}"
     source = "Schoukens and Noel (2017), cascaded tanks"
@@ -319,8 +318,8 @@ class Stops(_Inside):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        low = Parameter("low", U, -1e3, 1e3, (-1.5, -0.8), "least output")
-        high = Parameter("high", U, -1e3, 1e3, (1.5, 0.8), "greatest output")
+        low = Parameter("low", U, -1e3, 1e3, (-1.5, -0.8), "lowest output")
+        high = Parameter("high", U, -1e3, 1e3, (1.5, 0.8), "highest output")
         return {"high": (high,), "low": (low,)}.get(self.form or "both", (low, high))
 
     def starts(self, record: Record) -> list[dict[str, float]]:

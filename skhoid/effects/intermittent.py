@@ -1,4 +1,4 @@
-"""Intermittent control: the command is sampled and held, by a clock or by events."""
+"""Intermittent control: the command is sampled and held, on a clock or on events."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Intermittent(Effect):
     Parameters
     ----------
     hold_time : float or None, default=None
-        Time between decisions (at least), in seconds; None estimates it.
+        Time (or least time) between decisions, in seconds; None estimates it.
     threshold : float or None, default=None
         Change that triggers a decision, in units of the output (``"event"``) or the error
         (``"error"``); None estimates it.
@@ -68,8 +68,8 @@ class Intermittent(Effect):
     name = "intermittent"
     title = "intermittent control"
     place = "command"
-    physics = "The operator decides at instants, and holds the command between."
-    machine_physics = "The input is sampled at instants, and held between."
+    physics = "The operator decides at discrete instants and holds the command in between."
+    machine_physics = "The input is sampled at discrete instants and held in between."
     formula = "command(t_i) for t_i <= t < t_(i+1)"
     tex = r"c'(t) = c(t_i) \quad\text{for } t_i \le t < t_{i+1}"
     source = "Gawthrop et al. (2011)"
@@ -96,11 +96,11 @@ class Intermittent(Effect):
             thresholds = tuple(np.geomspace(0.05, 1.2, 9).tolist())
             return (
                 Parameter("hold_time", S, 0.0, 1.2, STARTS_EVENT, "refractory time"),
-                Parameter("threshold", watched, 0.01, 4.0, thresholds, "that triggers"),
+                Parameter("threshold", watched, 0.01, 4.0, thresholds, "change that triggers"),
             )
         return (
-            Parameter("hold_time", S, 0.04, 1.2, HOLDS_CLOCK, "between decisions"),
-            Parameter("phase", S, 0.0, 1.2, (0.0,), "of the first decision"),
+            Parameter("hold_time", S, 0.04, 1.2, HOLDS_CLOCK, "time between decisions"),
+            Parameter("phase", S, 0.0, 1.2, (0.0,), "time of the first decision"),
         )
 
     def starts(self, record: Record) -> list[dict[str, float]]:

@@ -34,8 +34,8 @@ class Bias(Effect):
 
     name = "bias"
     place = "sum"
-    physics = "The output is off its zero: trim, or a sensor's offset."
-    machine_physics = "The output is off its zero: a sensor's offset, or a constant load."
+    physics = "The output has an offset: trim, or a sensor's zero error."
+    machine_physics = "The output has an offset: a sensor's zero error, or a constant load."
     formula = "u + level"
     tex = r"u' = u + \mathrm{level}"
     source = "Ljung (1999)"
@@ -50,7 +50,7 @@ class Bias(Effect):
 
 
 class Drift(Effect):
-    """An offset of the output that changes in the run.
+    """An offset of the output that changes during the run.
 
     ``"linear"``: rate (t - reference); ``"settling"``: level - rate tau exp(-(t - reference) /
     tau), which comes to rest at the level, with the reference at the start.
@@ -58,7 +58,7 @@ class Drift(Effect):
     Parameters
     ----------
     rate : float or None, default=None
-        In units of the output per second (at the start where it settles); None estimates it.
+        In units of the output per second (at the start, for ``"settling"``); None estimates it.
     tau : float or None, default=None
         Time constant of ``"settling"`` in seconds; None estimates it.
     level : float or None, default=None
@@ -82,7 +82,7 @@ class Drift(Effect):
 
     name = "drift"
     place = "sum"
-    physics = "The output drifts away steadily, or settles from the start on."
+    physics = "The output drifts steadily, or settles after the start."
     formula = "u + rate (t - reference), or u + level - rate tau exp(-(t - reference) / tau)"
     tex = (
         r"u' = u + \begin{cases} \mathrm{rate}\,(t - \mathrm{reference}) & \text{linear} \\"
@@ -110,11 +110,11 @@ class Drift(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        rate = Parameter("rate", U / S, -20.0, 20.0, (0.5,), "of the drift", U / T)
+        rate = Parameter("rate", U / S, -20.0, 20.0, (0.5,), "rate of the drift", U / T)
         if self.form != "settling":
             return (rate,)
-        steep = Parameter("rate", U / S, -100.0, 100.0, (2.0, -2.0), "at the start", U / T)
-        level = Parameter("level", U, -20.0, 20.0, (0.0,), "where it comes to rest")
+        steep = Parameter("rate", U / S, -100.0, 100.0, (2.0, -2.0), "rate at the start", U / T)
+        level = Parameter("level", U, -20.0, 20.0, (0.0,), "level where it settles")
         return (steep, Parameter("tau", S, 0.05, 1.0, (0.15, 0.4), "time constant", T), level)
 
     @property
@@ -145,7 +145,7 @@ class Drift(Effect):
 
 
 class Integral(Effect):
-    """Trim: the integral of the error is answered.
+    """Trim: the operator responds to the integral of the error.
 
     ``"pure"``: the integral from the start of the run; ``"leaky"``: 1 / (s + leak), which forgets.
 
@@ -173,7 +173,7 @@ class Integral(Effect):
     title = "integral action"
     place = "path"
     physics = "A standing error is trimmed away slowly."
-    machine_physics = "The machine integrates its input besides."
+    machine_physics = "The machine also integrates its input."
     formula = "command + gain * integral of e(t - tau_e)"
     tex = r"c' = c + \mathrm{gain} \int e(t - \tau_e)\,\mathrm{d}t"
     source = "McRuer and Krendel (1974)"
@@ -189,7 +189,7 @@ class Integral(Effect):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = Parameter("gain", U / (E * S), 0.0, 20.0, (0.1, 0.5), "of the integral")
+        gain = Parameter("gain", U / (E * S), 0.0, 20.0, (0.1, 0.5), "gain on the integral")
         if self.form != "leaky":
             return (gain,)
         return (gain, Parameter("leak", ONE / S, 0.001, 0.6, (0.1,), "rate of forgetting"))

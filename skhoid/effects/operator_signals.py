@@ -34,7 +34,7 @@ class Gains(NamedTuple):
 
 
 class Spring(NamedTuple):
-    """What acts against the command besides the linear spring: cubic u^3 + square u abs(u).
+    """What opposes the command in addition to the linear spring: cubic u^3 + square u abs(u).
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Spring(NamedTuple):
         return np.array(self.terms, dtype=float).reshape(-1, 6)
 
     def force(self, output: np.ndarray, rate: np.ndarray | None = None) -> np.ndarray:
-        """Force at an output and its rate (None: zero), besides that of the linear spring."""
+        """Force at an output and its rate (None: zero), beyond that of the linear spring."""
         held = (self.cubic * output**2 + self.square * np.abs(output)) * output
         if not self.terms:
             return held
@@ -88,9 +88,9 @@ class Command(NamedTuple):
     position, rate : ndarray of shape (n_samples, n_runs)
         In units of the output, and of output times seconds.
     error : ndarray of shape (n_samples, n_runs)
-        The error that is answered, delayed.
+        The error that the command responds to, delayed.
     delay : float or ndarray
-        Delay of the answer to the error in seconds.
+        Delay of the response to the error in seconds.
     """
 
     position: np.ndarray
@@ -99,6 +99,6 @@ class Command(NamedTuple):
     delay: float | np.ndarray
 
     def plus(self, position: np.ndarray, rate: np.ndarray | None = None) -> Command:
-        """The command with a further answer."""
+        """The command with an additional response."""
         added = self._replace(position=self.position + position)
         return added if rate is None else added._replace(rate=self.rate + rate)

@@ -1,4 +1,4 @@
-"""Parameters of effects: name, dimension, bounds and starts, and these in units of the data."""
+"""Parameters of effects: name, dimension, bounds and starts, also in units of the data."""
 
 from __future__ import annotations
 

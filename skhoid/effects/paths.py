@@ -1,4 +1,4 @@
-"""Effects by which other channels are answered: target, preview, x, motion, disturbance."""
+"""Responses to other channels: target, preview, x, motion, disturbance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SCAN_STEP = 0.06  # s, of the time of an answer to the target
 
 
 class _AnswerToTarget(Effect):
-    """What answers to the target have in common: a gain and a form."""
+    """What responses to the target have in common: a gain and a form."""
 
     form: str | None
     neutral = {"gain": 0.0}
@@ -62,7 +62,7 @@ class _AnswerToTarget(Effect):
 
 
 class Feedforward(_AnswerToTarget):
-    """The target is answered as well as the error.
+    """The operator responds to the target as well as to the error.
 
     ``"inverse"``: gain times the inverse controlled element of f_t; ``"rate"``: gain times the
     target's rate; ``"gain"``: gain times the target.
@@ -70,7 +70,7 @@ class Feedforward(_AnswerToTarget):
     Parameters
     ----------
     gain : float or None, default=None
-        Without unit for ``"inverse"`` (1 is perfect), else in units of the output per unit of the
+        Dimensionless for ``"inverse"`` (1 is perfect), else in units of the output per unit of the
         target (times seconds); None estimates it.
     delay : float or None, default=None
         In seconds; None estimates it.
@@ -91,8 +91,8 @@ class Feedforward(_AnswerToTarget):
 
     name = "feedforward"
     place = "path"
-    physics = "The operator answers the target itself, as a pursuit display allows."
-    machine_physics = "The target acts on the output besides the input."
+    physics = "The operator also responds to the target itself, as a pursuit display allows."
+    machine_physics = "The target acts on the output in addition to the input."
     formula = "command + gain f_t(t - delay) / H_CE"
     tex = (
         r"c' = c + \mathrm{gain} \cdot \begin{cases}"
@@ -113,7 +113,7 @@ class Feedforward(_AnswerToTarget):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         return (
             gain_of_target(self.form),
-            Parameter("delay", S, 0.0, 0.8, (0.05, 0.3), "of the answer to the target"),
+            Parameter("delay", S, 0.0, 0.8, (0.05, 0.3), "delay of the response to the target"),
         )
 
     def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
@@ -121,10 +121,10 @@ class Feedforward(_AnswerToTarget):
 
 
 class Preview(_AnswerToTarget):
-    """The target is answered before it comes, as a preview display allows.
+    """The operator responds to the target ahead of time, as a preview display allows.
 
-    ``"spread"`` answers the mean of what ``"inverse"`` answers over a stretch of the target; the
-    other forms are as in :class:`Feedforward`.
+    ``"spread"`` averages the response of ``"inverse"`` over a stretch of the target; the other
+    forms are as in :class:`Feedforward`.
 
     Parameters
     ----------
@@ -150,8 +150,8 @@ class Preview(_AnswerToTarget):
 
     name = "preview"
     place = "path"
-    physics = "The operator sees the target coming and answers ahead."
-    machine_physics = "The target acts on the output before its time."
+    physics = "The operator sees the target coming and responds ahead of time."
+    machine_physics = "The target acts on the output ahead of time."
     formula = "command + gain f_t(t + time) / H_CE"
     tex = r"c' = c + \mathrm{gain}\; H_{CE}^{-1} f_t(t + \mathrm{time})"
     source = "Van der El et al. (2016)"
@@ -175,11 +175,11 @@ class Preview(_AnswerToTarget):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         both = (
             gain_of_target(self.form),
-            Parameter("time", S, 0.0, 1.5, (0.2, 0.6), "looked ahead"),
+            Parameter("time", S, 0.0, 1.5, (0.2, 0.6), "preview time"),
         )
         if self.form != "spread":
             return both
-        return (*both, Parameter("stretch", S, 0.05, 1.5, (0.3,), "of the target answered"))
+        return (*both, Parameter("stretch", S, 0.05, 1.5, (0.3,), "length of the target averaged"))
 
     def apply(
         self, signal: Any, record: Record, gain: float, time: float, stretch: float = 0.0
@@ -193,7 +193,7 @@ class Preview(_AnswerToTarget):
 
 
 class OutputFeedback(Effect):
-    """The controlled element's output and its rate are answered: H_x of a pursuit display.
+    """The operator responds to the controlled element's output and its rate: H_x of pursuit.
 
     Parameters
     ----------
@@ -217,8 +217,8 @@ class OutputFeedback(Effect):
 
     name = "output_feedback"
     place = "path"
-    physics = "The operator answers the motion of the controlled element besides the error."
-    machine_physics = "The channel x acts on the output besides the input."
+    physics = "The operator also responds to the motion of the controlled element."
+    machine_physics = "The channel x acts on the output in addition to the input."
     formula = "command - gain x(t - delay) - rate_gain dx/dt(t - delay)"
     tex = (
         r"c' = c - \mathrm{gain}\; x(t - \mathrm{delay})"
@@ -226,9 +226,9 @@ class OutputFeedback(Effect):
     )
     source = "Wasicko et al. (1966)"
     parameters = (
-        Parameter("gain", U / X, 0.0, 20.0, (0.05,), "on x", U / E),
-        Parameter("rate_gain", U * S / X, 0.0, 20.0, (0.05,), "on the rate of x", U / E),
-        Parameter("delay", S, 0.0, 0.8, (0.12, 0.3), "of the answer to x"),
+        Parameter("gain", U / X, 0.0, 20.0, (0.05,), "gain on x", U / E),
+        Parameter("rate_gain", U * S / X, 0.0, 20.0, (0.05,), "gain on the rate of x", U / E),
+        Parameter("delay", S, 0.0, 0.8, (0.12, 0.3), "delay of the response to x"),
     )
     neutral = {"gain": 0.0, "rate_gain": 0.0}
 
@@ -257,7 +257,7 @@ class OutputFeedback(Effect):
 
 
 class MotionFeedback(Effect):
-    """Vehicle motion is felt and answered, or shakes the hand.
+    """The operator feels vehicle motion and responds to it, or it shakes the hand.
 
     ``"direct"``: the channel as it is; ``"canal"``: through semicircular-canal dynamics
     (0.11 s + 1) / ((5.9 s + 1)(0.005 s + 1)); ``"feedthrough"``: involuntarily, added to the
@@ -287,8 +287,8 @@ class MotionFeedback(Effect):
     """
 
     name = "motion_feedback"
-    physics = "The operator feels the vehicle's motion and answers it."
-    machine_physics = "A measured motion acts on the output besides the input."
+    physics = "The operator feels the vehicle's motion and responds to it."
+    machine_physics = "A measured motion acts on the output in addition to the input."
     formula = "command - gain motion(t - delay)"
     tex = r"c' = c - \mathrm{gain}\; \mathrm{motion}(t - \mathrm{delay})"
     source = "Hosman and Stassen (1999)"
@@ -317,12 +317,12 @@ class MotionFeedback(Effect):
         gain = U / Dimension.of_channel(self.channel)
         if self.form == "feedthrough":
             return (
-                Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "of the feedthrough"),
-                Parameter("delay", S, 0.0, 0.06, (0.0,), "of the feedthrough"),
+                Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "gain of the feedthrough"),
+                Parameter("delay", S, 0.0, 0.06, (0.0,), "delay of the feedthrough"),
             )
         return (
-            Parameter("gain", gain, 0.0, 20.0, (0.1,), "on the motion"),
-            Parameter("delay", S, 0.0, 0.6, (0.1, 0.25), "of the answer to motion"),
+            Parameter("gain", gain, 0.0, 20.0, (0.1,), "gain on the motion"),
+            Parameter("delay", S, 0.0, 0.6, (0.1, 0.25), "delay of the response to motion"),
         )
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
@@ -353,12 +353,12 @@ class MotionFeedback(Effect):
 
 
 class Disturbance(Effect):
-    """A measured disturbance is answered directly.
+    """The operator responds directly to a measured disturbance.
 
-    A disturbance comes from outside: no model can rebuild the output from it, and the least delay
-    of what the loop moves does not bind it. But it is felt before it is seen, and no muscle answers
-    a perturbation sooner than the short-latency stretch reflex, 0.02 s: the least delay of a
-    person (or ``least_delay``, if that is less); a machine may answer at once.
+    A disturbance comes from outside: no model can reconstruct the output from it, and the least
+    delay for signals that the loop moves does not apply. But it is felt before it is seen, and no
+    muscle responds to a perturbation sooner than the short-latency stretch reflex, 0.02 s: the
+    least delay of a person (or ``least_delay``, if that is less); a machine may respond at once.
 
     Parameters
     ----------
@@ -385,8 +385,8 @@ class Disturbance(Effect):
     name = "disturbance"
     title = "disturbance response"
     place = "path"
-    physics = "The operator sees or feels the disturbance and answers it before the error shows."
-    machine_physics = "A measured disturbance acts on the output besides the input."
+    physics = "The operator sees or feels the disturbance and responds before the error shows it."
+    machine_physics = "A measured disturbance acts on the output in addition to the input."
     formula = "command - gain dist(t - delay)"
     tex = r"c' = c - \mathrm{gain}\; \mathrm{dist}(t - \mathrm{delay})"
     source = "Pool et al. (2011)"
@@ -407,8 +407,8 @@ class Disturbance(Effect):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         gain = U / Dimension.of_channel(self.channel)
         return (
-            Parameter("gain", gain, -20.0, 20.0, (0.1,), "on the disturbance"),
-            Parameter("delay", S, 0.0, 0.8, (0.1, 0.3), "of the answer"),
+            Parameter("gain", gain, -20.0, 20.0, (0.1,), "gain on the disturbance"),
+            Parameter("delay", S, 0.0, 0.8, (0.1, 0.3), "delay of the response"),
         )
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
@@ -428,10 +428,10 @@ class Disturbance(Effect):
 
 
 class CrossAxis(Effect):
-    """Another axis is answered too.
+    """The operator also responds to another axis.
 
-    ``"error"``: e' = e + gain times the other channel, before equalization; ``"command"``: command
-    + gain times the channel, as late as the error is answered, without lead.
+    ``"error"``: e' = e + gain times the other channel, before equalisation; ``"command"``: command
+    + gain times the channel, with the delay of the response to the error, without lead.
 
     Parameters
     ----------
@@ -456,7 +456,7 @@ class CrossAxis(Effect):
 
     name = "cross_axis"
     title = "cross-axis coupling"
-    physics = "The error of another axis leaks into this hand."
+    physics = "The error of another axis leaks into this axis."
     machine_physics = "Another channel leaks into the input."
     formula = "e' = e + gain channel, or command + gain channel"
     tex = (
@@ -482,7 +482,7 @@ class CrossAxis(Effect):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         answered = U if self.form == "command" else E
         gain = answered / Dimension.of_channel(self.channel)
-        return (Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "of the crossfeed"),)
+        return (Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "gain of the crossfeed"),)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, OTHER, "channel without role")
@@ -505,14 +505,14 @@ class CrossAxis(Effect):
 def gain_of_target(form: str | None) -> Parameter:
     """The gain on a target in one of the three forms."""
     if of_inverse(form):
-        return Parameter("gain", ONE, 0.0, 3.0, (0.3,), "of the inverse controlled element")
+        return Parameter("gain", ONE, 0.0, 3.0, (0.3,), "gain on the inverse controlled element")
     gain = U / Dimension.of_role("f_t")
     dimension = gain * S if form == "rate" else gain
-    return Parameter("gain", dimension, 0.0, 20.0, (0.1,), "on the target")
+    return Parameter("gain", dimension, 0.0, 20.0, (0.1,), "gain on the target")
 
 
 def of_inverse(form: str | None) -> bool:
-    """Whether a form of the answer to the target needs the controlled element."""
+    """Whether a form of the response to the target needs the controlled element."""
     return form in ("inverse", "spread")
 
 
@@ -562,5 +562,5 @@ def moved_by_output(record: Record, channel: str) -> bool:
 def not_at_once(
     limits: dict[str, tuple[float, float]], record: Record
 ) -> dict[str, tuple[float, float]]:
-    """Bounds whose delay is at least that of the record: a faster answer is the loop itself."""
+    """Bounds whose delay is at least that of the record: a faster response is the loop itself."""
     return limits | {"delay": (record.least_delay, limits["delay"][1])}

@@ -56,9 +56,9 @@ class Record:
     criterion_rate : float
         Rate in Hz at which residuals count, at most.
     ahead : float
-        Seconds by which the answer may come earlier than the core's delay.
+        Seconds by which the response may come earlier than the core's delay.
     least_delay : float
-        Seconds after which what the output moves is answered at the earliest.
+        Earliest response, in seconds, to what the output moves.
     initial : {"rest", "held", "estimate"}
         How free runs begin; see ``greybox.initial``.
     levels : (float, float)
@@ -78,7 +78,7 @@ class Record:
     prediction: np.ndarray | None = None
     core: CoreKind = CoreKind.OPERATOR
     time_unit: float = 1.0
-    criterion_rate: float = 25.0  # operators do not answer faster than half of it
+    criterion_rate: float = 25.0  # operators do not respond faster than half of it
     ahead: float = np.inf
     least_delay: float = 0.0
     initial: str = "rest"

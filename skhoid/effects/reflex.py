@@ -1,4 +1,4 @@
-"""The stretch reflex: a delayed answer to the rate of the input in one direction."""
+"""The stretch reflex: a delayed response to the rate of the input in one direction."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class RateReflex(Effect):
 
     u' = u + sense gain H(s) p, where p is the rate de/dt(t - delay) while it is positive
     (``side="positive"``) or negative, else zero, and H(s) = omega^2 / (s^2 + 2 zeta omega s +
-    omega^2). Beside the intrinsic stiffness, which is linear and answers at once, a muscle answers
-    its stretch, and not its release, and in the sense of the stiffness: it resists.
+    omega^2). In addition to the intrinsic stiffness, which is linear and responds at once, a muscle
+    responds to being stretched, not to being released, and like the stiffness it resists.
 
     Parameters
     ----------
@@ -40,10 +40,10 @@ class RateReflex(Effect):
     zeta : float or None, default=None
         Its damping ratio; None estimates it.
     side : {"positive", "negative"} or None, default=None
-        Sign of the rates that are answered; None tries both.
+        Sign of the rates that get a response; None tries both.
     sense : {1, -1} or None, default=None
-        Sign of the output that resists a positive input, by the convention of the recording; None
-        takes that of the covariance of output and input.
+        Sign of the output that resists a positive input, by the recording's convention; None takes
+        that of the covariance of output and input.
 
     References
     ----------
@@ -59,8 +59,8 @@ class RateReflex(Effect):
 
     name = "rate_reflex"
     place = "sum"
-    physics = "Stretch, and not release, is answered late by a reflex in proportion to its rate."
-    machine_physics = "The rate of the input is answered late, and in one direction only."
+    physics = "A delayed reflex responds to stretch, but not to release, in proportion to its rate."
+    machine_physics = "A delayed response to the rate of the input, in one direction only."
     formula = "u +- gain H(s) max(+-de/dt(t - delay), 0)"
     tex = (
         r"u' = u \pm \mathrm{gain}\; H(s) \max(\pm \dot e(t - \mathrm{delay}),\, 0),"
@@ -70,8 +70,8 @@ class RateReflex(Effect):
     neutral = {"gain": 0.0}
     choices = {"side": ("positive", "negative")}
     parameters = (
-        Parameter("gain", U * S / E, 0.0, 1e3, (0.03, 0.3), "answer to the rate"),
-        Parameter("delay", S, 0.015, 0.3, (0.04,), "of the answer", scale=ONE),
+        Parameter("gain", U * S / E, 0.0, 1e3, (0.03, 0.3), "gain on the rate"),
+        Parameter("delay", S, 0.015, 0.3, (0.04,), "delay of the response", scale=ONE),
         Parameter("omega", RAD / S, 2.0, 200.0, (30.0,), "frequency of the path", scale=ONE),
         Parameter("zeta", ONE, 0.2, 5.0, (1.0,), "its damping ratio"),
     )
@@ -95,9 +95,9 @@ class RateReflex(Effect):
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core != CoreKind.ARX:
-            return "for an ARX model, of a joint: position to torque"
+            return "for an ARX model of a joint: position to torque"
         if record.dt > COARSEST:
-            return f"sampled every {record.dt:g} s: a reflex of some 0.04 s does not show"
+            return f"sampled every {record.dt:g} s: a reflex of about 0.04 s does not show"
         return None
 
     def variants(self, record: Record) -> list[Effect]:

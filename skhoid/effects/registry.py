@@ -21,7 +21,7 @@ def register(classes: Iterable[type[Effect]]) -> dict[str, type[Effect]]:
 
 
 def effect(name: str) -> Effect:
-    """The effect of an id, with everything to be estimated.
+    """Return the effect with an id, all its parameters to be estimated.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ def effect(name: str) -> Effect:
     """
     if name not in _CLASSES:
         raise ValueError(
-            f"No effect is called {name!r}. There are: {', '.join(_CLASSES)}."
+            f"No effect is called {name!r}. The effects are: {', '.join(_CLASSES)}."
             f"{did_you_mean(name, _CLASSES)}"
         )
     return _CLASSES[name]()
 
 
 def title_of(name: str) -> str:
-    """What people call the effect of an id or of an entry of a model, such as ``dead_zone-2``.
+    """Human name of an effect, from its id or its entry in a model, such as ``dead_zone-2``.
 
     Parameters
     ----------

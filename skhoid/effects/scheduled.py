@@ -1,4 +1,4 @@
-"""Dynamics that follow a channel, and a filter before a static map: structures of machines."""
+"""Dynamics that follow a channel, and a filter before a static map: for machines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SLOWEST, FASTEST = 0.05, 20.0  # times the frequency at the reference
 
 
 class ScheduledDynamics(ScheduledGain):
-    """Natural frequencies that follow a measured channel, and the damping ratios do not.
+    """Natural frequencies that follow a measured channel, with constant damping ratios.
 
     Poles exp(s dt) of A(q) become exp(factor s dt) with factor = 1 + slope (channel - reference);
     B(q) is scaled so that the static gain stays. A gain that follows the channel as well is
@@ -31,7 +31,7 @@ class ScheduledDynamics(ScheduledGain):
     slope : float or None, default=None
         Relative change of the frequencies per unit of the channel; None estimates it.
     channel : str or None, default=None
-        Column to follow; None tries each without a role.
+        Column to follow; None tries each that has no role.
     reference : float or None, default=None
         Value of the channel at which the dynamics are those of A(q); None takes its mean.
 
@@ -50,7 +50,7 @@ class ScheduledDynamics(ScheduledGain):
     place = "gain"
     physics = "The dynamics become faster or slower with a measured condition, such as position."
     machine_physics = physics
-    formula = "omega (1 + slope (channel - reference)) in place of omega, of all poles"
+    formula = "omega (1 + slope (channel - reference)) in place of omega, for all poles"
     tex = (
         r"\omega(t) = \omega\,\bigl(1 + \mathrm{slope}\,(\mathrm{channel}(t) -"
         r" \mathrm{reference})\bigr)"
@@ -70,32 +70,32 @@ class ScheduledDynamics(ScheduledGain):
 
 
 class InputFilter(Effect):
-    """A filter before a static nonlinearity, which no filter behind it replaces.
+    """A filter ahead of a static nonlinearity, which no filter after it can replace.
 
-    w is the input behind 1 / (time s + 1) (``order="first"``) or omega^2 / (s^2 + 2 zeta omega s +
-    omega^2) (``"second"``), and e' = map(w): ``"dead_zone"`` sign(w) max(abs(w) - width, 0);
+    w is the input filtered by 1 / (time s + 1) (``order="first"``) or omega^2 / (s^2 + 2 zeta omega
+    s + omega^2) (``"second"``), and e' = map(w): ``"dead_zone"`` sign(w) max(abs(w) - width, 0);
     ``"clipped"`` min(max(w, -width (1 - skew)), width (1 + skew)); ``"cubic"`` w + hardening w^3;
     ``"square"`` w + hardening w abs(w).
 
     Parameters
     ----------
     time : float or None, default=None
-        Time constant in seconds, of the first order; None estimates it.
+        Time constant in seconds (``"first"``); None estimates it.
     omega : float or None, default=None
-        Natural frequency in rad/s, of the second order; None estimates it.
+        Natural frequency in rad/s (``"second"``); None estimates it.
     zeta : float or None, default=None
-        Damping ratio, of the second order; None estimates it.
+        Damping ratio (``"second"``); None estimates it.
     width : float or None, default=None
         Threshold or limit of w in units of the input; None estimates it.
     skew : float or None, default=None
-        Half the relative difference of the limits, of ``"clipped"``; None estimates it.
+        Half the relative difference between the limits (``"clipped"``); None estimates it.
     hardening : float or None, default=None
         In the unit of the input to the power -2 (``"cubic"``) or -1; None estimates it.
     form : {"dead_zone", "clipped", "cubic", "square"} or None, default=None
         None tries all.
     order : {"first", "second"}, default="first"
-        A search tries the first: two poles of the second make up for those that a linear model
-        lacks, whatever the map.
+        A search tries ``"first"``: the two poles of ``"second"`` make up for poles that a linear
+        model lacks, whatever the map.
 
     References
     ----------
@@ -110,8 +110,8 @@ class InputFilter(Effect):
 
     name = "input_filter"
     place = "input"
-    physics = "The input passes a filter before it meets a threshold, a limit or a curve."
-    formula = "e' = map(H(s) e), with dead zone, limits, cube or square as the map"
+    physics = "The input passes through a filter before a threshold, a limit or a curve."
+    formula = "e' = map(H(s) e), where the map is a dead zone, limits, a cube or a square"
     tex = (
         r"w = \frac{e}{\mathrm{time}\; s + 1}, \quad e' = \begin{cases}"
         r" \operatorname{sign}(w)\max(|w| - \mathrm{width},\, 0) & \text{dead\_zone} \\"
@@ -155,16 +155,16 @@ class InputFilter(Effect):
                 Parameter("omega", RAD / S, 0.3, 200.0, (3.0, 15.0), "frequency of the filter"),
                 Parameter("zeta", ONE, 0.02, 5.0, (0.7,), "damping ratio of the filter"),
             )
-        growth = "growth of the gain with amplitude"
+        growth = "increase of the gain with amplitude"
         if self.form == "cubic":
             return (*filtered, Parameter("hardening", ONE / E**2, -0.3, 20.0, (-0.02, 0.1), growth))
         if self.form == "square":
             return (*filtered, Parameter("hardening", ONE / E, -1.0, 20.0, (-0.1, 0.3), growth))
         if self.form == "clipped":
-            width = Parameter("width", E, 0.02, 3.3, (0.7, 1.5), "limit behind the filter")
-            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "of the limits")
+            width = Parameter("width", E, 0.02, 3.3, (0.7, 1.5), "limit after the filter")
+            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "asymmetry of the limits")
             return (*filtered, width, skew)
-        width = Parameter("width", E, 0.0, 3.0, (0.25, 0.7), "threshold behind the filter")
+        width = Parameter("width", E, 0.0, 3.0, (0.25, 0.7), "threshold after the filter")
         return (*filtered, width)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:

@@ -1,4 +1,4 @@
-"""What a machine's sensor makes of the output: its magnitude alone."""
+"""A machine's sensor that shows only the magnitude of the output."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ LOW_MINIMA = (0.15, 0.3, 0.5, 0.8)  # standard deviations, below which a minimum
 
 
 class SensorMagnitude(Effect):
-    """The sensor shows the size of the output without its sign: y' = abs(y).
+    """The sensor shows the magnitude of the output without its sign: y' = abs(y).
 
-    A pulse counter or a rectifying tachometer does. A search starts from the signs that make the
-    output smooth, and takes those of the model found with them until they stay.
+    Pulse counters and rectifying tachometers do this. A search starts from the signs that make the
+    output smooth, then repeats with the signs of the fitted model until they no longer change.
 
     References
     ----------
@@ -34,7 +34,7 @@ class SensorMagnitude(Effect):
     name = "sensor_magnitude"
     title = "sensor without sign"
     place = "output"
-    physics = "The sensor shows how fast or how far, and not in which direction."
+    physics = "The sensor shows how fast or how far, but not in which direction."
     formula = "y' = |y|"
     tex = r"y' = |y|"
     source = "Wigren and Schoukens (2017)"

@@ -1,4 +1,4 @@
-"""Maps without memory, which may act on the error, on the command or on the output."""
+"""Maps without memory, which may act on the error, the command or the output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Operators that change within a run: gains, drift, scheduling by a channel, lapses."""
+"""Operators that change during a run: gains, drift, scheduling by a channel, lapses."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def sigmoid(record: Record, rate: float, time: float) -> np.ndarray:
 
 
 class TimeVaryingGain(Effect):
-    """Gains on error and error rate change in the run, by a sigmoid or a ramp.
+    """Gains on error and error rate change during the run, by a sigmoid or a ramp.
 
-    K(t) = K [1 + change / (1 + exp(-rate (t - time)))], with a change of its own for K_e and
-    K_edot; large rates are steps. ``"ramp"`` changes linearly within 4 / rate seconds.
+    K(t) = K [1 + change / (1 + exp(-rate (t - time)))], with separate changes of K_e and K_edot;
+    large rates are steps. ``"ramp"`` changes linearly within 4 / rate seconds.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ class TimeVaryingGain(Effect):
     name = "tv_gain"
     title = "time-varying gain"
     place = "gain"
-    physics = "The operator adapts: gain and lead change in the run."
-    machine_physics = "The gain changes in the run."
+    physics = "The operator adapts: gain and lead change during the run."
+    machine_physics = "The gain changes during the run."
     formula = "K (1 + change / (1 + exp(-rate (t - time))))"
     tex = (
         r"K(t) = K \left(1 + \frac{\mathrm{change}}{1 + e^{-\mathrm{rate}\,(t -"
@@ -147,7 +147,7 @@ class TimeVaryingGain(Effect):
 
 
 class GainDrift(Effect):
-    """Both gains drift steadily in the run: fatigue, or learning.
+    """Both gains drift steadily during the run: fatigue, or learning.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ class GainDrift(Effect):
     tex = r"K(t) = K\,\bigl(1 + \mathrm{rate}\,(t - \mathrm{reference})\bigr)"
     source = "Thesis, Section II"
     parameters = (
-        Parameter("rate", ONE / S, -1.9, 1.9, (0.4, -0.4), "relative, per second", ONE / T),
+        Parameter("rate", ONE / S, -1.9, 1.9, (0.4, -0.4), "relative change per second", ONE / T),
     )
     neutral = {"rate": 0.0}
 
@@ -239,7 +239,7 @@ class ScheduledGain(Effect):
         return (Parameter("slope", dimension, -3.0, 3.0, (0.15, -0.15), "relative change"),)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
-        return needs_channel(self.channel, record, OTHER, "channel without role to follow")
+        return needs_channel(self.channel, record, OTHER, "channel without a role to follow")
 
     def variants(self, record: Record) -> list[Effect]:
         names = record.with_role(OTHER) if self.channel is None else [self.channel]
@@ -257,19 +257,19 @@ class ScheduledGain(Effect):
 
 
 class Lapses(Effect):
-    """Lapses of attention: in stretches of time, the same in each run, nothing is answered.
+    """Lapses of attention: stretches of time, the same in each run, without a response.
 
     Parameters
     ----------
     depth : float or None, default=None
         Share of the command that is missing in a lapse; None estimates it.
     shift : float or None, default=None
-        How much later the stretches are than ``intervals``, in seconds; None estimates it.
+        How much later than ``intervals`` the stretches are, in seconds; None estimates it.
     intervals : list of (float, float) or None, default=None
-        Beginnings and ends in seconds of time in the run; None finds them.
+        Starts and ends, in seconds of time in the run; None finds them.
     form : {"command", "gain", "hold"} or None, default=None
-        Whether the command rests, the gains on error and error's derivative vanish (which kicks
-        at the ends, d/dt (K_edot e)), or the command stays as it was; None tries all.
+        Whether the command goes to zero, the gains on error and error rate vanish (which kicks at
+        the ends, d/dt (K_edot e)), or the command holds its value; None tries all.
 
     References
     ----------
@@ -285,14 +285,14 @@ class Lapses(Effect):
     name = "lapses"
     title = "lapses of attention"
     place = "command"
-    physics = "The operator looks away, and does not answer for seconds."
-    machine_physics = "The input is cut off in stretches of time."
-    formula = "command (1 - depth) within the intervals, or + depth times the first command there"
-    tex = r"c'(t) = (1 - \mathrm{depth})\,c(t) \quad\text{within the lapses}"
+    physics = "The operator looks away and does not respond for seconds."
+    machine_physics = "The input is cut off for stretches of time."
+    formula = "command (1 - depth) during lapses, or + depth times their first command"
+    tex = r"c'(t) = (1 - \mathrm{depth})\,c(t) \quad\text{during the lapses}"
     source = "Viterbi (1967)"
     parameters = (
-        Parameter("depth", ONE, 0.0, 1.0, (0.95,), "share not answered"),
-        Parameter("shift", S, -0.8, 0.4, (-0.15,), "of the intervals"),
+        Parameter("depth", ONE, 0.0, 1.0, (0.95,), "share of the command lost"),
+        Parameter("shift", S, -0.8, 0.4, (-0.15,), "shift of the intervals"),
     )
     neutral = {"depth": 0.0}
     choices = {"form": ("command", "gain", "hold")}
@@ -364,7 +364,7 @@ def needs_channel(channel: str | None, record: Record, role: str, what: str) -> 
 
 
 def silent_stretches(record: Record) -> list[tuple[float, float]]:
-    """Stretches in which all runs answer nothing rather than the input, by Viterbi's algorithm."""
+    """Stretches in which no run responds to the input, by Viterbi's algorithm."""
     if record.prediction is None or record.y is None:
         return []
     answer, y, known = record.prediction, record.y, record.known

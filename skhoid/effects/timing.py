@@ -1,4 +1,4 @@
-"""Effects on the delay: another one than assumed, or one that varies in time."""
+"""Effects on the delay: not the one assumed, or one that varies in time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class WrongDelay(Effect):
 
     Notes
     -----
-    It frees a delay that the model was given (``OperatorRegressor(delay=0.28)``, or ``nk`` of an
+    It frees a delay that was given to the model (``OperatorRegressor(delay=0.28)``, or ``nk`` of an
     ARX model); a model that estimates its delay does not need it.
 
     References
@@ -43,12 +43,12 @@ class WrongDelay(Effect):
 
     name = "wrong_delay"
     place = "delay"
-    physics = "The answer comes earlier or later than the model assumes."
+    physics = "The response comes earlier or later than the model assumes."
     machine_physics = "The dead time is shorter or longer than the model assumes."
     formula = "e(t - delay - extra)"
     tex = r"e(t) \to e(t - \tau_e - \mathrm{extra})"
     source = "Thesis, Section V"
-    parameters = (Parameter("extra", S, -0.4, 0.6, (-0.08, 0.08), "longer than assumed"),)
+    parameters = (Parameter("extra", S, -0.4, 0.6, (-0.08, 0.08), "delay beyond the assumed one"),)
     neutral = {"extra": 0.0}
 
     def __init__(self, *, extra: float | None = None):
@@ -56,7 +56,7 @@ class WrongDelay(Effect):
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core == CoreKind.OPERATOR_FREE_DELAY:
-            return "the model estimates its delay already (delay=None)"
+            return "the model already estimates its delay (delay=None)"
         return None
 
     def limits(self, record: Record) -> dict[str, tuple[float, float]]:
@@ -76,7 +76,7 @@ class WrongDelay(Effect):
 
 
 class TimeVaryingDelay(Effect):
-    """The delay changes in the run, by a sigmoid.
+    """The delay changes during the run, by a sigmoid.
 
     Parameters
     ----------
@@ -101,13 +101,13 @@ class TimeVaryingDelay(Effect):
     name = "tv_delay"
     title = "time-varying delay"
     place = "delay"
-    physics = "The operator becomes slower, or faster, to answer in the run."
-    machine_physics = "The dead time changes in the run."
+    physics = "The operator becomes slower or faster to respond during the run."
+    machine_physics = "The dead time changes during the run."
     formula = "tau_e + change / (1 + exp(-rate (t - time)))"
     tex = r"\tau(t) = \tau_e + \frac{\mathrm{change}}{1 + e^{-\mathrm{rate}\,(t - \mathrm{time})}}"
     source = "Thesis, Eq. 2"
     parameters = (
-        Parameter("change", S, -0.5, 0.5, (0.05, -0.05), "of the delay"),
+        Parameter("change", S, -0.5, 0.5, (0.05, -0.05), "change of the delay"),
         Parameter("rate", ONE / S, 0.05, 20.0, (0.5,), "steepness"),
         Parameter("time", S, 0.02, 0.98, (0.3, 0.7), "middle of the change", T),
     )

@@ -1,4 +1,4 @@
-"""Signs of effects in the output or the residual alone (levels, stops), found without a fit."""
+"""Traces of effects in the output or the residual alone (levels, stops), found without a fit."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Signature:
 
 
 def step_of(record: Record) -> float | None:
-    """Typical distance of the levels that the output takes; None where it takes too many."""
+    """Typical distance between the levels that the output takes; None where it takes too many."""
     return record.once("step", lambda: _step(record))
 
 

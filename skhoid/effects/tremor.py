@@ -20,7 +20,7 @@ PERIODS, N_SHOWN = 4.0, 800  # of a realisation
 
 
 class Tremor(Effect):
-    """A periodic movement of the hand, of unknown phase: noise, which no input explains.
+    """A periodic movement of the hand of unknown phase: noise, which no input explains.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ class Tremor(Effect):
 
     Notes
     -----
-    Its phase is not known beforehand: it is named and measured, and the free run does not change.
+    Its phase cannot be known in advance: the tremor is named and measured, but the free run does
+    not change.
 
     References
     ----------
@@ -46,8 +47,8 @@ class Tremor(Effect):
 
     name = "tremor"
     place = "sum"
-    physics = "The hand trembles at a steady frequency."
-    machine_physics = "The output carries a vibration of a steady frequency."
+    physics = "The hand trembles at a constant frequency."
+    machine_physics = "The output carries a vibration of constant frequency."
     formula = "u + amplitude sin(2 pi frequency t + phase), the phase unknown"
     tex = (
         r"u' = u + \mathrm{amplitude}\,\sin(2\pi\,\mathrm{frequency}\; t + \varphi),"
@@ -56,8 +57,8 @@ class Tremor(Effect):
     source = "Elble and Randall (1978)"
     noise = "a sine"
     parameters = (
-        Parameter("frequency", HZ, 5.0, 15.0, (9.0,), "of the tremor"),
-        Parameter("amplitude", U, 0.0, 5.0, (0.1,), "of the tremor"),
+        Parameter("frequency", HZ, 5.0, 15.0, (9.0,), "frequency of the tremor"),
+        Parameter("amplitude", U, 0.0, 5.0, (0.1,), "amplitude of the tremor"),
     )
 
     def __init__(self, *, frequency: float | None = None, amplitude: float | None = None):

@@ -1,4 +1,4 @@
-"""Experiments with several people: planned, simulated and analysed."""
+"""Experiments with several people: planning, simulation and analysis."""
 
 from .analyse import analyse_experiment
 from .recommend import ForgettingAdvice, recommend_forgetting

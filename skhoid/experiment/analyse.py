@@ -34,44 +34,45 @@ def analyse_experiment(
 ) -> ExperimentResult:
     """Analyse an experiment with several people, conditions and runs, as in Section VI.
 
-    For each subject and condition: the last runs without their run-in; the delay n_k* of all of
-    them; ARX models with n_a = n_b = 2, batch models of the first and the last region of each
-    run, and recursive models of each run that forget all parameters (λ), or b0 and b1 only (Λ),
-    from the batch model of its first region with P0 = I; their means over the runs; all of them
-    as parameters of the operator. Each run's models are validated on the other runs.
+    For each subject and condition, take the last runs without their run-in and find their common
+    delay n_k*. Fit ARX models with n_a = n_b = 2: batch models of the first and the last region of
+    each run, and recursive models of each run that forget all parameters (λ), or b0 and b1 only
+    (Λ), starting from the batch model of the first region with P0 = I. Average them over the runs,
+    and convert them all to parameters of the operator. Each run's models are validated on the other
+    runs.
 
     Parameters
     ----------
     X : DataFrame of shape (n_rows, n_channels)
         Channels with the row index levels ``run`` and ``time`` (s), and ``subject`` and
-        ``condition`` where there are any. Besides the error, ``f_t`` (or ``x``) serves the
+        ``condition`` if there are any. Besides the error, ``f_t`` (or ``x``) is used for the
         tracking score only.
     y : Series or array of shape (n_rows,)
         Control output.
     last : int or None, default=5
-        How many runs of each subject and condition; None means all.
+        How many runs of each subject and condition to use, counted from the last; None means all.
     memory_horizon : float, default=256.0
         N0 in samples.
     memory_time : float or None, default=None
-        N0 dt in s, in place of it: the thesis's is 2.56 s, at 100 Hz.
+        N0 dt in s, instead of ``memory_horizon``; 2.56 s in the thesis, at 100 Hz.
     delay : float, dict or None, default=None
-        Delay in s, n_k dt, which includes the sample of zero-order hold; by (subject, condition),
-        subject or condition if a dict. None searches up to 0.5 s.
+        Delay n_k dt in s, including the sample of zero-order hold; a dict has it by (subject,
+        condition), subject or condition. None searches up to 0.5 s.
     input : str, default="e"
         Column of the error.
     run_in : float or None, default=None
-        Seconds to leave out at the beginning of each run.
+        Seconds to leave out at the start of each run.
     measurement_time : float or None, default=None
-        Seconds to keep at the end of each run; 81.92 in the thesis. With neither, times below 0
-        are the run-in.
+        Seconds to keep at the end of each run; 81.92 in the thesis. If neither is given, negative
+        times are the run-in.
     region : float, default=30.72
         Length of the first and the last region in s.
     transition_time : float, dict by condition, or None, default=None
         When the controlled element changes, in s of the time index; shown in plots.
     fit_intercept : bool, default=False
-        Add a constant to the models, for recordings that are not about zero.
+        Add a constant to the models, for recordings with an offset.
     step : float, default=0.16
-        Time between the instants that are kept of paths, in s.
+        Time between the points at which parameter paths are kept, in s.
     n_jobs : int or None, default=None
         Number of threads, as in joblib.
 
@@ -85,20 +86,20 @@ def analyse_experiment(
     ShortRunError
         If a run is shorter than two regions; the message names it.
     RunIndexError, IrregularSamplingError
-        If rows, runs or time break the data convention.
+        If rows, runs or time violate the data convention.
     ValueError
-        If there is no column of the error, or options make no sense.
+        If there is no column of the error, or an option is not valid.
 
     See Also
     --------
-    simulate_experiment : Recordings whose truth is known.
-    skhoid.read_runs : Recordings of your own.
+    simulate_experiment : Simulate recordings whose truth is known.
+    skhoid.read_runs : Read your own recordings.
 
     Notes
     -----
-    Runs of a subject in a condition are compared over the time that they share; runs that differ
-    in it, subjects without runs in a condition and missing runs are in ``result.notes``. Times
-    are those of the index.
+    Runs of a subject in a condition are compared over the time that they share; runs with different
+    times, subjects without runs in a condition and missing runs are listed in ``result.notes``.
+    Times are those of the index.
 
     References
     ----------
@@ -117,8 +118,8 @@ def analyse_experiment(
         S1 shows no change beyond the scatter of runs.
     ...
 
-    Recordings of your own, of one person in one condition and in the files run1.csv to run7.csv
-    with the columns t, error and stick, of which the last 81.92 s are measured:
+    Your own recordings of one person in one condition, in the files run1.csv to run7.csv with the
+    columns t, error and stick, of which the last 81.92 s are the measurement:
 
     >>> from skhoid import read_runs
     >>> X, y = read_runs(
@@ -142,10 +143,10 @@ def _check_options(
     measurement_time: float | None,
 ) -> None:
     if last is not None and last < 1:
-        raise ValueError(f"last counts runs and is at least 1; got {last}.")
+        raise ValueError(f"last must be a number of runs, at least 1; got {last}.")
     for name, value in (("region", region), ("step", step)):
         if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} is a time in s, above 0; got {value!r}.")
+            raise ValueError(f"{name} must be a time in s, above 0; got {value!r}.")
     if run_in is not None and measurement_time is not None:
         raise ValueError(
             "Give run_in= (leave out the first seconds) or measurement_time= (keep the last "
@@ -156,12 +157,12 @@ def _check_options(
 def _in_samples(memory_horizon: float, memory_time: float | None, dt: float) -> float:
     horizon = float(memory_horizon if memory_time is None else memory_time / dt)
     if not horizon > 1:
-        raise ValueError(f"The memory horizon is more than one sample; got {horizon:g}.")
+        raise ValueError(f"The memory horizon must be more than one sample; got {horizon:g}.")
     return horizon
 
 
 def _found(cells: list[Cell], plan: AnalysisPlan, n_jobs: int | None) -> list[CellTables]:
-    """What the chain finds in each cell."""
+    """The results for each cell."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MissingDataWarning)  # the notes count it
         warnings.simplefilter("ignore", RunTimeWarning)  # and say what runs do not share
@@ -173,7 +174,7 @@ def _found(cells: list[Cell], plan: AnalysisPlan, n_jobs: int | None) -> list[Ce
 def _joined(
     found: list[CellTables], plan: AnalysisPlan, times: dict[Any, float], notes: list[str]
 ) -> ExperimentResult:
-    """The tables of all cells one after another, and what they say of change."""
+    """The tables of all cells concatenated, and what they say about change."""
     joined = {
         name: pd.concat([getattr(f, name) for f in found], ignore_index=True)
         for name in ("paths", "batch", "scores", "validation", "changes")

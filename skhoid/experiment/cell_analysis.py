@@ -97,7 +97,7 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> CellTables:
     if lost := int(mean["K_e"].isna().sum()):
         notes.append(
             f"{cell.name or RECORDING}: {lost} of {len(mean)} instants of the mean paths have no "
-            "pair of complex poles, and no operator parameters"
+            "pair of complex poles, so no operator parameters"
         )
     tables = {
         "paths": paths,
@@ -117,7 +117,7 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> CellTables:
 
 
 def _delay(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, Any], list[str]]:
-    """n_k* of the runs together, or the delay that was given."""
+    """n_k* of all runs together, or the given delay."""
     given = plan.delay
     if given is not None and not isinstance(given, (int, float, np.number)):
         pair = (cell.subject, cell.condition)
@@ -138,7 +138,7 @@ def _delay(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, Any], list[str]]:
     if search.best_nk_ in (1, nk_max):
         return found, [
             f"{cell.name or RECORDING}: the delay {found['delay']:g} s is at the end of the "
-            "range that was searched"
+            "range searched"
         ]
     return found, []
 
@@ -246,7 +246,7 @@ class _CrossValidation:
 
 
 def _changes(batch: pd.DataFrame) -> pd.DataFrame:
-    """Paired t test of each parameter, in the last against the first region of the runs."""
+    """Paired t test of each parameter between the last and the first region of the runs."""
     each = batch[batch[RUN] != MEAN]
     at = {form: each[each["form"] == form] for form in ("ini", "fin")}  # runs in the same order
     rows = []

@@ -1,4 +1,4 @@
-"""The runs of an experiment by subject and condition, and notes on what they lack."""
+"""The runs of an experiment by subject and condition, and notes on what is missing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..preprocessing.run_in import run_in_rows
 from ..runs import RUN, TIME, check_alignment, mark_run_in, read_layout
 
 SUBJECT, CONDITION, ALL = "subject", "condition", "all"
-RECORDING = "the recording"  # what has no name of its own
+RECORDING = "the recording"  # the name of an unnamed cell
 
 
 @dataclass(frozen=True)
@@ -51,16 +51,17 @@ def read_cells(
     """The last runs of each subject and condition without run-in, dt, and notes."""
     if not isinstance(getattr(X, "index", None), pd.MultiIndex):
         raise RunIndexError(
-            "analyse_experiment needs the index levels 'run' and 'time' in X, and reads 'subject' "
-            "and 'condition' where there are such levels (skhoid.read_runs makes the first two)."
+            "analyse_experiment needs the index levels 'run' and 'time' in X, and uses 'subject' "
+            "and 'condition' if there are such levels (skhoid.read_runs makes the first two)."
         )
     check_alignment(X, y)
     layout = read_layout(X)
     names = [name for name in X.index.names if name not in (RUN, TIME)]
     if others := [name for name in names if name not in (SUBJECT, CONDITION)]:
         raise RunIndexError(
-            f"X has the index level {others[0]!r}; an experiment has 'subject' and 'condition' "
-            "beside 'run' and 'time'. Rename it, drop it, or join it with one of these."
+            f"X has the index level {others[0]!r}; an experiment has only 'subject' and "
+            "'condition' besides 'run' and 'time'. Rename it, drop it, or join it with one of "
+            "these."
         )
     if input not in X.columns:
         raise ValueError(
@@ -72,8 +73,8 @@ def read_cells(
         trimmed = layout.time < -1e-6 * layout.dt
         if not trimmed.any():
             notes.append(
-                "nothing was left out as run-in; run_in= or measurement_time= does, as do times "
-                "below 0"
+                "nothing was left out as run-in; for that give run_in= or measurement_time=, or "
+                "count times before the measurement as negative"
             )
     else:
         trimmed = run_in_rows(layout, run_in=run_in, measurement_time=measurement_time)
@@ -125,13 +126,13 @@ def _shared_time(
     region: float,
     notes: list[str],
 ) -> tuple[float, float]:
-    """The time that the runs share, which holds a first and a last region."""
+    """The time that the runs share, long enough for a first and a last region."""
     for time, label in zip(times, labels, strict=True):
         length = 0.0 if time.size == 0 else time[-1] - time[0] + dt
         if length < 2 * region - dt / 2:
             raise ShortRunError(
                 f"{name + ', run' if name else 'Run'} {label!r} lasts {length:g} s without its "
-                f"run-in, and its first and last region of {region:g} s need {2 * region:g} s. "
+                f"run-in, but the first and last region of {region:g} s need {2 * region:g} s. "
                 "Leave it out, or give a shorter region=."
             )
     first = np.array([time[0] for time in times])
@@ -141,12 +142,12 @@ def _shared_time(
         late, early = labels[int(first.argmax())], labels[int(end.argmin())]
         raise ShortRunError(
             f"{name or 'The recording'}: run {late!r} begins at {start:g} s and run {early!r} "
-            f"ends at {stop:g} s, so that the runs share less than the {2 * region:g} s of a "
-            "first and a last region. Times must count from the start of the forcing function."
+            f"ends at {stop:g} s, so the runs share less than the {2 * region:g} s of a first "
+            "and a last region. Times must count from the start of the forcing function."
         )
     if np.ptp(first) > dt / 2 or np.ptp(end) > dt / 2:
         notes.append(
-            f"the runs of {name or RECORDING} do not begin and end at the same times; what is "
-            f"compared is from {start:g} to {stop:g} s, which they share"
+            f"the runs of {name or RECORDING} do not begin and end at the same times; they are "
+            f"compared from {start:g} to {stop:g} s, which they share"
         )
     return start, stop

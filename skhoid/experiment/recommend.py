@@ -1,4 +1,4 @@
-"""recommend_forgetting: the memory horizon for an experiment that is still to come."""
+"""recommend_forgetting: the memory horizon for a planned experiment."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ RUNS = ["remnant_intensity", "replication", "validation"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ForgettingAdvice:
-    """Which memory horizon suits an experiment, and the results that say so.
+    """The memory horizon that suits an experiment, and the results behind it.
 
     Parameters
     ----------
     memory_horizon : float
-        N0 in samples with the highest mean VAF on validation runs; infinity, no forgetting, where
-        that is as good.
+        N0 in samples with the highest mean VAF on validation runs; infinity (no forgetting) if that
+        is as good.
     memory_time : float
         The same in s.
     forgetting : float
@@ -45,9 +45,9 @@ class ForgettingAdvice:
     close : list of float
         Horizons whose mean VAF is within two standard errors (paired) of the highest.
     gain : float
-        VAF points that it gains over no forgetting.
+        VAF points gained over no forgetting.
     summary : DataFrame
-        Mean VAF on estimation and validation runs, gain and its standard error by intensity, form
+        Mean VAF on estimation and validation runs, gain and its standard error, by intensity, form
         and horizon.
     table : DataFrame
         VAF of each estimation run on each validation run.
@@ -84,7 +84,7 @@ class ForgettingAdvice:
         runs = self.table["replication"].nunique()
         intensities = ", ".join(f"{P:.2g}" for P in self.table["remnant_intensity"].unique())
         if np.isinf(self.memory_horizon):
-            head = "Do not forget (λ = 1): no memory horizon gives a VAF that is clearly better."
+            head = "Do not forget (λ = 1): no memory horizon gives a clearly better VAF."
         else:
             head = (
                 f"N0 = {self.memory_horizon:g} samples ({self.memory_time:.3g} s, "
@@ -92,7 +92,8 @@ class ForgettingAdvice:
             )
         others = [N0 for N0 in self.close if self.memory_horizon != N0]
         alike = (
-            f"As good within two standard errors: N0 = {', '.join(f'{N0:g}' for N0 in others)}."
+            f"Equally good within two standard errors: N0 = "
+            f"{', '.join(f'{N0:g}' for N0 in others)}."
             if others
             else "All other horizons of the grid are worse by more than two standard errors."
         )
@@ -101,14 +102,14 @@ class ForgettingAdvice:
             [
                 head,
                 alike,
-                f"Forgetting b0 and b1 alone (Λ) at its best: {apart:+.2f} points.",
+                f"Forgetting only b0 and b1 (Λ), at its best: {apart:+.2f} points.",
                 f"From {runs} runs at P_n = {intensities}, {self.sampling_rate:g} Hz, scored from "
                 f"{self.window[0]:.4g} to {self.window[1]:.4g} s on runs that were not fitted.",
             ]
         )
 
     def _matrix(self) -> float:
-        """VAF points that Λ at its best gains over λ at its best."""
+        """VAF points gained by Λ over λ, each at its best."""
         mean = self.summary["vaf_validation"].groupby(SETTING).mean().groupby("form").max()
         return float(mean["Lambda"] - mean["lambda"])
 
@@ -151,27 +152,27 @@ def recommend_forgetting(
     """Find the memory horizon for an experiment, by the study of Fig. 13 on a simulation of it.
 
     Estimation runs are simulated, recursive ARX[2, 2] models with every memory horizon follow them,
-    and each path of parameters is run freely on validation runs. The horizon that predicts those
-    best is long enough to average remnant, and short enough to follow the change.
+    and each path of parameters is simulated on validation runs. The horizon that does best on those
+    is long enough to average out remnant, and short enough to follow the change.
 
     Parameters
     ----------
     task : str, Condition or CompensatoryTask
-        The experiment: controlled element, forcing functions, sampling rate, duration, and an
-        operator as expected, with what changes in time; or the name of a condition of the thesis.
+        The experiment: controlled element, forcing functions, sampling rate, duration, and the
+        expected operator, with all changes over time; or the name of a condition of the thesis.
     remnant_intensity : float, sequence of float or None, default=None
-        P_n expected, or several to average over; None means the task's own remnant.
+        Expected P_n, or several to average over; None means the task's own remnant.
     remnant_order : {1, 2, 3, 4, "nm"}, default=2
         Order of the remnant filter.
     memory_horizons : sequence of float or None, default=None
         N0 in samples; None means 2, 4, 8 ... up to the samples of a run, and infinity.
     window : (float, float) or None, default=None
         Where validation runs are scored, in s. None means around the change: an eighth of the
-        duration on either side of its middle, more if it lasts longer; where nothing changes, all
-        after ``init_window``.
+        duration on either side of its middle, or more if the change takes longer; if nothing
+        changes, everything after ``init_window``.
     init_window : float or None, default=None
-        Seconds from which theta0 comes; None means three eighths of the duration, at most up to
-        ``window``.
+        Seconds of the run that give theta0; None means three eighths of the duration, but no
+        further than ``window``.
     n_replications : int, default=20
         Estimation runs for each intensity.
     n_validation : int, default=10
@@ -179,11 +180,11 @@ def recommend_forgetting(
     random_state : int, RandomState, Generator or None, default=0
         Source of all randomness.
     out : path or None, default=None
-        Folder in which finished blocks are kept, see :meth:`MonteCarloStudy.run`.
+        Folder in which finished blocks are kept; see :meth:`MonteCarloStudy.run`.
     n_jobs : int or None, default=None
         Number of workers, as in joblib.
     progress : bool or None, default=None
-        Show a bar; None means where there is a terminal.
+        Show a progress bar; None means only in a terminal.
 
     Returns
     -------
@@ -193,13 +194,14 @@ def recommend_forgetting(
     Raises
     ------
     ValueError
-        If there is no remnant (then the shortest memory always wins), or windows do not fit.
+        If there is no remnant (the shortest memory then always wins), or windows do not fit.
     RemnantIntensityError
         If the loop cannot reach the intensity.
 
     Notes
     -----
-    Signals are scaled to unit power first, so that P0 = I is worth one sample whatever the units.
+    Signals are first scaled to unit power, so that P0 = I weighs as much as one sample whatever the
+    units.
 
     References
     ----------
@@ -225,7 +227,9 @@ def recommend_forgetting(
             f"window={around} does not lie in the run of {task.duration:g} s (from 0 s on)."
         )
     if not 0 < first <= task.duration:
-        raise ValueError(f"init_window is a time of the run of {task.duration:g} s; got {first:g}.")
+        raise ValueError(
+            f"init_window must be a time within the run of {task.duration:g} s; got {first:g}."
+        )
     horizons = _horizons(memory_horizons, task.n_samples)
     study = MonteCarloStudy(
         partial(
@@ -246,7 +250,7 @@ def recommend_forgetting(
     )
     table = study.run(out, n_jobs=n_jobs, progress=progress).drop(columns="condition")
     if table["error"].notna().all():
-        raise ValueError(f"Every simulated run failed. The first: {table['error'].iloc[0]}")
+        raise ValueError(f"Every simulated run failed. The first error: {table['error'].iloc[0]}")
     if "remnant_intensity" not in table:
         table.insert(0, "remnant_intensity", table["P_n"].mean())
     return _advice(table, around, rate)
@@ -283,10 +287,10 @@ def _summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def crossed_standard_error(values: pd.DataFrame) -> pd.Series:
-    """Standard errors of means over estimation runs and validation runs, each drawn anew.
+    """Standard errors of means over estimation and validation runs, both random.
 
-    Both vary: var(mean) = var_e / n_e + var_v / n_v, with the variances of the means over the
-    other ones (crossed random effects; their product is counted twice, which errs on the safe
+    Both vary: var(mean) = var_e / n_e + var_v / n_v, where each is the variance of means over the
+    other kind (crossed random effects; their interaction is counted twice, which errs on the safe
     side). NaN with a single run of either.
     """
     levels = ["remnant_intensity", "replication"], ["remnant_intensity", "validation"]
@@ -303,15 +307,15 @@ def _cells(task: CompensatoryTask, intensity: Any, order: Any) -> list[dict[str,
     if intensity is None:
         if task.remnant is None or not (task.remnant.gain or task.remnant.intensity):
             raise ValueError(
-                "Give remnant_intensity, such as 0.15: without remnant the shortest memory always "
-                "follows best."
+                "Give remnant_intensity, such as 0.15: without remnant the shortest memory is "
+                "always best."
             )
         return [{"condition": task}]
     wanted = [float(P_n) for P_n in np.atleast_1d(intensity)]
     if min(wanted) <= 0:
         raise ValueError(
-            f"remnant_intensity is above 0: without remnant the shortest memory always follows "
-            f"best; got {intensity!r}."
+            f"remnant_intensity must be above 0, since without remnant the shortest memory is "
+            f"always best; got {intensity!r}."
         )
     return [
         {"condition": replace(task, remnant=None), "remnant_intensity": P_n, "remnant_order": order}
@@ -324,7 +328,7 @@ def _horizons(given: Sequence[float] | None, n_samples: int) -> tuple[float, ...
         return (*(2.0**i for i in range(1, int(np.log2(n_samples)) + 1)), np.inf)
     horizons = tuple(sorted({float(N0) for N0 in given} | {np.inf}))
     if horizons[0] <= 1:
-        raise ValueError(f"memory_horizons are above 1; got {horizons[0]:g}.")
+        raise ValueError(f"memory_horizons must be above 1; got {horizons[0]:g}.")
     return horizons
 
 

@@ -38,8 +38,8 @@ class ExperimentResult:
         its operator parameters are converted from it.
     batch : DataFrame
         Batch models of the first (``form`` ``"ini"``) and the last region (``"fin"``): ``run``,
-        ``start`` and ``stop`` (s), the same parameters, and ``sd_...``: of a run that of its
-        fit, of the mean that over the runs.
+        ``start`` and ``stop`` (s), the same parameters, and ``sd_...``: for a run that of its fit,
+        for the mean that over the runs.
     scores : DataFrame
         Result of :func:`performance_scores` for each run and window.
     validation : DataFrame
@@ -47,9 +47,9 @@ class ExperimentResult:
         (``"T_m"`` or ``"tran"``), ``vaf_estimation``, and ``vaf_validation``, the mean over the
         other runs of the free run along the path of this one; in percent, 0 at least for each run.
     changes : DataFrame
-        Each ``parameter`` in the last against the first region: means ``ini`` and ``fin`` of the
-        batch estimates, ``change``, ``t`` and ``p`` of a paired t test over ``n_runs``; and
-        ``variation``: the standard deviation over time of the mean path of ``"lambda"``, over
+        Each ``parameter`` in the last compared with the first region: means ``ini`` and ``fin`` of
+        the batch estimates, ``change``, ``t`` and ``p`` of a paired t test over ``n_runs``; and
+        ``variation``: the standard deviation over time of the mean path of ``"lambda"``, divided by
         that which the scatter of the runs explains (about 1 where nothing changes).
     delays : DataFrame
         ``nk``, ``delay`` (s), and whether it was ``searched``.
@@ -60,7 +60,7 @@ class ExperimentResult:
         ``"justified"``, ``"not justified"``, ``"no need"`` where nobody adapts, or
         ``"unknown"``; ``reason`` says why not.
     notes : list of str
-        What is missing, and what was done about it.
+        What is missing, and how that was handled.
     dt : float
         Sampling time (s).
     memory_horizon : float
@@ -68,7 +68,7 @@ class ExperimentResult:
     region : float
         Length of the first and the last region (s).
     transition_times : dict
-        Instant of the change of the controlled element by condition (s), where known.
+        Time at which the controlled element changes, by condition (s), where known.
 
     See Also
     --------
@@ -76,15 +76,16 @@ class ExperimentResult:
 
     Notes
     -----
-    A subject adapts where K_e or K_edot changes with p < 0.005 (b0 or b1 where the poles are
-    real), which happens by chance in 1 % of cases. That takes runs: with five the mean change must
-    be 5.6 times its standard error, with three 14 times. Remnant biases estimates, and may do so
-    differently before and after; a change of omega_nm or zeta_nm alone is no adaptation.
+    A subject adapts if K_e or K_edot changes with p < 0.005 (b0 or b1 where the poles are real),
+    which happens by chance in 1 % of cases. This needs enough runs: with five the mean change must
+    be 5.6 times its standard error, with three 14 times. Remnant biases estimates, perhaps
+    differently before and after; a change of omega_nm or zeta_nm alone does not count as
+    adaptation.
 
-    Λ that forgets b0 and b1 only is justified where the subject adapts, the batch a1 and a2 are
-    the same at both ends (p > 0.01), their mean paths vary less than 0.6 times as much as those
-    of b0 and b1 (each relative to the scatter of runs), and Λ simulates other runs as well as λ
-    (0.5 VAF points).
+    Λ, which forgets b0 and b1 only, is justified if the subject adapts, the batch a1 and a2 are the
+    same at both ends (p > 0.01), their mean paths vary less than 0.6 times as much as those of b0
+    and b1 (each relative to the scatter of runs), and Λ simulates other runs as well as λ (within
+    0.5 VAF points).
 
     Examples
     --------
@@ -135,7 +136,7 @@ class ExperimentResult:
         Returns
         -------
         table : DataFrame
-            A row for each subject; columns are pairs of score (``rms_e``, ``tracking_score``,
+            One row per subject; columns are pairs of score (``rms_e``, ``tracking_score``,
             ``control_activity``) and window.
         """
         table = self.scores
@@ -168,18 +169,18 @@ class ExperimentResult:
         subjects: Any = None,
         ax: Any = None,
     ) -> Any:
-        """Draw the parameters over time, a column for each subject (Figs. 16, 17, M.1-M.6).
+        """Draw the parameters over time, one column per subject (Figs. 16, 17, M.1-M.6).
 
         Parameters
         ----------
         condition : label or None, default=None
-            Condition; None is the only one.
+            Condition; None means the only one.
         form : {"lambda", "Lambda"}, default="lambda"
             Which parameters are forgotten: all (λ), or b0 and b1 only (Λ).
         parameters : {"arx", "operator"}, default="arx"
             a1, a2, b0, b1, or K_e, T_L, K_edot, omega_nm, zeta_nm.
         subjects : sequence of labels or None, default=None
-            None means all that have runs in this condition.
+            None means all with runs in this condition.
         ax : sequence of Axes or None, default=None
             One for each parameter and subject, row by row. None makes a figure.
 
@@ -222,9 +223,9 @@ def verdicts(changes: pd.DataFrame, validation: pd.DataFrame) -> pd.DataFrame:
         p = of.loc[["a1", "a2"], "p"].min()
         against = []
         if p < UNCHANGED:
-            against.append(f"a1 or a2 is another in the last region, p = {p:.2g}")
+            against.append(f"a1 or a2 differs in the last region, p = {p:.2g}")
         if not a < STILL * b:
-            against.append("a1 and a2 do not hold still")
+            against.append("a1 and a2 are not constant")
         if gain < -WORSE:
             against.append("other runs are simulated worse")
         if not known:
@@ -262,12 +263,12 @@ def _summary(r: ExperimentResult) -> list[str]:
         f"Delay {_range_text(r.delays['delay'])} s; memory horizon {r.memory_horizon:g} samples, "
         f"{r.memory_horizon * r.dt:g} s.",
         "",
-        f"How they track (means over runs{' and conditions' * (len(r.conditions) > 1)})",
+        f"Tracking scores (means over runs{' and conditions' * (len(r.conditions) > 1)})",
     ]
     lines += _scores_text(r)
     lines += [
         "",
-        "Who adapts (gains in the last against the first "
+        "Who adapts (gains in the last compared with the first "
         f"{r.region:g} s, paired over runs; by chance in 1 % of cases)",
     ]
     for condition in r.conditions:
@@ -277,8 +278,8 @@ def _summary(r: ExperimentResult) -> list[str]:
         n = int(several.min())
         factor = stats.t.isf(SIGNIFICANT / 2, n - 1)
         lines.append(
-            f"Few runs tell little: with {n} a mean change counts from {factor:.0f} times its "
-            "standard error on."
+            f"Few runs tell little: with {n}, a mean change counts only above {factor:.0f} times "
+            "its standard error."
         )
     lines += ["", "Is Λ justified, which forgets b0 and b1 only?"]
     for condition in r.conditions:
@@ -312,7 +313,7 @@ def _who_adapts(r: ExperimentResult, condition: Any) -> str:
             parts.append(f"{_person(row)} adapts ({', '.join(found)})")
     for adapts, one, several in (
         (False, "shows no change beyond the scatter of runs", "show"),
-        (None, "has a single run, which cannot tell", "have"),
+        (None, "has a single run, which is not enough to tell", "have"),
     ):
         names = [_person(row) for row in here if row["adapts"] is adapts]
         if names:

@@ -1,4 +1,4 @@
-"""simulate_experiment: recordings of several people, with known truth, as in Section VI."""
+"""simulate_experiment: recordings of several people with known truth, as in Section VI."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def simulate_experiment(
     return_truth: bool = False,
     n_jobs: int | None = None,
 ) -> Any:
-    """Simulate an experiment: several people, each in several conditions, several runs of each.
+    """Simulate an experiment: several people, each with several runs in several conditions.
 
     A stand-in for recordings like those of Section VI. People differ in gains, lead, delay,
-    neuromuscular mode and remnant, drawn around Table II; they learn over the first runs, differ
-    a little from run to run, and follow a change of the controlled element 0.2 to 1 s later. S1,
-    S4, S7, ... hardly adapt to it.
+    neuromuscular mode and remnant, drawn around Table II; they learn over the first runs, vary a
+    little from run to run, and follow a change of the controlled element 0.2 to 1 s later. S1, S4,
+    S7, ... hardly adapt to it.
 
     Parameters
     ----------
@@ -48,26 +48,26 @@ def simulate_experiment(
     runs : int, default=7
         Number of runs of each person in each condition.
     remnant_intensity : float or None, default=None
-        P_n = var(n) / var(u) of practised runs, for all people; 0 is none. None draws it for each
-        (median 0.12). It is met in C1 and C2; in C3 to C6 the gain K_n goes from one to the
-        other.
+        P_n = var(n) / var(u) of practised runs, for all people; 0 means none. None draws it for
+        each person (median 0.12). It holds in C1 and C2; in C3 to C6 the gain K_n goes from one to
+        the other.
     sampling_rate : float, default=100.0
         Sampling rate in Hz.
     duration : float, default=81.92
         Measurement window in s.
     run_in : float, default=8.08
-        Time recorded before it, in s, from rest. It is at negative time: the window begins at 0.
+        Time recorded before it, in s, from rest. Its times are negative: the window begins at 0.
     transition_time : float or None, default=None
-        When the controlled element changes in C3 to C6, in s from the beginning of the window.
-        None means at the same part of the recording as in the thesis: 50.00 s of 90.00, 41.92 s
-        of the window.
+        When the controlled element changes in C3 to C6, in s from the beginning of the window. None
+        means the same fraction of the recording as in the thesis: 50.00 s of 90.00, or 41.92 s into
+        the window.
     random_state : int, RandomState, Generator or None, default=None
         Source of all randomness. A run is the same whatever other subjects, conditions and runs
         there are.
     return_truth : bool, default=False
         Also return the parameters of the people.
     n_jobs : int or None, default=None
-        Number of threads, one for each person, as in joblib.
+        Number of threads, one per person, as in joblib.
 
     Returns
     -------
@@ -77,11 +77,11 @@ def simulate_experiment(
     y : Series of shape (n_rows,)
         Control output ``u`` (deg).
     truth : DataFrame
-        Only with ``return_truth``: a row for each subject and condition, with K_e, T_L (s),
-        K_edot (s) and K_n at both ends (``K_e_initial``, ``K_e_final``, ...), tau_e (s), omega_nm
-        (rad/s), zeta_nm, remnant_order, remnant_intensity, adaptation (part of the change of
-        Table II that is made), adaptation_lag (s) and transition_time (s; NaN in C1 and C2).
-        These are of practised runs.
+        Only with ``return_truth``: one row per subject and condition, with K_e, T_L (s), K_edot (s)
+        and K_n at both ends (``K_e_initial``, ``K_e_final``, ...), tau_e (s), omega_nm (rad/s),
+        zeta_nm, remnant_order, remnant_intensity, adaptation (the share of the change of Table II
+        that the person makes), adaptation_lag (s) and transition_time (s; NaN in C1 and C2). These
+        are for practised runs.
 
     Raises
     ------
@@ -90,29 +90,29 @@ def simulate_experiment(
     RemnantIntensityError
         If the recording does not determine the gain of the remnant.
     ValueError
-        If numbers or names make no sense.
+        If a number or name is not valid.
 
     See Also
     --------
-    analyse_experiment : The analysis of such recordings.
-    skhoid.make_tracking_runs : Runs of one operator whose parameters you choose.
+    analyse_experiment : Analyse such recordings.
+    skhoid.make_tracking_runs : Simulate runs of one operator with parameters that you choose.
 
     Notes
     -----
     Standard deviations of logarithms between people: K_e 0.25, T_L 0.15, tau_e 0.10 (to whole
-    samples), omega_nm 0.12, zeta_nm 0.20, P_n 0.40 (0.04 to 0.25); the remnant is of order 2 or
-    3. Of the change between the states of Table II people make 0.7 to 1.1, those who hardly adapt
-    0 to 0.15, also in C2. In its first run a person has 0.85 times the gain and 1.5 times the
-    remnant power of a practised one; the differences fall by e in two runs. Gains scatter by 5 %
+    samples), omega_nm 0.12, zeta_nm 0.20, P_n 0.40 (0.04 to 0.25); the remnant is of order 2 or 3.
+    People make 0.7 to 1.1 of the change between the states of Table II, those who hardly adapt 0 to
+    0.15, also in C2. In the first run a person has 0.85 times the gain and 1.5 times the remnant
+    power of a practised one; the differences fall by a factor e in two runs. Gains scatter by 5 %
     from run to run.
 
     A person with less than 15 deg of phase margin in C1 or C2, or with an error larger than the
-    target in any condition, is drawn again, and so is a run that becomes unstable.
+    target in any condition, is redrawn, and so is a run that becomes unstable.
 
     References
     ----------
-    Van Grootheest, thesis, Section VI-A and App. M. The 42.93 s that these give for the change
-    do not fit 90.00 s.
+    Van Grootheest, thesis, Section VI-A and App. M. The 42.93 s given there for the change are not
+    consistent with 90.00 s.
 
     Examples
     --------
@@ -142,10 +142,10 @@ def simulate_experiment(
 def _check_numbers(subjects: Any, runs: Any, remnant_intensity: float | None) -> None:
     for what, number in (("subjects", subjects), ("runs", runs)):
         if isinstance(number, bool) or not isinstance(number, Integral) or number < 1:
-            raise ValueError(f"{what} is a whole number, at least 1; got {number!r}.")
+            raise ValueError(f"{what} must be a whole number, at least 1; got {number!r}.")
     if remnant_intensity is not None and not 0 <= remnant_intensity < 1:
         raise ValueError(
-            "remnant_intensity is the fraction var(n) / var(u), from 0 to below 1; got "
+            "remnant_intensity must be a fraction var(n) / var(u), at least 0 and below 1; got "
             f"{remnant_intensity!r}."
         )
 
@@ -166,7 +166,7 @@ def _session(
     entropy: int,
     intensity: float | None,
 ) -> tuple[np.ndarray, list[dict[str, Any]]]:
-    """All runs of one subject, with the columns e, x, f_t and u, and a row of truth a condition."""
+    """All runs of one subject, with columns e, x, f_t and u, and a row of truth per condition."""
     participant = draw_participant(number, recording, entropy, intensity=intensity)
     records = [participant.run(name, run) for name in names for run in range(1, runs + 1)]
     signals = [np.stack([r.e[0], r.x[0], r.f_t[0], r.u[0]], axis=1) for r in records]
@@ -207,7 +207,7 @@ def _truth_of_all(of_subjects: list[list[dict[str, Any]]]) -> pd.DataFrame:
 
 
 def _recording(rate: float, duration: float, run_in: float, time: float | None) -> RecordingSetup:
-    if time is None:  # at the same part of the recording as in the thesis
+    if time is None:  # at the same fraction of the recording as in the thesis
         part = (STANDARD.run_in + STANDARD.transition_time) / (STANDARD.run_in + STANDARD.duration)
         time = round(part * (run_in + duration) - run_in, 6)
     return RecordingSetup(float(rate), float(duration), float(run_in), float(time))
@@ -225,5 +225,7 @@ def _conditions(conditions: Any) -> list[str]:
         return [f"C{number}" for number in range(first, last + 1)]
     names = [known_name(name) for name in conditions]
     if not 0 < len(set(names)) == len(names):
-        raise ValueError(f"conditions names each condition once, at least one; got {conditions!r}.")
+        raise ValueError(
+            f"conditions must name at least one condition, each once; got {conditions!r}."
+        )
     return names

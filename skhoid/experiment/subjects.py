@@ -56,7 +56,7 @@ STANDARD = RecordingSetup(sampling_rate=100.0, duration=81.92, run_in=8.08, tran
 
 @dataclass(frozen=True)
 class Subject:
-    """A person: an operator for each state, and what the runs of this person add to it."""
+    """A person: an operator for each state, and how this person's runs deviate from it."""
 
     number: int
     states: tuple[HumanOperator, HumanOperator]
@@ -72,7 +72,7 @@ class Subject:
         )
 
     def condition(self, name: str, transition_time: float) -> Condition:
-        """What this person does in a condition; the element changes first, the person later."""
+        """What this person does in a condition; the element changes first, then the person."""
         one, two = (
             replace(tracking_condition(state), operator=operator)
             for state, operator in zip(("C1", "C2"), self.states, strict=True)
@@ -152,7 +152,7 @@ class Participant:
             except UnstableLoopError:
                 continue
         raise UnstableLoopError(
-            f"Subject S{self.subject.number} loses control in {DRAWS} draws of run {number} of "
+            f"Subject S{self.subject.number} loses control in {DRAWS} draws of run {number} in "
             f"{name}. Lower remnant_intensity."
         )
 
@@ -160,7 +160,7 @@ class Participant:
 def draw_participant(
     number: int, recording: RecordingSetup, entropy: int, *, intensity: float | None = None
 ) -> Participant:
-    """Draw a subject who can do all six conditions, whichever are asked for.
+    """Draw a subject who can do all six conditions, whichever are used.
 
     Every third subject, S1 among them, adapts weakly. Where remnant is given by ``intensity``, it
     is P_n of all subjects.
@@ -176,8 +176,8 @@ def draw_participant(
         except (UnstableLoopError, RemnantIntensityError):
             continue
     raise UnstableLoopError(
-        f"None of {DRAWS} draws of subject S{number} keeps control in all conditions with remnant "
-        f"of the intensity {intensity!r}. Ask for less."
+        f"None of {DRAWS} draws of subject S{number} keeps control in all conditions with a "
+        f"remnant intensity of {intensity!r}. Lower remnant_intensity."
     )
 
 
@@ -195,7 +195,7 @@ def _drawn(
     one, two = (
         np.array([o.K_e, o.T_L]) for o in (tracking_condition(n).operator for n in ("C1", "C2"))
     )
-    # A person's gains differ from others' in both states alike, and a little in each.
+    # A person's gains differ from others' in the same way in both states, and a little in each.
     one = one * np.exp([GAIN * gains[0], LEAD * leads[0]])
     two = two * np.exp([GAIN * (0.9 * gains[0] + 0.44 * gains[1]), LEAD * leads[1]])
     two = one + adaptation * (two - one)

@@ -33,7 +33,7 @@ def fitted_arx(core: ARXCore, record: Record, criterion: Criterion) -> Model:
 
 
 def sizes(core: ARXCore, record: Record, theta: np.ndarray) -> dict[str, float]:
-    """Changes of the coefficients that change the output by its own size, linearised."""
+    """Changes of the coefficients that would change the output by its own size (linearised)."""
     assert record.y is not None
     denominator = np.r_[1.0, theta[: core.na]]
     b = np.r_[np.zeros(core.nk), theta[core.na : core.na + core.nb]]

@@ -1,4 +1,4 @@
-"""Free runs of an ARX core with forces inside its recursion, or dynamics that follow a channel."""
+"""Free runs of an ARX core with forces in its recursion, or dynamics that follow a channel."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def inside_response(
     """Output of shape (n_samples, n_runs) for an input of that shape.
 
     ``polynomials`` are the coefficients a and b, the first ``n_late`` of b being dead time, and the
-    constant; forces pass b without the dead time, which a machine's friction does not wait for.
+    constant; forces pass through b without the dead time, as a machine's friction acts at once.
     ``omega`` of shape (1 or n_samples, 1 or n_runs) multiplies the natural frequencies. ``begun``
-    adds to the first samples of the recursion what led there; None begins at rest.
+    adds the effect of what came before to the first samples of the recursion; None begins at rest.
     """
     first = np.zeros((0, x.shape[1])) if begun is None else begun
     a, b, constant = polynomials

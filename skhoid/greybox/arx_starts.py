@@ -59,7 +59,7 @@ def spread_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> lis
 def blind_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list[np.ndarray]:
     """Coefficients of systems of spread poles with outputs of the size of the measured one.
 
-    For what least squares cannot begin with, since a map hides the output.
+    For cases that least squares cannot start from because a map hides the output.
     """
     assert record.y is not None
     size = float(np.sqrt(np.mean(record.y[record.known] ** 2)))
@@ -115,7 +115,7 @@ def _residual_power(table: np.ndarray, y: np.ndarray) -> float:
 
 
 def _least_squares(table: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Least squares with columns of one size, so that units do not decide what is small."""
+    """Least squares with scaled columns, so that the rank does not depend on units."""
     scale = np.sqrt(np.mean(table**2, axis=0))
     scale = np.where(scale > 0, scale, 1.0)
     return np.linalg.lstsq(table / scale, y, rcond=None)[0] / scale
@@ -158,7 +158,7 @@ def _regression(
 def _without_start(
     record: Record, a: np.ndarray, columns: list[np.ndarray], rows: np.ndarray
 ) -> list[np.ndarray]:
-    """What the free responses of 1 / A leave of columns, where runs do not begin at rest."""
+    """Columns less the free responses of 1 / A in them, where runs do not begin at rest."""
     if record.initial == REST or not a.size:
         return columns
     free = free_responses(np.r_[1.0, a], len(rows))

@@ -1,6 +1,6 @@
-"""The base of models with effects: estimation in simulation, attributes and predictions.
+"""The base of models with effects: estimation by simulation, attributes and predictions.
 
-Open it to change how such a model is fitted, or to build one on a core of your own (``GreyBox``).
+Look here to change how such a model is fitted, or to build one on a core of your own (``GreyBox``).
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class Simulation:
         output: np.ndarray,
         initial: str | None,
     ) -> np.ndarray:
-        """Free run from initial states that fit the output; None: of the runs that show them."""
+        """Free run from initial states that fit the output; None: only in runs that show them."""
         record, columns = self.record_of(estimator, grid, values)
         record = self.spec.core.on(record)
         free = self._run(record, self.begins)
@@ -118,7 +118,7 @@ class Simulation:
 
 
 class SimulatedModelMixin:
-    """What a search asks of a model, by its core: see :class:`~.protocol.SimulatedModel`.
+    """What a search needs from a model with a core: see :class:`~.protocol.SimulatedModel`.
 
     An estimator names its core in ``_simulated_core``, and sets its attributes from an estimate
     in ``_take_over``.
@@ -168,7 +168,7 @@ class SimulatedModelMixin:
         return prepared_for(self, self._read_data(X, y, "all", in_parts=True))  # type: ignore[attr-defined]
 
     def first_fit(self, prepared: Prepared) -> Model:
-        """Fit the core with the effects that the model has, by the error of simulation alone.
+        """Fit the core with the model's effects, by the simulation error alone.
 
         Parameters
         ----------
@@ -183,21 +183,21 @@ class SimulatedModelMixin:
         return first_model(prepared, Effects.of(self.effects))
 
     def with_fit(self, prepared: Prepared, fitted: Model, noise: RemnantModel) -> Any:
-        """A new estimator of the same parameters, fitted: its estimates are those given.
+        """A new estimator with the same settings, fitted: it takes the given estimates.
 
         Parameters
         ----------
         prepared : Prepared
-            What :meth:`prepare` of this estimator returned last.
+            What the last call of :meth:`prepare` on this estimator returned.
         fitted : Model
-            Estimates of the core and of effects, whichever these are.
+            Estimates of the core and of any effects.
         noise : RemnantModel
             Model of the remnant under which they were found.
 
         Returns
         -------
         model : estimator
-            Knows X as this one does, and shares no parameter with it.
+            Remembers the columns of X as this one does, and shares no parameter with it.
         """
         taken = copy.copy(self).set_params(**clone(self).get_params(deep=False))  # type: ignore[attr-defined]
         keep_parameters(taken)
@@ -205,7 +205,7 @@ class SimulatedModelMixin:
         return taken
 
     def free_run(self, prepared: Prepared) -> np.ndarray:
-        """Predict from data that were read already.
+        """Predict from data that have been read already.
 
         Parameters
         ----------
@@ -283,7 +283,7 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
 def first_model(prepared: Prepared, effects: Effects) -> Model:
     """The core with effects at the minimum of the simulation error.
 
-    Of very many runs some are fitted first, from all starts, and then all from there.
+    Of a large number of runs, some are fitted first from all starts, and then all from the best.
     """
     record, core = prepared.record, prepared.core
     some = record_of_some(record)
@@ -306,7 +306,7 @@ def first_model(prepared: Prepared, effects: Effects) -> Model:
 
 
 def check_start(start: Mapping[str, Any], core: Core, record: Record, effects: Effects) -> None:
-    """Refuse a start of what the model does not estimate."""
+    """Refuse start values of parameters that the model does not estimate."""
     names = [p.name for p in core.parameters]
     for name, effect in effects:
         for variant in effect.variants(record):
@@ -315,7 +315,7 @@ def check_start(start: Mapping[str, Any], core: Core, record: Record, effects: E
         if name not in names:
             known = ", ".join(dict.fromkeys(names))
             raise ValueError(
-                f"start names {name!r}, which is not estimated. There are: {known}."
+                f"start names {name!r}, which is not estimated. Estimated parameters: {known}."
                 f"{did_you_mean(name, names)}"
             )
         if not isinstance(value, Real) or not np.isfinite(float(value)):
@@ -323,7 +323,7 @@ def check_start(start: Mapping[str, Any], core: Core, record: Record, effects: E
 
 
 def started(model: Model, criterion: Criterion, start: Mapping[str, float]) -> Model:
-    """The model, or what a user's start leads to, where that is better."""
+    """The model, or the one reached from a user's start where that is better."""
     if not start:
         return model
     simulator = model.simulator
@@ -370,9 +370,9 @@ def simulation_of(
 
 
 def first_samples(estimator: Any, prepared: Prepared, model: Model) -> dict[str, Any]:
-    """How free runs begin: from rest, or where inputs that were always as at first have led.
+    """How free runs begin: from rest, or from where inputs held at their first values have led.
 
-    Where nothing was asked, from rest unless the rows that were fitted show otherwise.
+    By default from rest, unless the fitted rows show otherwise.
     """
     record = replace(model.simulator.record, known=prepared.measured, _derived={})
     assert record.y is not None

@@ -46,22 +46,22 @@ class Core(Protocol):
     kind : CoreKind
         Which core it is, for ``Effect.refusal``.
     parameters : tuple of Parameter
-        What is estimated. What is in neither ``gains`` nor ``delays`` belongs to the response.
+        Estimated parameters. Those in neither ``gains`` nor ``delays`` belong to the response.
     gains : tuple of str
         Names of the parameters that ``command`` takes. Thresholds of the command grow with the
         first.
     delays : tuple of str
         Names of the parameters that ``delay`` takes.
     ordinary : mapping of str to float
-        Usual values of the response's parameters, which a search starts from where what is missing
-        has bent the estimates; empty where nothing is usual.
+        Usual values of the response's parameters, from which a search starts where missing effects
+        have distorted the estimates; empty where nothing is usual.
     usual : mapping of str to Usual
-        What is known of parameters before any data, which counts where the data hardly do.
+        What is known about parameters before any data; it counts where the data say little.
     ratios : tuple of Ratio
-        What tables show with the parameters.
+        Ratios that tables show with the parameters.
     sizes : mapping of str to float
-        Changes of parameters that change the output by its own size, where the parameters
-        themselves do not show it.
+        Changes of parameters that would change the output by its own size, where the values of the
+        parameters do not show it.
     has_states : bool
         Whether ``denominator`` and ``held_start`` are those of the response; runs begin at rest
         otherwise.
@@ -81,13 +81,13 @@ class Core(Protocol):
     memory: int
 
     def on(self, record: Record) -> Record:
-        """The record, completed by what effects must know about the core."""
+        """The record, with what effects must know about the core added."""
 
     def least_delay(self, dt: float) -> float:
         """Least delay of the input in seconds that the core can take."""
 
     def delay(self, values: dict[str, float]) -> float:
-        """Delay of the answer to the input in seconds, without effects."""
+        """Delay of the response to the input in seconds, without effects."""
 
     def command(self, error: np.ndarray, gains: Gains, values: dict[str, float]) -> tuple:
         """Position and rate command for a delayed error and gains delayed alike."""
@@ -111,13 +111,13 @@ class Core(Protocol):
         n: int,
         levels: tuple[float, float],
     ) -> np.ndarray:
-        """What the output (n, n_runs) gains where the command was always as at first.
+        """What to add to the output (n, n_runs) if the command was always as in the first sample.
 
         The output was then at rest at a level within ``levels``.
         """
 
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
-        """Changes of parameters that make the answer that much earlier; none if it cannot be."""
+        """Changes of parameters for a response that much earlier; none if that is impossible."""
 
     def second_order(self, values: dict[str, float]) -> tuple[float, float] | None:
         """Natural frequency and damping ratio of the response; None if it is another system."""
@@ -133,7 +133,7 @@ class OperatorCore:
     """Human operator: K_e e + K_edot de/dt, delayed, through the neuromuscular system (Eqs. 3-5).
 
     ``fixed_delay`` in seconds, or None to estimate it; ``least`` is the least delay in seconds with
-    which anything that the operator moves is answered, unless a shorter one is given.
+    which the operator responds to anything that the operator moves, unless a shorter one is given.
     """
 
     kind = CoreKind.OPERATOR
@@ -246,9 +246,9 @@ class OperatorCore:
 class ARXCore:
     """A(q) y = B(q) x(t - nk) + c with orders of one input (Eq. 6), c only with ``intercept``.
 
-    ``sizes``: changes of the coefficients that change the output by its own size. Coefficients of
-    a fast sampled slow system differ in their last digits only, so that their own size says
-    nothing.
+    ``sizes``: changes of the coefficients that would change the output by its own size.
+    Coefficients of a slow system sampled fast differ in their last digits only, so their own size
+    says nothing.
     """
 
     kind = CoreKind.ARX
@@ -396,8 +396,8 @@ def pace(record: Record) -> float:
 def held_level(a: np.ndarray, drive: np.ndarray, levels: tuple[float, float]) -> np.ndarray:
     """Output at rest under a constant drive, within limits; 0, or next to it, where there is none.
 
-    A slow or integrating model multiplies what its estimate is off: a level that the output never
-    had is none of it.
+    A slow or integrating model amplifies its errors, so a level that the output never had is not
+    believed.
     """
     rest = np.clip(np.zeros_like(drive), *levels)
     if levels[0] == levels[1]:

@@ -1,9 +1,10 @@
 """The controlled element estimated from the recorded u and x, and which sample of u moves x first.
 
-Integrals of u and x stand on both sides, so that no signal is differentiated. In a closed loop u
-answers a disturbance that is recorded nowhere; least squares then takes some of the answer for the
-element. What the target alone moves is free of that: it is the instrument wherever it is known.
-Fast motion is nearly free of it too, and tells forms apart; where it is clear it gives the gain.
+Integrals of u and x are compared, so that no signal is differentiated. In a closed loop u responds
+to a disturbance that is not recorded, and least squares mistakes some of that response for the
+element. Motion due to the target alone is free of this bias: the target is the instrument wherever
+it is known. Fast motion is nearly free of it too and tells forms apart; where it is clear it gives
+the gain.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ OFF = 0.4  # of the gain, by which fast motion may contradict
 class Form:
     """A family of elements that is linear in its constants on integrals of u and x.
 
-    x = K times the ``n``-fold integral of u, less omega_b times the integral of x if ``breaks``.
+    x = K times the ``n``-fold integral of u, minus omega_b times the integral of x if ``breaks``.
     """
 
     n: int
@@ -69,7 +70,7 @@ class ElementEstimate:
 
 
 def estimate_element(record: Record) -> LinearElement | None:
-    """The element from u to x; None where x is not measured or does not answer u linearly."""
+    """The element from u to x; None where x is not measured or does not follow u linearly."""
     found = element_estimate(record)
     return None if found is None else found.element
 
@@ -159,7 +160,7 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Search:
-    """One way to say what moves x, and the forms fitted to it."""
+    """One assumption about what moves x, and the forms fitted under it."""
 
     record: Record
     u: np.ndarray

@@ -1,6 +1,7 @@
-"""What fast motion says of a controlled element: its gain, and which sample of u moves x first.
+"""What fast motion says about a controlled element: its gain, and which sample of u moves x first.
 
-A disturbance is smooth and the answer to it late: what x does within a tenth of a second, u did.
+A disturbance is smooth and the response to it late: what x does within a tenth of a second is due
+to u.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ CLOSE = 0.4  # of the share of a sample's answer, to one and to zero
 
 @dataclass(frozen=True)
 class FastMotion:
-    """Fast motion of x by that which u makes of an element.
+    """Fast motion of x compared with what u would cause through an element.
 
-    ``gain`` is 1 of a true element, ``agreement`` is the squared correlation.
+    ``gain`` is 1 for a true element, ``agreement`` is the squared correlation.
     """
 
     gain: float
@@ -58,7 +59,7 @@ def _changes(signal: np.ndarray, m: int) -> np.ndarray:
 
 
 def given_element(given: Any, record: Record) -> LinearElement:
-    """An element that the user gave, with the timing that the data have."""
+    """An element given by the user, with the timing found in the data."""
     element = LinearElement.of(given)
     names = record.with_role("x")
     if not names or record.y is None:
@@ -69,7 +70,7 @@ def given_element(given: Any, record: Record) -> LinearElement:
 def with_timing(
     element: LinearElement, record: Record, u: np.ndarray, x: np.ndarray
 ) -> LinearElement:
-    """The element with ``direct`` as the data have it: whether x(k) answers u(k) already.
+    """The element with ``direct`` from the data: whether x(k) already depends on u(k).
 
     The part of x that one sample of u moves is compared with u at both samples, by their changes:
     a disturbance is smooth.
@@ -98,7 +99,7 @@ def with_timing(
     normal = np.linalg.pinv(table.T @ table)
     contrast = np.array([1.0, -1.0])
     sd = np.sqrt(error @ error / max(len(error) - 2, 1) * contrast @ normal @ contrast)
-    # Of a true element one share is 1 and the other 0; a wrong one is no evidence.
+    # For a true element one share is 1 and the other 0; a wrong element proves nothing.
     surely = share[0] - share[1] > SURE * sd and np.abs(share - [1.0, 0.0]).max() < CLOSE
     return replace(element, direct=bool(surely))
 

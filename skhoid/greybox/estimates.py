@@ -22,9 +22,10 @@ def parameter_table(
     units: dict[str, str | None],
     fixed: dict[str, float],
 ) -> pd.DataFrame:
-    """Values, standard errors and intervals of all parameters, derived and fixed ones too.
+    """Values, standard errors and intervals of all parameters, including derived and fixed ones.
 
-    What the data do not determine has no standard error, and its whole range as interval.
+    Parameters that the data do not determine have no standard error; their interval is the whole
+    range.
     """
     rows = []
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -80,7 +81,7 @@ def parameter_table(
 def derived_with_errors(
     simulator: Simulator, theta: np.ndarray, covariance: np.ndarray, name: str
 ) -> dict[str, tuple[float, float, Dimension, str]]:
-    """Numbers that follow from those of an effect, with standard errors by linearisation."""
+    """Numbers derived from those of an effect, with standard errors by linearisation."""
     effect = dict(simulator.effects.steps)[name]
 
     def at(point: np.ndarray) -> dict[str, tuple[float, Dimension, str]]:

@@ -38,7 +38,7 @@ def extended(
 ) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
-    ``start`` has values of a user's, by full names, that are tried beside them.
+    ``start`` has a user's values, by full names, that are tried too.
     Variants and starts are explored under the ``coarse`` criterion. The fit is followed
     to the end only where that shows a gain.
     """
@@ -66,13 +66,13 @@ def extended(
         starts += [start_given(simulator, one, start) for one in starts[:1] if start]
         for other in parent.other_cores:
             starts += [start_beside(parent, simulator, name, v, other) for v in values]
-        if last:  # what the previous variant found, where it has the same parameters in its units
+        if last:  # what the last variant found, where its parameters have the same units
             known = [(last.get(key), i) for i, key in enumerate(_keys(simulator))]
             again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
             starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
         fit = best_of(simulator, coarse, starts, explore=True).fit
         if effect.place == "output" and before > HIDDEN * coarse.power_about_mean:
-            # It hides the output from least squares, so that the parent is far from it.
+            # It hides the output from least squares, so the parent is far off.
             spread = core.spread(coarse.record, coarse.record.input)
             blind = [np.r_[own, starts[0][len(own) :]] for own in spread]
             fit = halved(simulator, coarse, [fit.theta, *blind]).fit
@@ -125,9 +125,10 @@ def start_given(
 
 
 def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
-    """Parameters with those of the core found anew by least squares, if that is better.
+    """Parameters, with the core re-estimated by least squares if that is better.
 
-    The parent's make up for a wrong delay, and with another delay would lead back to it.
+    The parent's core compensates for a wrong delay; with another delay it would lead back to the
+    wrong one.
     """
     core = simulator.core
     simulator.run(theta)
@@ -139,7 +140,7 @@ def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> 
 def beside_each_other(
     model: Model, templates: Mapping[str, Effect], criterion: Criterion, coarse: Criterion
 ) -> Model:
-    """Each effect but the last fitted anew together with the others, where that is better.
+    """Each effect but the last refitted together with the others, where that is better.
 
     ``templates`` are effects by their ids, with nothing chosen or estimated.
     """

@@ -41,7 +41,7 @@ class RemnantModel:
 class Criterion:
     """Squares of whitened residuals on every ``thin``-th row, and their derivatives.
 
-    ``rows`` of shape (n_samples, n_runs) are those that count besides being known; None: all.
+    Of the known rows, those in ``rows`` of shape (n_samples, n_runs) count; None means all.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Criterion:
         n = self.record.known.sum(axis=0)
         runs = np.sort(np.argsort(-n, kind="stable")[:EXPLORED_RUNS])
         rate = self.record.criterion_rate
-        # Without a finite rate nothing is thinned: an ARX model depends on the sampling time.
+        # Without a finite rate no rows are skipped: an ARX model depends on the sampling time.
         thin = max(1, int(EXPLORED_STEP / self.record.dt + 1e-6)) if np.isfinite(rate) else 1
         return Criterion(self.record.part(runs, thin), rate=rate / 2)
 
@@ -145,7 +145,7 @@ def remnant_model(residual: np.ndarray, known: np.ndarray) -> RemnantModel:
 class Fit:
     """Parameters at a minimum, and the normal equations there.
 
-    ``beside`` is the covariance of what parameters are by choices that might have been others.
+    ``beside`` is the part of the covariance due to choices that could have been made differently.
     """
 
     theta: np.ndarray
@@ -171,7 +171,7 @@ class Fit:
 
 
 def sse_at(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:
-    """Sum of squares at parameters; of a large record no output is kept."""
+    """Sum of squares at these parameters; for a large record the output is not kept."""
     return sum(criterion.sse(part.run(theta), runs) for runs, part in simulator.parts())
 
 
@@ -196,8 +196,8 @@ def minimise(
     """Levenberg-Marquardt with bounds by projection and finite differences.
 
     Stops when a step lowers the sum of squares by less than ``tol`` of itself. Where the response
-    is not smooth, its scale is solved for at the start, whatever is ``fixed``. What a ``prior``
-    costs adds to the sum of squares that is minimised, not to that of the fit.
+    is not smooth, its scale is solved for at the start, whatever is ``fixed``. The cost of a
+    ``prior`` adds to the sum of squares that is minimised, not to that of the fit.
     """
     prior = prior or NO_PRIOR
     low, high = simulator.low, simulator.high
@@ -253,8 +253,8 @@ def rescaled(
 ) -> tuple[np.ndarray, float]:
     """Parameters and squares, with the output's scale solved for where that is better.
 
-    All parameters in units of the output scale together: gains alone, or levels of the output
-    alone, would change what happens at which instant.
+    All parameters in units of the output scale together: scaling only gains, or only levels of the
+    output, would change when events happen.
     """
     power, product = power_and_product(simulator, criterion, theta)[:2]
     if product <= 0.0 or (power - product) ** 2 <= WORTHWHILE * sse * power:
@@ -323,7 +323,7 @@ def _derivatives(
 
 
 def felt(simulator: Simulator, theta: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
-    """Which parameters change the output at all, from squares of derivatives by each."""
+    """Which parameters change the output at all, from the squares of their derivatives."""
     size = np.array([simulator.size(i, value) for i, value in enumerate(theta)])
     moved = diagonal * size**2
     return moved > NO_CHANGE * moved.max(initial=0.0)
@@ -334,12 +334,12 @@ def covariance_of(
 ) -> np.ndarray:
     """Covariance of an operator's parameters; NaN for those at a bound or without effect.
 
-    It has five parts. Derivatives are differences over about a standard deviation, which say more
-    than the tangent of a response that is a step, or jagged. Where whitened residuals are not
+    It has five parts. Derivatives are differences over about a standard deviation, which are more
+    meaningful than the tangent of a stepped or jagged response. Where whitened residuals are not
     white, a long-run covariance of the scores enlarges the variances. How far the estimates would
-    move at twice the sampling time counts as a standard deviation of its own: the accuracy of the
-    simulation limits them whatever the noise. So does the last step of a search where the response
-    is not smooth, and what a fit says that other choices would have made of them.
+    move at twice the sampling time counts as a further standard deviation: the accuracy of the
+    simulation limits them whatever the noise. So do the last step of a search where the response is
+    not smooth, and what other choices in the fit would have changed.
     """
     theta = fit.theta
     free = (theta > simulator.low) & (theta < simulator.high)
@@ -375,8 +375,8 @@ def covariance_of(
 class _WideSums(NamedTuple):
     """Sums over rows of slopes over about a standard deviation, for all parameters.
 
-    Products of two; the long-run covariance of scores; products with what a coarser simulation
-    would change.
+    Products of pairs, the long-run covariance of scores, and products with what a coarser
+    simulation would change.
     """
 
     gram: np.ndarray

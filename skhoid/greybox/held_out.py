@@ -1,4 +1,4 @@
-"""Fits without some of the rows, for figures on rows that no fit has seen."""
+"""Fits without some of the rows, to score rows that no fit has seen."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ def refitted(
     *,
     starts: Iterable[dict[str, float]] = (),
 ) -> Model:
-    """A model fitted anew on some of the rows, to the end.
+    """A model refitted to some of the rows, to convergence.
 
-    Its simulator is that of the whole record, so that ``output`` predicts the rows left out too;
-    where initial states are estimated, from those that fit all known rows of each run.
+    Its simulator is that of the whole record, so ``output`` covers the rows left out too; estimated
+    initial states are those that fit all known rows of each run.
 
     Parameters
     ----------
     model : Model
         The effects and their choices, and where the fit starts.
     criterion : Criterion
-        On the record of the model, with the noise model that is kept.
+        On the record of the model, with the noise model to keep.
     train : ndarray of bool of shape (n_samples, n_runs)
         Rows to fit on, at the full rate of the record.
     starts : iterable of dict of str to float
-        Further places to start from, by the names of parameters, such as ``values()`` of the
-        model without the last effect; what they do not name starts where the model is.
+        Further starting points, by parameter name, such as ``values()`` of the model without the
+        last effect; parameters not named start at the model's values.
 
     Returns
     -------
     fitted : Model
-        Never worse on its rows than any of its starts.
+        Never worse on its rows than at any of its starts.
     """
     simulator, inside = model.simulator, criterion.on(train)
     whole = simulator

@@ -1,13 +1,13 @@
-"""How free runs begin: from rest, as if the inputs had always been as at first, or as y says.
+"""How free runs begin: from rest, as if the inputs had always been as at first, or as y shows.
 
 What precedes a record adds to the answer of a linear core the free response of its state, a sum of
 as many decaying signals as the core has states. ``Start`` adds it after all stages: a given one
 where only the inputs are known, the one that fits best in each run where the output is. These
 initial states are nuisance parameters that no table shows: solved for in every simulation, they
 move along with the parameters (variable projection). Behind a nonlinear effect on the output they
-are solved for by Gauss and Newton's iteration, and so where something acts inside the recursion,
-such as an outflow by the root of the level, which acts on what the run began with too; springs are
-taken as linear in them.
+are solved for by Gauss-Newton iteration, as they are where something acts inside the recursion,
+such as an outflow by the root of the level, which acts on the initial state too; springs are taken
+as linear in them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SHARE_OF_ERROR, SHARE_OF_POWER = 0.1, 0.01  # by which a start must lower the sq
 
 
 def pays(rest: float, other: float, y: np.ndarray) -> bool:
-    """Whether squares that another start leaves show that runs do not begin at rest.
+    """Whether another start reduces the squares enough to show that runs do not begin at rest.
 
     ``y`` is all that was measured; its power about the mean says how much that is.
     """
@@ -43,9 +43,9 @@ def pays(rest: float, other: float, y: np.ndarray) -> bool:
 
 
 def begun_where_it_pays(record: Record, free: np.ndarray, fitted: np.ndarray) -> np.ndarray:
-    """Outputs whose columns are ``fitted`` where that pays, ``free`` elsewhere.
+    """Outputs with columns from ``fitted`` where that pays, from ``free`` elsewhere.
 
-    Each run is judged alone: what is predicted of it must not depend on the runs beside it.
+    Each run is judged alone: its prediction must not depend on the other runs.
     """
     assert record.y is not None
     with np.errstate(over="ignore", invalid="ignore"):
@@ -68,7 +68,7 @@ def error_of(record: Record, output: np.ndarray) -> float:
 
 
 def horizon(denominator: np.ndarray, n: int) -> int:
-    """Rows of ``n`` in which the free response of 1 / A is felt."""
+    """Rows, of ``n``, in which the free response of 1 / A matters."""
     radius = float(np.abs(np.roots(denominator)).max(initial=0.0))
     if not radius > GONE:
         return min(n, denominator.size)
@@ -98,7 +98,7 @@ def free_responses(denominator: np.ndarray, n: int) -> np.ndarray:
 def fitted_states(responses: np.ndarray, residual: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Amounts (n_states, n_runs) of free responses that fit a residual (n, n_runs) best.
 
-    Those of which the known rows show next to nothing stay small.
+    Those that the known rows hardly show stay small.
     """
     n, states = responses.shape
     products = (responses[:, :, None] * responses[:, None, :]).reshape(n, states * states)
@@ -115,7 +115,7 @@ def with_fitted_start(
     behind: Callable[[np.ndarray], np.ndarray],
     additive: bool,
 ) -> np.ndarray:
-    """Output whose initial states fit the measured one best, felt in the rows of ``responses``.
+    """Output from the initial states that fit the measured one best, in rows of ``responses``.
 
     ``behind`` are the stages after the core, which only add to the output where ``additive``.
     """
@@ -180,7 +180,7 @@ def _where_better(
     start: np.ndarray,
     output: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Amounts and output of a guess in the runs that it fits better, as they were in the others."""
+    """Amounts and output of a guess in the runs where it fits better, unchanged in the others."""
     trial = begun(guess)
     better = _squares(record, trial) < _squares(record, output)
     return np.where(better, guess, start), np.where(better, trial, output)

@@ -54,7 +54,7 @@ def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, 
 
 
 def _followed(model: Model, name: str, criterion: Criterion) -> Model | None:
-    """The fit of an effect whose corners are soft at first and then sharpened."""
+    """The fit of an effect whose corners are softened at first and then sharpened."""
     simulator = model.simulator
     theta = model.theta
     for amount in SOFT:
@@ -71,7 +71,7 @@ def _followed(model: Model, name: str, criterion: Criterion) -> Model | None:
 def _starts_beside(
     simulator: Simulator, name: str, criterion: Criterion, theta: np.ndarray, model: Model
 ) -> list[np.ndarray]:
-    """Starts that an effect finds near given parameters, on the record of a criterion."""
+    """Starts that an effect proposes near given parameters, on the record of a criterion."""
     variant = dict(simulator.effects.steps)[name]
     found = dict(zip(simulator.names, theta.tolist(), strict=True))
     fewer = Effects([item for item in simulator.effects if item[0] != name])

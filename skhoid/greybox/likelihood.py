@@ -53,10 +53,11 @@ Likeliest = tuple[float, np.ndarray] | None  # loss and parameters; None where n
 def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     """Refine under an AR model of the residual that is estimated along with the parameters.
 
-    In a closed loop the smallest simulation error is biased: the remnant goes round the loop into
-    the error, and a response that is too slow, or to something else, follows it. The likelihood of
-    a model with the right noise model is not, and with one that keeps the bias it is. So for an
-    operator both are estimated together, from several places to start: see :func:`joint_fit`.
+    In a closed loop the estimate of least simulation error is biased: the remnant goes round the
+    loop into the error, and a response that is too slow, or to something else, fits it. The
+    maximum-likelihood estimate is not biased if the noise model is right, and is biased with a
+    noise model that keeps the bias. So for an operator both are estimated together, from several
+    starting points: see :func:`joint_fit`.
     """
     kind = model.simulator.record.core
     model, noise = settled(model, criterion)
@@ -78,9 +79,9 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     """Refine under an AR model of the residual, and again under that of the new residual.
 
     Repeated until neither moves: in a closed loop the first fit is biased, and so is its noise
-    model, which keeps the bias for some rounds. A wrong model would leave ever more to the noise
-    model: the free run may become only slightly worse, of an operator after two rounds. An ARX
-    model gets two.
+    model, which keeps the bias for some rounds. A wrong model would leave more and more to the
+    noise model, so the free run may become only slightly worse (for an operator, after two rounds).
+    An ARX model gets two rounds.
     """
     core = model.simulator.record.core
     power = 0.0
@@ -113,17 +114,17 @@ def prior_of(simulator: Simulator) -> Prior:
 
 
 def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
-    """Parameters at their and a noise model's largest common probability; None where it fails.
+    """Parameters and noise model that are most probable jointly; None where the fit fails.
 
-    The likelihood of both is that of a person's remnant as an AR process; what is usual for people
-    decides where it hardly changes, as between a delay and the lag of a limb. A gain on the error
-    rate that is not needed is left out.
+    Their joint likelihood takes a person's remnant as an AR process; what is usual for people
+    decides where the likelihood is flat, as between a delay and the lag of a limb. A gain on the
+    error rate that is not needed is left out.
 
-    With them comes the covariance that choices make: rows at half and at twice the rate, and the
-    closed loop, where it is known, by how many they are; the gain that was left out, by its odds.
+    The covariance due to choices is returned too: rows at half and at twice the rate and, where it
+    is known, the closed loop, weighted by their number; the gain that was left out, by its odds.
 
-    Of very many runs some are fitted from all places to start, and then all from where that led;
-    what the closed loop would change is that of the same runs.
+    Of a large number of runs, some are fitted from all starting points, and then all from where
+    that led; what the closed loop would change is found on those same runs.
     """
     simulator = model.simulator
     core = simulator.core
@@ -172,10 +173,10 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
 def among_kinks(
     simulator: Simulator, best: tuple[float, np.ndarray], held: np.ndarray
 ) -> tuple[tuple[float, np.ndarray], np.ndarray]:
-    """The likeliest minimum near one that was found, and the covariance of those about as likely.
+    """The likeliest minimum near the one found, and the covariance of those about as likely.
 
-    Asked of effects with kinks alone, whose likelihood has many minima side by side: in which of
-    them a fit ends may depend on the rounding of the data.
+    Only for effects with kinks, whose likelihood has many minima side by side: which one a fit ends
+    in may depend on the rounding of the data.
     """
     own = [
         i
@@ -200,16 +201,16 @@ def among_kinks(
 
 
 def _of_few(n: int) -> float:
-    """By how much a variance known from n numbers is to be larger, for 95 % intervals to hold."""
+    """By how much to enlarge a variance known from n numbers for 95 % intervals to hold."""
     return float((t.ppf(0.975, n) / norm.ppf(0.975)) ** 2)
 
 
 def likeliest_in_loop(
     simulator: Simulator, theta: np.ndarray, held: np.ndarray
 ) -> np.ndarray | None:
-    """Parameters likeliest in the closed loop, of a linear model; None where it is not known.
+    """Likeliest parameters of a linear model in the closed loop; None where the loop is not known.
 
-    They take nothing from the remnant in the error: another way to the same parameters.
+    The remnant in the error does not affect them: another way to the same parameters.
     """
     loop = loop_of(simulator.record)
     linear = all(effect.place in ("path", "sum", "delay") for _, effect in simulator.effects)
@@ -233,7 +234,7 @@ def _outer(change: np.ndarray) -> np.ndarray:
 
 
 def usual_starts(simulator: Simulator, theta: np.ndarray) -> list[np.ndarray]:
-    """The same parameters, but what is usual for the core, with a short to a long delay."""
+    """The same parameters, with the core's usual values and delays from short to long."""
     core, found = simulator.core, []
     at = {name: simulator.names.index(name) for name in core.usual if name in simulator.names}
     free_delay = [at[name] for name in core.delays if name in at]
@@ -253,9 +254,9 @@ def likeliest(
     rate: float = JOINT_RATE,
     held: np.ndarray | None = None,
 ) -> Likeliest:
-    """Least n log(SSE / n) of model and noise model, with what the prior costs; parameters there.
+    """Least n log(SSE / n) of model and noise model, with the cost of the prior; its parameters.
 
-    On rows at a ``rate`` (Hz). None where no start leads anywhere.
+    On rows at a ``rate`` (Hz). None where no start succeeds.
     """
     held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
     criterion = Criterion(simulator.record, rate=rate)
@@ -267,7 +268,7 @@ def likeliest(
 def _joint(
     simulator: Simulator, theta: np.ndarray, criterion: Criterion, held: np.ndarray
 ) -> tuple[float, np.ndarray] | None:
-    """From one start: n log(SSE / n), what the prior costs, and the parameters."""
+    """From one start: n log(SSE / n), the cost of the prior, and the parameters."""
     prior = prior_of(simulator)
     last = np.inf
     theta = np.clip(theta, simulator.low, simulator.high)

@@ -1,9 +1,9 @@
-"""A core with effects in its loop: open it for simulations that the remnant does not enter.
+"""A core with effects in its closed loop: simulations that the remnant does not enter.
 
-In the loop the remnant travels through the controlled element into the error, and what answers the
-error answers the remnant of some time ago as well. A free run from the measured error holds that
-part; a model may follow it, and its estimates are biased. A run of the closed loop does not: with
-the controlled element G known, the error that a model would have made is
+In the loop the remnant travels through the controlled element into the error, so a response to the
+error is also a response to earlier remnant. A free run from the measured error contains that part;
+a model may fit it, and its estimates are biased. A run of the closed loop does not: with the
+controlled element G known, the error that a model would have made is
 
     e(t) - G (u_model - u)(t),
 
@@ -59,14 +59,14 @@ class Loop:
     remnant: np.ndarray | None = None
 
     def moved(self, change: np.ndarray) -> np.ndarray:
-        """Change of the controlled output that a change of the output makes."""
+        """Change of the controlled output caused by a change of the output."""
         change = change.copy()
         change[: self.begin] = 0.0
         return lfilter(self.b, self.a, change, axis=0)
 
 
 class LoopSimulator:
-    """Runs of the closed loop, with the face of a :class:`Simulator`.
+    """Runs of the closed loop, with the interface of a :class:`Simulator`.
 
     The loop is solved in sweeps: what is left of e - (e_measured - G (u - u_measured)) is taken
     through the loop's own sensitivity, which for a linear model ends after two sweeps. The same
@@ -198,7 +198,7 @@ class LoopSimulator:
         return found
 
     def is_curved(self, theta: np.ndarray) -> bool:
-        """Whether the open answer to a remnant and to its opposite differ from that to none."""
+        """Whether open-loop responses to a remnant and its opposite differ from that to none."""
         assert self.loop.remnant is not None
         remnant = self.loop.remnant[:, :, 0]
         size = 0.3 * self._spread / max(float(np.std(remnant)), 1e-300)
@@ -220,7 +220,7 @@ class LoopSimulator:
         return self._output + self.closed(change)
 
     def closed(self, change: np.ndarray) -> np.ndarray:
-        """What the loop leaves of a change of the open answer."""
+        """What the loop leaves of a change of the open-loop response."""
         assert self._pulse is not None
         inside = change.copy()
         inside[: self.loop.begin] = 0.0
@@ -242,8 +242,8 @@ class LoopSimulator:
 def followers(record: Record) -> dict[str, np.ndarray]:
     """Channels that the loop moves: what each is of x, its rate and its acceleration.
 
-    Motion that is felt is that of the controlled element; a channel of which x explains little has
-    other causes, and stays as it was measured.
+    Motion that the person feels is that of the controlled element; a channel that x hardly explains
+    has other causes, and stays as measured.
     """
     names = record.with_role("x")
     if not names:
@@ -279,14 +279,14 @@ def moved_with(record: Record, error: np.ndarray, follow: dict[str, np.ndarray])
 
 
 def filtered(signal: np.ndarray, response: np.ndarray | None) -> np.ndarray:
-    """A signal of shape (n_samples, n_runs) through an impulse response; None leaves it."""
+    """A signal of shape (n_samples, n_runs) through an impulse response; None: unchanged."""
     if response is None:
         return signal.copy()
     return fftconvolve(signal, response[:, None], axes=0)[: len(signal)]
 
 
 def drawn(residual: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Remnant of the kind of a residual: its spectrum in each run with other phases, both signs.
+    """Remnant like a residual: its spectrum in each run with other phases, in both signs.
 
     Of shape (n_samples, n_runs, 2). Phases are the same for every call.
     """
@@ -323,10 +323,10 @@ def loop_of(record: Record, settling: float = 3.0) -> Loop | None:
 def pulse_response(
     element: LinearElement, record: Record, begin: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pulse transfer function of an element, with what the output does between samples.
+    """Pulse transfer function of an element, given what the output does between samples.
 
-    Steps before or after a sample, or a straight line: what leaves the smoothest rest of the
-    measured x, since a disturbance is smoother than a remnant. Steps where x is not measured.
+    Steps before or after a sample, or a straight line: whichever leaves the smoothest remainder of
+    the measured x, since a disturbance is smoother than a remnant. Steps where x is not measured.
     """
     names = record.with_role("x")
     plain = element.discrete(record.dt)

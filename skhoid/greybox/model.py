@@ -34,8 +34,8 @@ AT_BOUND = 1e-3  # of its size, by which a parameter is off a bound at most
 class Model:
     """A simulator with parameters at a minimum.
 
-    ``other_cores`` are usual parameters of the core, further places to start from where the
-    minimum lies at a bound because what is missing has bent it.
+    ``other_cores`` are usual parameters of the core: further starting points where a missing effect
+    has pushed the minimum to a bound.
     """
 
     simulator: Simulator
@@ -86,7 +86,7 @@ class Model:
         return found
 
     def undetermined(self) -> list[str]:
-        """Names of parameters that the data say nothing of.
+        """Names of parameters that the data say nothing about.
 
         The output does not depend on them, or their standard error exceeds their range.
         """
@@ -108,7 +108,7 @@ class Model:
         return Model(self.simulator, fit, self.other_cores)
 
     def refined(self, criterion: Criterion, max_iter: int = 12, tol: float = 1e-5) -> Model:
-        """The same model at the minimum of another criterion nearby."""
+        """The same model at the nearby minimum of another criterion."""
         fit = minimise(self.simulator, criterion, self.theta, max_iter=max_iter, tol=tol)
         return Model(self.simulator, fit, self.other_cores)
 
@@ -125,7 +125,7 @@ def best_of(
     *,
     explore: bool = False,
 ) -> Model:
-    """Minimise from several starts: a few iterations from each, then to the end from the best."""
+    """Minimise from several starts: a few iterations from each, then on from the best."""
     end = {"max_iter": 8, "tol": 2e-4} if explore else {"max_iter": 20, "tol": 1e-5}
     starts = list(starts)
     most = N_SCREENED if simulator.smooth else N_SCREENED_COARSELY
@@ -164,7 +164,7 @@ def halved(
 
 
 def scaled_sse(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:
-    """Sum of squares that the best multiple of the output at some parameters leaves."""
+    """Sum of squares left by the best multiple of the output at some parameters."""
     power, product, of_y = power_and_product(simulator, criterion, theta)
     if not np.isfinite(power) or power <= 0.0:
         return np.inf
@@ -178,7 +178,7 @@ def start_beside(
     values: dict[str, float],
     core: dict[str, float] | None = None,
 ) -> np.ndarray:
-    """Parameters of the parent and start values of a further effect as one vector.
+    """Parameters of the parent and start values of one more effect as one vector.
 
     A start value called ``+`` and the name of a parameter of the parent is added to it, if there
     is one; see ``effects.error_scan``. ``core`` replaces parameters of the parent.
@@ -193,7 +193,7 @@ def start_beside(
 
 
 def without(model: Model, name: str, core: dict[str, float] | None = None) -> Model:
-    """A model without one of its effects, at the minimum of the simulation error nearby.
+    """A model without one of its effects, at the nearby minimum of the simulation error.
 
     Without the effect it may diverge; then ``core`` replaces its parameters at the start.
     """

@@ -20,7 +20,7 @@ def fit_plain_operator(core: OperatorCore, record: Record, criterion: Criterion)
     dynamic = np.array([name in core.ordinary for name in simulator.names])
     at_bound = (model.theta <= simulator.low) | (model.theta >= simulator.high)
     if (at_bound & dynamic).any():
-        # Lag and lead of a limb that is none make up for what is missing: without both, too.
+        # A spurious lag and lead may compensate for what is missing: try without both, too.
         plain = {name: usual.centre for name, usual in core.usual.items()}
         plain |= dict.fromkeys(core.gains[1:], 0.0)
         without = np.array([plain.get(name, value) for name, value in model.values().items()])

@@ -18,39 +18,39 @@ class OperatorRegressor(GreyBox):
     u = H_nm(s) [K_e + K_edot s] exp(-s tau_e) e with the neuromuscular system H_nm(s) = omega_nm^2
     / (s^2 + 2 zeta_nm omega_nm s + omega_nm^2) (Eqs. 3-5), simulated from the measured channels
     alone. All parameters, those of the effects too, minimise the squares of the simulation's
-    residual, whitened by an AR model of the remnant: maximum likelihood for Gaussian remnant.
+    residual, whitened by an AR model of the remnant: maximum likelihood for a Gaussian remnant.
 
     Parameters
     ----------
     delay : float or None, default=None
-        Effective time delay tau_e in seconds, kept as given until the effect ``wrong_delay`` frees
+        Effective time delay tau_e in seconds, kept as given unless the effect ``wrong_delay`` frees
         it; None estimates it.
     least_delay : float or None, default=None
-        Least time in seconds after which the operator answers what the loop moves (the error, the
-        output, the motion); None means 0.1 s, since effective delays of people who see or feel are
-        not shorter. A shorter one would make the model the inverse of the controlled element. A
-        ``delay`` below it is taken as given.
+        Shortest time in seconds after which the operator responds to what the loop moves (the
+        error, the output, the motion); None means 0.1 s, since people who respond to what they see
+        or feel have no shorter effective delay. A shorter one would make the model the inverse of
+        the controlled element. A given ``delay`` below it is kept.
     inputs : column name or list with one, or None, default=None
         The error. None means the column of role ``e``.
     effects : Effect, Effects, str, list of these, or None, default=None
-        What the linear operator lacks; see :mod:`skhoid.effects`.
+        Effects to add to the linear operator; see :mod:`skhoid.effects`.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where names do not show them: e, x, f_t, or a name
         that begins with motion or dist; "" for none. Effects may use all columns.
     controlled_element : ControlledElement, LinearElement, str, system or None, default=None
-        What the operator controls, for effects that use its inverse: ``"1/(s(s+1))"``, or a
-        transfer function of SciPy or python-control too; None estimates it from output and x.
+        What the operator controls, for effects that use its inverse: ``"1/(s(s+1))"``, say, or a
+        transfer function of SciPy or python-control; None estimates it from output and x.
     settling : float, default=3.0
-        Seconds at the start of each run (and after each gap) that do not count in the fit, since
-        what came before them is not known.
+        Seconds at the start of each run (and after each gap) that do not count in the fit, because
+        what came before is not known.
     initial : {"rest", "estimate"} or None, default=None
         How simulations begin. ``"rest"``: with all signals zero before the first sample.
         ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
-        run best; in ``predict``, as if the inputs had always been as in the first row. None takes
-        that only where runs show that they do not begin at rest, in ``score`` each run alone.
+        run best; in ``predict``, as if the inputs had always been as in the first row. None does so
+        only where runs show that they do not begin at rest (in ``score``, run by run).
     start : dict or None, default=None
-        Values to start the fit from, ``{parameter: value}`` by the names of ``parameters_``, beside
-        the model's own starts.
+        Values to start the fit from, ``{parameter: value}`` with the names of ``parameters_``, in
+        addition to the model's own starts.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -67,7 +67,7 @@ class OperatorRegressor(GreyBox):
         biased by the remnant; ``summary`` shows both estimates where they differ by more than
         their uncertainty allows.
     effects_ : Effects
-        The effects with estimated values and with their choices (form, channel) made.
+        The effects with their estimated values and their choices (form, channel) made.
     covariance_ : DataFrame
         Covariance of the estimated parameters.
     noise_ar_ : ndarray of shape (6,)
@@ -79,7 +79,7 @@ class OperatorRegressor(GreyBox):
     vaf_ : float
         VAF of the free run on the fitted rows, in percent.
     n_rows_used_ : int
-        Rows that count: measured, and not in the settling or a run-in.
+        Rows that count: measured, and not in the settling time or a run-in.
     controlled_element_ : ControlledElement, LinearElement or None
         Given or estimated.
     initial_ : str
@@ -96,11 +96,11 @@ class OperatorRegressor(GreyBox):
     Raises
     ------
     RankDeficiencyError
-        If the error or the output stands still.
+        If the error or the output does not move.
     ShortRunError
         If the runs are too short for the parameters and the noise model.
     ValueError
-        If an effect does not apply to the data, with the reason.
+        If an effect does not apply to the data; the message says why.
 
     See Also
     --------
@@ -109,11 +109,11 @@ class OperatorRegressor(GreyBox):
 
     Notes
     -----
-    Residuals count at 25 Hz, above which operators have no power to speak of; the simulation runs
-    at the sampling rate. Runs with more remnant weigh less.
+    Residuals count at 25 Hz, above which operators have hardly any power; the simulation runs at
+    the sampling rate. Runs with more remnant weigh less.
 
-    Standard errors hold for remnant of any colour, and include how far the estimates would move at
-    twice the sampling time, which limits them where there is little remnant.
+    Standard errors hold for remnant of any colour. They include how far the estimates would move at
+    twice the sampling time, which dominates where there is little remnant.
 
     References
     ----------

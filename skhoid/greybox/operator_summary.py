@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def simulated_summary(model: Any, simulation: Simulation) -> ModelSummary:
-    """Summary of a model whose parameters minimise the error of simulation."""
+    """Summary of a model whose parameters minimise the simulation error."""
     output, element = model._output_name, model.controlled_element_
     facts = {
         "Model": simulation.spec.description,
@@ -42,8 +42,8 @@ def simulated_summary(model: Any, simulation: Simulation) -> ModelSummary:
         )
     notes = [
         simulation.spec.errors_note,
-        "What the model lacks is not in them: see compare and EffectSearchCV.",
-        "VAF and RMSE are those of the rows fitted; summary(X, y) says the VAF of others. "
+        "They do not allow for effects that the model lacks: see compare and EffectSearchCV.",
+        "VAF and RMSE are those of the fitted rows; summary(X, y) gives the VAF of others. "
         f"{VAF_RULE} Log-likelihood and BIC are without constants.",
     ]
     table = model.parameters_
@@ -65,15 +65,16 @@ def simulated_summary(model: Any, simulation: Simulation) -> ModelSummary:
 
 
 def delay_notes(table: pd.DataFrame, least: float) -> list[str]:
-    """What to say of a delay that is the least there is, or shorter."""
+    """What to say about a delay that is at the least there is, or shorter."""
     if "tau_e" not in table.index:
         return []
     value, sd = float(table.loc["tau_e", "value"]), float(table.loc["tau_e", "sd"])
     if sd == 0.0 and value < least:
-        return [f"The delay given, {value:.2f} s, is below the least of a person, {least:.2f} s."]
+        return [f"The delay given, {value:.2f} s, is below the least of people, {least:.2f} s."]
     if sd != 0.0 and value <= least * (1 + AT_BOUND):
         return [
-            f"tau_e is at its least, {least:.2f} s: people do not answer sooner. The fit would "
-            "make it shorter still: something else answers at once, or channels are misaligned."
+            f"tau_e is at its lower bound, {least:.2f} s: people do not respond sooner. The fit "
+            "would make it shorter still: something else responds at once, or channels are "
+            "misaligned."
         ]
     return []

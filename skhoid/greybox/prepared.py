@@ -1,4 +1,4 @@
-"""Reading and checking data for a model with effects; errors for data that cannot determine it."""
+"""Data for a model with effects, read and checked: errors for data that cannot determine it."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from .some_runs import record_of_some
 
 @dataclass(frozen=True)
 class SimulatedCore:
-    """The core that the parameters of an estimator ask for, how to fit it, and its given values.
+    """The core that an estimator's settings describe, how to fit it, and its given values.
 
     ``estimated`` finds the core without effects at the minimum of the simulation error; ``given``
-    are parameters that are not estimated, for the table; ``start`` are more values to start from;
+    are parameters that are not estimated, for the table; ``start`` are further start values;
     ``check`` refuses runs that the core cannot be fitted to.
     """
 
@@ -48,10 +48,10 @@ class Prepared:
     """Data to fit, read and checked, and the core to fit to them.
 
     ``record`` has the runs side by side and ``columns`` says where they come from; ``table`` has
-    all columns of X, called ``names``, at full rate; ``channels`` are the positions of those in
-    the record, and ``roles`` are their roles. ``units`` are the units of the data, as tables of
-    parameters need them. ``measured`` are the samples of the record with a measured output, those
-    of the settling too; ``known`` are such rows of X.
+    all columns of X, called ``names``, at full rate; ``channels`` are the positions of those in the
+    record, and ``roles`` their roles. ``units`` are the units of the data, as tables of parameters
+    need them. ``measured`` are the samples of the record with a measured output, including the
+    settling time; ``known`` are the corresponding rows of X.
     """
 
     spec: SimulatedCore
@@ -87,8 +87,8 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         estimator._columns, estimator.inputs_ = estimator._columns[:1], estimator.inputs_[:1]
     if len(estimator._columns) != 1:
         raise ValueError(
-            f"{type(estimator).__name__} with effects answers one channel and gets "
-            f'{estimator.inputs_}. Name it by inputs=["..."]; effects use the other columns.'
+            f"{type(estimator).__name__} with effects responds to one channel, but got inputs="
+            f'{estimator.inputs_}. Name it by inputs=["..."]; effects may use the other columns.'
         )
     columns = estimator._names or list(range(values.shape[1]))
     skipped = None if estimator._run is None else run_column(columns, estimator._run)
@@ -145,7 +145,7 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
 
 
 def beginning(core: Core, record: Record, initial: str | None, settling: float) -> str:
-    """How the simulations of a fit begin, for what a user asked."""
+    """How the simulations of a fit begin, according to the user's choice."""
     if initial == REST or not getattr(core, "has_states", False):
         return REST
     if core.kind.is_operator and settling >= FORGOTTEN:
@@ -163,15 +163,15 @@ def check_rows(record: Record, n_parameters: int, grid: ModelGrid, settling: flo
     needed = min(counting + round(settling / grid.dt), -(-4 * counting // 3))
     seconds = needed * grid.dt
     raise ShortRunError(
-        f"{record.known.sum()} rows are left for {n_parameters} parameters and the model of the "
-        f"remnant (n_samples = {grid.layout.n_rows} rows of X, of which settling, missing values "
-        f"and a run-in take the rest). They need a run of {round(seconds / grid.layout.dt)} rows "
-        f"({seconds:.3g} s) without a gap. Use more data, or a smaller settling."
+        f"{record.known.sum()} rows are left for {n_parameters} parameters and the remnant model "
+        f"(n_samples = {grid.layout.n_rows} rows of X; settling, missing "
+        f"values and a run-in take the rest). They need a run of {round(seconds / grid.layout.dt)} "
+        f"rows ({seconds:.3g} s) without a gap. Use more data, or a shorter settling."
     )
 
 
 def check_moving(record: Record, values: np.ndarray, name: str, output: str) -> None:
-    """Refuse an input or an output that stands still."""
+    """Refuse an input or an output that does not move."""
     assert record.y is not None
     found = bad_output(output, record.y[record.known])
     if found is None:

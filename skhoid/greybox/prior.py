@@ -1,4 +1,4 @@
-"""What is known of a person's parameters before any data, as squares beside those of a fit."""
+"""What is known about a person's parameters before any data, as squares to add to a fit's."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Usual:
     relative: bool = False
 
     def distance(self, value: float) -> tuple[float, float]:
-        """How many spreads a value is off, and the derivative of that."""
+        """How many spreads a value is from the centre, and the derivative of that."""
         if not self.relative:
             return (value - self.centre) / self.spread, 1.0 / self.spread
         value = max(value, 1e-6 * self.centre)
@@ -40,11 +40,11 @@ class Prior:
         return cls(tuple((names.index(name), one) for name, one in usual.items() if name in names))
 
     def weighing(self, weight: float) -> Prior:
-        """The prior beside residuals of a variance."""
+        """The prior for residuals of a given variance."""
         return replace(self, weight=weight)
 
     def distance(self, theta: np.ndarray) -> float:
-        """Sum of the squares of what parameters are off, in spreads."""
+        """Sum of the squared distances of parameters from their centres, in spreads."""
         return sum(one.distance(float(theta[i]))[0] ** 2 for i, one in self.usual)
 
     def cost(self, theta: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""What a search for missing effects asks of a model: open it to bring a model of your own."""
+"""What a search for missing effects needs from a model: look here to bring a model of your own."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ DOCUMENTED = 'docs/add-an-effect.md, "A model of your own", and skhoid.greybox.S
 
 
 class SimulatedModel(Protocol):
-    """A scikit-learn regressor that simulates a core with effects, and can be searched.
+    """A scikit-learn regressor that simulates a core with effects, and that can be searched.
 
-    ``OperatorRegressor`` and ``ARXRegressor`` are such models. One of your own is most easily a
-    subclass of :class:`skhoid.greybox.GreyBox`, which has all of these but ``__init__``; any other
-    class that has them will do. A search calls ``prepare`` and ``first_fit`` once, on a clone,
-    tries effects on the record that it gets, and takes ``with_fit`` of what it found.
+    ``OperatorRegressor`` and ``ARXRegressor`` are such models. The easiest way to a model of your
+    own is a subclass of :class:`skhoid.greybox.GreyBox`, which has all of these but ``__init__``;
+    any other class that has them will do. A search calls ``prepare`` and ``first_fit`` once, on a
+    clone, tries effects on the record that it gets, and calls ``with_fit`` with what it found.
 
     Attributes
     ----------
     effects : Effect, Effects, str, list of these, or None
-        Parameter: effects that the model has.
+        Parameter: the model's effects.
     settling : float
         Parameter: seconds at the start of each run that do not count in the fit.
     parameters_ : DataFrame
@@ -47,7 +47,7 @@ class SimulatedModel(Protocol):
         """Parameters, as in scikit-learn; the search clones the model."""
 
     def set_params(self, **params: Any) -> Any:
-        """Set parameters; a search that is given a controlled element sets it this way."""
+        """Set parameters; a search that is given a controlled element sets it in this way."""
 
     def fit(self, X: Any, y: Any) -> Any:
         """Estimate all parameters."""
@@ -68,7 +68,7 @@ class SimulatedModel(Protocol):
         """The core with ``effects``, at the minimum of the plain simulation error."""
 
     def with_fit(self, prepared: Prepared, fitted: Model, noise: RemnantModel) -> Any:
-        """A new estimator of the same parameters, whose estimates are those of ``fitted``."""
+        """A new estimator with the same settings and the estimates of ``fitted``."""
 
     def free_run(self, prepared: Prepared) -> np.ndarray:
         """The same as ``predict`` of the X that ``prepare`` read."""
@@ -79,10 +79,10 @@ PARAMETERS = ("effects", "settling")
 
 
 def check_simulated_model(estimator: Any, purpose: str) -> None:
-    """Refuse what is no :class:`SimulatedModel`, and say what it lacks."""
+    """Refuse anything but a :class:`SimulatedModel`, and say what it lacks."""
     kind = estimator.__name__ if isinstance(estimator, type) else type(estimator).__name__
     if isinstance(estimator, type):
-        raise TypeError(f"{purpose} takes a model, and got the class {kind}: pass {kind}().")
+        raise TypeError(f"{purpose} takes a model, but got the class {kind}: pass {kind}().")
     lacking = [f"{name}()" for name in METHODS if not callable(getattr(estimator, name, None))]
     if "get_params()" not in lacking:
         known = estimator.get_params(deep=False)
@@ -90,6 +90,7 @@ def check_simulated_model(estimator: Any, purpose: str) -> None:
     if lacking:
         raise TypeError(
             f"{purpose} takes an OperatorRegressor, an ARXRegressor, or another model that "
-            f"simulates effects; {kind} lacks {', '.join(lacking)}. What such a model needs: "
+            f"simulates effects; {kind} lacks {', '.join(lacking)}. For what such a model needs, "
+            "see "
             f"{DOCUMENTED}."
         )

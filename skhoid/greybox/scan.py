@@ -1,4 +1,4 @@
-"""Scans: what a model with an added effect leaves unexplained, cheaply for many values."""
+"""Scans: what a model with an added effect leaves unexplained, computed cheaply for many values."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ FOLLOWED = 3  # iterations from a value that is scanned
 
 
 class Scan:
-    """The :class:`~skhoid.effects.ErrorScan` of an effect that is added to a parent model.
+    """The :class:`~skhoid.effects.ErrorScan` of an effect added to a parent model.
 
-    ``bent`` says whether what is missing may have bent the parent.
+    ``bent`` says whether missing effects may have distorted the parent.
     """
 
     def __init__(
@@ -110,12 +110,12 @@ class Scan:
         return self.by_lead[seconds, ahead]
 
     def matrices(self, dt: float) -> tuple[np.ndarray, float]:
-        """The ordinary answer to a held command, and its 2 zeta omega."""
+        """The ordinary response to a held command, and its 2 zeta omega."""
         found = self.parent.simulator.core.second_order(self.ordinary)
         if found is None:
             raise ValueError(
-                f"{type(self.variant).__name__} calls left or left_by_events, which need "
-                "an operator as the core; with other cores call error_of(values, seconds)."
+                f"{type(self.variant).__name__} calls left or left_by_events, which need an "
+                "operator as the core; with other cores, call error_of(values, seconds)."
             )
         omega, zeta = (np.array([value]) for value in found)
         return _kernels.greybox.held_linearly(omega, zeta, dt), float(2 * zeta[0] * omega[0])

@@ -108,7 +108,7 @@ def _channels(
 
 
 def _times(columns: SegmentColumns, grid: ModelGrid) -> np.ndarray:
-    """Time in the runs, in one column where they share it; it goes on behind short ones."""
+    """Time in the runs, in one column where they share it; it continues behind short ones."""
     time = grid.layout.time if grid.rows is None else grid.layout.time[grid.rows]
     more = grid.dt * np.arange(1, columns.length + 1)
     runs = list(zip(columns.begin.tolist(), columns.end.tolist(), strict=True))

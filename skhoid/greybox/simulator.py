@@ -21,7 +21,7 @@ from .initial import HELD, REST, free_responses, horizon, with_fitted_pulses, wi
 
 
 class StageSignals(NamedTuple):
-    """Signals as far as they are known after a stage."""
+    """The signals known after a stage."""
 
     error: np.ndarray
     delay: Any
@@ -34,7 +34,7 @@ class StageSignals(NamedTuple):
 
 @dataclass(frozen=True)
 class Stage:
-    """One step of the simulation, and the positions of the parameters that it takes."""
+    """One step of the simulation, and the positions of its parameters."""
 
     run: Callable[[StageSignals, Any], StageSignals]
     positions: tuple[int, ...]
@@ -42,7 +42,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A parameter that is estimated: qualified name and what is known of it."""
+    """A parameter that is estimated: its qualified name and what is known about it."""
 
     name: str
     spec: Parameter
@@ -55,8 +55,8 @@ class FreeParameter:
 class Simulator:
     """Free runs of a core with effects on a record.
 
-    ``effects`` have all their choices made (see ``Effect.variants``). ``parameters`` lists what
-    is estimated, in the order of the vectors theta that ``run`` takes. Runs of a large record are
+    ``effects`` have all their choices made (see ``Effect.variants``). ``parameters`` lists what is
+    estimated, in the order of the vector theta that ``run`` takes. Runs of a large record are
     simulated a few at a time, see :meth:`parts`, and only their output is kept.
     """
 
@@ -104,7 +104,7 @@ class Simulator:
         return part
 
     def parts(self) -> Iterator[tuple[slice, Any]]:
-        """Simulators of a few runs each, with their columns; of a small record itself."""
+        """Simulators of a few runs each, with their columns; for a small record, this one."""
         if not self._parts:
             yield slice(None), self
         for columns, part in self._parts:
@@ -264,13 +264,13 @@ class Simulator:
         return state
 
     def size(self, position: int, value: float) -> float:
-        """How large a change of a parameter changes the output by its own size."""
+        """How large a change of a parameter would change the output by its own size."""
         own = self.core.sizes.get(self.names[position])
         return max(abs(value), 0.05 * self.scale[position]) if own is None else own
 
 
 def gains_of_delayed(gains: Gains, delay: Any, record: Record) -> Gains:
-    """The gains at the time of the error that is answered now, so delayed as the error is."""
+    """The gains at the time of the error that is responded to now, so delayed as the error is."""
     error, rate = gains.error, gains.rate
     if len(error) > 1:
         error = record.delayed(error, delay)

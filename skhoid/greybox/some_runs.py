@@ -1,7 +1,7 @@
-"""Some of very many runs, on which minima are looked for before all runs decide where they are.
+"""A few of many runs, on which minima are sought before all runs decide where they are.
 
-From many places to start, a fit of all runs would mostly compute again what a few of them say. What
-is estimated is of all runs in the end: from the minimum of some the last iterations go on with all.
+From many starting points, fits of all runs would mostly repeat what a few runs already show. The
+final estimate is that of all runs: from the minimum of the few, the last iterations use all.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def some_runs(record: Record, most: int) -> np.ndarray | None:
 
 
 def record_of_some(record: Record) -> Record | None:
-    """The record of some runs with ``MOST_ROWS``; None where these are all."""
+    """The record of some runs with ``MOST_ROWS``; None where these are all runs."""
     columns = some_runs(record, MOST_ROWS)
     return None if columns is None else record.part(columns, 1)
 

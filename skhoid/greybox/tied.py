@@ -1,4 +1,4 @@
-"""A simulator for fits whose thresholds scale with the gains, so that events stay the same."""
+"""A simulator for fits in which thresholds scale with the gains, so that events stay the same."""
 
 from __future__ import annotations
 

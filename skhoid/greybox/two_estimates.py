@@ -1,4 +1,4 @@
-"""Estimates of least simulation error beside those of maximum likelihood, and where they differ."""
+"""Estimates of least simulation error and of maximum likelihood, and where they differ."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from .model import Model
 from .prepared import Prepared
 
 WHY = (
-    "In a closed loop the remnant comes back in the error, and the least simulation error follows "
-    "it: trust the likelihood. Outside a loop the model lacks something, which the two weigh "
-    "differently."
+    "In a closed loop the remnant returns in the error, and the fit of least simulation error "
+    "follows it: trust the likelihood. Without a loop, the model lacks something that the two "
+    "weigh differently."
 )
 
 
 def of_least_error(model: Model, prepared: Prepared) -> pd.DataFrame:
     """Table of the parameters at the smallest simulation error near those of a model.
 
-    Standard errors allow for a remnant of any colour, and not for a bias.
+    Standard errors allow for a remnant of any colour, but not for a bias.
     """
     criterion = Criterion(model.simulator.record)
     plain = model.refined(criterion)
@@ -34,8 +34,8 @@ def of_least_error(model: Model, prepared: Prepared) -> pd.DataFrame:
 def that_differ(likelihood: pd.DataFrame, least_error: pd.DataFrame) -> list[str]:
     """Parameters of the core whose two estimates differ by more than their uncertainty allows.
 
-    The 95 % interval of the difference is that of two independent estimates, which is too wide
-    for two of the same data. A value at its bound counts as exact.
+    The 95 % interval of the difference is that of two independent estimates, which is too wide for
+    estimates from the same data. A value at its bound counts as exact.
     """
     found = []
     for name in likelihood.index.intersection(least_error.index):
@@ -52,7 +52,7 @@ def _sd(row: pd.Series) -> float:
 
 
 def difference_notes(likelihood: pd.DataFrame, least_error: pd.DataFrame) -> list[str]:
-    """Both estimates of what differs, and why they may, as a sentence; none where none does."""
+    """Both estimates of each parameter that differs, and why, in a sentence; none if none does."""
     names = that_differ(likelihood, least_error)
     if not names:
         return []

@@ -1,4 +1,4 @@
-"""Physics as small objects: human operator, controlled element, parameters that vary in time."""
+"""Physics as small objects: human operator, controlled element, time-varying parameters."""
 
 from .controlled_element import ELEMENT, ControlledElement
 from .discretisation import delay_samples, pade, zoh_parameters

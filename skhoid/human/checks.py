@@ -9,7 +9,7 @@ import numpy as np
 
 
 def as_floats(value: Any, what: str) -> np.ndarray:
-    """A number, or some, as an array; anything else is refused by name."""
+    """One number or several as an array; anything else raises an error that names it."""
     try:
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError):

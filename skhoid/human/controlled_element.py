@@ -26,18 +26,18 @@ class ControlledElement:
     ----------
     K_c : float, callable or str, default=90.0
         Gain, in units of x per unit of u and s². A function of time takes an array of instants (s).
-        A text, ``"1/(s(s+1))"``, is the whole transfer function.
+        A string such as ``"1/(s(s+1))"`` is the whole transfer function.
     omega_b : float or callable, default=6.0
         Break frequency in rad/s.
     numerator, denominator : sequence of float or None, default=None
         Coefficients in falling powers of s (of z with ``dt``), in place of ``K_c`` and ``omega_b``.
     dt : float or None, default=None
-        Sampling time in seconds of a discrete element, given by a text in z or by coefficients.
+        Sampling time in seconds of a discrete element, given by a string in z or by coefficients.
 
     Raises
     ------
     ValueError
-        If a parameter is negative or not finite, or a text cannot be read.
+        If a parameter is negative or not finite, or a string cannot be read.
 
     See Also
     --------
@@ -68,17 +68,17 @@ class ControlledElement:
         denominator: Sequence[float] | None = None,
         dt: float | None = None,
     ) -> Any:
-        """An element of this form, or a ``LinearElement`` where another one is given."""
+        """An element of this form, or a ``LinearElement`` for any other."""
         if isinstance(K_c, str) and not is_number(K_c):
             return LinearElement.from_text(K_c, dt)
         if numerator is not None and denominator is not None:
             return cls.from_polynomials(numerator, denominator, dt)
         if numerator is not None or denominator is not None:
-            raise ValueError("ControlledElement: numerator and denominator go together.")
+            raise ValueError("ControlledElement: give numerator and denominator together.")
         if dt is not None:
             raise ValueError(
-                "ControlledElement: dt is for a discrete element, of a text in z or of "
-                "coefficients; K_c and omega_b are of a continuous one."
+                "ControlledElement: dt is for a discrete element, given by a string in z or by "
+                "coefficients; K_c and omega_b describe a continuous one."
             )
         return super().__new__(cls)
 
@@ -118,12 +118,12 @@ class ControlledElement:
 
     @classmethod
     def of(cls, system: Any) -> LinearElement:
-        """An element from an object of python-control or SciPy, or from a text.
+        """An element from a python-control or SciPy object, or from a string.
 
         Parameters
         ----------
         system : object
-            As of :meth:`skhoid.LinearElement.of`.
+            As for :meth:`skhoid.LinearElement.of`.
 
         Returns
         -------
@@ -147,7 +147,7 @@ class ControlledElement:
         return ControlledElement(K_c, omega_b)
 
     def constant_coefficients(self) -> tuple[tuple[float, ...], tuple[float, ...], None]:
-        """Numerator, denominator and sampling time, which there is none, of a constant element.
+        """Numerator, denominator and sampling time (None) of a constant element.
 
         Returns
         -------
@@ -163,8 +163,8 @@ class ControlledElement:
         K_c, omega_b = self.K_c, self.omega_b
         if callable(K_c) or callable(omega_b):
             raise ValueError(
-                "controlled_element must be constant here; got one that varies in time. Pass it "
-                "at one instant, controlled_element.at(t), or None to estimate it."
+                "controlled_element must be constant here; got one that varies in time. Freeze it "
+                "at one instant, controlled_element.at(t), or pass None to estimate it."
             )
         return (float(K_c),), (1.0, float(omega_b), 0.0), None
 
@@ -189,7 +189,8 @@ class ControlledElement:
             return K_c / (s * (s + omega_b))
 
 
-# What estimators take as ``controlled_element``: of SciPy and of python-control by their methods.
+# What estimators accept as ``controlled_element``: SciPy and python-control objects by their
+# methods.
 ELEMENT = [ControlledElement, LinearElement, str, HasMethods("to_tf"), HasMethods("dcgain"), None]
 
 

@@ -24,14 +24,14 @@ SERIES = 1e-2  # below this angle in rad, sin(x)/x by its series, which does not
 def zoh_parameters(operator: HumanOperator, dt: float, t: Any = 0.0) -> np.ndarray:
     """ARX parameters of an operator without delay, under zero-order hold.
 
-    H(z) = z^-1 (b_0 + b_1 z^-1) / (1 + a_1 z^-1 + a_2 z^-2) (Eqs. 21 and F.3-F.4) answers an
+    H(z) = z^-1 (b_0 + b_1 z^-1) / (1 + a_1 z^-1 + a_2 z^-2) (Eqs. 21 and F.3-F.4) responds to an
     input that is held between samples exactly as the operator does. An ARX model with these
     parameters and ``nk=delay_samples(operator, dt)`` is the operator with its delay.
 
     Parameters
     ----------
     operator : HumanOperator
-        Its response to the error; its delay is left out. Any damping ratio.
+        Operator whose response to the error is converted, without its delay. Any damping ratio.
     dt : float
         Sampling time in seconds.
     t : float or array-like of shape (n_instants,), default=0.0
@@ -49,7 +49,7 @@ def zoh_parameters(operator: HumanOperator, dt: float, t: Any = 0.0) -> np.ndarr
 
     See Also
     --------
-    skhoid.interpret.conversion.arx_to_operator : The way back.
+    skhoid.interpret.conversion.arx_to_operator : The inverse conversion.
 
     References
     ----------
@@ -97,11 +97,11 @@ def delay_samples(operator: HumanOperator, dt: float, *, nearest: bool = False) 
     Parameters
     ----------
     operator : HumanOperator
-        Its ``tau_e`` is taken.
+        Operator whose ``tau_e`` is used.
     dt : float
         Sampling time of the recording in seconds.
     nearest : bool, default=False
-        Round a delay that is not a whole number of samples, where the default is an error.
+        Round a delay that is not a whole number of samples; by default it raises an error.
 
     Returns
     -------
@@ -123,9 +123,9 @@ def delay_samples(operator: HumanOperator, dt: float, *, nearest: bool = False) 
     samples = whole_samples(operator.tau_e, dt)
     if samples != round(samples) and not nearest:
         raise ValueError(
-            f"tau_e = {operator.tau_e:g} s is {samples:.6g} samples at dt = {dt:g} s, and an ARX "
-            f"model needs a whole number. nearest=True takes {round(samples)} + 1, that is tau_e "
-            f"= {round(samples) * dt:.6g} s; a finer sampling, or more coefficients, keeps it."
+            f"tau_e = {operator.tau_e:g} s is {samples:.6g} samples at dt = {dt:g} s, but an ARX "
+            f"model needs a whole number. nearest=True uses {round(samples)} + 1, that is tau_e = "
+            f"{round(samples) * dt:.6g} s; finer sampling, or more coefficients, preserves it."
         )
     return round(samples) + 1
 
@@ -146,12 +146,12 @@ def pade(delay: float, order: int) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     numerator, denominator : ndarray of shape (order + 1,)
-        Polynomials in s, highest power first, as SciPy takes them.
+        Polynomials in s, highest power first, as in SciPy.
 
     Raises
     ------
     ValueError
-        If ``order`` is not a whole number of at least 0.
+        If ``order`` is not a whole number, at least 0.
 
     Examples
     --------
@@ -173,7 +173,7 @@ def pade(delay: float, order: int) -> tuple[np.ndarray, np.ndarray]:
 def pade_response(delay: float, order: int, omega: Any) -> np.ndarray:
     """Frequency response of a Padé approximant of a time delay.
 
-    Its gain is 1 at every frequency, as that of the delay; its phase falls short of -omega tau
+    Its gain is 1 at every frequency, like that of the delay; its phase falls short of -omega tau
     from about omega tau = 2 n on.
 
     Parameters
@@ -211,5 +211,5 @@ def check_order(order: Any) -> None:
     """Refuse an order of a Padé approximant that is not a whole number."""
     if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or order < 0:
         raise ValueError(
-            f"The order of a Padé approximant is a whole number, at least 0; got {order!r}."
+            f"The order of a Padé approximant must be a whole number, at least 0; got {order!r}."
         )

@@ -14,7 +14,7 @@ Ratio = tuple[np.ndarray, np.ndarray]  # coefficients of numerator and denominat
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a number alone, which is no transfer function where a gain is expected."""
+    """Whether a text is just a number, which counts as a gain and not as a transfer function."""
     try:
         float(text)
     except ValueError:
@@ -79,7 +79,7 @@ class _Parser:
             self.fail("it is empty")
         numerator, denominator = self.sum()
         if self.at < len(self.tokens):
-            self.fail(f"{self.tokens[self.at]!r} is one too many")
+            self.fail(f"there is one {self.tokens[self.at]!r} too many")
         while min(numerator.size, denominator.size) > 1 and numerator[-1] == denominator[-1] == 0:
             numerator, denominator = numerator[:-1], denominator[:-1]
         return numerator, denominator, self.variable
@@ -124,8 +124,8 @@ class _Parser:
             elif self.next and self.next not in ("+", "-", ")"):
                 if divided:
                     self.fail(
-                        f"what stands before {self.next!r} divides, and whether this does too is "
-                        'not clear: write "1/(s(s+1))" or "(1/s)(s+1)"'
+                        f"it is not clear whether {self.next!r} belongs to the denominator "
+                        'before it: write "1/(s(s+1))" or "(1/s)(s+1)"'
                     )
                 n, d = self.power()
             else:
@@ -155,7 +155,7 @@ class _Parser:
         if token == "(":
             inside = self.sum()
             if self.taken() != ")":
-                self.fail('a bracket is not closed: a ")" is missing')
+                self.fail('a closing bracket ")" is missing')
             return inside
         if token in ("s", "z"):
             if self.variable not in ("", token):
@@ -167,5 +167,5 @@ class _Parser:
         if not token:
             self.fail("it ends too early")
         if token.isalpha():
-            self.fail(f"{token!r} is not known: only s (or z) and numbers are, no names of gains")
+            self.fail(f"{token!r} is unknown: use only s (or z) and numbers, no names of gains")
         self.fail(f"{token!r} was not expected there")

@@ -32,12 +32,12 @@ class LinearElement:
     numerator, denominator : sequence of float
         Coefficients; in units of x per unit of u, and seconds.
     dt : float or None, default=None
-        Sampling time in seconds of a discrete element; None is a continuous one, of which u is
-        held between samples.
+        Sampling time in seconds of a discrete element; None means a continuous one, with u held
+        between samples.
     direct : bool, default=False
-        Whether x(k) answers u(k) already: u(k) is held up to sample k, as in recordings whose
-        program reads u, moves x, and then stores both. Else u(k) is held from sample k on, and
-        moves x(k+1) first.
+        Whether x(k) already responds to u(k): u(k) is held up to sample k, as in recordings whose
+        program reads u, moves x, and then stores both. Otherwise u(k) is held from sample k on, and
+        first moves x(k+1).
 
     Raises
     ------
@@ -73,15 +73,15 @@ class LinearElement:
         if top.size > bottom.size:
             raise ValueError(
                 f"LinearElement: {self._text(top, bottom)} has more zeros than poles, "
-                f"{top.size - 1} and {bottom.size - 1}: no recorded system has. Are numerator and "
-                "denominator exchanged?"
+                f"{top.size - 1} and {bottom.size - 1}, which no recorded system has. Are "
+                "numerator and denominator exchanged?"
             )
         if self.dt is not None and not (np.isfinite(self.dt) and self.dt > 0):
             raise ValueError(f"LinearElement: dt must be positive, in seconds; got {self.dt!r}.")
         if self.direct and (self.dt is not None or top.size == bottom.size):
             raise ValueError(
                 "LinearElement: direct=True is for continuous elements with more poles than "
-                "zeros; others say it by their coefficients."
+                "zeros; for others the coefficients already say it."
             )
         object.__setattr__(self, "numerator", tuple(float(c) for c in top / bottom[0]))
         object.__setattr__(self, "denominator", tuple(float(c) for c in bottom / bottom[0]))
@@ -104,15 +104,15 @@ class LinearElement:
 
     @classmethod
     def of(cls, system: Any, dt: float | None = None) -> LinearElement:
-        """An element from what describes one.
+        """An element from any description of one.
 
         Parameters
         ----------
         system : str, LinearElement, ControlledElement, or object of python-control or SciPy
-            ``"1/(s(s+1))"``; a transfer function, zeros and poles, or a state space of one input
+            ``"1/(s(s+1))"``; a transfer function, zeros and poles, or a state space with one input
             and one output; a :class:`~skhoid.ControlledElement` that does not vary.
         dt : float or None, default=None
-            Sampling time in seconds, of a text in z.
+            Sampling time in seconds, for a string in z.
 
         Returns
         -------
@@ -121,15 +121,15 @@ class LinearElement:
         Raises
         ------
         ValueError
-            If a text cannot be read, or a system has several inputs, outputs or no sampling time.
+            If a string cannot be read, or a system has several inputs, outputs or no sampling time.
         TypeError
-            If it describes no element.
+            If it does not describe an element.
         """
         if isinstance(system, str):
             return cls.from_text(system, dt)
         if dt is not None:
             raise ValueError(
-                "dt is for a controlled element written as text; others have their own."
+                "dt is for a controlled element given as a string; others have their own."
             )
         if isinstance(system, LinearElement):
             return system
@@ -144,7 +144,7 @@ class LinearElement:
         text : str
             ``"2(s+3)/(s^2 (s+0.5))"``.
         dt : float or None, default=None
-            Sampling time in seconds, where the text is in z.
+            Sampling time in seconds, if the text is in z.
 
         Returns
         -------
@@ -155,9 +155,9 @@ class LinearElement:
             raise ValueError(
                 f"The controlled element {text!r} is in {variable}: "
                 + (
-                    "say its sampling time too, dt=... in seconds."
+                    "give its sampling time too, dt=... in seconds."
                     if variable == "z"
-                    else f"dt={dt!r} is for one in z. Leave dt out."
+                    else f"dt={dt!r} is for elements in z. Leave dt out."
                 )
             )
         return cls(tuple(top), tuple(bottom), dt)
@@ -223,12 +223,12 @@ class LinearElement:
         dt : float
             Sampling time in seconds.
         hold : {"zoh", "foh"}, default="zoh"
-            Between samples u is constant, or a straight line.
+            Whether u is constant or a straight line between samples.
 
         Returns
         -------
         b, a : ndarray of shape (order + 1,)
-            Coefficients of z^0, z^-1, ...: exact; b[0] is zero unless x(k) answers u(k).
+            Exact coefficients of z^0, z^-1, ...; b[0] is zero unless x(k) responds to u(k).
 
         Raises
         ------
@@ -241,7 +241,7 @@ class LinearElement:
         return b.copy(), a.copy()
 
     def answer(self, u: np.ndarray, dt: float) -> np.ndarray:
-        """What x does, from rest, when u is the input and held between samples.
+        """Simulate x, from rest, with u held between samples.
 
         Parameters
         ----------
@@ -259,9 +259,9 @@ class LinearElement:
 
     @property
     def not_invertible(self) -> str | None:
-        """Why no input can be said that makes x follow a signal; None if it can."""
+        """Why no input makes x follow a signal; None if one does."""
         if not any(self.numerator):
-            return f"the controlled element {self} does not answer its input"
+            return f"the controlled element {self} does not respond to its input"
         for zero in self.zeros:
             if self.dt is None:
                 steady = zero.real < -ON_AXIS * max(1.0, abs(zero))
@@ -272,16 +272,16 @@ class LinearElement:
                 where = "the right half plane" if self.dt is None else "or outside the unit circle"
                 return (
                     f"the controlled element {self} has a zero at {zero:.4g}, in {where} or on its "
-                    "edge: an input that makes it follow a signal grows without end"
+                    "edge: an input that makes it follow a signal grows without bound"
                 )
         return None
 
     def inverse(self, x: np.ndarray, dt: float) -> np.ndarray:
         """The input that makes x follow a signal: denominator / numerator x.
 
-        The polynomial part is taken by central differences; the rest is a stable filter that was
-        at rest in the first value of x. Zeros that sampling alone makes, on the negative real
-        axis, count by their gain at zero frequency.
+        The polynomial part uses central differences; the rest is a stable filter, at rest at the
+        first value of x. Zeros that come only from sampling, on the negative real axis, are
+        replaced by their gain at zero frequency.
 
         Parameters
         ----------
@@ -338,7 +338,7 @@ class LinearElement:
             else:
                 zeros.append(zero)
         below = np.real(kept * np.poly(zeros)) if zeros else np.array([kept])
-        # u answers x some samples later: look ahead, with the last value held.
+        # u follows x some samples later: look ahead, with the last value held.
         ahead = np.concatenate([x[lead:], np.repeat(x[-1:], min(lead, len(x)), axis=0)])[: len(x)]
         before = np.repeat(x[:1], a.size - 1, axis=0)
         past = np.concatenate([before, ahead])
@@ -355,7 +355,7 @@ def _coefficients(values: Any) -> np.ndarray:
     given = np.atleast_1d(np.asarray(values, dtype=float))
     if given.ndim != 1 or not given.size or not np.isfinite(given).all():
         raise ValueError(
-            f"LinearElement: coefficients must be a row of finite numbers; got {values!r}."
+            f"LinearElement: coefficients must be a sequence of finite numbers; got {values!r}."
         )
     leading = np.flatnonzero(given)
     return given[leading[0] :] if leading.size else given[-1:]
@@ -379,8 +379,8 @@ def _pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarray, np
     else:
         if np.any((element.poles.real <= 0) & (np.abs(element.poles.imag) < TINY)):
             raise ValueError(
-                f"The controlled element {element} cannot be written at {dt:g} s: it has a pole "
-                "on the negative real axis, or a pure delay, which no continuous element has. "
+                f"The controlled element {element} cannot be converted to {dt:g} s: it has a pole "
+                f"on the negative real axis, or a pure delay, which no continuous element has. "
                 f"Give it at dt={dt:g}, or resample the recording (resample_runs)."
             )
         held = np.block([[A, B], [np.zeros((1, n)), np.ones((1, 1))]])
@@ -397,7 +397,7 @@ def _pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarray, np
 def _impulse_response(
     generator: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float, hold: str
 ) -> np.ndarray:
-    """The first samples of the answer to one sample of input, from which b follows without loss."""
+    """The first samples of the response to one sample of input, from which b follows exactly."""
     n = len(generator) - 1
     if hold == "zoh":
         step = expm(generator * dt)

@@ -46,7 +46,7 @@ def _sampling_time(system: Any) -> float | None:
     dt = getattr(system, "dt", None)
     if dt is True:
         raise ValueError(
-            "controlled_element is discrete and does not say its sampling time. Make it with "
+            "controlled_element is discrete but has no sampling time. Make it with "
             "dt=..., in seconds."
         )
     return float(dt) if dt else None

@@ -32,7 +32,7 @@ def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any
     operator : HumanOperator, or object with ``frequency_response(omega, t)``
         Response to the error.
     controlled_element : ControlledElement, or object with ``frequency_response(omega, t)``
-        What is controlled.
+        Controlled element.
     t : float or array-like of shape (n_instants,), default=0.0
         Instants in s at which both are frozen.
 
@@ -67,7 +67,7 @@ def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any
     n_lost = int(np.isnan(found[:, 0]).sum())
     if n_lost:
         warnings.warn(
-            f"{n_lost} of {instants.size} instants have no crossover, first t = "
+            f"{n_lost} of {instants.size} instants have no crossover, the first at t = "
             f"{instants[np.isnan(found[:, 0])][0]:g} s: the gain of operator times controlled "
             "element does not fall through 1 between 1e-3 and 1e3 rad/s. Both results are NaN "
             "there.",

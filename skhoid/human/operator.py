@@ -38,15 +38,15 @@ class HumanOperator:
     zeta_nm : float or callable, default=0.35
         Neuromuscular damping ratio.
     K_t, K_tdot : float or callable, default=0.0
-        Gains on target and target rate (s), which a pursuit display shows.
+        Gains on target and target rate (s), for a pursuit display.
     K_x, K_xdot : float or callable, default=0.0
-        Gains on the controlled element's output and its rate (s), likewise. They add to u, so
-        feedback of x has negative ones.
+        Gains on the controlled element's output and its rate (s), also for a pursuit display. They
+        add to u, so feedback of x has negative gains.
 
     Raises
     ------
     ValueError
-        If physics are negative or not finite, or both ``T_L`` and ``K_edot`` are given.
+        If a parameter is negative or not finite, or both ``T_L`` and ``K_edot`` are given.
 
     See Also
     --------
@@ -82,7 +82,7 @@ class HumanOperator:
         if self.T_L is None and self.K_edot is None:
             object.__setattr__(self, "T_L", 0.4)
         if callable(self.tau_e):
-            raise ValueError("HumanOperator: tau_e is a constant; a function of time was given.")
+            raise ValueError("HumanOperator: tau_e must be constant; got a function of time.")
         check_positive(self, "tau_e", zero=True)
         check_parameters(self, "K_e", "T_L" if self.K_edot is None else "K_edot")
         check_parameters(self, "omega_nm", "zeta_nm", zero=False)
@@ -126,7 +126,7 @@ class HumanOperator:
 
     @property
     def adaptable(self) -> dict[str, Parameter]:
-        """The parameters that may vary in time, as they were given."""
+        """The parameters that may vary in time, as given."""
         lead = "T_L" if self.K_edot is None else "K_edot"
         names = ("K_e", lead, "omega_nm", "zeta_nm", *PURSUIT)
         return {name: getattr(self, name) for name in names}
@@ -195,7 +195,9 @@ class HumanOperator:
         elif input in PURSUIT_GAINS:
             K, K_dot = frozen(self, t, *PURSUIT_GAINS[input]).values()
         else:
-            raise ValueError(f"input is 'e', or 'f_t' or 'x' of a pursuit display; got {input!r}.")
+            raise ValueError(
+                f"input must be 'e', or 'f_t' or 'x' for a pursuit display; got {input!r}."
+            )
         muscle = neuromuscular(s, *frozen(self, t, "omega_nm", "zeta_nm").values())
         return (K_dot * s + K) * np.exp(-s * self.tau_e) * muscle
 

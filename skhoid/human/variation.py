@@ -1,4 +1,4 @@
-"""Parameters that vary in time: sigmoid, step and ramp, mixtures, and their values at instants."""
+"""Parameters that vary in time: sigmoid, step, ramp and mixtures, and their values at instants."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Sigmoid(Transition):
         G in 1/s. The steepest slope is G (p_f - p_i) / 4; from G = 10 1/s on the transition is
         close to a step.
     time : float
-        t_M in s: where half of the transition has happened.
+        t_M in s: the instant at which half of the transition has happened.
 
     Examples
     --------
@@ -196,8 +196,8 @@ class Ramp(Transition):
 class Mixture:
     """Mixture of two functions of time (Eq. 3.7).
 
-    p(t) = (1 - w(t)) p_1(t) + w(t) p_2(t). It serves parameters, and forcing functions that
-    change within a run.
+    p(t) = (1 - w(t)) p_1(t) + w(t) p_2(t), for parameters and forcing functions that change within
+    a run.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ def instants_of(t: Any) -> np.ndarray:
     instants = as_floats(t, "t")
     if instants.ndim > 1:
         raise ValueError(
-            f"t is an instant in s, or an array of shape (n_instants,); got {instants.shape}."
+            f"t must be an instant in s, or an array of shape (n_instants,); got {instants.shape}."
         )
     return instants
 
@@ -283,8 +283,8 @@ def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
         return np.broadcast_to(np.asarray(parameter(t), dtype=float), t.shape)
     except Exception as error:
         raise ValueError(
-            f"The function of time {parameter!r} must take an array of instants in s and return as "
-            f"many numbers, or one; with {t.size} instants it failed: {error}"
+            f"The function of time {parameter!r} must take an array of instants in s and return "
+            f"as many numbers, or one; it failed for {t.size} instants: {error}"
         ) from error
 
 

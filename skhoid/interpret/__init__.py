@@ -1,4 +1,4 @@
-"""What ARX models and recordings mean: operator parameters, frequency responses, crossover."""
+"""Interpret models and recordings: operator parameters, frequency responses, crossover."""
 
 from .arx_responses import arx_response, arx_response_covariance
 from .conversion import arx_to_operator, operator_parameters

@@ -12,7 +12,7 @@ from .channel import ARXChannel
 def arx_response(
     theta: Any, omega: Any, dt: float, *, na: int, nk: int = 0, delay: float = 0.0
 ) -> np.ndarray:
-    """Frequency response of ARX parameters, one set or a path of them.
+    """Frequency response from ARX parameters, one set or a path of them.
 
     H(j omega) = (b_0 + b_1 z^-1 + ... + b_{nb-1} z^-(nb-1)) / (1 + a_1 z^-1 + ... + a_na z^-na)
     times z^-nk e^(-j omega delay), with z = e^(j omega dt) (Eq. H.14, with the delay).
@@ -26,7 +26,7 @@ def arx_response(
     dt : float
         Sampling time of the model in seconds.
     na : int
-        Number of output lags; the other parameters are those of the input.
+        Number of output lags; the other parameters belong to the input.
     nk : int, default=0
         Input delay in samples.
     delay : float, default=0.0
@@ -113,12 +113,12 @@ def _below_nyquist(omega: Any, dt: float) -> np.ndarray:
 
 
 def response_of_model(model: Any, omega: np.ndarray, name: str | None) -> dict[str, Any]:
-    """What a FrequencyResponse holds of a fitted ARX model, alone or at the end of a pipeline."""
+    """Content of a FrequencyResponse from a fitted ARX model, alone or at the end of a pipeline."""
     arx = ARXChannel.of(model, name, "FrequencyResponse.of")
     if arx.time is not None:
         raise ValueError(
-            "The model's parameters vary in time: take arx_response(model.coef_path_, ...) or "
-            "crossover_path of skhoid.interpret."
+            "The model's parameters vary in time: use arx_response(model.coef_path_, ...) or "
+            "crossover_path from skhoid.interpret."
         )
     grid: dict[str, Any] = {"na": arx.na, "nk": arx.nk, "delay": arx.shift}
     covariance = arx.covariance
@@ -144,8 +144,8 @@ def response_and_gradient(
     n_b = theta.shape[-1] - na
     if n_b < 1:
         raise ValueError(
-            f"theta holds {theta.shape[-1]} parameters, of which na={na} are of the output; none "
-            "is left for the input. Give [a_1 ... a_na, b_0 ... b_{nb-1}] on the last axis."
+            f"theta holds {theta.shape[-1]} parameters, of which na={na} belong to the output; "
+            "none is left for the input. Give [a_1 ... a_na, b_0 ... b_{nb-1}] on the last axis."
         )
     lags = np.exp(-1j * omega[..., None] * dt * np.arange(max(na + 1, n_b)))
     to_a, to_b = lags[..., 1 : na + 1], lags[..., :n_b]

@@ -17,7 +17,7 @@ from ..runs.roles import columns_of_role
 
 @dataclass(frozen=True)
 class ARXChannel:
-    """The part of an ARX model that answers one input.
+    """The part of an ARX model that responds to one input.
 
     ``theta`` is [a_1 ... a_na, b_0 ...], or a path of them with its ``time``; ``shift`` is the
     delay in seconds that DelayShift steps add to ``nk``, ``dt_recording`` the sampling time
@@ -90,13 +90,15 @@ def _position(model: Any, name: str | None) -> int:
     names = model.inputs_
     if name is not None:
         if name not in names:
-            raise ValueError(f"input={name!r} is not an input of the model, which has {names}.")
+            raise ValueError(
+                f"input={name!r} is not an input of the model; its inputs are {names}."
+            )
         return names.index(name)
     if len(names) == 1:
         return 0
     errors = columns_of_role(names, "e", as_fitted(model).roles)
     if len(errors) != 1:
-        raise ValueError(f"The model has the inputs {names}; say which one with input=.")
+        raise ValueError(f"The model has the inputs {names}; choose one with input=.")
     return errors[0]
 
 
@@ -108,9 +110,9 @@ def _shift(steps: list[Any], model: Any, chosen: int, purpose: str) -> float:
             continue
         if not isinstance(step, DelayShift):
             raise ValueError(
-                f"{purpose} cannot see through {type(step).__name__}, which changes the input "
-                f"{model.inputs_[chosen]!r}. Take the last step of the pipeline alone, "
-                "pipeline[-1], and its transformed input."
+                f"{purpose} cannot account for {type(step).__name__}, which changes the input "
+                f"{model.inputs_[chosen]!r}. Use the last step of the pipeline alone, "
+                "pipeline[-1], with its transformed input."
             )
         total += step.delay_ * (model._columns[chosen] in shifted_columns(step))
     return total

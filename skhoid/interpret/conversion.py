@@ -1,4 +1,4 @@
-"""ARX parameters as parameters of the human operator (Eqs. 21-23)."""
+"""Converts ARX parameters to parameters of the human operator (Eqs. 21-23)."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ STEP = 1e-30  # of complex-step derivatives, which have no rounding to balance
 def arx_to_operator(
     theta: Any, dt: float, covariance: Any = None
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:
-    """Operator parameters of ARX parameters with two output and two input coefficients.
+    """Operator parameters from ARX parameters with two output and two input coefficients.
 
-    The inverse of zero-order hold: poles by z = exp(s dt) (Eq. 22), gains by the step response,
-    then K_e = b_0c / a_0c, T_L = b_1c / b_0c, K_edot = b_1c / a_0c, omega_nm = sqrt(a_0c) and
-    zeta_nm = a_1c / (2 sqrt(a_0c)) (Eq. 23).
+    Inverts zero-order hold: poles by z = exp(s dt) (Eq. 22), gains by the step response, then K_e =
+    b_0c / a_0c, T_L = b_1c / b_0c, K_edot = b_1c / a_0c, omega_nm = sqrt(a_0c) and zeta_nm = a_1c /
+    (2 sqrt(a_0c)) (Eq. 23).
 
     Parameters
     ----------
@@ -48,10 +48,10 @@ def arx_to_operator(
         K_e, T_L (s), K_edot (s), omega_nm (rad/s), zeta_nm. NaN where the poles are not a pair
         of complex numbers; an unstable pair has a negative zeta_nm.
     deviations : dict of ndarray of shape (...)
-        Their standard deviations by the delta method; NaN without ``covariance``. They hold
-        while errors are small: not for T_L where K_e is uncertain by a good part of itself.
+        Their standard deviations by the delta method; NaN without ``covariance``. They are valid
+        while errors are small: not for T_L if the uncertainty of K_e is a large part of K_e.
     n_not_complex : int
-        Number of parameter sets, all finite, whose poles are not a complex pair.
+        Number of finite parameter sets whose poles are not a complex pair.
 
     Raises
     ------
@@ -60,8 +60,8 @@ def arx_to_operator(
 
     See Also
     --------
-    skhoid.human.discretisation.zoh_parameters : The way there.
-    operator_parameters : The same from a fitted model, with the delay.
+    skhoid.human.discretisation.zoh_parameters : The inverse conversion.
+    operator_parameters : The same for a fitted model, with the delay.
 
     Examples
     --------
@@ -134,26 +134,27 @@ def operator_parameters(
     model : ARXRegressor, or pipeline or search that ends in one
         Fitted. If it has parameters over time (``coef_path_``), each instant is converted.
     method : {"poles", "fit"}, default="poles"
-        ``"poles"`` inverts zero-order hold (Eqs. 22-23, :func:`arx_to_operator`) and needs
-        ``na = nb = 2``. ``"fit"`` fits the operator to the model's frequency response
-        (:func:`skhoid.interpret.operator_fit.fit_operator`): any orders, and a delay of its own.
+        ``"poles"`` inverts zero-order hold (Eqs. 22-23, :func:`arx_to_operator`) and needs ``na =
+        nb = 2``. ``"fit"`` fits the operator to the model's frequency response
+        (:func:`skhoid.interpret.operator_fit.fit_operator`): any orders, and it estimates the
+        delay.
     input : str or None, default=None
-        Input whose response is converted. None means the only one, or that of role ``e``.
+        Input whose response is converted. None means the only one, or the one of role ``e``.
     band : (float, float), default=(0.2, 18.0)
-        Frequencies in rad/s between which ``method="fit"`` compares, by default those of the
-        thesis's forcing function.
+        Frequency range in rad/s for ``method="fit"``, by default that of the thesis's forcing
+        function.
     pade_order : int or None, default=None
-        For ``method="fit"``: None takes the delay as it is, a number the part of it beyond the
-        model's whole samples as a Padé approximant (Eqs. 5.17-5.18).
+        For ``method="fit"``: None uses the exact delay; with a number, the part of it beyond the
+        model's whole samples is a Padé approximant of that order (Eqs. 5.17-5.18).
 
     Returns
     -------
     parameters : DataFrame
         Columns K_e, T_L (s), K_edot (s), tau_e (s), omega_nm (rad/s) and zeta_nm, and standard
-        deviations ``sd_K_e`` and so on, NaN where the model has no covariance and for a tau_e
-        that is the model's own delay. ``method="fit"`` adds ``misfit``, the root mean square of
-        the relative error of the response. One row, or one per instant with the index ``time``
-        in s. ``attrs`` holds ``units``, ``method``, and the number ``n_nan`` of rows that are NaN.
+        deviations ``sd_K_e`` and so on, NaN if the model has no covariance and for a tau_e that is
+        the model's own delay. ``method="fit"`` adds ``misfit``, the root mean square of the
+        relative error of the response. One row, or one per instant with the index ``time`` in s.
+        ``attrs`` holds ``units``, ``method``, and the number ``n_nan`` of rows that are NaN.
 
     Raises
     ------
@@ -167,7 +168,7 @@ def operator_parameters(
     Warns
     -----
     UserWarning
-        With the number of instants that are NaN: poles that are not a complex pair, or no fit.
+        With the number of instants that are NaN: their poles are not a complex pair, or no fit.
 
     See Also
     --------
@@ -175,11 +176,11 @@ def operator_parameters(
 
     Notes
     -----
-    The delay of ``"poles"`` is tau_e = (n_k - 1) / f_s at the rate of the recording: the delay of
-    a DelayShift and of ``nk``, less the one sample that zero-order hold takes. Standard deviations
-    are those of the ARX parameters propagated. They know nothing of bias: remnant biases omega_nm
-    and zeta_nm upwards. On decimated recordings ``"poles"`` also takes e as held over the
-    decimated step, which it is not; ``"fit"`` holds it over the step of the recording.
+    The delay of ``"poles"`` is tau_e = (n_k - 1) / f_s at the rate of the recording: the delay of a
+    DelayShift and of ``nk``, less one sample for zero-order hold. Standard deviations are
+    propagated from the ARX parameters. They do not include bias: remnant biases omega_nm and
+    zeta_nm upwards. On decimated recordings ``"poles"`` also assumes that e is held over the
+    decimated step, which is not the case; ``"fit"`` holds it over the step of the recording.
 
     Examples
     --------
@@ -212,7 +213,7 @@ def operator_parameters(
             band=band,
             pade_order=pade_order,
         )
-        reason = "have a response that no operator fits"
+        reason = "have a response that does not fit an operator"
     columns = {name: values[name] for name in NAMES}
     columns |= {f"sd_{name}": deviations[name] for name in NAMES}
     index = None if arx.time is None else pd.Index(arx.time, name="time")
@@ -241,9 +242,9 @@ def _from_poles(arx: ARXChannel) -> tuple[dict[str, np.ndarray], dict[str, np.nd
     tau_e = arx.delay - arx.dt_recording
     if tau_e < -1e-9:
         raise ValueError(
-            f"The model's delay is {arx.delay:g} s and zero-order hold alone takes "
-            f"{arx.dt_recording:g} s, so tau_e would be negative. Give the model a delay "
-            "(nk, or a DelayShift before it; DelaySearchCV finds it)."
+            f"The model's delay is {arx.delay:g} s but zero-order hold alone takes "
+            f"{arx.dt_recording:g} s, so tau_e would be negative. Give the model a delay (nk, or "
+            "a DelayShift before it; DelaySearchCV finds it)."
         )
     values, deviations, n_not_complex = arx_to_operator(arx.theta, arx.dt, arx.covariance)
     values["tau_e"] = np.full(arx.theta.shape[:-1], max(tau_e, 0.0))

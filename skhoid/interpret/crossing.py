@@ -67,15 +67,15 @@ def crossover_path(
 ) -> pd.DataFrame:
     """Crossover frequency and phase margin over time, from a path of ARX parameters.
 
-    At every instant H_OL = H_ARX(j omega; theta(t)) H_CE(j omega, t) is searched for its last
-    downward crossing of one on a grid, which bisection then refines to rounding.
+    At every instant, the last downward crossing of one by H_OL = H_ARX(j omega; theta(t)) H_CE(j
+    omega, t) is found on a grid and refined by bisection to rounding.
 
     Parameters
     ----------
     theta : array-like of shape (n_instants, n_params), or fitted ARX model
         [a_1 ... a_na, b_0 ... b_{nb-1}] of the operator at each instant. A model, alone or at the
-        end of a pipeline or search, brings its parameters over time, or its constant ones for
-        each of ``time``, and what follows after the controlled element.
+        end of a pipeline or search, supplies its parameters over time (or its constant ones for
+        each of ``time``) and the next four arguments.
     controlled_element : ControlledElement
         Evaluated at the same instants.
     dt : float or None, default=None
@@ -90,7 +90,8 @@ def crossover_path(
         Instants in seconds. None means 0, dt, 2 dt ...
     omega : array-like of shape (n_lines,) or None, default=None
         Grid in rad/s on which crossings are searched. None means 160 frequencies, evenly spaced on
-        a log scale, from 0.1 rad/s to Nyquist. Two crossings between neighbours are not seen.
+        a log scale, from 0.1 rad/s to Nyquist. Two crossings between neighbouring frequencies are
+        missed.
 
     Returns
     -------
@@ -123,14 +124,15 @@ def crossover_path(
     instants = dt * np.arange(len(theta)) if time is None else as_floats(time, "time")
     if instants.shape != (len(theta),):
         raise ValueError(
-            f"time holds {instants.size} instants and theta {len(theta)}; give one for each."
+            f"time holds {instants.size} instants but theta {len(theta)}; give one time per "
+            "instant."
         )
     if omega is None:
         grid = np.geomspace(min(0.1, 0.01 * np.pi / dt), np.pi / dt, 160)
     else:
         grid = as_floats(omega, "omega")
         if grid.ndim != 1 or grid.size < 2 or not np.all(np.isfinite(grid) & (grid > 0)):
-            raise ValueError("omega is a grid of at least two frequencies in rad/s, above 0.")
+            raise ValueError("omega must be a grid of at least two frequencies in rad/s, above 0.")
     K_c = evaluate(controlled_element.K_c, instants)
     omega_b = evaluate(controlled_element.omega_b, instants)
 

@@ -38,8 +38,8 @@ def fourier_coefficients(
     """Estimate frequency responses at the lines of forcing functions, run by run.
 
     With one input H(j omega_t) = U(j omega_t) / E(j omega_t) at every excited line (Eq. 5.14).
-    Several inputs need a forcing function each, on lines of their own; U = H_1 E_1 + H_2 E_2 ...
-    is then solved at every line.
+    Several inputs need one forcing function each, with separate lines; U = H_1 E_1 + H_2 E_2 ... is
+    then solved at every line.
 
     Parameters
     ----------
@@ -49,15 +49,15 @@ def fourier_coefficients(
         Output u.
     forcing : Multisine, array-like of frequencies in rad/s, or dict of these
         The excited lines: an object with the attributes ``omega`` and ``period``, or frequencies.
-        Several forcing functions are a dict. All excited lines belong in it: others are taken as
-        remnant. With several inputs its keys are the columns of X that hold the signals.
+        Give several forcing functions as a dict. It must hold all excited lines: others count as
+        remnant. With several inputs, its keys are the columns of X that hold the signals.
     inputs : list of column names or positions, or None, default=None
         Inputs of the operator. None means the column named ``e`` if there is one, else all.
     window : (float, float) or None, default=None
         Use only rows with ``window[0] <= time < window[1]``, in seconds. None means whole runs.
         A window must hold a whole number of periods of every line.
     period : float or None, default=None
-        Base period in seconds of a ``forcing`` that does not know its own.
+        Base period in seconds, if ``forcing`` does not have its own.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
@@ -79,18 +79,19 @@ def fourier_coefficients(
 
     Notes
     -----
-    Several periods in a window are averaged. The remnant N = U - H E is read from the six nearest
-    bins without excitation, with H of the line, and gives the covariance of real and
+    Several periods in a window are averaged. The remnant N = U - H E is estimated from the six
+    nearest bins without excitation, with H of the line, and gives the covariance of real and
     imaginary parts, ``mean|N|^2 / (2 |E|^2)`` each; with several inputs it is propagated through
-    the equations. The coherence of a run, with one input, is
-    ``(1 - mean|E|^2 / |E(line)|^2) (1 - mean|U|^2 / |U(line)|^2)``, the means over the same
-    bins and each factor at least 0: the shares of the powers of input and output that the forcing
-    functions explain. The estimate can be trusted where it is near 1.
+    the equations. The coherence of a run, with one input, is ``(1 - mean|E|^2 / |E(line)|^2) (1 -
+    mean|U|^2 / |U(line)|^2)``, the means over the same bins and each factor at least 0: the shares
+    of the powers of input and output that the forcing functions explain. The estimate is reliable
+    where it is near 1.
 
-    Fourier transforms of inputs and output are brought to the lines of another forcing function by
-    interpolation of their ratios to it, closed-loop responses that are smooth in frequency: cubic
-    splines of log magnitude and phase in log omega, after removal of the delay that aligns
-    neighbouring lines. It is the more accurate the closer the functions' lines lie together.
+    Fourier transforms of inputs and output are interpolated to the lines of another forcing
+    function. The interpolation acts on their ratios to the forcing function, closed-loop responses
+    that are smooth in frequency: cubic splines of log magnitude and phase in log omega, after
+    removing the delay that aligns neighbouring lines. The closer the functions' lines are, the more
+    accurate it is.
 
     References
     ----------
@@ -135,15 +136,15 @@ def _check_numbers(inputs: list[Any], lines: dict[Any, Lines]) -> None:
     """Refuse more inputs than forcing functions, and lines too few to interpolate between."""
     if len(inputs) > len(lines):
         raise ValueError(
-            f"{len(inputs)} responses, from the inputs {inputs}, need as "
-            f"many forcing functions, but there {'is' if len(lines) == 1 else 'are'} {len(lines)}. "
-            "Name fewer inputs=[...], or insert another forcing function on lines of its own."
+            f"{len(inputs)} responses, to the inputs {inputs}, need as many forcing functions, "
+            f"but there {'is' if len(lines) == 1 else 'are'} {len(lines)}. Give fewer "
+            "inputs=[...], or add another forcing function with separate lines."
         )
     short = [name for name, part in lines.items() if part.omega.size < 2]
     if len(inputs) > 1 and short:
         raise ValueError(
-            f"The forcing function {short[0]!r} has one line, and between the lines of each the "
-            "signals are interpolated; it needs two or more."
+            f"The forcing function {short[0]!r} has only one line. Signals are interpolated "
+            "between the lines of each function, so it needs two or more."
         )
 
 
@@ -197,8 +198,8 @@ def _signal_column(names: list[Any], name: Any, roles: dict | None) -> int:
     if len(by_role) != 1:
         raise ValueError(
             f"The signal of the forcing function {name!r} is needed to tell several inputs apart, "
-            f"but X has no column of that name; its columns are {names}. Name the keys of forcing "
-            "after the columns of X, or give roles={column: key}."
+            f"but X has no column of that name; its columns are {names}. Use the columns of X as "
+            "keys of forcing, or give roles={column: key}."
         )
     return by_role[0]
 
@@ -260,7 +261,7 @@ class _Spectra:
         """Responses from several inputs, (n_runs, n_inputs, n_lines), and their variances.
 
         Each forcing function F gives an equation U/F = H_1 E_1/F + H_2 E_2/F + N/F at every line,
-        interpolated between its own. The remnant N is read beside the lines and propagated.
+        interpolated between its own. The remnant N is estimated next to the lines and propagated.
         """
         n_runs, n_functions = len(self.at_lines), self.function.max() + 1
         equations = np.empty((n_runs, self.omega.size, n_functions, n_inputs + 1), dtype=complex)
@@ -302,7 +303,7 @@ def _neighbours(bins: np.ndarray, last: int) -> np.ndarray:
     if free.size < N_NEIGHBOURS:
         raise ValueError(
             f"The window has {free.size} bins without excitation; {N_NEIGHBOURS} are needed to "
-            "tell remnant from signal. Use a longer window."
+            "separate remnant from signal. Use a longer window."
         )
     order = np.argsort(np.abs(free - bins[:, None]), axis=1, kind="stable")
     return free[order[:, :N_NEIGHBOURS]]

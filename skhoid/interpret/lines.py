@@ -36,7 +36,7 @@ class Lines:
                 f"dict of these; got {forcing!r}."
             )
         if period is not None and not period > 0:
-            raise ValueError(f"period is the base period in seconds; got {period!r}.")
+            raise ValueError(f"period must be the base period in seconds; got {period!r}.")
         return cls(np.sort(omega), period)
 
     def off(self, n_samples: Any, dt: float) -> np.ndarray:
@@ -53,7 +53,7 @@ class Lines:
             worst = int(np.argmax(np.where(cycles < 0.5, 1.0, off)))
             what = (
                 f"the line at {self.omega[worst]:.6g} rad/s completes {cycles[worst]:.4g} periods "
-                f"({off[worst]:.2g} bins off a whole number; {BIN_TOLERANCE:g} is tolerated)"
+                f"({off[worst]:.2g} bins off a whole number; at most {BIN_TOLERANCE:g} is allowed)"
             )
             if off[worst] <= BIN_TOLERANCE and cycles[worst] > 0.5:
                 what = f"the base period of {self.period:g} s does not fit a whole number of times"
@@ -78,7 +78,7 @@ class Lines:
                 f"No window fits in the run's {n_in_run * dt:.6g} s: are the frequencies in rad/s, "
                 "and is the run at least one base period long?"
             )
-        # Lengths a sample or two beside the right one are within the tolerance too.
+        # Lengths a sample or two off the right one are within the tolerance too.
         beside = fitting[fitting - np.arange(fitting.size) == fitting[0]]
         best = lengths[beside[np.argmin(off[beside])]]
         return (
@@ -92,7 +92,7 @@ def read_lines(forcing: Any, period: float | None = None) -> dict[str | None, Li
     if not isinstance(forcing, dict):
         return {None: Lines.of(forcing, period)}
     if not forcing:
-        raise ValueError("forcing is an empty dict; name at least one forcing function.")
+        raise ValueError("forcing is an empty dict; give at least one forcing function.")
     return {name: Lines.of(part, period) for name, part in forcing.items()}
 
 
@@ -111,8 +111,8 @@ def all_bins(lines: dict[Any, Lines], windows: Windows, number: int) -> dict[Any
                 which = "is given twice" if other == name else f"is also in {other!r}"
                 raise ValueError(
                     f"The line at {part.omega[position]:.6g} rad/s of the forcing function "
-                    f"{'' if name is None else repr(name) + ' '}{which}. Lines must differ: what "
-                    "two functions excite together cannot be told apart."
+                    f"{'' if name is None else repr(name) + ' '}{which}. Lines must differ: "
+                    "responses to two functions at the same line cannot be separated."
                 )
             owner[bin_number] = name
     return found
@@ -127,8 +127,8 @@ def signal_table(X: Any) -> pd.DataFrame:
     values = np.asarray(X)
     if not values.size or values.ndim > 2:
         raise ValueError(
-            "X is a table of shape (n_rows, n_channels), with at least one of each; got the shape "
-            f"{values.shape}."
+            "X must be a table of shape (n_rows, n_channels), with at least one of each; got the "
+            f"shape {values.shape}."
         )
     return pd.DataFrame(values[:, None] if values.ndim == 1 else values)
 
@@ -145,8 +145,8 @@ class Windows:
         layout = read_layout(X, dt=dt, run=run)
         if layout.mark is not None:
             raise ValueError(
-                "X comes from a Decimator, which has filtered it and not y. Give the recording "
-                "itself: Fourier coefficients need no decimation."
+                "X comes from a Decimator, which filtered X but not y. Pass the recording itself: "
+                "Fourier coefficients need no decimation."
             )
         inside = scored_rows(layout, None, window)
         rows = []
@@ -165,7 +165,7 @@ class Windows:
                 row = int(gaps[0] if gaps.size else kept[np.argmax(np.diff(kept) > 1) + 1])
                 raise ValueError(
                     f"A gap ends at {layout.where(row)}; a Fourier transform needs a window "
-                    "without gaps. Choose one beside it with window=(start, end)."
+                    "without gaps. Choose one before or after it with window=(start, end)."
                 )
             rows.append(slice(first, last + 1))
         return cls(layout, rows)
@@ -181,6 +181,6 @@ class Windows:
                 raise ValueError(
                     f"{table.columns[column]!r} is {values[rows][row, column]} in "
                     f"{self.layout.where(rows.start + int(row))}; a Fourier transform needs every "
-                    "sample of its window. Leave the run out, or choose another window."
+                    "sample in its window. Leave the run out, or choose another window."
                 )
         return values

@@ -55,21 +55,21 @@ def fit_operator(
     band : (float, float), default=(0.2, 18.0)
         Lowest and highest frequency in rad/s.
     pade_order : int or None, default=None
-        None takes the delay as it is; a number takes the part of it beyond ``delay`` as a Padé
+        None uses the exact delay; with a number, the part of it beyond ``delay`` is a Padé
         approximant of that order (Eqs. 5.17-5.18).
 
     Returns
     -------
     values : dict of ndarray
-        K_e, T_L (s), K_edot (s), tau_e (s), omega_nm (rad/s), zeta_nm, each of the leading shape
-        of ``theta``. NaN where there is no fit: omega_nm or zeta_nm at a bound (half the lower
-        and twice the upper end of the band; 0.02 and 5). A tau_e below 0 says that the model
-        leads where an operator lags.
+        K_e, T_L (s), K_edot (s), tau_e (s), omega_nm (rad/s), zeta_nm, each of the leading shape of
+        ``theta``. NaN where there is no fit: omega_nm or zeta_nm at a bound (half the lower and
+        twice the upper end of the band; 0.02 and 5). A tau_e below 0 means that the model leads
+        where an operator lags.
     deviations : dict of ndarray
         Standard deviations by the delta method, dp = (J'J)^-1 J' dG: exact where the misfit is
         zero. NaN without ``covariance``.
     misfit : ndarray
-        Root mean square of the relative error that is left.
+        Root mean square of the remaining relative error.
     n_failed : int
         Number of finite parameter sets without a fit.
 
@@ -80,12 +80,11 @@ def fit_operator(
 
     Notes
     -----
-    The relative error weighs gain and phase, and every octave, alike: the neuromuscular peak
-    counts as much as low frequencies where the gain is ten times less. (An absolute error would
-    see little but the peak.) The gains enter linearly, so starts are needed for delay and
-    neuromuscular filter only: 36 of them, of which the best three are refined. Along a path an
-    instant starts from its neighbour, and anew where that leaves three times the misfit; it takes
-    3 to 7 ms.
+    The relative error weighs gain and phase, and every octave, equally: the neuromuscular peak
+    counts as much as low frequencies where the gain is ten times lower. (An absolute error would
+    hardly see anything but the peak.) The gains enter linearly, so only delay and neuromuscular
+    filter need starting values: 36 are tried and the best three refined. Along a path, each instant
+    starts from its neighbour, and anew where that gives three times the misfit; it takes 3 to 7 ms.
 
     References
     ----------

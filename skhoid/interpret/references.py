@@ -39,7 +39,7 @@ def reference_fits(
 ) -> pd.DataFrame:
     """Fit batch ARX models to the parts of runs in which the operator does not change.
 
-    What a recursion should find there: the green lines of Figs. 14-17 of the thesis.
+    They are what a recursion should find there: the green lines in Figs. 14-17 of the thesis.
 
     Parameters
     ----------
@@ -51,15 +51,15 @@ def reference_fits(
         Parts of each run: its first and its last ``length`` seconds, after a run-in that the
         estimator leaves out, or ``start <= time < stop`` in seconds of the time index.
     estimator : ARX model, or pipeline or search that ends in one, or None, default=None
-        Whose orders, delay, inputs and preprocessing the batch models take, fitted or not. None
-        means ``ARXRegressor()``.
+        The batch models take its orders, delay, inputs and preprocessing; it need not be fitted.
+        None means ``ARXRegressor()``.
     length : float, default=30.72
         Seconds of ``"ini"`` and ``"fin"``.
 
     Returns
     -------
     references : DataFrame
-        One row a window, named ``"ini"``, ``"fin"`` or ``"start-stop"``; columns ``start`` and
+        One row per window, named ``"ini"``, ``"fin"`` or ``"start-stop"``; columns ``start`` and
         ``stop`` (s), the ARX parameters, and with ``na = nb = 2`` those of the operator as
         :func:`operator_parameters` names them, each with its standard deviation ``sd_...``; NaN
         where the poles are not a complex pair. The names of the ARX parameters are in
@@ -70,11 +70,11 @@ def reference_fits(
     TypeError
         If the estimator is not an ARX model.
     ValueError
-        If a window is not known, or holds too little data.
+        If a window is unknown, or holds too little data.
 
     See Also
     --------
-    skhoid.plotting.ParameterPathDisplay : Draws them with a path.
+    skhoid.plotting.ParameterPathDisplay : Plots them with a path.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def reference_fits(
     output = as_output(y)
     rows: dict[str, dict[str, float]] = {}
     if len(windows) == 0:
-        raise ValueError("windows is empty; name at least one.")
+        raise ValueError("windows is empty; give at least one.")
     single = isinstance(windows, str) or all(isinstance(edge, Real) for edge in windows)
     for window in [windows] if single else windows:
         name, start, stop = _bounds(window, layout, measured, length)
@@ -125,7 +125,7 @@ def _batch(estimator: Any) -> Any:
     model = unwrapped(model)
     if not isinstance(model, BaseARX):
         raise TypeError(
-            "reference_fits takes the orders of an ARX model, or of a pipeline or search that ends "
+            "reference_fits needs an ARX model, or a pipeline or search that ends "
             f"in one; got {type(model).__name__}."
         )
     whole = models.ARXRegressor(**{name: getattr(model, name) for name in SHARED})
@@ -147,11 +147,14 @@ def _bounds(window: Any, layout: Any, measured: np.ndarray, length: float) -> tu
         start, stop = float(time[first].max()), float(time[last].min()) + layout.dt
         if length > stop - start + layout.dt / 2:
             raise ValueError(
-                f"length={length:g} s is longer than what the runs share, {stop - start:g} s."
+                f"length={length:g} s is longer than the time that the runs share, "
+                f"{stop - start:g} s."
             )
         return window, *((start, start + length) if window == "ini" else (stop - length, stop))
     if isinstance(window, str) or np.size(window) != 2:
-        raise ValueError(f"A window is 'ini', 'fin' or (start, stop) in seconds; got {window!r}.")
+        raise ValueError(
+            f"A window must be 'ini', 'fin' or (start, stop) in seconds; got {window!r}."
+        )
     start, stop = map(float, window)
     return f"{start:g}-{stop:g}", start, stop
 

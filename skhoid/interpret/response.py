@@ -18,7 +18,7 @@ from .phase import aligning_delay, phase_without_jumps
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrequencyResponse:
-    """Frequency response at a number of lines, of one system or of several runs.
+    """Frequency response at a number of lines, for one system or several runs.
 
     Made by :meth:`of` from models, and by :func:`fourier_coefficients` from recordings.
 
@@ -39,7 +39,7 @@ class FrequencyResponse:
     coefficients : (ndarray, ndarray) or None, default=None
         Fourier coefficients of input and output from which the response was made.
     delay : float or None, default=None
-        Known delay in seconds; it makes phase unwrapping and interpolation safe where lines are
+        Known delay in seconds, for reliable phase unwrapping and interpolation where lines are
         sparse. None estimates one from the response.
     dt : float or None, default=None
         Sampling time in seconds of a discrete-time model, which ends at Nyquist, pi / dt.
@@ -48,18 +48,18 @@ class FrequencyResponse:
     label : str or None, default=None
         Name in plots.
     dof : int or None, default=None
-        Degrees of freedom of a covariance estimated from few numbers; intervals are then those of
-        Student's t.
+        Degrees of freedom of a covariance estimated from few samples; intervals then use Student's
+        t.
 
     See Also
     --------
-    fourier_coefficients : Makes it from recorded runs.
+    fourier_coefficients : Estimates it from recorded runs.
 
     Notes
     -----
-    The covariance is propagated to first order. ``response * controlled_element`` is the open
-    loop, with a frozen element: pass ``element.at(t)`` of one that varies. Two responses that are
-    multiplied are taken as independent.
+    The covariance is propagated to first order. ``response * controlled_element`` is the open loop;
+    freeze an element that varies, ``element.at(t)``. Responses that are multiplied are assumed to
+    be independent.
 
     References
     ----------
@@ -104,7 +104,7 @@ class FrequencyResponse:
         if omega.ndim != 1 or omega.size == 0 or not np.all(np.isfinite(omega) & (omega > 0)):
             raise ValueError(f"omega must be a list of positive frequencies in rad/s; got {omega}.")
         if np.any(np.diff(omega) <= 0):
-            raise ValueError(f"omega must increase; got {omega}. Sort lines and response alike.")
+            raise ValueError(f"omega must increase; got {omega}. Sort omega and response together.")
         if response.ndim not in (1, 2) or response.shape[-1] != omega.size:
             raise ValueError(
                 f"response has the shape {response.shape}; with {omega.size} lines it must be "
@@ -112,7 +112,7 @@ class FrequencyResponse:
             )
         n_runs = len(response) if response.ndim == 2 else None
         if self.runs is not None and len(self.runs) != n_runs:
-            raise ValueError(f"runs names {len(self.runs)} runs; the response holds {n_runs}.")
+            raise ValueError(f"runs names {len(self.runs)} runs, but the response holds {n_runs}.")
         expected = {"covariance": (*response.shape, 2, 2), "coherence": response.shape}
         for name, shape in expected.items():
             value = getattr(self, name)
@@ -136,16 +136,16 @@ class FrequencyResponse:
         ----------
         system : object with ``frequency_response(omega, t)``, or fitted ARXRegressor
             A :class:`~skhoid.HumanOperator`, a :class:`~skhoid.ControlledElement`, a
-            :class:`~skhoid.LinearElement`, or an ARX model, also at the end of pipelines and
-            searches. The response of an ARX model includes its delay ``nk`` and that of a
-            :class:`~skhoid.DelayShift` before it, is NaN above Nyquist, and has the covariance
-            that follows from ``covariance_`` (Eqs. H.11-H.17).
+            :class:`~skhoid.LinearElement`, or an ARX model, alone or at the end of a pipeline or
+            search. The response of an ARX model includes its delay ``nk`` and that of a
+            :class:`~skhoid.DelayShift` before it, is NaN above Nyquist, and has the covariance that
+            follows from ``covariance_`` (Eqs. H.11-H.17).
         omega : array-like of shape (n_lines,)
             Frequencies in rad/s.
         t : float, default=0.0
             Time in s at which a varying system is frozen.
         input : str or None, default=None
-            Name of the input of a model with several, or of a HumanOperator: "e", "f_t" or "x".
+            Name of the input, for a model with several or a HumanOperator ("e", "f_t" or "x").
 
         Returns
         -------
@@ -156,7 +156,7 @@ class FrequencyResponse:
             return cls(lines, **response_of_model(system, lines, input))
         if not hasattr(system, "frequency_response"):
             raise TypeError(
-                "FrequencyResponse.of takes an object with frequency_response(omega, t), or a "
+                "FrequencyResponse.of needs an object with frequency_response(omega, t), or a "
                 f"fitted ARX model, alone or in a pipeline; got {type(system).__name__}."
             )
         if isinstance(system, HumanOperator):
@@ -211,7 +211,7 @@ class FrequencyResponse:
     def complex_sd(self) -> np.ndarray | None:
         """Total standard deviation sqrt(C_1 + C_2) in the complex plane (Eq. H.7).
 
-        The thesis calls it that of the magnitude, which it is not: compare ``magnitude_sd``.
+        The thesis calls it the standard deviation of the magnitude, but that is ``magnitude_sd``.
         """
         if self.covariance is None:
             return None
@@ -235,12 +235,12 @@ class FrequencyResponse:
         return np.sqrt(np.maximum(variance, 0.0))
 
     def unwrapped_phase(self, delay: float | None = None, reference: Any = None) -> np.ndarray:
-        """Phase in degrees without jumps of 360.
+        """Phase in degrees without jumps of 360 degrees.
 
-        From line to line a delay of 0.3 s alone turns the phase by 110 degrees between the last
-        two lines of the thesis's forcing function, so a delay is removed before unwrapping and put
-        back. Runs are unwrapped together: each is within 180 degrees of their mean, of which the
-        lowest line is in (-180, 180].
+        A delay of 0.3 s alone turns the phase by 110 degrees between the last two lines of the
+        thesis's forcing function, so a delay is removed before unwrapping and then restored. Runs
+        are unwrapped together: each is within 180 degrees of their mean, whose lowest line is in
+        (-180, 180].
 
         Parameters
         ----------
@@ -297,9 +297,9 @@ class FrequencyResponse:
         ----------
         average : {"response", "coefficients"}, default="response"
             ``"response"`` averages real and imaginary parts (Eqs. H.1-H.4). ``"coefficients"``
-            averages the Fourier coefficients of input and output before dividing, which does not
-            break down where remnant is as large as the input; all runs must then begin at the
-            same phase of the same forcing function.
+            averages the Fourier coefficients of input and output before dividing, which still works
+            where remnant is as large as the input; all runs must then begin at the same phase of
+            the same forcing function.
         standard_error : bool, default=False
             False gives the standard deviation of single runs (n - 1, Eqs. H.5-H.8), True that of
             the mean, sqrt(n) smaller.
@@ -314,7 +314,7 @@ class FrequencyResponse:
             ``|mean(U E*)|^2 / (mean(|U|^2) mean(|E|^2))``. Both are None for a single run.
         """
         if self.response.ndim == 1:
-            raise ValueError("mean() averages over runs, and this is a single response.")
+            raise ValueError("mean() averages over runs, but this is a single response.")
         if average not in ("response", "coefficients"):
             raise ValueError(f"average must be 'response' or 'coefficients'; got {average!r}.")
         if average == "coefficients" and self.coefficients is None:
@@ -371,15 +371,15 @@ class FrequencyResponse:
     def crossover(self, interpolate: bool = True) -> pd.DataFrame:
         """Crossover frequency and phase margin of an open loop.
 
-        The crossover is the last downward one: between the highest pair of neighbouring lines of
-        which the lower has ``|H| >= 1`` and the upper ``|H| < 1``.
+        The last downward crossing counts: that between the highest pair of neighbouring lines where
+        the lower has ``|H| >= 1`` and the upper ``|H| < 1``.
 
         Parameters
         ----------
         interpolate : bool, default=True
             Interpolate ``log |H|`` and the phase, without the delay's part, linearly in log omega.
-            False takes that line of the pair where ``|H|`` is nearest 1, as the thesis reads
-            its own (Eqs. 5.9-5.10) at multiples of 2 pi / T_m.
+            False takes the line of the pair where ``|H|`` is nearest 1, as the thesis does (Eqs.
+            5.9-5.10) at multiples of 2 pi / T_m.
 
         Returns
         -------
@@ -399,7 +399,7 @@ class FrequencyResponse:
         return table
 
     def closed_loop(self) -> FrequencyResponse:
-        """Response H / (1 + H) of the loop that this open loop closes, by unity feedback.
+        """Response H / (1 + H) of the closed loop, with unity feedback, for this open loop.
 
         Returns
         -------

@@ -25,9 +25,8 @@ def auto_psd(
 ) -> pd.DataFrame:
     """Auto-power-spectral density of every channel of every run.
 
-    One-sided, per rad/s: the sum of S over the frequencies, times their spacing, is the mean
-    square of the signal. By the DFT of the whole window, without taper; means are kept, at
-    omega = 0.
+    One-sided, per rad/s: the sum of S over the frequencies, times their spacing, is the mean square
+    of the signal. Uses the DFT of the whole window, without a taper; means are kept, at omega = 0.
 
     Parameters
     ----------
@@ -38,7 +37,7 @@ def auto_psd(
     window : (float, float) or None, default=None
         Use only rows with ``window[0] <= time < window[1]``, in seconds. None means whole runs.
     period : float or None, default=None
-        Base period in seconds of a ``forcing`` that does not know its own.
+        Base period in seconds, if ``forcing`` does not have its own.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -47,8 +46,8 @@ def auto_psd(
     Returns
     -------
     table : DataFrame with the columns ``run``, ``channel``, ``omega`` (rad/s) and ``psd``
-        ``psd`` is in the squared unit of the channel per rad/s. With ``forcing`` there is a
-        column ``excited`` (bool) too.
+        ``psd`` is in the squared unit of the channel per rad/s. With ``forcing`` there is also a
+        column ``excited`` (bool).
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Columns of large files, put together block by block, so that only they are in memory."""
+"""Columns of large files, put together block by block, so that memory holds nothing else."""
 
 from __future__ import annotations
 

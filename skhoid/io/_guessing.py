@@ -13,22 +13,28 @@ from ..runs.roles import OUTPUT, role_of
 from ..runs.words import advances_evenly, labelled_stretches
 from ._header_words import (
     STRONG,
+    axis_of,
     folded,
+    is_no_signal,
     is_row_number,
     label_of,
     may_be_time,
     roles_by_name,
     unit_by_name,
 )
+from ._likeness import alike, coherence, equal, factor_of, moves, numbers_of
 from ._table import FileTable, split_header
 from .guess import MEANING, OPTION, ColumnGuess, Problem, quoted, without_list
 
 __all__ = ["guess_of"]
 
 PEEK = 1000  # rows
+_OUTER, _OF_A_LABEL = ("subject", "condition", "session"), 50  # rows
+LONG_PEEK = 4000  # rows, where values must decide between columns
+_OF_PLANT = 8  # score of a name that says it is the plant's
+_DECIDES, _FAR_BEHIND = 0.6, 0.25  # coherence with the error, of the winner and of all others
 _THE = {"e": "the error e", "u": "the output u", "x": "x", "f_t": "the target f_t"}
 _THE |= {"dist": "the disturbance", "motion": "the motion"}
-_EXACT = 0.01  # of the smaller signal: what rounding in a file leaves of f_t - x - e
 
 
 def guess_of(
@@ -46,6 +52,8 @@ def guess_of(
     """The guess for an open file."""
     guess = ColumnGuess(paths, time=time, run=run, dt=dt, units=dict(units or {}))
     guess.columns = [name for name in table.names if name]
+    guess.remarks += table.remarks
+    guess.problems += map(Problem, table.faults)
     named = _Named(table, guess)
     for name, role in (roles or {}).items():
         named.take(name, role, "input" if role in ("e", "") else _option(role))
@@ -121,16 +129,15 @@ class _Guess:
         self.table, self.guess = table, guess
         peeked = table.peek(PEEK)
         self.columns = {
-            position: _Column(position, name, _numbers(raw), raw)
+            position: _Column(position, name, numbers_of(raw), raw)
             for position, (name, raw) in enumerate(zip(table.names, peeked, strict=False))
             if name and table.names.count(name) == 1
         }
         self.free = {k: c for k, c in self.columns.items() if k not in taken}
-        self.signals = {
-            role: self.columns[position].numbers
-            for position, role in self._roles_of(taken).items()
-            if position in self.columns
-        }
+        self.taken = {k: v for k, v in self._roles_of(taken).items() if k in self.columns}
+        self.signals = {role: self.columns[k].numbers for k, role in self.taken.items()}
+        axes = (axis_of(self.columns[k].header) for k, role in self.taken.items() if role)
+        self.axis = next(filter(None, axes), "")  # that the columns found so far name
 
     def _roles_of(self, taken: Mapping[int, str]) -> dict[int, str]:
         of_option = {option: role for role, option in OPTION.items()}
@@ -145,11 +152,13 @@ class _Guess:
             open_roles.add("u")
         known = set(self.signals) | known_roles
         self.found: dict[str, _Column] = {}
+        self.doubled: set[str] = set()
         self.tied: dict[str, list[_Column]] = {}
         self._by_name(open_roles, least=STRONG)
         self._by_value(open_roles)
         self._by_name(open_roles, least=1)
         self._by_value(open_roles)
+        self._settle_output()
         for role, column in self.found.items():
             if role == "u":
                 guess.output = (column.header, OUTPUT)
@@ -161,6 +170,7 @@ class _Guess:
         if signals:
             self._check_error(known)
         self._say_ties()
+        self._say_doubled(open_roles)
         self._say_missing(known, output_known, signals)
         guess.unused = [
             c.header for c in self.free.values() if c.numbers.size > 1 and not self._is_count(c)
@@ -188,7 +198,8 @@ class _Guess:
             named = [
                 c
                 for c in self.free.values()
-                if advances_evenly(c.numbers)
+                if c.numbers.size > 1
+                and advances_evenly(c.numbers)
                 and not is_row_number(c.header)
                 and not roles_by_name(c.header)
             ][:1]
@@ -251,8 +262,8 @@ class _Guess:
                     (*options, ("dt", "SECONDS")),
                 )
             )
-        elif 2.0 <= typical < 1e5:
-            unit = "ms" if typical <= 500.0 else "us"
+        elif typical >= 2.0:
+            unit = "ms" if typical <= 500.0 else "us" if typical < 5e5 else "ns"
             guess.units["time"] = unit
             guess.remarks.append(f"time is in {unit}, as it advances by {typical:g} a row")
 
@@ -265,6 +276,10 @@ class _Guess:
                 continue
             if self._labels(column) or (level == "run" and not roles_by_name(column.header)):
                 found.setdefault(level, []).append(column)
+        own = next((c for c in self.free.values() if c.header == self.table.run_name), None)
+        if guess.run is None and own is not None:
+            guess.run = self._take(own.position).header
+            found.pop("run", None)
         if guess.run is None and "run" in found:
             runs = found.pop("run")
             guess.run = self._take(runs[-1].position).header
@@ -285,7 +300,11 @@ class _Guess:
         values = np.asarray(pd.Series(column.raw))
         if column.is_text:
             return len(pd.unique(values)) <= max(1, values.size // 10)
-        return values.size < 3 or labelled_stretches(values, "") > 0
+        if values.size < 3 or labelled_stretches(values, "") > 0:
+            return True
+        there = column.numbers[np.isfinite(column.numbers)]  # rows of runs that lie interleaved
+        few = len(np.unique(there)) <= max(1, values.size // _OF_A_LABEL)
+        return bool(few and there.size and label_of(column.header) in _OUTER)
 
     def _signals(self) -> list[_Column]:
         return [c for c in self.free.values() if c.numbers.size > 1 and not c.is_text]
@@ -306,9 +325,11 @@ class _Guess:
                 columns = [c for c in columns if not c.is_text] or columns
                 if not columns:
                     continue
-                if len(columns) > 1 and not _alike(columns):
+                if len(columns) > 1 and not alike([c.numbers for c in columns]):
                     if score < STRONG:
                         continue
+                    columns = self._of_one_axis(columns)
+                if len(columns) > 1 and not alike([c.numbers for c in columns]):
                     self.tied[role] = columns
                     continue
                 self._give(role, columns[0])
@@ -318,10 +339,55 @@ class _Guess:
         if least < STRONG and "u" in open_roles and "u" not in self.found and len(both) > 1:
             self.tied.setdefault("u", both)
 
+    def _of_one_axis(self, columns: list[_Column]) -> list[_Column]:
+        """Of columns that may be one signal, those that move, and of the axis that is known."""
+        of_axis = [c for c in columns if axis_of(c.header) and axis_of(c.header) == self.axis]
+        columns = of_axis or columns
+        return [c for c in columns if moves(c.numbers)] or columns
+
     def _give(self, role: str, column: _Column) -> None:
         self.found[role] = self._take(column.position)
         self.signals[role] = column.numbers
         self.tied.pop(role, None)
+        self.axis = self.axis or axis_of(column.header)
+        for other, columns in list(self.tied.items()):
+            left = self._of_one_axis([c for c in columns if c is not column])
+            self.tied[other] = left
+            if len(left) == 1:
+                self._give(other, left[0])
+                return
+
+    def _settle_output(self) -> None:
+        """Of several inputs of the person, take the one that alone goes with the error."""
+        columns = self.tied.get("u", [])
+        if not columns:
+            return
+        peeked = self.table.peek(LONG_PEEK)
+        error = self._error_of(peeked)
+        if error is None:
+            return
+        shares = [coherence(numbers_of(peeked[c.position]), error) for c in columns]
+        best, *others = sorted(shares, reverse=True)
+        if best < _DECIDES or max(others) > _FAR_BEHIND:
+            return
+        column = columns[shares.index(best)]
+        names = ", ".join(quoted(c.header) for c in columns if c is not column)
+        self.guess.remarks.append(
+            f"{quoted(column.header)} is the output and not {names}, as it alone moves with the "
+            "error"
+        )
+        self._give("u", column)
+
+    def _error_of(self, peeked: list[Any]) -> np.ndarray | None:
+        """The error in rows that were looked at, or what stands for it."""
+        at = {role: column.position for role, column in self.found.items()} | {
+            role: position for position, role in self.taken.items()
+        }
+        if "e" in at:
+            return numbers_of(peeked[at["e"]])
+        if "f_t" in at and "x" in at:
+            return numbers_of(peeked[at["f_t"]]) - numbers_of(peeked[at["x"]])
+        return numbers_of(peeked[at["x"]]) if "x" in at else None
 
     def _by_value(self, open_roles: set[str]) -> None:
         """Find what is missing of e, f_t and x by e = f_t - x."""
@@ -335,7 +401,7 @@ class _Guess:
         role = missing[0]
         pool = self.tied.get(role) or [c for c in self._signals() if c.header]
         for wanted in signs[role]:
-            close = [c for c in pool if _equal(c.numbers, wanted)]
+            close = [c for c in pool if equal(c.numbers, wanted)]
             if len(close) == 1:
                 self._give(role, close[0])
                 return
@@ -349,10 +415,18 @@ class _Guess:
         if "e" not in signals and "e" not in self.tied and "e" not in known:
             guess.error_from = "f_t - x"
         elif "e" in self.found:
-            if _equal(signals["e"], -difference) and not _equal(signals["e"], difference):
+            if equal(signals["e"], -difference) and not equal(signals["e"], difference):
                 guess.error_from = "-e"
-            elif not _equal(signals["e"], difference) and np.isfinite(difference).any():
-                guess.remarks.append("e is not f_t - x in this file, and is taken as it is")
+            elif moves(signals["e"]) and moves(difference) and not equal(signals["e"], difference):
+                factor = factor_of(signals["e"], difference)
+                if factor is None:
+                    guess.remarks.append("e is not f_t - x in this file, and is taken as it is")
+                    return
+                guess.error_from = "-e" if factor < 0 else ""
+                guess.remarks.append(
+                    f"e is {factor:.4g} times f_t - x in this file: is its unit another one than "
+                    "its header says?"
+                )
 
     def _nameless(self) -> list[_Column]:
         """Signals whose names do not say what they are."""
@@ -360,8 +434,9 @@ class _Guess:
             c
             for c in self._signals()
             if not self._is_count(c)
+            and not is_no_signal(c.header)
             and max(roles_by_name(c.header).values(), default=0) < STRONG
-            and np.ptp(c.numbers[np.isfinite(c.numbers)]) > 0
+            and moves(c.numbers)
         ]
 
     def _say_ties(self) -> None:
@@ -376,16 +451,39 @@ class _Guess:
                 continue
             self.guess.problems.append(Problem(text, options))
 
+    def _say_doubled(self, open_roles: set[str]) -> None:
+        """Headers that stand twice where a column of that name is needed."""
+        names = self.table.names
+        for name in dict.fromkeys(n for n in names if n and names.count(n) > 1):
+            roles = [r for r, score in roles_by_name(name).items() if score >= STRONG]
+            role = next((r for r in roles if r in open_roles and r not in self.found), None)
+            if role is None:
+                continue
+            self.doubled.add(role)
+            places = [k for k, other in enumerate(names) if other == name]
+            raw = self.table.peek(PEEK)
+            dead = [k for k in places if not moves(numbers_of(raw[k]))]
+            said = f"{', '.join(str(k + 1) for k in places[:-1])} and {places[-1] + 1}"
+            also = "".join(f"; column {k + 1} never changes" for k in dead)
+            self.guess.problems.append(
+                Problem(
+                    f"{len(places)} columns are called {quoted(name)}, which would be "
+                    f"{_THE[role]}: columns {said}{also}. Give each its own name in the file."
+                )
+            )
+
     def _say_missing(self, known: set[str], output_known: bool, signals: bool) -> None:
         guess, tied = self.guess, self.tied
-        there = set(self.signals) | known | set(tied)
+        there = set(self.signals) | known | set(tied) | self.doubled
         if not output_known and "u" not in there:
             left = self._nameless()
             place = self.found.get("x")
-            options = [("output", c.header) for c in left[:4]]
+            # A cursor may be what the person moves; a plant is not.
+            own = place is not None and roles_by_name(place.header).get("x", 0) < _OF_PLANT
             text = "No column is by its name the output u, what the person did."
-            if place is not None and not left:
-                text += " If the person moves x itself, that is the output:"
+            options = [("output", c.header) for c in left[:4]]
+            if place is not None and own and not left:
+                text += " If the person moves x itself, that is the output."
                 options = [("output", place.header)]
             guess.problems.append(Problem(text, tuple(options) or (("output", "NAME"),)))
         if signals and not there & {"e", "f_t"}:
@@ -398,39 +496,3 @@ class _Guess:
                     tuple(options),
                 )
             )
-
-
-def _numbers(raw: Any) -> np.ndarray:
-    series = raw if isinstance(raw, pd.Series) else pd.Series(np.ravel(raw))
-    if series.dtype.kind in "mM":
-        return np.full(len(series), np.nan)
-    if series.dtype == object or not pd.api.types.is_numeric_dtype(series.dtype):
-        texts = series.astype(str).str.replace(",", ".", regex=False)
-        series = pd.to_numeric(texts, errors="coerce")
-    if series.dtype.kind == "c":
-        return np.full(len(series), np.nan)
-    return series.to_numpy(dtype=float, na_value=np.nan)
-
-
-def _equal(one: np.ndarray, other: np.ndarray) -> bool:
-    if one.shape != other.shape:
-        return False
-    there = np.isfinite(one) & np.isfinite(other)
-    if there.sum() < 3 or np.ptp(one[there]) == 0 or np.ptp(other[there]) == 0:
-        return False
-    apart = np.sqrt(np.mean((one[there] - other[there]) ** 2))
-    return bool(apart <= _EXACT * min(np.std(one[there]), np.std(other[there])))
-
-
-def _alike(columns: list[_Column]) -> bool:
-    """Whether columns are one signal, in other units."""
-    first = columns[0].numbers
-    for column in columns[1:]:
-        if column.numbers.shape != first.shape:
-            return False
-        there = np.isfinite(first) & np.isfinite(column.numbers)
-        if there.sum() < 3 or not np.ptp(first[there]) or not np.ptp(column.numbers[there]):
-            return False
-        if np.corrcoef(first[there], column.numbers[there])[0, 1] < 0.9999:
-            return False
-    return True

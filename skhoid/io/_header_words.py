@@ -8,7 +8,18 @@ import unicodedata
 from ..runs.words import names_time, singular, words_of
 from ._table import split_header
 
-__all__ = ["folded", "label_of", "may_be_time", "roles_by_name", "unit_by_name"]
+__all__ = [
+    "are_units",
+    "axis_of",
+    "folded",
+    "is_no_signal",
+    "is_row_number",
+    "label_of",
+    "may_be_time",
+    "roles_by_name",
+    "ungarbled",
+    "unit_by_name",
+]
 
 STRONG = 6  # scores from here up stand alone; lower ones only where nothing else is there
 UNITS = {"deg": "deg", "degree": "deg", "rad": "rad", "px": "px", "pixel": "px", "mm": "mm"}
@@ -31,6 +42,7 @@ TARGET = _words(
     "guidance"
 )
 DEVICE = _words(
+    "joy gamepad tiller "
     "stick joystick sidestick device wheel steering pedal yoke lever throttle handle knob "
     "manipulator inceptor mouse pen stylus hand aileron elevator rudder deflection knuppel "
     "knueppel steuerknuppel steuerknueppel manche stuurknuppel lenkrad lenkwinkel volant stuur"
@@ -45,7 +57,7 @@ PLANT = _words("plant system vehicle aircraft process controlled strecke procede
 PLACE = _words(
     "cursor position pos attitude angle pitch roll yaw heading altitude height theta phi psi ist "
     "istwert regelgrosse regelgroesse lage winkel hoek positie displacement location bank "
-    "actual act measured meas state uitgang ausgang sortie follower"
+    "att actual act measured meas state uitgang ausgang sortie follower"
 )
 DISTURBANCE = _words(
     "disturbance disturb dist dis perturbation storung stoerung storgrosse verstoring gust wind"
@@ -73,14 +85,25 @@ SYMBOLS = {
 }
 RUNS = _words("run trial rep repetition recording versuch durchgang lauf essai proef poging")
 RUNS |= _words("passage replicate replication epoch attempt tria messung meting wiederholung")
+RUNS |= _words("drive ride lap fahrt rit")
 OUTER = {"subject": _words("subject subj sub participant part proband versuchsperson vp sujet")}
 OUTER["subject"] |= _words("proefpersoon ppn pp probandin subjid pid sid") | ACTOR
 OUTER["condition"] = _words("condition cond configuration config bedingung conditie task group")
+OUTER["condition"] |= _words("difficulty schwierigkeit scenario")
 OUTER["session"] = _words("session sitzung sessie seance")
 OUTER["block"] = _words("block bloc blok")
 _NUMBERING = _words("id no nr num number index idx name code label n nummer count")
-TIMES = _words("datetime zeit temps tijd zeitstempel tijdstip clock uhrzeit")
-ROW_NUMBERS = _words("sample frame row index idx count counter no nr num tick unnamed step")
+TIMES = _words("datetime stamp zeit temps tijd zeitstempel tijdstip clock uhrzeit")
+ROW_NUMBERS = _words(
+    "sample frame row index idx count counter no nr num tick unnamed step seq sequence"
+)
+OTHERS = _words(
+    "button trigger fps gaze pupil eye key pressed taster knop comment remark opmerking"
+)
+AXES = {word: word[0] for word in ("x", "y", "z", "pitch", "roll", "yaw")}
+AXES |= {"lat": "lateral", "lateral": "lateral", "long": "longitudinal"}
+AXES |= {"lon": "longitudinal", "longitudinal": "longitudinal"}
+AXES |= {"horizontal": "horizontal", "vertical": "vertical", "left": "left", "right": "right"}
 
 
 def folded(header: str) -> str:
@@ -93,10 +116,40 @@ def folded(header: str) -> str:
     return "".join(c for c in name if not unicodedata.combining(c))
 
 
+def ungarbled(header: str) -> str:
+    """A header in which UTF-8 was read as Latin-1 or Windows-1252, as it was."""
+    if not re.search("[\u00c2\u00c3\u00e2\u00ce]", header):
+        return header
+    for encoding in ("cp1252", "latin-1"):
+        try:
+            return header.encode(encoding).decode("utf-8")
+        except UnicodeError:
+            continue
+    return header
+
+
+def axis_of(header: str) -> str:
+    """The axis that a header names, as in ``targetPosX`` and ``STICK_PITCH``; "" for none."""
+    words = words_of(folded(header))
+    return AXES.get(words[-1], "") if len(words) > 1 else ""
+
+
+def are_units(cells: list[str]) -> bool:
+    """Whether the cells of a row are units: all short, at least one of them well known."""
+    bare = [cell.strip().strip("[]()").casefold() for cell in cells]
+    known = {*UNITS, *TIME_UNITS, *UNITS.values(), "\u00b0", "%", "m/s", "rad/s", "hz", "\u00b0/s"}
+    return all(len(cell) <= 12 for cell in bare) and any(cell in known for cell in bare)
+
+
 def _own_words(header: str) -> list[str]:
     whole = words_of(folded(header))
-    field = words_of(folded(header).rpartition(".")[2])
+    path, _, last = folded(header).rpartition(".")
+    field = words_of(last)
     words = field if field and field not in (["value"], ["data"], ["signal"]) else whole
+    # The axis of a signal: plant.position.x, joy.axes.0.
+    if path and (not field or (field[0] in ("x", "y", "z") and len(field) == 1)):
+        above = words_of(path)
+        words = above if max(_of_words(set(above)).values(), default=0) >= STRONG else words
     while len(words) > 1 and (words[-1] in UNITS and len(words[-1]) > 1):
         words = words[:-1]
     if len(words) > 1 and words[-1] in ("m", "v", "n", "g") and len(words[-2]) > 1:
@@ -129,8 +182,13 @@ def may_be_time(header: str) -> bool:
 
 def is_row_number(header: str) -> bool:
     """Whether a column counts rows by its name, or has none."""
-    words = words_of(folded(header))
+    words = words_of(folded(header).rpartition(".")[2]) or words_of(folded(header))
     return not words or all(word in ROW_NUMBERS for word in words)
+
+
+def is_no_signal(header: str) -> bool:
+    """Whether a column is by its name none of the loop: a button, a comment, the eye."""
+    return bool(set(words_of(folded(header))) & OTHERS)
 
 
 def label_of(header: str) -> str:
@@ -150,6 +208,8 @@ def roles_by_name(header: str) -> dict[str, int]:
     if not words:
         return {}
     there = set(words)
+    if there & OTHERS:
+        return {}
     less = 5 if there & OF_OTHERS else 0
     found = _of_symbols(words) or _of_words(there)
     return {role: score - less for role, score in found.items() if score > less}

@@ -1,4 +1,4 @@
-"""Labels of runs: from one column, from several, or from where time starts anew."""
+"""Labels of runs: from one column, from several, or from where time restarts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def combined_labels(
     time: np.ndarray,
     n_rows: int,
 ) -> Coded | None:
-    """Labels of runs with those of the levels outside, as tuples; None where there is one run."""
+    """Labels of runs with those of the outer levels, as tuples; None where there is one run."""
     if run is None:
         labels = restarts_of(time)
         if labels is None and not levels:
@@ -37,7 +37,8 @@ def combined_labels(
     for part, _ in parts:
         if part.size != n_rows:
             raise ValueError(
-                f"In {table.path} the labels of runs have {part.size} rows, the channels {n_rows}."
+                f"In {table.path} the run labels have {part.size} rows, but the channels have "
+                f"{n_rows}."
             )
     if not levels:
         return parts[-1]
@@ -52,7 +53,7 @@ def _tuples(parts: list[Coded]) -> Coded:
     for of_run in (codes, inner):
         starts = np.append(0, np.flatnonzero(np.diff(of_run)) + 1)
         if np.unique(of_run[starts]).size == starts.size:
-            break  # else a level varies within runs: its first label counts
+            break  # a level that varies within runs: its first label counts
     labels = [tuple(known[part[row]] for part, known in parts) for row in starts.tolist()]
     places = {label: number for number, label in enumerate(dict.fromkeys(labels))}
     each = np.array([places[label] for label in labels], dtype=np.int32)
@@ -60,7 +61,7 @@ def _tuples(parts: list[Coded]) -> Coded:
 
 
 def restarts_of(time: np.ndarray) -> tuple[np.ndarray, list[Any]] | None:
-    """Runs that begin where time falls back to its first instant; None where it never does."""
+    """Runs that begin where time returns to its first value; None where it never does."""
     if time.size < 3:
         return None
     step = np.diff(time)
@@ -76,7 +77,7 @@ def restarts_of(time: np.ndarray) -> tuple[np.ndarray, list[Any]] | None:
 
 
 def plain_labels(coded: tuple[np.ndarray, list[Any]], where: str) -> tuple[np.ndarray, list[Any]]:
-    """Labels as they are compared, and which of them each row has."""
+    """Labels in the form in which they are compared, and which of them each row has."""
     codes, found = coded
     known: dict[Any, int] = {}
     missing = [-1]

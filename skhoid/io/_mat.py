@@ -19,7 +19,7 @@ from ._table import FileTable, one_by_one, read_as, require
 
 __all__ = ["read_mat"]
 
-_MOST_NAMES = 100_000  # of links that lead to each other there is no end
+_MOST_NAMES = 100_000  # links that lead to each other never end
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # "" is a file that h5py wrote, not MATLAB.
 _NUMERIC_CLASSES = {"", "double", "single", "logical"} | {
@@ -69,6 +69,7 @@ def _read_v5(path: Path) -> FileTable:
             note = f"The file also has {shown!r}, which {_OBJECT}"
         elif not name.startswith("__"):
             _flatten(name, value, arrays, unreadable)
+    runs, faults = _runs_of_struct_arrays(content, arrays, unreadable)
     names = list(arrays)
 
     def load(position: int) -> np.ndarray:
@@ -78,7 +79,7 @@ def _read_v5(path: Path) -> FileTable:
             check_memory(math.prod(values.shape), what)
             with read_as(path, f"a MATLAB file, at its variable {names[position]!r}"):
                 values = values.tocsc()
-                values.check_format()  # SciPy writes to places that are not there
+                values.check_format()  # SciPy would write out of bounds
                 values = values.toarray()
         return values
 
@@ -89,8 +90,56 @@ def _read_v5(path: Path) -> FileTable:
         unreadable=unreadable,
         note=note,
         kind="variable",
+        run_name=runs,
+        faults=faults,
         peek=lambda count: [_first(load(position), count) for position in range(len(names))],
     )
+
+
+def _runs_of_struct_arrays(
+    content: dict[str, Any], arrays: dict[str, Any], unreadable: dict[str, str]
+) -> tuple[str | None, list[str]]:
+    """Join the fields of a struct array of which each element is a run.
+
+    Returns the name of the variable that numbers the runs, and what is wrong with them.
+    """
+    faults: list[str] = []
+    for name, value in content.items():
+        if unreadable.get(name) != _STRUCT_ARRAY or value.dtype.names is None:
+            continue
+        elements = [{key: _plain(e[key]) for key in value.dtype.names} for e in value.flat]
+        sizes = [[v.size for v in e.values() if v is not None and v.size > 1] for e in elements]
+        if not all(sizes):
+            continue
+        lengths = [max(set(own), key=own.count) for own in sizes]
+        for key in value.dtype.names:
+            parts = []
+            for k, (element, length) in enumerate(zip(elements, lengths, strict=True), 1):
+                part = element[key]
+                if part is None or part.size == 0:
+                    break
+                if part.size not in (1, length):
+                    faults.append(
+                        f'"{name}({k}).{key}" has {part.size} samples, the other fields of '
+                        f"{name}({k}) {length}: all need one value per sample."
+                    )
+                    part = np.resize(part, length)
+                parts.append(np.repeat(part, length) if part.size == 1 else part)
+            if len(parts) == len(elements):
+                arrays[f"{name}.{key}"] = np.concatenate(parts)
+            else:
+                unreadable[f"{name}.{key}"] = "is not in every element of its struct array."
+        arrays[name] = np.repeat(np.arange(1, len(lengths) + 1), lengths)
+        del unreadable[name]
+        return name, faults
+    return None, faults
+
+
+def _plain(value: Any) -> np.ndarray | None:
+    """Numbers of a vector, or one number or text; None for anything else."""
+    if not isinstance(value, np.ndarray) or value.dtype.names or max(value.shape) < value.size:
+        return None
+    return value.ravel() if value.dtype.kind in "biufU" else None
 
 
 def _flatten(name: str, value: Any, arrays: dict[str, Any], unreadable: dict[str, str]) -> None:
@@ -156,14 +205,14 @@ def _read_hdf5(path: Path) -> FileTable:
 
 
 def _first(values: np.ndarray, count: int) -> np.ndarray:
-    """The first samples of a variable, of the first run if its columns are runs."""
+    """The first samples of a variable, or of its first run if its columns are runs."""
     if values.ndim == 2 and 1 not in values.shape:
         return values[:count, 0]
     return np.ravel(values)[:count]
 
 
 def _list_hdf5(h5py: Any, file: Any, places: dict[str, str], unreadable: dict[str, str]) -> None:
-    """List what a file holds, shallow names first; links may lead anywhere, back too."""
+    """List what a file holds, shallow names first; links may lead anywhere, even back."""
     waiting = deque([("", "", file, frozenset([_identity(h5py, file)]))])
     while waiting and len(places) + len(unreadable) < _MOST_NAMES:
         prefix, route, group, above = waiting.popleft()
@@ -176,7 +225,7 @@ def _list_hdf5(h5py: Any, file: Any, places: dict[str, str], unreadable: dict[st
                 item = group[key]
                 what = _not_numbers(h5py, name, item)
             except (KeyError, OSError, RuntimeError) as error:
-                unreadable[name] = f"is broken, or a link that leads nowhere: {error.args[0]}."
+                unreadable[name] = f"is damaged, or a link to nothing: {error.args[0]}."
                 continue
             if what is None:
                 places[name] = place
@@ -189,13 +238,13 @@ def _list_hdf5(h5py: Any, file: Any, places: dict[str, str], unreadable: dict[st
 
 
 def _identity(h5py: Any, group: Any) -> tuple[int, int]:
-    """What two names of one group have in common."""
+    """What identifies a group under all its names."""
     info = h5py.h5o.get_info(group.id)
     return info.fileno, info.addr
 
 
 def _not_numbers(h5py: Any, name: str, item: Any) -> str | None:
-    """What an object of a file is in place of numbers; None if it holds numbers."""
+    """What an object in a file is instead of numbers; None if it holds numbers."""
     is_group = isinstance(item, h5py.Group)
     matlab_class = item.attrs.get("MATLAB_class", b"")
     if isinstance(matlab_class, bytes):

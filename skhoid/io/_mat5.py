@@ -1,4 +1,4 @@
-"""MAT 5 files, checked before SciPy reads them: it trusts types and sizes, and dies of wrong ones.
+"""MAT 5 files, checked before SciPy reads them: wrong types and sizes crash SciPy.
 
 A file is a header and elements; an element is a tag (type and size) and data; an array is an
 element of elements: flags, dimensions, name, and data or further arrays. The format:
@@ -30,16 +30,16 @@ _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16,
 _NUMBERS = range(6, 16)
 _COMPLEX = 0x800
 _MOST_DIMENSIONS = 32  # of SciPy
-_DEEPEST = 100  # SciPy goes on until the stack ends
+_DEEPEST = 100  # SciPy would recurse until the stack overflows
 _PIECE = 2**16
 _MOST_AT_ONCE = 2**20
 _MOST_WITHOUT_BYTES = 2**20  # characters, or structs without fields
 
 
 def checked(path: Path) -> Iterator[Any]:
-    """What SciPy can read in place of a file: itself, or its variables unpacked, some at a time.
+    """What SciPy reads instead of a file: itself, or its variables unpacked, a few at a time.
 
-    Unpacking is most of the time of reading, so it is done once. Other versions are not checked.
+    Unpacking takes most of the time of reading, so it is done once. Other versions are not checked.
     """
     with path.open("rb") as file:
         if matfile_version(file)[0] != 1:
@@ -68,7 +68,9 @@ def checked(path: Path) -> Iterator[Any]:
 
 
 def _damaged(where: str, what: str) -> ValueError:
-    return ValueError(f"it is damaged at {where}: {what}. Take another copy, or save it anew.")
+    return ValueError(
+        f"it is damaged at {where}: {what}. Use another copy, or save the file again."
+    )
 
 
 def _listed(file: BinaryIO, tag: Struct) -> Iterator[tuple[int, int, int]]:
@@ -81,7 +83,7 @@ def _listed(file: BinaryIO, tag: Struct) -> Iterator[tuple[int, int, int]]:
         kind, size = tag.unpack(head) if len(head) == _TAG else (0, 0)
         stop = start + _TAG + size
         if kind not in (_ARRAY, _PACKED) or not size or stop > end:
-            what = f"{size} bytes of type {kind} cannot be in the {end - start} that are left"
+            what = f"{size} bytes of type {kind} do not fit into the {end - start} that are left"
             raise _damaged(f"its byte {start}", what)
         yield kind, start, stop
         start = stop
@@ -108,11 +110,11 @@ def _unpack(file: BinaryIO, tag: Struct, element: tuple[int, int, int], to: Bina
         if done > _TAG + size:
             break
     if kind != _ARRAY or done != _TAG + size:
-        raise _damaged(where, f"{done} bytes are packed in place of {_TAG + size}")
+        raise _damaged(where, f"{done} bytes are packed instead of {_TAG + size}")
 
 
 class _Array:
-    """An array, gone through in the order in which SciPy reads it, but for its numbers."""
+    """An array, traversed in the order in which SciPy reads it, except for its numbers."""
 
     def __init__(self, stream: BinaryIO, tag: Struct, start: int) -> None:
         self.stream = stream
@@ -122,7 +124,7 @@ class _Array:
         stream.seek(self.at)
 
     def check(self, end: int, depth: int = 0) -> None:
-        """Check what stands behind the tag of an array that ends at ``end``."""
+        """Check what follows the tag of an array that ends at ``end``."""
         self.pair(end)  # the tag of the flags
         flags, _ = self.pair(end)
         kind, parts = flags & 0xFF, 2 if flags & _COMPLEX else 1

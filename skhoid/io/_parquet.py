@@ -46,9 +46,12 @@ def read_parquet(path: Path) -> FileTable:
             plain = list(dict.fromkeys(name for name in stored if _is_plain(schema, name)))
             label = None if labels is None else names[labels]
             inside = label if label in schema.names else None
-            columns, codes, found = gathered(
-                _blocks(file, plain, inside), len(plain), n_rows, inside is not None
-            )
+            columns: list[Any] = []
+            codes, found = None, list[Any]()
+            if plain or inside is not None:
+                columns, codes, found = gathered(
+                    _blocks(file, plain, inside), len(plain), n_rows, inside is not None
+                )
             taken = dict(zip(plain, columns, strict=True))
             others = {name: _any_column(file, name) for name in stored if name not in taken}
             if label is not None and codes is None:
@@ -64,7 +67,7 @@ def read_parquet(path: Path) -> FileTable:
             path.open("rb") as raw,
             parquet.ParquetFile(raw) as file,
         ):
-            if regular:  # an index of which but start and step are stored
+            if regular:  # an index stored as start and step only
                 return [_any_column(file, name)[:count] for name in names]
             first = next(file.iter_batches(count), None)
             if first is None:
@@ -96,5 +99,5 @@ def _any_column(file: Any, name: str) -> pd.Series:
     """A column as pandas takes it."""
     if name in file.schema_arrow.names:
         return file.read(columns=[name]).column(name).to_pandas()
-    # A regular row index, of which but start and step are stored.
+    # A regular row index, stored as start and step only.
     return file.read().to_pandas().index.to_series()

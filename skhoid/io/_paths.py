@@ -23,7 +23,7 @@ def expand_paths(paths: Paths) -> list[Path]:
 
 
 def shown(name: str | os.PathLike[str]) -> str:
-    r"""A file name that can be written: what is no UTF-8 in it becomes ``\xff``."""
+    r"""A file name that can be printed: bytes that are not UTF-8 become ``\xff``."""
     return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
@@ -36,10 +36,10 @@ def _expand(item: Any) -> list[Path]:
     path = Path(item).expanduser()
     if path.is_dir():
         raise ValueError(
-            f"{path} is a folder: name its files with a pattern, for instance "
+            f"{path} is a folder: name its files with a pattern, such as "
             f"{os.fspath(path / '*.csv')!r}."
         )
-    # A file whose name holds brackets is itself before it is a pattern.
+    # A file whose name has brackets is taken as a file before it is taken as a pattern.
     if path.is_file():
         return [path]
     pattern = os.fspath(path)
@@ -52,7 +52,7 @@ def _expand(item: Any) -> list[Path]:
             )
         return files
     if path.exists():
-        raise ValueError(f"{path} is no ordinary file, and cannot be read as one.")
+        raise ValueError(f"{path} is not a regular file and cannot be read.")
     raise FileNotFoundError(f"There is no file {path} (working folder: {Path.cwd()}).")
 
 

@@ -1,4 +1,4 @@
-"""Plain numbers out of large CSV files, block by block, by the fastest reader that is exact."""
+"""Plain numbers from large CSV files, block by block, with the fastest exact reader."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ _MISSING += ["1.#QNAN", "<NA>", "N/A", "NA", "NULL", "NaN", "None", "n/a", "nan"
 def plain_columns(
     sheet: Sheet, numbers: Sequence[int], labels: int | None
 ) -> tuple[list[np.ndarray], tuple[np.ndarray, list[Any]] | None] | None:
-    """Columns as float64 arrays, and one as codes and labels; None if a cell is no plain number.
+    """Columns as float64 arrays, and one as codes and labels; None if a cell is not a plain number.
 
-    What is not plain (text, truth values, decimal commas beside points) is left to pandas' own
-    inference, which looks at all cells at once.
+    What is not plain (text, truth values, a mixture of decimal commas and points) is left to
+    pandas' own inference, which looks at all cells at once.
     """
     if sheet.decimal is None:
         return None

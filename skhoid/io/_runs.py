@@ -23,6 +23,7 @@ _PER_SECOND = {
     "seconds": 1.0,
     "ms": 1e3,
     "us": 1e6,
+    "ns": 1e9,
     "µs": 1e6,  # micro sign
     "μs": 1e6,  # Greek mu
 }
@@ -52,14 +53,17 @@ def runs_of(
     run: str | None,
     levels: Sequence[str] | None = None,
 ) -> FileRuns:
-    """Take the asked columns out of a table and cut them into runs.
+    """Take the requested columns from a table and cut them into runs.
 
-    ``clock`` is the name of the time column, or the sampling time in seconds. ``levels`` are
-    columns that label runs from outside, whose labels come first in those of a run, as a tuple;
-    if they are given, runs also begin where time starts anew and no column says so.
+    ``clock`` is the name of the time column, or the sampling time in seconds. ``levels`` are outer
+    columns, such as the subject, whose labels come first in the tuple that labels a run; if they
+    are given, runs also begin where time restarts and no column says so.
     """
     names = [*asked, clock] if isinstance(clock, str) else asked
     positions = [table.find(name) for name in names]
+    if table.faults:
+        raise ValueError(f"In {table.path} {table.faults[0]}")
+    run = table.run_name if run is None else run
     by = _run_column(table, positions) if run is None else table.find(run)
     raw, labels = table.load(positions, by)
     found = [_matrix(table, at, raw.pop(0)) for at in positions]
@@ -69,7 +73,7 @@ def runs_of(
     if set(widths.values()) != {n_runs}:
         raise ValueError(
             f"In {table.path} the {table.kind}s have different numbers of columns, {widths}: "
-            "either each is one vector (one run), or each has one column per run."
+            "each must be one vector (one run), or each must have one column per run."
         )
     lengths = {name: len(values) for name, values in columns.items()}
     n_rows = lengths[asked[0]]
@@ -78,8 +82,8 @@ def runs_of(
         time = found[-1] if per_second == 1 else found[-1] / per_second
         if time.shape[1] not in (1, n_runs):
             raise ValueError(
-                f"{table.where(clock)} has {time.shape[1]} columns, the channels have {n_runs}: "
-                "give one time vector for all runs or one column per run."
+                f"{table.where(clock)} has {time.shape[1]} columns, but the channels have "
+                f"{n_runs}: give one time vector for all runs or one column per run."
             )
         lengths[clock] = len(time)
     else:
@@ -111,7 +115,7 @@ def runs_of(
 
 
 def _run_column(table: FileTable, asked: list[int]) -> int | None:
-    """The column that by its name holds run labels, where nobody asked for it."""
+    """The column whose name suggests run labels, where none was given."""
     if table.kind != "column":
         return None
     names = [split_header(name)[0].casefold() for name in table.names]
@@ -120,21 +124,22 @@ def _run_column(table: FileTable, asked: list[int]) -> int | None:
 
 
 def _check_one_run(table: FileTable, labels: tuple[np.ndarray, list[Any]]) -> None:
-    """Refuse to take the runs of a file for one."""
+    """Refuse to take several runs in a file for one."""
     n_labels = len(labels[1])
     if n_labels > 1:
         position = _run_column(table, [])
         assert position is not None
         name = table.names[position]
         raise ValueError(
-            f"{table.where(name)} has {n_labels} labels, and run= names no column: all rows would "
-            f"be one run, with lags across its parts. Say run={name!r}; if it does not label "
+            f"{table.where(name)} has {n_labels} labels, but no column of run labels is given: "
+            f"all rows would be one run, with lags across its parts. Give run={name!r}; if it "
+            "does not label "
             "runs, give it another name in the file."
         )
 
 
 def _matrix(table: FileTable, position: int, raw: Any) -> np.ndarray:
-    """Return the samples of a column as (n_rows, n_runs)."""
+    """Return the samples of a column as an array of shape (n_rows, n_runs)."""
     where = table.where(table.names[position])
     shape = np.shape(raw)
     if len(shape) > 2:
@@ -148,12 +153,12 @@ def _matrix(table: FileTable, position: int, raw: Any) -> np.ndarray:
 
 
 def per_second_of(table: FileTable, time: str, stated: str | None) -> float:
-    """Units of the clock in a second."""
+    """Number of units of the clock per second."""
     unit = stated or table.unit_of(table.find(time)) or "s"
     if unit not in _PER_SECOND:
         raise ValueError(
             f"The unit {unit!r} of the time, {table.where(time)}, is not one of "
-            f"{', '.join(_PER_SECOND)}: say which with units={{'time': ...}}."
+            f"{', '.join(_PER_SECOND)}: state it with units={{'time': ...}}."
         )
     return _PER_SECOND[unit]
 
@@ -162,7 +167,7 @@ def _check_lengths(table: FileTable, lengths: dict[str, int]) -> None:
     if len(set(lengths.values())) > 1:
         raise ValueError(
             f"In {table.path} the {table.kind}s differ in length, {lengths}: all need one value "
-            "per sample. A matrix has one column per run, so it may be transposed."
+            "per sample. A matrix must have one column per run: is it transposed?"
         )
 
 
@@ -183,8 +188,8 @@ def _split(
     for start, code in zip(starts.tolist(), order, strict=True):
         if code in seen:
             raise ValueError(
-                f"The rows of run {labels[code]!r} in {where} are not contiguous: it begins at row "
-                f"{seen[code] + 1}, another run follows, and it comes back at row {start + 1}. "
+                f"The rows of run {labels[code]!r} in {where} are not contiguous: the run begins "
+                f"at row {seen[code] + 1} and resumes at row {start + 1}, after another run. "
                 "Sort the file by run and time, or give every run its own label."
             )
         seen[code] = start

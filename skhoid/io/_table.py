@@ -46,7 +46,7 @@ def split_header(header: str) -> tuple[str, str | None]:
 
 
 def require(module: str, what: str) -> Any:
-    """Import an optional package, or say which extra brings it."""
+    """Import an optional package, or say which extra installs it."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
@@ -55,15 +55,15 @@ def require(module: str, what: str) -> Any:
 
 @contextmanager
 def read_as(path: Path, kind: str) -> Iterator[None]:
-    """Name the file at which a library fails: damaged ones make it fail in many ways."""
+    """Name the file on which a library fails: damaged ones make it fail in many ways."""
     try:
         yield
     except ImportError:
         raise
     except MemoryError as error:  # it has no text
         raise ValueError(
-            f"{path} cannot be read as {kind}: what it says it holds takes more memory than there "
-            f"is. Either it is damaged, or its runs have to be stored in several files."
+            f"{path} cannot be read as {kind}: its declared contents need more memory than there "
+            "is. Either it is damaged, or its runs must be stored in several files."
         ) from error
     except Exception as error:
         raise ValueError(f"{path} cannot be read as {kind}: {error}") from error
@@ -74,8 +74,11 @@ class FileTable:
     """The columns (or MATLAB variables) of one file, read when asked for.
 
     ``names`` may repeat; ``load`` takes positions in it, and that of a column of labels.
-    ``unreadable`` says of a name what it is instead of numbers, and ``note`` is added to the error
+    ``unreadable`` says what a name holds instead of numbers, and ``note`` is added to the error
     about a name that is not there. ``peek`` gives the first rows of every column, quickly.
+    ``raw`` gives a column as its file has it, where ``load`` may refuse it. ``run_name`` is the
+    column that numbers runs where the format itself has them; ``remarks`` tell how the file is
+    built, and ``faults`` what is wrong with that.
     """
 
     path: Path
@@ -86,6 +89,10 @@ class FileTable:
     note: str = ""
     kind: str = "column"
     peek: Callable[[int], list[Any]] = field(default=lambda n: [])
+    raw: Callable[[int], Any] | None = None
+    run_name: str | None = None
+    remarks: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
 
     def where(self, name: str) -> str:
         """Name a column for an error message."""
@@ -103,7 +110,7 @@ class FileTable:
             advice = (
                 "rename all but one in the file"
                 if len(set(headers)) < len(headers)
-                else "ask for one of them by its whole header"
+                else "name one of them by its whole header"
             )
             raise ValueError(
                 f"{self.path} has {len(hits)} {self.kind}s {asked!r}, with the headers "
@@ -112,7 +119,7 @@ class FileTable:
         parts = asked.split(".")
         for depth in range(len(parts), 0, -1):
             name = ".".join(parts[:depth])
-            # Of a struct that was opened, the field is what is missing.
+            # If the struct is there, its field is what is missing.
             is_open = any(other.startswith(f"{name}.") for other in self.names)
             if name in self.unreadable and (name == asked or not is_open):
                 raise ValueError(f"In {self.path}, {name!r} {self.unreadable[name]}")
@@ -142,13 +149,13 @@ class FileTable:
 
 
 def _same_field(asked: str, name: str) -> bool:
-    """Whether fields of structs are alike by their own names; those of one struct share its."""
+    """Whether fields of structs are alike by their own names; in one struct all share its name."""
     one, other = (text.casefold().rpartition(".")[2] for text in (asked, name))
     return difflib.SequenceMatcher(None, one, other).ratio() >= _CLOSE
 
 
 def one_by_one(load: Callable[[int], Any]) -> Callable[[Sequence[int], int | None], Columns]:
-    """Load columns of a file in which each can be had alone."""
+    """Load columns of a file in which each can be read alone."""
 
     def load_all(numbers: Sequence[int], labels: int | None) -> Columns:
         columns = [load(position) for position in numbers]
@@ -165,7 +172,7 @@ def coded(labels: Any) -> tuple[np.ndarray, list[Any]]:
 
 
 def _float_of(cell: Any) -> float:
-    """A cell as a number, infinite if it is too large; NaN if it is none."""
+    """A cell as a number, infinite if it is too large; NaN if it is not a number."""
     try:
         return float(str(cell))
     except ValueError:
@@ -173,17 +180,17 @@ def _float_of(cell: Any) -> float:
 
 
 def as_numbers(values: Any, where: str) -> np.ndarray:
-    """Float64 array of a column, or an error that names the first value that is no number."""
+    """Float64 array of a column, or an error that names the first value that is not a number."""
     series = values if isinstance(values, pd.Series) else None
     dtype = np.asarray(values).dtype if series is None else series.dtype
     if pd.api.types.is_complex_dtype(dtype):
         raise ValueError(
-            f"{where} is complex: give real signals, for instance its real part or its magnitude."
+            f"{where} is complex: give real signals, such as its real part or its magnitude."
         )
     if pd.api.types.is_datetime64_any_dtype(dtype) or pd.api.types.is_timedelta64_dtype(dtype):
         raise ValueError(
-            f"{where} holds dates or time differences ({dtype}): store seconds as numbers, for "
-            "instance (t - t[0]).dt.total_seconds()."
+            f"{where} holds dates or time differences ({dtype}): store seconds as numbers, such "
+            "as (t - t[0]).dt.total_seconds()."
         )
     if pd.api.types.is_numeric_dtype(dtype):
         if series is None:
@@ -201,12 +208,12 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
             advice = "Name another column, or store it as numbers, time in seconds."
         elif bad.size == 1 and bad[0] == 0:
             advice = (
-                "If that is a unit, delete the row, and write units into the header, 'e [deg]', or "
-                "give them by units=."
+                "If that is a unit, delete the row, and write units into the header, as in 'e "
+                "[deg]', or give them with units=."
             )
         raise ValueError(
             f"{where} is not numeric: row {bad[0] + 1} (the first sample is row 1) is "
-            f"{reprlib.repr(text.iloc[bad[0]])} ({bad.size} of {text.size} rows are no numbers). "
+            f"{reprlib.repr(text.iloc[bad[0]])} ({bad.size} of {text.size} rows are not numbers). "
             f"{advice}"
         )
     return numbers.to_numpy(dtype=np.float64, na_value=np.nan)

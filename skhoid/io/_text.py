@@ -1,4 +1,4 @@
-"""Text files in whatever encoding, and what one pass over their bytes tells of them."""
+"""Text files in any encoding, and what one pass over their bytes tells about them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MARKS = {  # the marks of UTF-32 begin with those of UTF-16
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
-# Which of the first four bytes are not 0, where no mark is and a text begins in ASCII.
+# Which of the first four bytes are not 0 in a text without a mark that begins in ASCII.
 _BYTES = {
     "0001": "utf-32-be",
     "1000": "utf-32-le",
@@ -29,8 +29,8 @@ _BYTES = {
 class Text:
     """A text file: its encoding, and how many lines, quotes, points and commas it has.
 
-    Of the lines, blank ones at the end do not count; where ends of lines are mixed there may be
-    fewer.
+    Blank lines at the end do not count; with mixed line endings the number of lines may be too
+    small.
     """
 
     path: Path
@@ -41,7 +41,7 @@ class Text:
     commas: int
 
     def open(self, skip: int = 0) -> TextIO:
-        r"""Open the file behind some lines; every line ends in ``\n``."""
+        r"""Open the file after some lines; every line ends in ``\n``."""
         errors = "replace" if self.encoding == "cp1252" else "strict"
         file = self.path.open(encoding=self.encoding, errors=errors)
         for _ in range(skip):
@@ -72,7 +72,7 @@ def survey(path: Path) -> Text:
             except UnicodeDecodeError as error:
                 if wide:
                     raise ValueError(
-                        f"{path} begins as {wide.upper()} text and does not go on so "
+                        f"{path} begins as {wide.upper()} text but does not continue as such "
                         f"({error.reason}). Save it as UTF-8."
                     ) from error
                 # Western European Windows: what spreadsheets write for the degree sign in "e [°]".
@@ -81,7 +81,7 @@ def survey(path: Path) -> Text:
                 lines = counts[ord("\n")] + chunk[: chunk.index(b"\0")].count(b"\n")
                 raise ValueError(
                     f"{path} has a zero byte in line {lines + 1}, which no text has: it is "
-                    "damaged, or no text file. Save it anew, as UTF-8."
+                    "damaged, or not a text file. Save it again, as UTF-8."
                 )
             for sign in counts:
                 counts[sign] += chunk.count(sign)

@@ -1,4 +1,4 @@
-"""Recordings of real human controllers that come with the package."""
+"""Recordings of real human controllers, included in the package."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def load_human_tracking(
 ) -> tuple[pd.DataFrame, pd.Series]:
     """Load recordings of a person who tracks a moving target with a cursor on a screen.
 
-    Ten recordings of 60 to 80 s of pursuit tracking in two dimensions, by mouse or pen. The
+    Ten recordings of 60 to 80 s of pursuit tracking in two dimensions, with mouse or pen. The
     operator's output is the cursor itself.
 
     Parameters
@@ -77,8 +77,8 @@ def load_human_tracking(
         Run labels, or their positions in this list: 0 ``"difficulty 50"``, 1 ``"difficulty 80"``
         (pseudo-random targets, 60 s); 2 ``"phase-size 1"``, 3 ``"phase-size 2a"``, 4 to 7
         ``"phase-size 2b"`` to ``"phase-size 2e"``, 8 ``"phase-size 3a"``, 9 ``"phase-size 3b"``
-        (targets on an orbit whose size and phase are disturbed, 80 s). 2b to 2e show one and the
-        same target, and so do 3a and 3b: repeats, for a noise ceiling.
+        (targets on an orbit whose size and phase are disturbed, 80 s). 2b to 2e show the same
+        target, and so do 3a and 3b: repeats, for a noise ceiling.
     axis : {"x", "y"}, default="x"
         Horizontal or vertical, pixels from the upper left corner of the screen.
     channels : str or list of str, default=("f_t",)
@@ -87,8 +87,8 @@ def load_human_tracking(
         disturbances of size and phase.
     resample : bool, default=True
         Interpolate onto a regular grid of 60 Hz (:func:`skhoid.resample_runs`). The recorded clock
-        is that of the screen: 16.67 ms with late frames of up to 19.1 ms. False gives the rows
-        as recorded.
+        is that of the screen: 16.67 ms, with late frames of up to 19.1 ms. False gives the rows as
+        recorded.
 
     Returns
     -------
@@ -96,27 +96,27 @@ def load_human_tracking(
         Row index levels ``run`` (the labels above) and ``time`` (s, from 0 in each run); units in
         ``X.attrs["units"]``.
     y : Series of shape (n_rows,)
-        Position of the cursor on the axis, px. It is named ``"x"``, the role of the controlled
-        element's output, on either axis.
+        Position of the cursor on the axis, px. Its name is ``"x"``, the role of the controlled
+        element's output, for either axis.
 
     Notes
     -----
     The first 10 frames of every recording are left out: in them the cursor is at (0, 0) in
     ``"difficulty 50"``, jumps from where it was before the start in others, and one frame of
     ``"phase-size 1"`` lasts 49.6 ms. In some phase-size recordings the person starts to move only
-    after 0.4 s more.
+    0.4 s later.
 
     The cursor is stored exactly (whole px), the time to 0.1 us, the other channels in single
     precision (6e-5 px).
 
     An ARX(2, 2, 1) model of the horizontal axis, fitted to the first half and run freely on the
     second, reaches a VAF near 97 % (difficulty 50) and 91 % (difficulty 80); a delay of 0.10 to
-    0.13 s brings the latter to 94 %. Above about 1 Hz people predict periodic targets, and the
-    position error is not what they control.
+    0.13 s raises the latter to 94 %. Above about 1 Hz people predict periodic targets, and do not
+    control the position error.
 
     Source: A. Matic (2022), "Visuomotor phase-locked loop", bioRxiv 2022.07.20.500761;
     https://github.com/adam-matic/visuomotor-phase-locked-loop. MIT licence, Copyright (c) 2022
-    adam-matic, with the package in ``skhoid/io/data/LICENSE-human-tracking.txt``.
+    adam-matic, included in the package as ``skhoid/io/data/LICENSE-human-tracking.txt``.
 
     Examples
     --------
@@ -165,8 +165,8 @@ def load_bicycle_rider(
         The rider's output, ``SteerAngle`` or ``SteerTorque``; any channel is allowed.
     correct_units : bool, default=True
         Multiply ``RollRate``, ``YawRate`` and ``PitchRate`` by 180/pi. In the original they were
-        converted from degrees to radians twice and are too small by that factor; False gives
-        them so.
+        converted from degrees to radians twice and are too small by that factor; False leaves them
+        so.
 
     Returns
     -------
@@ -180,9 +180,9 @@ def load_bicycle_rider(
     ``SteerRate`` has 17 missing values (NaN). Values are stored in single precision (relative
     error below 6e-8).
 
-    With the first half fitted and the second run freely at 50 Hz, ARX(2, 2) from roll to steer
-    angle reaches a VAF of 79 %; from pull force to steer angle it reaches none, a finite impulse
-    response of 2.4 s 62 %.
+    Fitted to the first half and run freely on the second at 50 Hz, ARX(2, 2) from roll to steer
+    angle reaches a VAF of 79 %; from pull force to steer angle it explains nothing, while a finite
+    impulse response of 2.4 s reaches 62 %.
 
     Source: P.D.L. de Lange, J.K. Moore, "Bicycle Rider Control Identification", figshare,
     doi:10.6084/m9.figshare.659465, run 00105, licence CC-BY 3.0; see
@@ -234,8 +234,8 @@ def _selected(recordings: str | int | Iterable[str | int]) -> list[str]:
             labels.append(known[item])
         else:
             raise ValueError(
-                f"There is no recording {item!r}: give 'all', positions 0 to {len(known) - 1} "
-                f"or labels out of {known}."
+                f"There is no recording {item!r}: give 'all', positions 0 to {len(known) - 1}, "
+                f"or labels from {known}."
             )
     if not labels or len(set(labels)) < len(labels):
         raise ValueError(f"recordings must name each recording once, at least one; got {asked}.")
@@ -259,8 +259,8 @@ def _tracking_run(
     disturbances = {"size_s", "phase_f"}.intersection(names)
     if disturbances and f"{target}/size_s" not in data:
         raise ValueError(
-            f"The recording {label!r} has no {' and '.join(sorted(disturbances))}, only the "
-            "phase-size recordings have: name those in recordings."
+            f"The recording {label!r} has no {' and '.join(sorted(disturbances))}, which only "
+            "the phase-size recordings have: name those in recordings."
         )
     cursor = data[f"{label}/cursor_{axis}"].astype(np.float64)
     columns = {"x": cursor, "f_t": data[f"{target}/target_{axis}"].astype(np.float64)}

@@ -1,4 +1,4 @@
-"""Save figures as files, whole or not at all."""
+"""Save figures as complete files or not at all."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -62,8 +62,15 @@ def in_python(name: str, value: str) -> str:
 class UnclearColumnsError(ValueError):
     """Columns of a file cannot be guessed or used; ``problems`` holds all there is to say."""
 
-    def __init__(self, where: str, problems: list[Problem], columns: list[str]):
+    def __init__(
+        self,
+        where: str,
+        problems: list[Problem],
+        columns: list[str],
+        remarks: Sequence[str] = (),
+    ):
         self.where, self.problems, self.columns = where, problems, columns
+        self.remarks = list(remarks)
         super().__init__(self.said_by(in_python))
 
     def said_by(self, shown: Any) -> str:
@@ -72,8 +79,11 @@ class UnclearColumnsError(ValueError):
         there = f"It has: {', '.join(map(repr, self.columns[:MOST])) or 'no columns'}"
         more = len(self.columns) - MOST
         there += f" and {more} more." if more > 0 else "."
+        if self.remarks:
+            there = f"Also: {'; '.join(self.remarks)}.\n  {there}".replace("?.", "?")
         if len(texts) == 1:
-            return f"{self.where}: {texts[0]} {there}"
+            between = "\n  " if self.remarks else " "
+            return f"{self.where}: {texts[0]}{between}{there}"
         listed = "".join(f"\n  {number}. {text}" for number, text in enumerate(texts, 1))
         return f"{self.where}: {len(texts)} problems.{listed}\n  {there}"
 

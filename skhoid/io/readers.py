@@ -54,39 +54,39 @@ def read_runs(
 ) -> tuple[pd.DataFrame, pd.Series]:
     """Read recorded runs from CSV, Parquet or MATLAB files.
 
-    What is not named is guessed from headers and values, and one printed line says which column
+    What you do not name is guessed from headers and values, and one printed line says which column
     was taken for what. Name inputs, output, and time or `dt`, and nothing is guessed.
 
-    Nothing is resampled, sorted or left out: rows come as they are in the files, a missing value
-    is NaN (no measurement). What skhoid asks of the clock is checked when a model is fitted;
-    :func:`skhoid.resample_runs` brings an irregular clock onto a grid.
+    Nothing is resampled, sorted or left out: rows are as in the files, and missing values are NaN
+    (no measurement). The clock is checked when a model is fitted; :func:`skhoid.resample_runs` puts
+    irregularly sampled runs onto a grid.
 
     Parameters
     ----------
     paths : path, glob pattern, or list of these
-        ``"data/run*.csv"``, say. The matches of a pattern are in natural order (run2 before
+        Such as ``"data/run*.csv"``. The matches of a pattern are in natural order (run2 before
         run10), a list keeps its own. The extension sets the format: ``.csv``, ``.tsv``, ``.txt``
-        (separator comma, semicolon or tab, one header row; a decimal comma is recognised where
-        the separator is none), ``.parquet``, ``.pq``, ``.mat`` (version 5 and 7.3). Parquet and
-        MAT 7.3 need ``pip install "skhoid[io]"``.
+        (separated by comma, semicolon or tab, with one header row; decimal commas are recognised
+        unless the comma is the separator), ``.parquet``, ``.pq``, ``.mat`` (version 5 and 7.3).
+        Parquet and MAT 7.3 need ``pip install "skhoid[io]"``.
     inputs : str, list of str, dict or None, default=None
-        Input channels, the columns of `X`. A dict renames: ``{name in the file: channel}``.
-        A column headed ``e [deg]`` or ``e (deg)`` is named ``"e"``, or by its whole header. In a
-        MAT file a name is a variable, a dotted one (``"data.e"``) the field of a struct, whose
-        channel is called ``"e"`` unless another one is. None guesses, and names channels by
-        their roles, ``e``, ``x`` and ``f_t``; without an error, e = f_t - x is formed.
+        Input channels, the columns of `X`. A dict renames: ``{name in the file: channel}``. A
+        column headed ``e [deg]`` or ``e (deg)`` can be named as ``"e"`` or by its whole header. In
+        a MAT file a name is a variable; a dotted one (``"data.e"``) is a field of a struct, whose
+        channel is called ``"e"`` unless another one is. None guesses, and names channels by their
+        roles, ``e``, ``x`` and ``f_t``; if there is no error, e = f_t - x is computed.
     output : str, dict or None, default=None
         The operator's output, as in `inputs`. None guesses, and names it ``u``.
     time : str or None, default=None
         Column of the time in seconds, or in the unit that `units` or its header states (s, ms,
         us). None is guessed unless `dt` is given.
     run : str or None, default=None
-        Column of the run labels; the rows of a run must be contiguous. None means that each file
-        is one run, labelled by its name without extension; where anything is guessed, it is
-        guessed too, with outer levels such as ``subject``.
+        Column of the run labels; the rows of a run must be contiguous. None means that each file is
+        one run, labelled by its name without extension; if anything is guessed, this column is
+        guessed too, along with outer levels such as ``subject``.
     units : dict or None, default=None
-        Units by channel (and of the time), for instance ``{"e": "deg", "time": "ms"}``. They
-        override those of the headers. Only the time is ever converted.
+        Units by channel (and of the time), such as ``{"e": "deg", "time": "ms"}``. They override
+        those of the headers. Only the time is ever converted.
     dt : float or None, default=None
         Sampling time in seconds of files without a time column; every run then starts at 0.
 
@@ -94,7 +94,7 @@ def read_runs(
     -------
     X : DataFrame of shape (n_rows, n_inputs)
         Float64, with the row index levels ``run`` and ``time`` (s). ``X.attrs["units"]`` is a
-        dict with the known units of its channels.
+        dict of the known units of its channels.
     y : Series of shape (n_rows,)
         The output with the same index and ``y.attrs["units"]``.
 
@@ -145,8 +145,8 @@ def read_runs(
     """
     if run is not None and not isinstance(run, str):
         raise TypeError(
-            f"run= names one column; got {run!r}. For subjects or conditions read each by itself "
-            'and join them: pd.concat({"S1": X1, "S2": X2}, names=["subject"]).'
+            f"run= must name one column; got {run!r}. Read several subjects or conditions one by "
+            'one and join them: pd.concat({"S1": X1, "S2": X2}, names=["subject"]).'
         )
     if inputs is None or output is None or (time is None and dt is None):
         return _guessed(paths, inputs, output, time, run, units, dt)
@@ -194,7 +194,7 @@ def _read(
 
 
 def _told_apart(pieces: list[FileRuns]) -> list[FileRuns]:
-    """Files that number their runs alike: the name of the file comes before the label."""
+    """Files that number their runs alike: the file name is put before the label."""
     labels = [label for piece in pieces for label in piece.labels]
     if len(set(labels)) == len(labels) or len({piece.path for piece in pieces}) < len(pieces):
         return pieces
@@ -241,9 +241,9 @@ def _guessed(
 def read_guessed(
     guess: ColumnGuess, opened: FileTable | None = None, *, irregular: bool = False
 ) -> tuple[pd.DataFrame, pd.Series]:
-    """Read the files of a guess; one error tells all that is unclear or wrong in them.
+    """Read the files of a guess; one error lists everything that is unclear or wrong in them.
 
-    ``irregular`` is for clocks that are to be resampled.
+    ``irregular`` allows clocks that are to be resampled.
     """
     files = expand_paths(guess.paths)
     failure: Exception | None = None
@@ -259,7 +259,7 @@ def read_guessed(
     if not problems:
         assert failure is not None
         raise failure
-    raise UnclearColumnsError(where_of(files), problems, guess.columns) from failure
+    raise UnclearColumnsError(where_of(files), problems, guess.columns, guess.remarks) from failure
 
 
 def _read_guess(
@@ -316,7 +316,7 @@ def _wanted(spec: Any, argument: str) -> list[_Channel]:
 
 
 def _by_field(channels: list[_Channel]) -> list[_Channel]:
-    """Fields of structs under their own names, of which roles are taken, where these are unique."""
+    """Fields of structs under their own names, for guessing roles, where these are unique."""
     fields = [channel.name.rpartition(".")[2] for channel in channels]
     return [
         replace(channel, name=field)
@@ -331,7 +331,7 @@ def _check_names(channels: list[_Channel]) -> None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise ValueError(
-            f"The channel {twice!r} is wanted more than once among inputs and output "
+            f"The channel {twice!r} is named more than once among inputs and output "
             f"({names}). Name it once, or rename with a dict {{name in the file: channel}}."
         )
 
@@ -343,8 +343,8 @@ def _clock(time: str | None, dt: float | None) -> str | float:
         return time
     if dt is None:
         raise ValueError(
-            "There is no clock: name the time column (time='t'), or give the sampling time in "
-            "seconds if the files have none (dt=0.01)."
+            "There is no clock: name the time column (time='t'), or, if the files have none, "
+            "give the sampling time in seconds (dt=0.01)."
         )
     return float(dt)
 
@@ -362,7 +362,7 @@ def _check_units(
     unknown = [key for key in units if key not in keys]
     if unknown:
         raise ValueError(
-            f"units has {unknown[0]!r}, which is no wanted channel; the channels are {list(keys)}."
+            f"units has {unknown[0]!r}, which is not one of the channels, {list(keys)}."
         )
     return {keys[key]: unit for key, unit in units.items()}
 
@@ -404,7 +404,7 @@ def _check_labels(pieces: list[FileRuns], run: str | None) -> None:
             if other == piece.path:
                 raise ValueError(f"{piece.path} is named twice in paths.")
             advice = (
-                "rename a file, or name a column with run labels by run="
+                "rename a file, or give a column with run labels by run="
                 if run is None
                 else "give every run its own label"
             )
@@ -424,7 +424,7 @@ def _assemble(
     labels = [label for piece in pieces for label in piece.labels]
     lengths = np.concatenate([piece.lengths for piece in pieces])
     index = _index(labels, lengths, _joined([piece.time for piece in pieces]), levels or [])
-    # Each channel leaves the pieces as it is taken, so that all rows are in memory but once.
+    # Each channel leaves the pieces as it is taken, so that all rows are in memory only once.
     output = _joined([piece.channels.pop() for piece in pieces])
     if len(names) == 2:
         values = _joined([piece.channels.pop() for piece in pieces])[None]
@@ -470,7 +470,7 @@ def _check_instants(piece: FileRuns) -> None:
         k = int(np.searchsorted(stops, missing[0], side="right"))
         row = int(missing[0] - stops[k] + piece.lengths[k])
         raise ValueError(
-            f"The time of run {piece.labels[k]!r} in {piece.path} is missing in its row {row + 1}: "
-            "every sample needs its instant. Where the whole row is empty, delete it: that is a "
-            "gap, at which lags start anew."
+            f"The time of run {piece.labels[k]!r} in {piece.path} is missing in its row "
+            f"{row + 1}: every sample needs a time. If the whole row is empty, delete it: lags "
+            "restart after a gap."
         )

@@ -20,19 +20,20 @@ _SEPARATORS = {".tsv": "\t", ".csv": ","}
 
 
 def check_table_format(form: str) -> None:
-    """Refuse, before long work begins, a format that cannot be written here."""
+    """Refuse a format that cannot be written here before long work begins."""
     if form not in TABLE_FORMATS:
-        raise ValueError(f"Tables are written as {', '.join(TABLE_FORMATS)}; got {form!r}.")
+        raise ValueError(f"Tables can be written as {', '.join(TABLE_FORMATS)}; got {form!r}.")
     if form == "parquet":
         require("pyarrow", "Writing Parquet tables")
 
 
 def write_tables(tables: Mapping[str, pd.DataFrame], folder: str | Path) -> list[Path]:
-    """Write tables, by file name, into a folder.
+    """Write tables to a folder, by file name.
 
-    Names end in ``.tsv``, ``.csv``, either with ``.gz``, or ``.parquet``. Named row indexes become
-    columns, and lists text; the second of two columns of one name gets ``_2`` after it. The files
-    are written beside their places and moved when all are complete.
+    Names end in ``.tsv`` or ``.csv``, with or without ``.gz``, or in ``.parquet``. Named row
+    indexes become columns, and lists become text; the second of two columns of the same name gets
+    the suffix ``_2``. The files are written under temporary names and moved into place when all are
+    complete.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -54,7 +55,7 @@ def _write(table: pd.DataFrame, path: Path) -> None:
 
 
 def _plain(frame: pd.DataFrame) -> pd.DataFrame:
-    """Columns of one type each, under names that are text and differ."""
+    """Columns of one type each, under distinct names that are text."""
     unnamed = all(name is None for name in frame.index.names)
     table = frame.reset_index(drop=unnamed, allow_duplicates=True)
     table.attrs = {}

@@ -1,4 +1,4 @@
-"""Writing files so that they are either whole or not there."""
+"""Writing files so that they are either complete or absent."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ __all__ = ["failing_as", "is_left_over", "written_whole"]
 
 @contextmanager
 def written_whole(path: str | Path, *, sync: bool = False) -> Iterator[Path]:
-    """Give a hidden name beside ``path`` to write to, and move what was written to ``path``.
+    """Give a hidden name in the folder of ``path`` to write to, and move the result to ``path``.
 
-    After an error ``path`` is as it was, and nothing is left beside it. A symbolic link is
+    After an error ``path`` is unchanged, and nothing else is left behind. A symbolic link is
     followed: its target is replaced. With ``sync`` the file is on the disk before it is moved.
     """
     path = Path(os.path.realpath(path))
     if path.is_symlink():
-        raise OSError(f"{path} is a link that leads to itself.")
+        raise OSError(f"{path} is a link to itself.")
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder; name a file in it.")
     if path.exists() and not path.is_file():
-        raise OSError(f"{path} is no ordinary file, and is not replaced.")  # a device, a pipe
+        raise OSError(f"{path} is not a regular file and is not replaced.")  # a device, a pipe
     # Writers look at the last ending, or at two (.csv.gz).
     aside = path.with_name(f".{token_hex(8)}.tmp{''.join(path.suffixes[-2:])}")
     try:
@@ -40,7 +40,7 @@ def written_whole(path: str | Path, *, sync: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def failing_as(path: Path) -> Iterator[None]:
-    """Let errors of the disk name the file that was to be, in place of none or the hidden one."""
+    """Let disk errors name the intended file, not the hidden one or none."""
     try:
         yield
     except OSError as error:
@@ -51,5 +51,5 @@ def failing_as(path: Path) -> Iterator[None]:
 
 
 def is_left_over(path: Path) -> bool:
-    """Whether a file was left by a process that was killed while it wrote."""
+    """Whether a file was left by a process that was killed while writing it."""
     return path.name.startswith(".") and ".tmp" in path.suffixes

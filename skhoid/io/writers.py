@@ -1,4 +1,4 @@
-"""Write runs to the files that read_runs reads."""
+"""Write runs to files that read_runs can read."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["write_runs"]
 def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write runs to a CSV, TSV, Parquet or MATLAB file.
 
-    The file is whole or not there: it is written beside its place and then moved.
+    The file is complete or absent: it is written under a temporary name and then moved into place.
 
     Parameters
     ----------
@@ -32,12 +32,13 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
     y : Series of shape (n_rows,)
         The operator's output, with a name and the same index.
     path : path
-        The extension sets the format. ``.csv``, ``.tsv`` and ``.parquet`` (which needs
-        ``pip install "skhoid[io]"``) have the columns ``run``, ``time``, those of X and y.
-        ``.mat`` (version 5) has one matrix for each channel, with a column for each run, and a
-        vector ``time``; its runs must share their times, and lose their labels.
+        The extension sets the format. ``.csv``, ``.tsv`` and ``.parquet`` (which needs ``pip
+        install "skhoid[io]"``) have the columns ``run``, ``time``, those of X, and y. ``.mat``
+        (version 5) has one matrix per channel, with one column per run, and a vector ``time``; its
+        runs must share their times, and lose their labels.
     overwrite : bool, default=False
-        Replace a file that exists. A symbolic link exists wherever it leads, and is followed.
+        Replace a file that exists. A symbolic link counts as existing wherever it leads, and is
+        followed.
 
     Returns
     -------
@@ -47,13 +48,13 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
     Raises
     ------
     FileExistsError
-        If the file exists, without ``overwrite``.
+        If the file exists and ``overwrite`` is False.
     ValueError
-        If the format is unknown, y has no name of its own, or runs do not fit into matrices.
+        If the format is unknown, y has no name of its own, or the runs do not fit into matrices.
 
     See Also
     --------
-    read_runs : Reads them again.
+    read_runs : Reads such files.
 
     Examples
     --------
@@ -73,7 +74,7 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
             f"{path} has the extension {path.suffix!r}; skhoid writes {', '.join(_WRITERS)}."
         )
     if os.path.lexists(path) and not overwrite:  # a link that leads nowhere, too
-        raise FileExistsError(f"{path} exists. Choose another name, or overwrite=True.")
+        raise FileExistsError(f"{path} exists. Choose another name, or give overwrite=True.")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"The folder {path.parent} of {path} does not exist.")
     if not isinstance(X, pd.DataFrame):
@@ -81,7 +82,7 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
     check_alignment(X, y)
     if not isinstance(y, pd.Series) or y.name is None or y.name in X.columns:
         raise ValueError(
-            f"y must be a Series with a name that is no column of X {list(X.columns)}; got "
+            f"y must be a Series whose name is not a column of X, {list(X.columns)}; got "
             f"{getattr(y, 'name', None)!r}."
         )
     layout = read_layout(X)
@@ -112,14 +113,14 @@ def _write_mat(table: pd.DataFrame, layout: Any, path: Path) -> None:
     times = [layout.time[a:b] for a, b in pairwise(starts)]
     if any(not np.array_equal(times[0], other) for other in times[1:]):
         raise ValueError(
-            "Runs of different length or times do not fit into one matrix a channel: write a .csv "
-            "or .parquet file, or one .mat file for each run."
+            "Runs with different lengths or times do not fit into one matrix per channel: write "
+            "a .csv or .parquet file, or one .mat file per run."
         )
     odd = [name for name in map(str, table.columns) if name == "time" or name.startswith("_")]
     if odd:
         raise ValueError(
-            f"A .mat file cannot hold the channel {odd[0]!r}: 'time' is taken, and names do not "
-            "begin with an underscore. Rename it, or write another format."
+            f"A .mat file cannot hold the channel {odd[0]!r}: 'time' is taken, and names must "
+            "not begin with an underscore. Rename it, or write another format."
         )
     matrices = {"time": times[0][:, None]}
     for name in table.columns:

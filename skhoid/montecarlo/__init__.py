@@ -1,4 +1,4 @@
-"""Monte-Carlo studies: seeded, resumed, on any number of workers."""
+"""Monte-Carlo studies: seeded, resumable, on any number of workers."""
 
 from .blocks import Block, DataSet
 from .declared import identified_as

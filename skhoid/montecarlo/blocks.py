@@ -38,7 +38,7 @@ class DataSet:
     channels : tuple of str
         Columns of ``X``.
     validation : DataSet or None
-        The cell's validation runs, which all of its replications share.
+        The cell's validation runs, shared by all of its replications.
 
     Attributes
     ----------
@@ -47,9 +47,9 @@ class DataSet:
     y : Series of shape (n_runs * n_samples,)
         Control output.
     truth : Bunch
-        What is behind the runs.
+        The truth behind the runs.
     random_state : int
-        A seed of its own, for functions that draw numbers.
+        A seed of its own, for functions that draw random numbers.
 
     Examples
     --------
@@ -231,7 +231,7 @@ def _tables(job: Job, replications: range) -> list[pd.DataFrame]:
     except Exception as error:
         if len(replications) == 1:
             return [_failure(job, replications[0], error)]
-        # Whose fault it is: each half on its own.
+        # To find the culprit, try each half on its own.
         middle = len(replications) // 2
         return [*_tables(job, replications[:middle]), *_tables(job, replications[middle:])]
     return [_of_one(job, data) for data in block.data_sets()]
@@ -254,17 +254,17 @@ def _of_batch(job: Job, found: Any, replications: range) -> pd.DataFrame:
     _check_names(table, {*job.labels, ERROR, SEED})
     if REPLICATION not in table:
         raise ValueError(
-            "A batched function returns a table with a column 'replication' (block.replications); "
-            f"its columns are {list(table.columns)}."
+            f"A batched function must return a table with a column 'replication' "
+            f"(block.replications); its columns are {list(table.columns)}."
         )
     if set(table[REPLICATION]) - set(replications):
-        raise ValueError("A batched function returned rows of replications of other blocks.")
+        raise ValueError("A batched function returned rows for replications of other blocks.")
     table.insert(0, REPLICATION, table.pop(REPLICATION))
     return table
 
 
 def _check_names(table: pd.DataFrame, taken: set[str]) -> None:
-    """Refuse columns of results that the study has itself, and those it cannot keep."""
+    """Refuse columns of results that the study itself has, and those it cannot keep."""
     for name in table.columns:
         if name in taken:
             raise ValueError(
@@ -278,12 +278,12 @@ def _check_names(table: pd.DataFrame, taken: set[str]) -> None:
         if not kept:
             raise TypeError(
                 f"The function returned {name!r} with complex numbers, arrays or lists in it: "
-                "give parts and elements columns of their own."
+                "put their parts or elements into columns of their own."
             )
 
 
 def as_table(found: Any) -> pd.DataFrame:
-    """What a function returned as rows."""
+    """The rows that a function returned."""
     if isinstance(found, pd.DataFrame):
         table = found.reset_index(drop=all(name is None for name in found.index.names))
     elif isinstance(found, pd.Series):
@@ -297,8 +297,8 @@ def as_table(found: Any) -> pd.DataFrame:
         table = pd.DataFrame(list(found))
     else:
         raise TypeError(
-            "The function of a study returns a number, a dict (one row), a list of dicts or a "
-            f"DataFrame (several rows); got {type(found).__name__}."
+            f"The function of a study must return a number, a dict (one row), a list of dicts or "
+            f"a DataFrame (several rows); got {type(found).__name__}."
         )
     table.columns = [str(name) for name in table.columns]
     return table

@@ -1,4 +1,4 @@
-"""Cells of a study: a row of conditions as options of the simulation and of the function."""
+"""Cells of a study: rows of conditions, as options of the simulation and of the function."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _label(value: Any, mark: Callable[[Any], str]) -> Any:
 def read_cell(
     row: dict[str, Any], shared: dict[str, Any], function: Callable[..., Any]
 ) -> dict[str, Any]:
-    """What a cell simulates, and the settings it gives the function."""
+    """What a cell simulates, and the settings it passes to the function."""
     both = shared | row
     known = {"condition", *OF_TASK, *OF_SIMULATION}
     for name in both:
@@ -109,7 +109,9 @@ def _check_settings(
         parameters = list(inspect.signature(function).parameters.values())
     except (TypeError, ValueError):  # not a function, or a compiled one
         if not callable(function):
-            raise TypeError(f"function is called with a data set; got {function!r}.") from None
+            raise TypeError(
+                f"function must be callable with a data set; got {function!r}."
+            ) from None
         return
     needed = [
         p.name

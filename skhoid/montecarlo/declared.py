@@ -1,4 +1,4 @@
-"""Functions of studies that are identified by a declared name and version, not their source."""
+"""Functions of studies that are identified by a declared name and version, not by their source."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 ATTRIBUTE = "_study_identity"
 
-# What manifests say of the package's own functions that were written before these had identities
-# of their own: module, name and digest of the source.
+# What manifests written before the package's functions had identities say about them: module, name
+# and digest of the source.
 BEFORE = {
     ("skhoid: delays and bias", 1): [
         "skhoid.montecarlo.delays.delays_and_bias",
@@ -35,34 +35,34 @@ BEFORE = {
 def identified_as(name: str, version: int = 1) -> Callable[[F], F]:
     """Identify the function of a study by a name and a version, instead of by its source.
 
-    The folder of a study belongs to its function: another source makes another study. A function
-    with a declared identity may be rewritten, renamed and moved, and its folders still open; in
-    return it is up to you to raise ``version`` when it returns other numbers (also those of
-    functions that it calls, and of its defaults).
+    The folder of a study belongs to its function: a changed source makes a different study. A
+    function with a declared identity may be rewritten, renamed and moved, and its folders still
+    open; in return you must raise ``version`` whenever its results change (including changes
+    through functions that it calls and through its defaults).
 
     Parameters
     ----------
     name : str
-        Unlike that of your other functions.
+        Different from those of your other functions.
     version : int, default=1
-        To be raised by one whenever the results change.
+        Raise it by one whenever the results change.
 
     Returns
     -------
     decorator : callable
-        Gives back the function it is given.
+        Returns the function it is given.
 
     Raises
     ------
     TypeError
         If it decorates anything but a function.
     ValueError
-        If the name is empty, the version not a whole number from 1, or the function made within
-        another one: what such a function encloses would be no part of its identity.
+        If the name is empty, the version is not a whole number of at least 1, or the function is
+        defined within another one: the variables it encloses would not be part of its identity.
 
     See Also
     --------
-    MonteCarloStudy : What the function is for.
+    MonteCarloStudy : Where such functions are used.
 
     Examples
     --------
@@ -74,9 +74,11 @@ def identified_as(name: str, version: int = 1) -> Callable[[F], F]:
     ['spread of u', 'version 2']
     """
     if not isinstance(name, str) or not name:
-        raise ValueError(f"name of an identity is text that is not empty; got {name!r}.")
+        raise ValueError(f"name of an identity must be non-empty text; got {name!r}.")
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        raise ValueError(f"version of {name!r} is a whole number, at least 1; got {version!r}.")
+        raise ValueError(
+            f"version of {name!r} must be a whole number, at least 1; got {version!r}."
+        )
 
     def decorator(function: F) -> F:
         if not inspect.isfunction(function):
@@ -86,9 +88,9 @@ def identified_as(name: str, version: int = 1) -> Callable[[F], F]:
             )
         if "<locals>" in function.__qualname__:
             raise ValueError(
-                f"identified_as({name!r}): {function.__qualname__} is made within a function, and "
-                "what it encloses would be no part of its identity. Define it in a module, and "
-                "give values as settings or by functools.partial."
+                f"identified_as({name!r}): {function.__qualname__} is defined within a function, "
+                "and the variables it encloses would not be part of its identity. Define it in a "
+                "module, and pass values as settings or by functools.partial."
             )
         setattr(function, ATTRIBUTE, (name, version))
         return function

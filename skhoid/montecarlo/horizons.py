@@ -1,4 +1,4 @@
-"""The function of studies of memory horizons: VAF of recursions on simulated runs by horizon."""
+"""The function for studies of memory horizons: VAF of recursions on simulated runs by horizon."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def forgetting_vaf(
 ) -> pd.DataFrame:
     """VAF of recursions by memory horizon, for a :class:`MonteCarloStudy`.
 
-    Each run has its own n_k*, theta0 of its first ``init_window`` seconds and P0 = I; with
-    ``scaled`` the signals have unit power there first, so that P0 is worth one sample whatever
-    the units. With ``by_run`` there is a row for each validation run.
+    Each run has its own n_k*, theta0 from its first ``init_window`` seconds and P0 = I; with
+    ``scaled`` the signals are first scaled to unit power there, so that P0 weighs as much as one
+    sample whatever the units. With ``by_run`` there is a row for each validation run.
     """
     rate = block.task.sampling_rate
     before, first = int((block.record.time < 0).sum()), round(init_window * rate)
@@ -117,8 +117,9 @@ def kept_run_in(task: CompensatoryTask) -> float:
     there = task.n_run_in / task.sampling_rate
     if there < kept:
         raise ValueError(
-            f"The task has a run-in of {there:g} s; {kept:g} s are needed, so that the error is "
-            "known one delay before the measurement window. Give it run_in=None or more."
+            f"The task has a run-in of {there:g} s; {kept:g} s are needed, because the error "
+            "must be known one delay before the measurement window. Use run_in=None, or a longer "
+            "run-in."
         )
     return kept
 

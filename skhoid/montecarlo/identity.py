@@ -25,14 +25,14 @@ OF_MODULE = ("__name__", "__file__", "__cached__", "__package__", "__doc__")
 
 
 def described(value: Any, within: tuple[int, ...] = (), *, before: bool = False) -> Any:
-    """A value as JSON can hold it; equal values give equal descriptions, in any process.
+    """A value in a form that JSON can hold; equal values give equal descriptions, in any process.
 
-    Numbers and text stand for themselves, dataclasses and mappings for their parts, functions for
-    the identity they declare, or else their name and source with what they enclose, estimators for
-    their parameters and what they learned, arrays and all else for a digest of what they hold. The
-    module that something is in is no part of it. ``within`` are the objects around it, so that what
-    refers to itself comes to an end. With ``before`` the description is that of folders that
-    were made when modules were part of it.
+    Numbers and text describe themselves; dataclasses and mappings are described by their parts,
+    functions by the identity they declare or else by their name, source and enclosed variables,
+    estimators by their parameters and fitted attributes, arrays and all else by a digest of their
+    contents. The module of an object does not count. ``within`` are the objects around it, which
+    stops recursion in objects that refer to themselves. With ``before`` the description is the one
+    used for folders made when modules still counted.
     """
     if value is None or isinstance(value, (bool, str)):
         return value
@@ -41,7 +41,7 @@ def described(value: Any, within: tuple[int, ...] = (), *, before: bool = False)
     if isinstance(value, (int, np.integer)):
         return int(value)
     if isinstance(value, (float, np.floating)):
-        number = float(value)  # exact as text, and infinity and NaN are no JSON
+        number = float(value)  # exact as text, and infinity and NaN are not JSON
         return int(number) if number.is_integer() else repr(number)
     if id(value) in within:
         return "itself"
@@ -86,8 +86,9 @@ def described(value: Any, within: tuple[int, ...] = (), *, before: bool = False)
         return [kind, *source, joblib.hash(value)]
     except Exception as error:
         raise TypeError(
-            f"A {kind} cannot be told from others of its kind ({type(error).__name__}: {error}). "
-            "A study needs that, for its seeds and its folder: use numbers, text, dataclasses or "
+            f"A {kind} cannot be told apart from others of its kind ({type(error).__name__}: "
+            f"{error}). "
+            "A study needs this for its seeds and its folder: use numbers, text, dataclasses or "
             "functions."
         ) from error
 
@@ -123,7 +124,7 @@ def _name(thing: Any, before: bool) -> str:
 
 
 def _is_plain(kind: type) -> bool:
-    """Whether its objects are what their attributes say; others pickle in a way of their own."""
+    """Whether its objects are defined by their attributes; others pickle in their own way."""
     own = (kind.__reduce__, kind.__reduce_ex__) != (object.__reduce__, object.__reduce_ex__)
     return not own and kind not in dispatch_table
 
@@ -160,13 +161,13 @@ def digest(value: Any) -> str:
 
 
 def spawn_key(value: Any) -> tuple[int, ...]:
-    """Spawn key for the random numbers of what has this description: four whole numbers."""
+    """Spawn key for the random numbers of an object with this description: four whole numbers."""
     raw = hashlib.sha256(json.dumps(value, sort_keys=True).encode()).digest()
     return tuple(int.from_bytes(raw[i : i + 4], "little") for i in range(0, 16, 4))
 
 
 def differing_parts(one: Any, two: Any, where: str = "") -> list[str]:
-    """Where two descriptions differ, as text; the second is the one that is wanted."""
+    """Where two descriptions differ, as text; the second is the current one."""
     if isinstance(one, dict) and isinstance(two, dict):
         found = []
         for key in [*one, *(key for key in two if key not in one)]:

@@ -30,14 +30,14 @@ def summarize(
     table : DataFrame
         Results of :meth:`MonteCarloStudy.run`.
     by : str, sequence of str or None, default=None
-        Columns that make a cell; None means those before ``replication``. Name others that the
-        function returned, such as a setting, too.
+        Columns that define a cell; None means those before ``replication``. Include columns that
+        the function returned, such as a setting, if they define cells too.
     values : str, sequence of str or None, default=None
-        Columns to describe; None means all that are numbers or truth values.
+        Columns to describe; None means all with numbers or truth values.
     statistic : {"mean", "median", "std"} or callable, default="mean"
-        What the confidence interval is for; a callable takes an array of values. Of the mean the
-        interval is that of Student's t, of a share (the mean of truth values) Wilson's, of others
-        the percentiles of bootstrap samples.
+        Statistic for which to give the confidence interval; a callable takes an array of values.
+        The interval is Student's t for a mean, Wilson's for a proportion (the mean of truth
+        values), and percentiles of bootstrap samples otherwise.
     quantiles : sequence of float, default=(0.05, 0.25, 0.5, 0.75, 0.95)
         Quantiles to give.
     confidence : float, default=0.95
@@ -50,14 +50,14 @@ def summarize(
     Returns
     -------
     summary : DataFrame
-        A row for each cell and value, with ``n`` (values that are not NaN), ``missing``, ``mean``,
-        ``sd``, ``q05`` ..., the statistic's name if it is another, and the interval ``low`` and
-        ``high`` (NaN with fewer than two values).
+        One row per cell and value, with ``n`` (values that are not NaN), ``missing``, ``mean``,
+        ``sd``, ``q05`` ..., the statistic under its own name if it is not the mean, and the
+        interval ``low`` and ``high`` (NaN with fewer than two values).
 
     Raises
     ------
     ValueError
-        If a column is not there.
+        If a column is missing.
 
     Examples
     --------
@@ -75,7 +75,8 @@ def summarize(
     if by is None:
         if REPLICATION not in columns:
             raise ValueError(
-                "The table has no column 'replication', so the cells are not known: name them (by)."
+                "The table has no column 'replication', so the cells are not known: name their "
+                "columns (by=)."
             )
         by = columns[: columns.index(REPLICATION)]
     by = [by] if isinstance(by, str) else list(by)
@@ -87,14 +88,15 @@ def summarize(
     if missing:
         raise ValueError(f"The table has no column {missing[0]!r}; it has {columns}.")
     if not 0 < confidence < 1:
-        raise ValueError(f"confidence is between 0 and 1; got {confidence!r}.")
+        raise ValueError(f"confidence must be between 0 and 1; got {confidence!r}.")
     if not all(0 <= q <= 1 for q in quantiles):
-        raise ValueError(f"quantiles are between 0 and 1; got {quantiles!r}.")
+        raise ValueError(f"quantiles must be between 0 and 1; got {quantiles!r}.")
     name, compute = _statistic(statistic)
     made = {"value", "n", "missing", "mean", "sd", "low", "high", name, *map(_label, quantiles)}
     if taken := sorted(made.intersection(by)):
         raise ValueError(
-            f"The cells have a column {taken[0]!r}, as the summary has: rename it first, with "
+            f"The cells have a column {taken[0]!r}, which the summary uses itself: rename it "
+            "first, with "
             f"table.rename(columns={{{taken[0]!r}: ...}})."
         )
     rows = []
@@ -135,7 +137,9 @@ def _statistic(statistic: Any) -> tuple[str, Callable[[np.ndarray], float]]:
     known = {"mean": np.mean, "median": np.median, "std": _deviation}
     if isinstance(statistic, str):
         if statistic not in known:
-            raise ValueError(f"statistic is one of {list(known)} or a function; got {statistic!r}.")
+            raise ValueError(
+                f"statistic must be one of {list(known)} or a function; got {statistic!r}."
+            )
         return statistic, known[statistic]  # type: ignore[return-value]
     return getattr(statistic, "__name__", "statistic"), statistic
 
@@ -160,7 +164,7 @@ def _interval(
     if np.ptp(x) == 0 and name in ("mean", "median"):
         return float(x[0]), float(x[0])
     if name == "mean":
-        # stats.t.interval and stats.sem round otherwise in the last bits.
+        # stats.t.interval and stats.sem round differently in the last bits.
         half = stats.t.ppf((1 + confidence) / 2, x.size - 1) * x.std(ddof=1) / np.sqrt(x.size)
         return float(x.mean() - half), float(x.mean() + half)
     rng = np.random.default_rng(random_state)

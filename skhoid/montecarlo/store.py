@@ -1,4 +1,4 @@
-"""A study's folder: finished blocks as Parquet files, and what study they belong to."""
+"""A study's folder: finished blocks as Parquet files, and the study they belong to."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ NUMBERS = (bool, int, float, np.bool_, np.number)
 class Store:
     """The folder of one study.
 
-    A block is written beside its place and then moved there, so that a file of its name is whole.
-    Files that are damaged all the same, or belong to other blocks, are recognised by the digest of
-    the study, their number and the checksums of their pages and table, and are computed again.
+    A block is written under a temporary name and then moved into place, so a file with its name is
+    complete. Files that are nevertheless damaged, or belong to other blocks, are recognised by the
+    digest of the study, their number and the checksums of their pages and table, and are computed
+    again.
     """
 
     def __init__(self, folder: str | os.PathLike[str], description: dict[str, Any]) -> None:
@@ -50,15 +51,15 @@ class Store:
                 more = f" (and {len(apart) - 4} more)" if len(apart) > 4 else ""
                 raise StudyFolderError(
                     f"The folder {self.folder} belongs to a different study: "
-                    f"{'; '.join(apart[:4])}{more}. Take another folder, or delete this one."
+                    f"{'; '.join(apart[:4])}{more}. Use another folder, or delete this one."
                 )
         else:
             strangers = sorted(self.folder.iterdir()) if self.folder.exists() else []
             strangers = [path for path in strangers if not is_left_over(path)]
             if strangers:
                 raise StudyFolderError(
-                    f"The folder {self.folder} is not a study's: it has no {MANIFEST}, and holds "
-                    f"{strangers[0].name}. Take an empty or a new one."
+                    f"The folder {self.folder} does not belong to a study: it has no {MANIFEST}, "
+                    f"but holds {strangers[0].name}. Use an empty or a new folder."
                 )
             self.folder.mkdir(parents=True, exist_ok=True)
             text = json.dumps(self.description, indent=1)
@@ -69,7 +70,7 @@ class Store:
         blocks.mkdir(exist_ok=True)
 
     def finished(self) -> dict[int, pd.DataFrame]:
-        """Blocks that are whole, by number; what is not is deleted."""
+        """Blocks that are complete, by number; others are deleted."""
         found: dict[int, pd.DataFrame] = {}
         for path in sorted((self.folder / BLOCKS).iterdir()):
             match = NAME.fullmatch(path.name)
@@ -79,17 +80,17 @@ class Store:
                 continue
             number = int(match[1])
             if not path.is_file():
-                what = "a folder" if path.is_dir() else "no file, or a link that leads nowhere"
+                what = "a folder" if path.is_dir() else "not a file, or a broken link"
                 raise StudyFolderError(
                     f"{path} is {what}, where a block of the study should be. Delete it, and the "
-                    "block is computed again."
+                    "block will be computed again."
                 )
             try:
                 found[number] = self._read(path, number)
             except PermissionError as error:
                 raise StudyFolderError(
-                    f"{path} is a block of the study and may not be read. Change its permissions, "
-                    "or delete it, and it is computed again."
+                    f"{path} is a block of the study, but you have no permission to read it. "
+                    "Change its permissions, or delete it, and it will be computed again."
                 ) from error
             except Exception as error:
                 reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
@@ -106,7 +107,7 @@ class Store:
         stamp = (table.schema.metadata or {}).get(KEY, b"").decode()
         found = uniform(table.replace_schema_metadata().to_pandas())
         if not stamp.startswith(f"{self.digest} {number} "):
-            raise ValueError("not the block of this study that its name says")
+            raise ValueError("not the block of this study that its name promises")
         if stamp != self._stamp(number, found):
             raise ValueError("not what was written")
         return found
@@ -115,7 +116,7 @@ class Store:
         return f"{self.digest} {number} {checksum(table)}"
 
     def write(self, number: int, table: pd.DataFrame) -> None:
-        """Write one block; it is there whole or not at all."""
+        """Write one block, completely or not at all."""
         arrow = self.pyarrow.Table.from_pandas(table, preserve_index=False)
         arrow = arrow.replace_schema_metadata({KEY: self._stamp(number, table)})
         with written_whole(self.folder / BLOCKS / f"block-{number:06d}.parquet", sync=True) as path:
@@ -123,18 +124,18 @@ class Store:
 
 
 def _check_folder(path: Path) -> None:
-    """Refuse what is there and is no folder that can be looked into."""
+    """Refuse anything but a readable folder."""
     if not os.path.lexists(path):
         return
     if not path.is_dir():
-        what = "a link that leads nowhere" if path.is_symlink() else "a file"
+        what = "a broken link" if path.is_symlink() else "a file"
         raise StudyFolderError(f"{path} is {what}; a study needs a folder there.")
     if not os.access(path, os.R_OK | os.W_OK | os.X_OK):
-        raise StudyFolderError(f"The folder {path} may not be read and written into.")
+        raise StudyFolderError(f"The folder {path} cannot be read and written to.")
 
 
 def read_manifest(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """The description of the study that a folder belongs to; None if it has none."""
+    """The description of the study to which a folder belongs; None if it has none."""
     manifest = Path(folder) / MANIFEST
     if not os.path.lexists(manifest):
         return None
@@ -142,11 +143,12 @@ def read_manifest(folder: str | os.PathLike[str]) -> dict[str, Any] | None:
         found = json.loads(manifest.read_text(encoding="utf-8"))
     except (ValueError, OSError) as error:
         raise StudyFolderError(
-            f"{manifest} cannot be read ({error}): the folder belongs to no study that is known. "
-            "Take another folder, or delete this one."
+            f"{manifest} cannot be read ({error}): the study to which the folder belongs is "
+            "unknown. "
+            "Use another folder, or delete this one."
         ) from error
     if not isinstance(found, dict) or not str(found.get("entropy", "")).isdecimal():
-        raise StudyFolderError(f"{manifest} is no description of a study. Take another folder.")
+        raise StudyFolderError(f"{manifest} is not a description of a study. Use another folder.")
     return found
 
 

@@ -31,9 +31,9 @@ BLOCK = 32  # replications
 class MonteCarloStudy:
     """A table of conditions, a number of replications, and a function of one simulated data set.
 
-    Every data set has noise of its own: the seed of a replication follows from ``random_state``,
-    what its cell says, and its number (``numpy.random.SeedSequence``). More cells, replications,
-    workers or another order change no number of those that were there.
+    Every data set has its own noise: the seed of a replication follows from ``random_state``, the
+    contents of its cell, and its number (``numpy.random.SeedSequence``). Adding cells, replications
+    or workers, or another order, does not change any of the existing results.
 
     Parameters
     ----------
@@ -43,41 +43,41 @@ class MonteCarloStudy:
         list of dicts, dict of arrays or DataFrame (several rows). Settings are those columns of
         ``conditions`` that are not options of the simulation.
     conditions : dict of lists, list of dicts or DataFrame
-        The cells: all combinations of lists, or one a row (where a DataFrame has NaN, nothing is
-        given). Columns are ``condition``, other
-        options of :func:`skhoid.make_tracking_runs` such as ``remnant_intensity``,
-        ``sampling_rate`` or ``effects``, and keyword arguments of ``function``.
+        The cells: all combinations of lists, or one per row (NaN in a DataFrame means not given).
+        Columns are ``condition``, other options of :func:`skhoid.make_tracking_runs` such as
+        ``remnant_intensity``, ``sampling_rate`` or ``effects``, and keyword arguments of
+        ``function``.
     n_replications : int, default=100
-        Data sets of each cell.
+        Data sets per cell.
     n_runs : int, default=1
-        Runs of each data set.
+        Runs per data set.
     n_validation_runs : int, default=0
-        Further runs of each cell, ``data.validation``, that all of its replications share.
+        Further runs per cell, ``data.validation``, shared by all of its replications.
     simulation : dict or None, default=None
         Options of :func:`skhoid.make_tracking_runs` that all cells share, such as ``channels``.
     common_noise : bool, default=False
-        The same noise in all cells, replication by replication, so that differences between cells
-        are not those of their noise (as in the thesis).
+        Use the same noise in all cells, replication by replication, so that differences between
+        cells are not due to noise (as in the thesis).
     batched : bool, default=False
         ``function`` takes a :class:`~skhoid.montecarlo.Block` of replications instead, and returns
         a table with a column ``replication``; for compiled work on many runs at once, which
         threads can share.
     block_size : int or None, default=None
-        Replications that are simulated, computed and kept together; None means 32.
+        Replications that are simulated, computed and stored together; None means 32.
     random_state : int, RandomState, Generator or None, default=None
-        Source of all randomness. None draws a new one, or takes that of the folder of
+        Source of all randomness. None draws a new one, or takes that of the folder given to
         :meth:`run`.
 
     Attributes
     ----------
     cells : DataFrame
-        Its cells, as the results show them.
+        The cells, as the results show them.
 
     Raises
     ------
     ValueError
         If a name is neither an option of the simulation nor an argument of the function, or if a
-        cell's physics make no sense.
+        cell's physics are not valid.
 
     See Also
     --------
@@ -136,17 +136,17 @@ class MonteCarloStudy:
         self._describe(before=False)
         if self.cells.duplicated().any():
             twice = self.cells[self.cells.duplicated()].iloc[0].to_dict()
-            raise ValueError(f"conditions: the cell {twice} is there twice.")
+            raise ValueError(f"conditions: the cell {twice} occurs twice.")
 
     def _describe(self, before: bool) -> None:
-        """Set the labels (and with them the seeds), as folders have them now or had them before."""
+        """Set the labels (and so the seeds), in the present or the former form of folders."""
         self._before = before
         self.cells = uniform(pd.DataFrame(labels_of([cell["row"] for cell in self._cells], before)))
         self._labels = self.cells.to_dict("records")
 
     @property
     def description(self) -> dict[str, Any]:
-        """What the study is; two studies of one description give the same table."""
+        """Description of the study; two studies with the same description give the same table."""
         as_json = partial(described, before=self._before)
         return ({} if self._before else {"identity": FORMAT}) | {
             "function": as_json(self.function),
@@ -170,39 +170,39 @@ class MonteCarloStudy:
         n_jobs: int | None = None,
         progress: bool | None = None,
     ) -> pd.DataFrame:
-        """Compute all cells and replications, or what is left of them.
+        """Compute all cells and replications, or those that are left.
 
         Parameters
         ----------
         out : path or None, default=None
-            Folder for finished blocks (Parquet, written as they finish). A study that was
-            stopped, in whatever way, goes on there, and ends with the same table. None keeps
-            nothing. Needs ``pip install "skhoid[io]"``.
+            Folder for finished blocks (Parquet, written as they finish). A study that was stopped
+            for any reason resumes from it and ends with the same table. None keeps nothing. Needs
+            ``pip install "skhoid[io]"``.
         n_jobs : int or None, default=None
-            Number of workers, as in joblib; inside ``joblib.parallel_config(backend="dask")``
-            those of the dask cluster that is connected (``pip install "skhoid[dask]"``). Ray and
-            spark bring joblib backends of their own; their results come in rounds.
+            Number of workers, as in joblib; inside ``joblib.parallel_config(backend="dask")`` those
+            of the connected dask cluster (``pip install "skhoid[dask]"``). Ray and Spark have their
+            own joblib backends; their results come in rounds.
         progress : bool or None, default=None
-            Show a bar; None means where there is a terminal.
+            Show a progress bar; None means only in a terminal.
 
         Returns
         -------
         table : DataFrame
             The columns of the cells, ``replication``, those that the function returned, and
-            ``error`` and ``seed`` of data sets that failed (None elsewhere).
+            ``error`` and ``seed`` for data sets that failed (None elsewhere).
 
         Raises
         ------
         StudyFolderError
-            If the folder belongs to a different study, or is not a study's.
+            If the folder belongs to a different study, or to none.
         WorkersLostError
-            If workers die again and again, or a cluster has none for a minute. All blocks but
-            those that kill their worker are finished first.
+            If workers die repeatedly, or a cluster has none for a minute. All blocks except those
+            that kill their worker are finished first.
 
         Warns
         -----
         StudyWarning
-            If data sets failed, or a file was damaged and its block is computed again.
+            If data sets failed, or if a file was damaged and its block is computed again.
         """
         store, finished = None, {}
         if out is not None:
@@ -238,7 +238,7 @@ class MonteCarloStudy:
         return whole
 
     def data_set(self, cell: int, replication: int) -> DataSet:
-        """One data set again, to look at what the function saw.
+        """Simulate one data set again, to see what the function was given.
 
         Parameters
         ----------
@@ -276,7 +276,7 @@ class MonteCarloStudy:
         return int.from_bytes(sequence.generate_state(4).tobytes(), "little")
 
     def _tuned(self, cells: set[int], n_jobs: int | None) -> dict[int, CompensatoryTask | str]:
-        """The tasks of cells, or why there is none; gains are tuned once for each."""
+        """The tasks of cells, or why there is none; gains are tuned once per cell."""
         chosen = sorted(cells)
         jobs = [
             (self._cells[i]["task"], self._entropy_of(i), self._cells[i]["simulation"])
@@ -327,7 +327,7 @@ def _tune(job: tuple[CompensatoryTask, int, Mapping[str, Any]]) -> CompensatoryT
 
 def _whole(value: Any, name: str, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-        raise ValueError(f"{name} is a whole number, at least {least}; got {value!r}.")
+        raise ValueError(f"{name} must be a whole number, at least {least}; got {value!r}.")
     return int(value)
 
 
@@ -339,8 +339,8 @@ def _warn_of_failures(table: pd.DataFrame, total: int) -> None:
     names = table.columns[: list(table.columns).index(REPLICATION)]
     cell = ", ".join(f"{name}={first[name]}" for name in names)
     warnings.warn(
-        f"{len(failed)} of {total} data sets failed; their rows have error and seed. The first, "
-        f"replication {first[REPLICATION]} of {cell}: {first[ERROR]}",
+        f"{len(failed)} of {total} data sets failed; the columns error and seed say which. The "
+        f"first, replication {first[REPLICATION]} of {cell}: {first[ERROR]}",
         StudyWarning,
         stacklevel=3,
     )

@@ -1,8 +1,8 @@
 """Batch arithmetic of Monte-Carlo studies: delays, batch fits and forgetting, on bare arrays.
 
-What :class:`~skhoid.DelaySearchCV`, :class:`~skhoid.ARXRegressor` and
-:class:`~skhoid.RecursiveARX` find for the ARX[2, 2] models of the thesis, without tables and checks
-of single runs. Signals have one run a row and no missing values.
+The same results as :class:`~skhoid.DelaySearchCV`, :class:`~skhoid.ARXRegressor` and
+:class:`~skhoid.RecursiveARX` for the ARX[2, 2] models of the thesis, without tables and checks of
+single runs. Signals have one run per row and no missing values.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ N_PARAMS = ORDERS.n_params
 def delay_losses(e: Any, u: Any, before: int, nks: Any) -> tuple[np.ndarray, np.ndarray]:
     """One-step losses of ARX[2, 2, nk] by ordinary least squares, for many delays and runs.
 
-    The losses that :class:`~skhoid.DelaySearchCV` finds on each run's window alone: all candidates
+    The losses that :class:`~skhoid.DelaySearchCV` finds on the window of each run: all candidates
     are fitted to the same rows, those whose lags lie in the window even for the longest delay.
 
     Parameters
@@ -44,7 +44,7 @@ def delay_losses(e: Any, u: Any, before: int, nks: Any) -> tuple[np.ndarray, np.
     before : int
         Samples before the window, which are not used.
     nks : array-like of int of shape (n_nk,)
-        Candidate delays in samples. Those between them are computed too.
+        Candidate delays in samples. All delays between them are computed too.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def delay_losses(e: Any, u: Any, before: int, nks: Any) -> tuple[np.ndarray, np.
         Mean squared one-step error, in units of u squared; NaN where regressors are linearly
         dependent.
     theta : ndarray of shape (n_runs, n_nk, 4)
-        a1, a2, b0, b1 of each.
+        a1, a2, b0, b1 for each run and delay.
 
     Raises
     ------
@@ -62,13 +62,13 @@ def delay_losses(e: Any, u: Any, before: int, nks: Any) -> tuple[np.ndarray, np.
 
     Notes
     -----
-    Normal equations and one step of refinement, nine times as fast as the search's factorisation of
-    all lags, with losses from residuals. Where the regressors before it explain all but
-    1e-10 of a regressor's power, QR is used all the same.
+    Normal equations with one step of refinement, nine times as fast as the search's factorisation
+    of all lags, and losses from residuals. QR is used where the preceding regressors explain all
+    but 1e-10 of a regressor's power.
 
     References
     ----------
-    Van Grootheest, thesis, Eq. 24 (with the square that its print lost) and Section III-D step 3.
+    Van Grootheest, thesis, Eq. 24 (with the square missing in print) and Section III-D step 3.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def delay_losses(e: Any, u: Any, before: int, nks: Any) -> tuple[np.ndarray, np.
     e, u = _windows(e, u, before)
     candidates = np.asarray(nks)
     if candidates.ndim != 1 or candidates.size == 0 or candidates.dtype.kind not in "iu":
-        raise ValueError(f"nks is one array of at least one whole number; got {nks!r}.")
+        raise ValueError(f"nks must be one array of at least one whole number; got {nks!r}.")
     shortest, longest = int(candidates.min()), int(candidates.max())
     if shortest < 0:
         raise ValueError(f"A delay cannot be negative; got {shortest} samples.")
@@ -98,7 +98,7 @@ def least_squares(e: Any, u: Any) -> np.ndarray:
     Parameters
     ----------
     e : array-like of shape (n_runs, n)
-        Input, which has its delay already.
+        Input, already delayed.
     u : array-like of shape (n_runs, n)
         Output.
 
@@ -142,34 +142,33 @@ def trade_off(
     """VAF of recursions of one run by memory horizon, on that run and on validation runs.
 
     Recursive least squares of ARX[2, 2, 0] from ``theta0`` and P0 = I, once for each form of
-    forgetting and memory horizon, then free runs along its path: of each recording from zero output
-    at the beginning of the measurement window, the error being known one sample before.
+    forgetting and memory horizon, then free runs along its path on each recording, from zero output
+    at the beginning of the measurement window, with the error known one sample before.
 
     Parameters
     ----------
     e_est : array-like of shape (1 + n,)
-        Input of the estimation run, which has its delay already, from one sample before the
-        measurement window.
+        Input of the estimation run, already delayed, from one sample before the measurement window.
     u_est : array-like of shape (n,)
         Output of the estimation run, from the beginning of the window.
     theta0 : array-like of shape (4,)
-        a1, a2, b0, b1 to begin with.
+        Initial a1, a2, b0, b1.
     e_val : array-like of shape (n_val, 1 + n)
-        Input of validation runs, delayed as that of the estimation run.
+        Input of validation runs, delayed like that of the estimation run.
     u_val : array-like of shape (n_val, n)
         Output of validation runs.
     horizons : array-like of shape (n_horizons,)
-        Memory horizons N0 in samples; infinity forgets nothing.
+        Memory horizons N0 in samples; infinity means no forgetting.
     forms : sequence of {"lambda", "Lambda"}, default=("lambda", "Lambda")
-        ``"lambda"`` forgets all parameters, ``"Lambda"`` b0 and b1 alone.
+        ``"lambda"`` forgets all parameters, ``"Lambda"`` only b0 and b1.
     window : tuple of int, default=(3072, 5120)
-        First sample that is scored, and the one after the last; the default is the transition of
-        the thesis at 100 Hz. What comes after it is not used.
+        First sample to score, and the one after the last; the default is the transition of the
+        thesis at 100 Hz. Later samples are not used.
 
     Returns
     -------
     vaf : ndarray of shape (n_forms, n_horizons, 1 + n_val)
-        VAF in percent, no less than 0, of the estimation run and of each validation run.
+        VAF (clipped at 0) in percent, of the estimation run and of each validation run.
 
     Raises
     ------
@@ -197,12 +196,12 @@ def trade_off(
     n = u_est.size
     if (e_est.shape, u_est.shape) != ((n + 1,), (n,)):
         raise ValueError(
-            "e_est begins one sample before u_est and ends with it; got shapes "
+            "e_est must begin one sample before u_est and end with it; got shapes "
             f"{e_est.shape} and {u_est.shape}."
         )
     if (e_val.shape, u_val.shape) != ((len(u_val), n + 1), (len(u_val), n)):
         raise ValueError(
-            "Validation runs are as long as the estimation run: e_val and u_val of shapes "
+            "Validation runs must be as long as the estimation run, with e_val and u_val of shapes "
             f"(n_val, {n + 1}) and (n_val, {n}); got {e_val.shape} and {u_val.shape}."
         )
     if not 0 <= begin < end <= n:
@@ -211,7 +210,7 @@ def trade_off(
     u = np.concatenate((u_est[None, :end], u_val[:, :end]))
     unknown = [form for form in forms if form not in FORMS]
     if unknown:
-        raise ValueError(f"A form of forgetting is one of {FORMS}; got {unknown[0]!r}.")
+        raise ValueError(f"A form of forgetting must be one of {FORMS}; got {unknown[0]!r}.")
     factors = forgetting_factor(np.atleast_1d(np.asarray(horizons, dtype=float)))
     power = np.sum(u[:, begin:] ** 2, axis=1)
     vaf = np.empty((len(forms), factors.size, len(u)))
@@ -247,7 +246,7 @@ def _begun(theta0: np.ndarray, lanes: int) -> RecursionState:
 
 @cache
 def _model(lanes: int) -> RecursionState:
-    """What recursions are copied from: to factor P0 for each takes longer than many rows."""
+    """The model from which recursions are copied, as factoring P0 takes longer than many rows."""
     return RecursionState(np.zeros(N_PARAMS), np.eye(N_PARAMS), lanes)
 
 
@@ -265,10 +264,11 @@ def _windows(e: Any, u: Any, before: int) -> tuple[np.ndarray, np.ndarray]:
     e, u = np.asarray(e, dtype=float), np.asarray(u, dtype=float)
     if e.ndim != 2 or e.shape != u.shape:
         raise ValueError(
-            f"e and u have one run a row and as many samples; got shapes {e.shape} and {u.shape}."
+            f"e and u must have one run per row and the same number of samples; got shapes "
+            f"{e.shape} and {u.shape}."
         )
     if not 0 <= before < e.shape[1]:
-        raise ValueError(f"before={before} leaves nothing of {e.shape[1]} samples.")
+        raise ValueError(f"before={before} leaves none of {e.shape[1]} samples.")
     e, u = _kernels.gate(e[:, before:]), _kernels.gate(u[:, before:])
     if not np.isfinite(e.sum() + u.sum()):
         raise ValueError("e or u has missing or infinite values; skhoid's estimators take those.")
@@ -278,7 +278,7 @@ def _windows(e: Any, u: Any, before: int) -> tuple[np.ndarray, np.ndarray]:
 def _fits(
     e: np.ndarray, u: np.ndarray, shortest: int, longest: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Losses and theta of all delays in a range, on the rows that the longest one knows."""
+    """Losses and theta of all delays in a range, on the rows that the longest one allows."""
     n_runs, n = u.shape
     first = max(ORDERS.na, longest + 1)
     if n - first <= N_PARAMS:

@@ -1,4 +1,4 @@
-"""Jobs in joblib: results as they finish, workers that die, and a progress bar."""
+"""Jobs in joblib: results as they finish, dying workers, and a progress bar."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def results_of(
 ) -> Generator[tuple[int, Any], None, None]:
     """Yield the place of each job and its result, in the order in which they finish.
 
-    Jobs whose workers die are sent again; those that kill them even alone are left out, and an
-    error names them when all others are done. ``threads`` says that the work releases Python's
-    lock, so that threads suffice where no other backend is asked for.
+    Jobs whose workers die are sent again; those that kill workers even when sent alone are left
+    out, and an error names them when all others are done. ``threads`` says that the work releases
+    Python's lock, so that threads suffice unless another backend is requested.
     """
     waiting, lost, in_a_row = dict(enumerate(jobs)), list[int](), 0
     while waiting:
@@ -83,15 +83,15 @@ def _given_up(
 ) -> WorkersLostError:
     why = "" if error is None else f" ({type(error).__name__})"
     return WorkersLostError(
-        f"Workers died{why} again and again on each of these blocks, even alone: "
-        f"{'; '.join(str(jobs[place])[:200] for place in lost)}. Of {len(jobs)} blocks {left} more "
-        "are left; what was finished is kept in the study's folder, if it has one. Often memory is "
-        "short: use smaller blocks (block_size)."
+        f"Workers died{why} repeatedly on each of these blocks, even when run alone: "
+        f"{'; '.join(str(jobs[place])[:200] for place in lost)}. Of {len(jobs)} blocks, {left} "
+        "more are left; finished blocks are kept in the study's folder, if it has one. Often the "
+        "cause is too little memory: use smaller blocks (block_size)."
     )
 
 
 class Sent:
-    """How many jobs may be under way at once, and which were lost, where the sender knows."""
+    """How many jobs may be under way at once, and which were lost, if the sender knows."""
 
     def __init__(self) -> None:
         self.at_once, self.lost = 1, list[int]()
@@ -137,7 +137,7 @@ def _send_to_dask(
 ) -> Iterator[tuple[int, Any]]:
     """Send through the client of joblib's dask backend, which itself never hears of killed workers.
 
-    Dask sends what was on a killed worker again itself, some four times in all.
+    Dask itself resends what was on a killed worker, up to about four times in all.
     """
     from distributed import as_completed
 
@@ -187,8 +187,8 @@ class Workers:
             self.seen = now
         elif now - self.seen > self.patience:
             raise WorkersLostError(
-                f"The dask cluster has had no workers for {self.patience:g} s. What was finished "
-                "is kept in the study's folder, if it has one."
+                f"The dask cluster has had no workers for {self.patience:g} s. Finished blocks "
+                "are kept in the study's folder, if it has one."
             )
 
 
@@ -199,8 +199,8 @@ _limits, _guard = list[Any](), threading.Lock()
 def one_thread() -> Iterator[None]:
     """Linear algebra in one thread, and joblib too unless more is asked for.
 
-    Workers then do not share out the machine twice, and sums are the same however many there are.
-    Limits hold for the whole process: of several threads, the last to leave ends them.
+    The machine is then not divided among workers twice, and sums are the same however many there
+    are. Limits hold for the whole process: of several threads, the last one to leave lifts them.
     """
     with _guard:
         _limits.append(None if _limits else threadpool_limits(1))
@@ -223,7 +223,7 @@ def placed(place: int, compute: Callable[[Any], Any], job: Any) -> tuple[int, An
 
 @contextlib.contextmanager
 def progress_bar(shown: bool | None, total: int, done: int, what: str) -> Iterator[Any]:
-    """A function to call at each result; None for ``shown`` means: where there is a terminal."""
+    """A function to call at each result; None for ``shown`` means: only in a terminal."""
     if shown is None:
         shown = sys.stderr.isatty()
     if not shown or total == done:

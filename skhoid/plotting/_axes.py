@@ -24,6 +24,7 @@ from matplotlib.ticker import (
     StrMethodFormatter,
 )
 
+from ._layout import KEPT, kept_whole
 from ._roles import background
 
 LETTER = 0.523  # mean width of a letter, of the size of its font
@@ -54,7 +55,8 @@ def letters_above(panel: Axes) -> int:
 
 
 def wrapped(text: str, width: int) -> str:
-    return "\n".join(textwrap.wrap(text, max(width, 1), break_on_hyphens=False))
+    lines = "\n".join(textwrap.wrap(kept_whole(text), max(width, 1), break_on_hyphens=False))
+    return lines if KEPT in text else lines.replace(KEPT, " ")
 
 
 def legend_columns(labels: Iterable[str], width: int, most: int | None = None) -> int:

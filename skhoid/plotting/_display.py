@@ -19,6 +19,7 @@ from matplotlib.axes import Axes
 
 from ._axes import HANDLE, legend_columns, legend_entries, legend_inside, letters, wrapped
 from ._layout import FittingLayout, add_lines, figure_size
+from ._roles import scaled
 
 MOST_TOLD = 4  # fields in a repr
 
@@ -99,6 +100,9 @@ class Display:
             legend = self.figure_.legend(
                 handles, labels, loc="outside lower center", ncols=columns, frameon=False
             )
+            for line in legend.get_lines():  # as thin as in the panels they would not be seen
+                line.set_linewidth(max(line.get_linewidth(), scaled(1.2)))
+                line.set_alpha(None)
             rows = -(-sum(1 + label.count("\n") for label in labels) // columns)
             add_lines(self.figure_, rows - 1, legend.get_texts()[0].get_fontsize())
 

@@ -15,7 +15,7 @@ import pandas as pd
 from ._axes import limits_of, note_outside
 from ._checks import check_some_column
 from ._display import Display
-from ._roles import GREEN, GREY, ORANGE, PALETTE, ROLES, scaled
+from ._roles import GREEN, GREY, ORANGE, PALETTE, ROLES, scaled, veil
 
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that limits always hold
 FEW = 20  # estimates, below which limits hold all
@@ -220,4 +220,4 @@ def _draw_band(
     panel: Any, time: Any, value: np.ndarray, deviation: Any, colour: str, label: str | None
 ) -> Any:
     edges = (value - deviation, value + deviation)
-    return panel.fill_between(time, *edges, color=colour, alpha=0.25, lw=0, label=label)
+    return panel.fill_between(time, *edges, color=colour, alpha=veil(0.25), lw=0, label=label)

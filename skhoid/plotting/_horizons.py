@@ -9,20 +9,22 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullLocator
 
+from ._axes import letters_across
 from ._roles import GREY, scaled
 
-MOST_TICKS = 14
+MOST_TICKS, LETTERS = 14, 5  # names of horizons, and letters that one takes
 AFAR = 1.5  # octaves from the longest horizon to the infinite one
 REACH = 3.0  # times the distance of best and median, within which limits hold the values
 
 
-def horizon_axis(panel: Axes, horizons: np.ndarray, most_ticks: int = MOST_TICKS) -> float:
+def horizon_axis(panel: Axes, horizons: np.ndarray) -> float:
     """A logarithmic axis of samples with infinity at its end; return where infinity stands."""
     horizons = np.unique(horizons)
     finite = horizons[np.isfinite(horizons)]
     infinite = float(finite[-1] * 2**AFAR) if finite.size else 2.0
     panel.set_xscale("log", base=2)
-    ticks = _apart(finite, infinite, most_ticks)
+    inches = panel.get_window_extent().width / panel.figure.dpi
+    ticks = _apart(finite, infinite, min(MOST_TICKS, letters_across(inches) // LETTERS))
     names = [f"{tick:g}" for tick in ticks]
     if finite.size < horizons.size:
         ticks, names = [*ticks, infinite], [*names, "∞"]
@@ -47,7 +49,8 @@ def _apart(horizons: np.ndarray, last: float, most: int) -> list[float]:
     """Horizons that are far enough apart for a name each."""
     ticks: list[float] = []
     for horizon in horizons:
-        gap = np.log2(last / horizons[0]) / most
-        if not ticks or np.log2(horizon / ticks[-1]) > 0.99 * gap:
+        gap = np.log2(last / horizons[0]) / max(most, 1)
+        ends = np.log2(last / horizon) < 0.5 * gap  # too near to infinity's own name
+        if not ticks or (np.log2(horizon / ticks[-1]) > 0.99 * gap and not ends):
             ticks.append(float(horizon))
     return ticks

@@ -19,6 +19,8 @@ from matplotlib.text import Text
 from ._roles import DEFAULTS
 
 AROUND = 1.2  # inches that title, labels and legend take at a font size of 10 points
+PAGE = 7.2  # inches between the margins of a printed page, or of one of the documentation
+LEAST_COLUMN = 1.5  # inches that a panel takes at least beside others
 LEAST_ROW = 0.75  # inches that a row of panels takes at least, with the labels between them
 LEAST_LINE = 8  # letters, below which nothing is broken
 KEPT = "\N{NO-BREAK SPACE}"  # for blanks inside of formulas, at which no line breaks
@@ -38,6 +40,11 @@ def figure_size(default: tuple[float, float], rows: int) -> tuple[float, float]:
     width, height = mpl.rcParams["figure.figsize"]
     inside = max(default[1] - around, 0.0) * height / DEFAULTS["figure.figsize"][1]
     return width, around + max(inside, LEAST_ROW * letter * rows)
+
+
+def page_width(wide: float, columns: int) -> float:
+    """Inches of a picture with panels side by side: those of a page, if it can be read there."""
+    return min(wide, max(PAGE, 1.0 + LEAST_COLUMN * columns))
 
 
 def is_default_size() -> bool:
@@ -117,9 +124,14 @@ def _break(text: Text, room: float, side: str) -> bool:
     return text.get_text() != whole
 
 
+def kept_whole(text: str) -> str:
+    """A text in which no line breaks inside of a formula or before a percent sign."""
+    return re.sub(r"\$[^$]*\$| %", lambda found: found[0].replace(" ", KEPT), text)
+
+
 def _filled(line: str, width: int) -> str:
     """A line in parts no longer than this, the parts alike; formulas and percentages stay whole."""
-    kept = re.sub(r"\$[^$]*\$| %", lambda found: found[0].replace(" ", KEPT), line)
+    kept = kept_whole(line)
     parts: list[str] = []
     for narrower in range(width, LEAST_LINE - 1, -1):
         found = textwrap.wrap(kept, narrower, break_long_words=False, break_on_hyphens=False)

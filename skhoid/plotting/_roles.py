@@ -131,6 +131,11 @@ def _mixed(one: Any, other: Any, share: float) -> str:
     return to_hex(mixed)
 
 
+def veil(share: float) -> float:
+    """How opaque a band of any colour is: so much on light backgrounds, twice as much on dark."""
+    return share if readable_on(background()) == "black" else min(1.0, 2.0 * share)
+
+
 def series_colour(position: int) -> str:
     """The colour of a series that is not a role: its place in :data:`PALETTE`, again and again."""
     return PALETTE[position % len(PALETTE)]

@@ -16,7 +16,7 @@ from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
 from ._axes import legend_entries, phase_ticks, with_unit
 from ._display import Display
-from ._roles import GREY, scaled, series_colour, sized
+from ._roles import GREY, scaled, series_colour, sized, veil
 
 SYMBOLS = "osD^vPX"
 MAX_MARKERS = 40  # responses with more lines than this are curves
@@ -68,7 +68,7 @@ class BodeDisplay(Display):
     >>> from skhoid.plotting import BodeDisplay
     >>> omega = np.geomspace(0.1, 30, 200)
     >>> operators = {
-    ...     f"T_L = {T_L} s": FrequencyResponse.of(HumanOperator(T_L=T_L), omega)
+    ...     f"$T_L$ = {T_L} s": FrequencyResponse.of(HumanOperator(T_L=T_L), omega)
     ...     for T_L in (0.4, 1.2)
     ... }
     >>> display = BodeDisplay.from_responses(operators)
@@ -295,7 +295,7 @@ class BodeDisplay(Display):
             else:
                 style = {"ls": "-", "lw": scaled(1.4)}
                 if bound is not None:
-                    band = panel.fill_between(omega, *bound, color=colour, alpha=0.2, lw=0)
+                    band = panel.fill_between(omega, *bound, color=colour, alpha=veil(0.2), lw=0)
                     self.intervals_[label].append(band)
             lines += panel.plot(omega, values, color=colour, label=label, **style)
         self.magnitude_[label], self.phase_[label] = lines

@@ -11,11 +11,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ..runs import read_layout, run_name
 from ._axes import (
+    LETTER,
     legend_above,
     legend_entries,
     legend_inside,
@@ -51,7 +53,7 @@ LAYOUTS: dict[int, list[list[str]]] = {
 }
 HEIGHTS = {"bar": 0.85, "traces": 1.4, "time": 1.9, "amplitude": 1.9, "frequency": 1.9}
 ABOVE_TRACES = 0.16  # of their height, for the name of the worst window
-ABOVE_BARS = 0.45  # of their height, for the names of changes
+ABOVE_BARS = 0.6  # of the panel at most, for the names of changes
 BETWEEN = 0.75  # inches that titles and labels take for each row of panels
 SPEAKS = {"gain change": "gain changes", "mean change": "mean changes"}
 
@@ -283,21 +285,31 @@ class ComparisonDisplay(ComparisonBaseDisplay):
         """Changes in time, named where they are."""
         changes = changes_in_time(self.tests)
         mark_changes(panel, changes)
+        if not (self._own and changes):
+            return
+        names = {name: SPEAKS.get(name, name) for name in changes}
+        box, points = panel.get_window_extent(), 72.0 / panel.figure.dpi
+        size = FontProperties(size="x-small").get_size_in_points()
+        taken = min(
+            size * LETTER * (max(map(len, names.values())) + 4) / (points * box.height), ABOVE_BARS
+        )
         low, high = panel.get_ylim()
-        if changes:
-            panel.set_ylim(low, high + ABOVE_BARS * (high - low))
+        panel.set_ylim(low, low + (high - low) / (1.0 - taken))
+        start, stop = panel.dataLim.intervalx
+        near = 1.5 * size * (stop - start) / (points * box.width)
         for line, (name, at) in zip(panel.get_lines(), changes.items(), strict=False):
-            if not self._own:
-                continue
             line.set_label("_")  # named beside it
+            # Before its line, if the next line is where the name would be.
+            later = [(t, n) for n, t in changes.items() if (t, n) > (at, name)]
+            before = any(t < at + near for t, _ in later)
             panel.annotate(
-                SPEAKS.get(name, name),
+                names[name],
                 (at, 1.0),
-                (2, -2),
+                (-2 if before else 2, -2),
                 xycoords=("data", "axes fraction"),
                 textcoords="offset points",
                 rotation=90,
-                ha="left",
+                ha="right" if before else "left",
                 va="top",
                 fontsize="x-small",
             )

@@ -14,7 +14,7 @@ from ..preprocessing.base import as_fitted
 from ._axes import with_unit
 from ._checks import check_search
 from ._display import Display
-from ._roles import BLUE, VERMILION, outlined, scaled, sized
+from ._roles import BLUE, VERMILION, outlined, scaled, sized, veil
 
 WORTHLESS = 100.0  # percent; with more, the model is worse than none at all
 MAX_NAMED = 25  # candidates that get a tick label of their own
@@ -209,7 +209,7 @@ class DelayLossDisplay(Display):
                 loss - std,
                 loss + std,
                 color=BLUE,
-                alpha=0.2,
+                alpha=veil(0.2),
                 lw=0,
                 label=f"± 1 standard deviation over {self.n_folds} folds",
             )

@@ -205,6 +205,8 @@ class ErrorPathDisplay(Display):
         panel.set_ylim(low, high + ABOVE * span)
         panel.set_ylabel("held-out VAF, %")
         self._say_what_is_left(panel, path)
+        more = self.ceiling_text_.get_text().count("\n")
+        panel.set_ylim(low, high + (1 + 0.6 * more) * ABOVE * span)
 
     def _draw_rmse(self, panel: Axes, path: pd.DataFrame) -> None:
         vaf, ceiling, rmse = (path[n].to_numpy(dtype=float) for n in ("vaf", "ceiling", "rmse"))
@@ -313,7 +315,8 @@ class ErrorPathDisplay(Display):
                     lw=scaled(5.0),
                     solid_capstyle="butt",
                 )
-        text += ", not in the catalogue" if left else ""
+        if left and not np.isnan(ceiling) and gap >= SMALL_GAP:
+            text += ", not in the catalogue"
         self.ceiling_text_ = panel.annotate(
             wrapped(text, int(OF_SMALL * 0.9 * letters_above(panel))),
             (0.0, at),

@@ -12,6 +12,7 @@ from ..interpret.conversion import UNITS
 from ._axes import limits_of, note_outside, parameter_symbol, with_unit
 from ._display import Display
 from ._estimates import MARGIN, MUCH, typical_range
+from ._layout import page_width
 from ._roles import GREY, ORANGE, PALETTE, foreground, scaled
 from .operator_parameters import SYMBOLS
 
@@ -231,7 +232,7 @@ class ExperimentDisplay(Display):
             ax,
             f"{shape[0]} parameters of {shape[1]} subjects, row by row",
             shape,
-            figsize=(max(6.4, 1.0 + 3.0 * shape[1]), 1.6 + 1.6 * shape[0]),
+            figsize=(page_width(max(6.4, 1.0 + 3.0 * shape[1]), shape[1]), 1.6 + 1.6 * shape[0]),
             sharex=True,
             sharey="row",
         ).reshape(shape)

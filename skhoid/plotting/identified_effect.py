@@ -20,7 +20,7 @@ from ._axes import letters, letters_above, letters_across, plain_logarithmic, wr
 from ._display import Display
 from ._effect_bench import Bench, EffectCurves
 from ._effect_curves import effect_curves
-from ._roles import GREY, PALETTE, dimmed, foreground, scaled
+from ._roles import GREY, PALETTE, dimmed, foreground, scaled, veil
 from .operator_parameters import SYMBOLS
 
 WITHOUT = "without the effect"
@@ -257,7 +257,7 @@ class IdentifiedEffectDisplay(Display):
                     curve.low,
                     curve.high,
                     color=colour,
-                    alpha=0.25,
+                    alpha=veil(0.25),
                     lw=0,
                     label=BAND if len(self.bands_) == 0 else None,
                 )

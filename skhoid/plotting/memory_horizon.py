@@ -16,7 +16,7 @@ from ._axes import MARKERS, note_outside, seconds_axis
 from ._checks import check_option, fitted_end
 from ._display import Display
 from ._horizons import horizon_axis, near_best
-from ._roles import GREY, background, outlined, scaled, series_colour, sized
+from ._roles import GREY, background, outlined, scaled, series_colour, sized, veil
 
 LABELS = {
     "gain": "gain in VAF over $\\lambda$ = 1, points",
@@ -198,7 +198,7 @@ class MemoryHorizonDisplay(Display):
         if self.dt is not None and finite.size:
             self.seconds_ax_ = seconds_axis(panel, self.dt, "memory horizon $T_0$, s")
             first, last = finite[0] * self.dt, finite[-1] * self.dt
-            powers = LogLocator(subs=(1.0,)).tick_values(first, last)
+            powers = LogLocator(subs=(1.0, 2.0, 5.0)).tick_values(first, last)
             inside = powers[(powers >= first) & (powers <= last)]
             self.seconds_ax_.xaxis.set_major_locator(FixedLocator(inside))
             self.seconds_ax_.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -219,7 +219,7 @@ class MemoryHorizonDisplay(Display):
         )
         if self.n_splits > 1 and np.isfinite(deviation).any():
             self.bands_[name] = self.ax_.fill_between(
-                at, value - deviation, value + deviation, color=colour, alpha=0.15, lw=0
+                at, value - deviation, value + deviation, color=colour, alpha=veil(0.15), lw=0
             )
         for label, x, y in zip(
             rows["label"][rows["best"]], at[rows["best"]], value[rows["best"]], strict=True

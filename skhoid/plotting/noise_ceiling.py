@@ -91,7 +91,10 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
         self : NoiseCeilingDisplay
         """
         (self.ax_,) = self._take_axes(ax, "the bar", figsize=(6.4, 2.2))
-        note = wrapped(f"Noise ceiling {self.ceiling_note}", letters(self.figure_))
+        source = self.ceiling_note.removeprefix("none: ")
+        if source == self.ceiling_note:
+            source = f"noise ceiling {source}"
+        note = wrapped(source[:1].upper() + source[1:], letters(self.figure_))
         if self._own:
             add_lines(self.figure_, note.count("\n") + 2, mpl.rcParams["font.size"])
         bar = draw_ceiling_bar(self.ax_, self, note=note if self.ceiling_note else "")

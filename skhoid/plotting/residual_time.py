@@ -18,7 +18,7 @@ from ._comparison import (
     is_of_all_runs,
     say_instead,
 )
-from ._roles import GREY, ROLES, background, foreground, scaled, sized
+from ._roles import GREY, ROLES, background, foreground, scaled, sized, veil
 
 CHANGE = " change"  # ends the names of the tests that place a change in time
 CHANGE_STYLES = ("--", "-.", (0, (4, 1, 1, 1, 1, 1)))
@@ -190,7 +190,7 @@ class ResidualTimeDisplay(ComparisonBaseDisplay):
         _, high = _stairs(windows, "high")
         label = f"{100 * MOST_RUNS:g} % of single runs"
         panel.fill_between(
-            time, low, high, color=ROLES["residual"].colour, alpha=0.25, lw=0, label=label
+            time, low, high, color=ROLES["residual"].colour, alpha=veil(0.25), lw=0, label=label
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ._comparison import ComparisonBaseDisplay, beyond, exceeding, percent, say_instead
-from ._roles import ROLES, foreground, scaled, sized
+from ._roles import ROLES, foreground, scaled, sized, veil
 
 MOST_NAMED = 16  # runs that get a tick label each
 MOST_SAID = 4
@@ -126,7 +126,7 @@ class RunComparisonDisplay(ComparisonBaseDisplay):
             low, high = self.noise_ceiling_interval
             if np.isfinite([low, high]).all():
                 self.ax_.fill_between(
-                    span, low, high, color=ROLES["ceiling"].colour, alpha=0.2, lw=0
+                    span, low, high, color=ROLES["ceiling"].colour, alpha=veil(0.2), lw=0
                 )
             (self.ceiling_,) = self.ax_.plot(
                 span,

@@ -14,6 +14,7 @@ from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.gate import as_output, unmasked
 from ..preprocessing.run_in import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, run_name
+from ..summaries import vaf_name
 from ._axes import with_unit
 from ._display import Display
 from ._roles import GREY, ROLES, scaled
@@ -335,8 +336,8 @@ class SimulationDisplay(Display):
 
     def _title(self, number: int) -> str:
         vaf = self.vaf[number]
-        text = "VAF undefined" if np.isnan(vaf) else f"VAF {vaf:.1f} %"
-        text += " about the mean" if self.centered else ""
+        name = vaf_name(centered=self.centered, clipped=bool(vaf <= 0))
+        text = "VAF undefined" if np.isnan(vaf) else f"{name} {vaf:.1f} %"
         where = ""
         if self.window is not None:
             where = f" from {self.window[0]:.4g} to {self.window[1]:.4g} s"

@@ -16,6 +16,7 @@ from ._axes import limits_of, note_outside
 from ._bent_axis import bend_axes, round_up
 from ._checks import check_option
 from ._display import Display
+from ._layout import page_width
 from ._roles import GREY, foreground, remnant_colour, scaled, series_colour, sized
 from ._study import (
     REPLICATION,
@@ -213,7 +214,8 @@ class StudyBoxDisplay(Display):
         check_option("scale", scale, SCALES)
         rows, columns = self._grid()
         shape = len(rows), len(columns)
-        width = 6.4 if shape[1] == 1 else 1.4 + min(3.8 * shape[1], 12.0)
+        wide = 6.4 if shape[1] == 1 else 1.4 + min(3.8 * shape[1], 12.0)
+        width = page_width(wide, shape[1])
         height = 4.2 if shape[0] == 1 else 1.2 + 1.9 * shape[0]
         shows = f"{shape[0]} rows of {shape[1]} panels"
         self.axes_ = self._take_axes(ax, shows, shape, figsize=(width, height)).reshape(shape)

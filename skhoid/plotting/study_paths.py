@@ -13,7 +13,8 @@ import pandas as pd
 from ._axes import corner_note, limits_of, note_outside
 from ._checks import check_some_column
 from ._display import Display
-from ._roles import GREY, ORANGE, ROLES, foreground, scaled
+from ._layout import page_width
+from ._roles import GREY, ORANGE, ROLES, foreground, scaled, veil
 from ._study import (
     OPERATOR,
     REPLICATION,
@@ -265,7 +266,8 @@ class StudyPathDisplay(Display):
         self.names_ = list(self.ranges)
         self.intensities_ = ordered(self.paths["remnant_intensity"])
         shape = len(self.names_), len(self.intensities_)
-        size = max(6.4, 1.2 + 2.7 * shape[1]), 1.4 + 1.5 * shape[0]
+        width = page_width(max(6.4, 1.2 + 2.7 * shape[1]), shape[1])
+        size = width, 1.4 + 1.5 * shape[0]
         shows = "one for each parameter and intensity"
         panels = self._take_axes(ax, shows, shape, figsize=size, sharex=True)
         self.axes_ = panels.reshape(shape)
@@ -341,7 +343,7 @@ class StudyPathDisplay(Display):
     def _draw_batch(self, panel: Any, name: str, P_n: float, row: dict[Any, Any]) -> None:
         span, edges = [row["start"], row["stop"]], [row[f"low_{name}"], row[f"high_{name}"]]
         if np.isfinite(edges).all():
-            panel.fill_between(span, *edges, color=ORANGE, alpha=0.25, lw=0, zorder=2.2)
+            panel.fill_between(span, *edges, color=ORANGE, alpha=veil(0.25), lw=0, zorder=2.2)
         (self.batch_[row["form"], name, P_n],) = panel.plot(
             span,
             [row[name]] * 2,

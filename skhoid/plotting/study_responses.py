@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from ._axes import MARKERS, corner_note, phase_ticks, plain_logarithmic
 from ._display import Display
+from ._layout import page_width
 from ._roles import PALETTE, ROLES, scaled, series_colour, sized
 from ._study import (
     REPLICATION,
@@ -216,7 +217,7 @@ class StudyResponseDisplay(Display):
             ax,
             "magnitude, phase, and their standard deviations, of each method",
             (4, columns),
-            figsize=(max(6.4, 1.4 + 3.2 * columns), 9.6),
+            figsize=(page_width(max(6.4, 1.4 + 3.2 * columns), columns), 9.6),
             sharex=True,
         )
         self.axes_ = panels.reshape(4, columns)

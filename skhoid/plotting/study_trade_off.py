@@ -13,6 +13,7 @@ from ._axes import MARKERS, note_outside
 from ._checks import check_option
 from ._display import Display
 from ._horizons import horizon_axis, near_best
+from ._layout import page_width
 from ._roles import GREY, background, foreground, outlined, scaled, series_colour, sized
 from ._study import REPLICATION, cell_text, check_table, ordered, refuse_mixtures
 from ._study_tables import TRADE_OFF_KEYS, VAF, best_horizon, trade_off_means
@@ -29,7 +30,6 @@ LABELS = {
 LOWER_IS_BETTER = ("overfit_difference", "overfit_ratio")
 WITHOUT = {"gain": 0.0, "tradeoff_ratio": 1.0}  # values of no forgetting
 FEW = 3  # conditions, up to which each has a row
-MOST_TICKS = (8, 5)  # along the axis of a wide panel and of a narrow one
 MARGIN = 0.08
 
 
@@ -187,7 +187,7 @@ class StudyTradeOffDisplay(Display):
             "one for each condition and form",
             shape,
             allowed=(len(self.panels_),),
-            figsize=(max(6.4, 2.0 + 2.4 * shape[1]), 1.4 + 2.2 * shape[0]),
+            figsize=(page_width(max(6.4, 2.0 + 2.4 * shape[1]), shape[1]), 1.4 + 2.2 * shape[0]),
         )
         panels, spare = np.split(self.axes_, [len(self.panels_)])
         for panel in spare:
@@ -201,9 +201,8 @@ class StudyTradeOffDisplay(Display):
         self.notes_: list[Any] = []
         intensities = ordered(self.means["remnant_intensity"])
         horizons = self.means["memory_horizon"].to_numpy(dtype=float)
-        most_ticks = MOST_TICKS[shape[1] > 2]
         for (condition, form), panel in zip(self.panels_, panels, strict=True):
-            self.infinite_ = horizon_axis(panel, horizons, most_ticks)
+            self.infinite_ = horizon_axis(panel, horizons)
             self._draw(panel, condition, form, intensities, kind)
             panel.set_title(f"{condition}, {cell_text('form', form)}", fontsize="medium")
         for number, condition in enumerate(conditions):

@@ -70,6 +70,8 @@ class VAFContourDisplay(Display):
         The lines, one per panel; empty where contours are drawn.
     highest_ : list of Line2D or None
         The asterisks, one per panel; None in a panel without a positive VAF.
+    without_ : list of Line2D
+        Crosses at orders whose free run diverges or has no positive VAF, one per panel with any.
     chosen_ : Line2D or None
         The ring around the chosen model.
     colorbar_ : Colorbar or None
@@ -220,6 +222,7 @@ class VAFContourDisplay(Display):
         self.single_: list[Any] = []
         self.lines_: list[Any] = []
         self.highest_: list[Any] = []
+        self.without_: list[Any] = []
         self.chosen_: Any = None
         self.colorbar_: Any = None
         positive = np.where(self.vaf > 0, self.vaf, np.nan)
@@ -255,6 +258,9 @@ class VAFContourDisplay(Display):
                         x, y, field, levels=levels, colors=foreground(), linewidths=scaled(0.4)
                     )
                 self.single_.append(self._draw_single(panel, x, y, vaf[i], self.contours_[-1]))
+            rows, columns = np.nonzero(self.vaf[i] <= 0)
+            if rows.size:
+                self.without_.append(_mark(panel, x[columns], y[rows], _cross()))
             panel.set_xlim(x[0] - MARGIN, x[-1] + MARGIN)
             panel.set_ylim(y[0] - MARGIN, y[-1] + MARGIN)
             _name_ticks(panel.xaxis, self.na)
@@ -325,6 +331,8 @@ class VAFContourDisplay(Display):
         entries = {several: next((m for m in self.highest_ if m is not None), None)}
         if self.chosen is not None:
             entries["chosen model"] = self.chosen_
+        if self.without_:
+            entries["diverges, or VAF below 0"] = self.without_[0]
         handles = {name: mark for name, mark in entries.items() if mark is not None}
         note = self._note()
         if self._own:
@@ -406,7 +414,7 @@ def _name_ticks(axis: Any, orders: Sequence[Any]) -> None:
         axis.set_ticks(range(len(orders)), [str(order) for order in orders])
 
 
-def _mark(panel: Any, x: float, y: float, style: dict[str, Any]) -> Line2D:
+def _mark(panel: Any, x: Any, y: Any, style: dict[str, Any]) -> Line2D:
     """A mark that may reach over the edge of the panel."""
     (mark,) = panel.plot(x, y, ls="none", clip_on=False, **style)
     return mark
@@ -420,6 +428,10 @@ def _asterisk() -> dict[str, Any]:
         "markeredgecolor": foreground(),
         "zorder": 4,
     }
+
+
+def _cross() -> dict[str, Any]:
+    return {"marker": "x", "ms": sized(6), "color": foreground(), "zorder": 4}
 
 
 def _ring() -> dict[str, Any]:

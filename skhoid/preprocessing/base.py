@@ -44,8 +44,7 @@ def keep_parameters(estimator: Any) -> None:
 def as_fitted(estimator: Any) -> Any:
     """The parameters that an estimator was fitted with; its own before a fit.
 
-    All that answers for a fitted estimator asks here: parameters that are set later count from the
-    next fit on.
+    Fitted estimators read their parameters here: parameters set later take effect at the next fit.
     """
     return getattr(estimator, "_fitted_with", estimator)
 
@@ -65,8 +64,8 @@ def read_table(
     frame = isinstance(X, pd.DataFrame)
     if not reset and estimator._indexed and not (frame and TIME in X.index.names):
         raise RunIndexError(
-            f"{type(estimator).__name__} was fitted on X with run and time in its index and now "
-            "gets X without. " + SET_OUTPUT_HINT
+            f"{type(estimator).__name__} was fitted on X with run and time in its index, but now "
+            "gets X without them. " + SET_OUTPUT_HINT
         )
     layout, names = None, None
     if frame and len(X):
@@ -160,7 +159,7 @@ class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstim
         if container not in {"default", "pandas"}:
             raise RunIndexError(
                 f"{type(self).__name__} marks rows in a pandas row index, which a {container} "
-                'table cannot carry. Use .set_output(transform="pandas") on this step, and make '
+                'table does not have. Use .set_output(transform="pandas") on this step, and make '
                 f"{type(self).__name__} a step of the pipeline itself, after any step that needs "
                 f"{container}."
             )

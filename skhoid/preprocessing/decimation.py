@@ -18,14 +18,14 @@ class Decimator(RowPreservingTransformer):
     """Decimate recorded runs by a whole factor without dropping a row.
 
     The channels are low-pass filtered inside each run, and the rows that a decimated recording
-    would keep are marked in an extra index level. skhoid's estimators obey the mark: they filter
+    would keep are marked in an extra index level. skhoid's estimators respect the mark: they filter
     and thin ``y`` in the same way, fit on the kept rows, and interpolate predictions back to every
-    row. So stock scikit-learn pipelines and searches work, and scores are taken at full rate.
+    row. Standard scikit-learn pipelines and searches therefore work, and scores are at full rate.
 
     Parameters
     ----------
     factor : int, default=1
-        Decimation factor d; every d-th row is kept. 1 changes nothing and adds no mark.
+        Decimation factor d: every d-th row is kept. With 1, nothing is changed or marked.
     method : {"ideal", "downsample", "aggregate"}, default="ideal"
         ``"ideal"`` is the noncausal FFT filter that removes everything from the new Nyquist
         frequency on; ``"downsample"`` thins without a filter; ``"aggregate"`` is piecewise
@@ -33,12 +33,12 @@ class Decimator(RowPreservingTransformer):
     padding : {"periodic", "odd"}, default="periodic"
         What the ideal filter assumes beyond the ends of a run. ``"periodic"`` is the plain DFT,
         exact when the measurement window holds whole periods of the forcing function (trim the
-        run-in before decimating). ``"odd"`` reflects the run about its end points; take it for
-        runs that end elsewhere than they began, which otherwise ring near both ends.
+        run-in before decimating). ``"odd"`` reflects the run about its end points; use it for runs
+        that end at a different value than they began, which otherwise ring near both ends.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
-        Run column of data without a run index; it passes unchanged.
+        Run column of data without a run index; it passes through unchanged.
 
     Attributes
     ----------
@@ -51,13 +51,13 @@ class Decimator(RowPreservingTransformer):
 
     See Also
     --------
-    DelayShift : Shifts at the full rate, whether it stands before or after the Decimator.
+    DelayShift : Shifts at the full rate, whether it comes before or after the Decimator.
 
     Notes
     -----
-    Row k of a run (k counted from time zero, so that slicing a run does not change the choice) is
-    kept when k is a multiple of d. Filters do not cross runs, gaps or the end of a run-in marked by
-    :class:`RunInTrimmer`. NaN are bridged for the filter and stay NaN.
+    Row k of a run (counted from time zero, so slicing a run does not change the choice) is kept if
+    k is a multiple of d. Filters do not cross runs, gaps or the end of a run-in marked by
+    :class:`RunInTrimmer`. NaN are bridged for filtering but stay NaN.
 
     References
     ----------

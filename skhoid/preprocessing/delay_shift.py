@@ -16,10 +16,10 @@ from .base import RowPreservingTransformer, as_fitted
 class DelayShift(RowPreservingTransformer):
     """Delay the input channels by a fixed time, inside each run.
 
-    The shift is made at the full sampling rate, whether a :class:`Decimator` stands before or
-    after it, so the delay keeps the resolution of the recording. The first rows of a run have no
-    past and become NaN, which skhoid's estimators leave out. Rows of a trimmed run-in are a real
-    past and are used.
+    The shift is made at the full sampling rate, whether a :class:`Decimator` comes before or after
+    it, so the delay keeps the resolution of the recording. The first rows of a run have no past and
+    become NaN, which skhoid's estimators leave out. Rows of a trimmed run-in are recorded past and
+    are used.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class DelayShift(RowPreservingTransformer):
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
-        Run column of data without a run index; it passes unchanged.
+        Run column of data without a run index; it passes through unchanged.
 
     Attributes
     ----------
@@ -50,8 +50,8 @@ class DelayShift(RowPreservingTransformer):
 
     References
     ----------
-    Van Grootheest, thesis, Section III-D step 4: shift first, thin afterwards, with the offset
-    ceil(n_k / d) d - n_k, which keeping the grid of ``y`` gives by itself.
+    Van Grootheest, thesis, Section III-D step 4: shift first, then thin, with the offset ceil(n_k /
+    d) d - n_k, which follows from keeping the grid of ``y``.
 
     Examples
     --------

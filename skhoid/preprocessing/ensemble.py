@@ -21,9 +21,9 @@ SAME = 1e-6  # of its largest value, within which a target is the same
 def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
     """Average runs that share the forcing function, instant by instant.
 
-    What the operator does in response to the target stays, and remnant, which differs from run to
-    run, falls with the square root of the number of runs: the averaged run can be identified with
-    a shorter memory horizon. A response that differs between runs is averaged too.
+    The operator's response to the target remains, and remnant, which differs from run to run, falls
+    with the square root of the number of runs: the averaged run can be identified with a shorter
+    memory horizon. Differences between runs in the response are averaged too.
 
     Parameters
     ----------
@@ -31,13 +31,13 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
         Channels, with ``run`` and ``time`` in the row index. With outer levels such as
         ``subject`` the runs of each combination of them are averaged.
     y : Series or array of shape (n_rows,)
-        Output. A missing value, in X as in y, is left out of the mean.
+        Output. Missing values in X or y are left out of the mean.
 
     Returns
     -------
     X_mean : DataFrame
-        One run with the label ``"mean"`` for each combination of outer levels, over the instants
-        that all of its runs have.
+        One run labelled ``"mean"`` for each combination of outer levels, over the instants that all
+        its runs share.
     y_mean : Series
         The averaged output.
 
@@ -46,7 +46,7 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
     RunIndexError
         If X has no run and time index, or the runs have no instant in common.
     ValueError
-        If a column of the name ``f_t`` differs between the runs.
+        If the column ``f_t`` differs between the runs.
 
     See Also
     --------
@@ -68,7 +68,7 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
     check_alignment(X, y)
     if layout.mark is not None or layout.trimmed is not None:
         raise RunIndexError(
-            "ensemble_average takes recorded rows, not those marked by a Decimator or a "
+            "ensemble_average needs recorded rows, not rows marked by a Decimator or a "
             "RunInTrimmer; average first and put these into the pipeline."
         )
     table = X.assign(**{"": as_output(y)})  # no channel has an empty name
@@ -85,8 +85,8 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
             common = np.intersect1d(common, number[of_run])
         if common.size == 0:
             raise RunIndexError(
-                f"The runs {[layout.labels[r] for r in runs]} have no instant in common; "
-                "their times must count from the start of the forcing function."
+                f"The runs {[layout.labels[r] for r in runs]} have no instant in common; count "
+                "their times from the start of the forcing function."
             )
         values = np.stack(
             [table.iloc[r].to_numpy(dtype=float)[np.isin(number[r], common)] for r in rows]

@@ -40,7 +40,7 @@ def as_output(
         _check_columns(y, what)
         y = _dense(y)
     elif isinstance(y, np.ndarray) and y.dtype.kind == "V":
-        raise TypeError(f"{what} is an array of {y.dtype}, not of numbers: pass one of its fields.")
+        raise TypeError(f"{what} is an array of {y.dtype}, not numbers: pass one of its fields.")
     values = column_or_1d(unmasked(y), warn=warn)
     if values.dtype.kind not in "iufb":
         table = pd.DataFrame({output_name(y): values})
@@ -107,7 +107,7 @@ def check_not_too_small(values: np.ndarray, what: str, names: list[Any] | None =
     bad = np.flatnonzero((sizes > 0) & (sizes < SMALLEST))
     if bad.size:
         raise ValueError(
-            f"{_place(what, names, bad[0])} is nowhere larger than {sizes[bad[0]]:.6g}, too small "
+            f"{_place(what, names, bad[0])} is never larger than {sizes[bad[0]]:.6g}, too small "
             f"to compute with (at least {SMALLEST:g}). Use other units, or zeros if it is at rest."
         )
 
@@ -130,14 +130,14 @@ def _place(what: str, names: list[Any] | None, column: int) -> str:
 def _check_columns(X: pd.DataFrame, what: str = "X") -> None:
     if X.shape[1] == 0 and what == "X":
         raise ValueError(
-            "X has no columns (0 feature(s), while a minimum of 1 is required): there is no "
-            "channel to answer."
+            "X has no columns (0 feature(s), while a minimum of 1 is required): there is no input "
+            "channel."
         )
     if not X.columns.is_unique:
         twice = X.columns[X.columns.duplicated()][0]
         raise ValueError(
             f"{int((X.columns == twice).sum())} columns of {what} are called {twice!r}; give each "
-            "its own name."
+            "a different name."
         )
 
 
@@ -185,8 +185,8 @@ def refuse_objects(X: Any, error: Exception) -> None:
     for number, row in enumerate(rows := [_entries(row) for row in X]):
         if len(row) != len(rows[0]):
             raise ValueError(
-                f"Row {number} of X holds {len(row)} values and row 0 holds {len(rows[0])}: give "
-                "each the same number, NaN where one is missing."
+                f"Row {number} of X holds {len(row)} values but row 0 holds {len(rows[0])}: give "
+                "all rows the same number, with NaN where one is missing."
             ) from error
         for position, entry in enumerate(row):
             nested = isinstance(entry, (list, tuple, np.ndarray))

@@ -34,8 +34,8 @@ LONGEST_BRIDGE = 3.0  # median steps; late samples of a jittery clock are no gap
 def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) -> Any:
     """Bring recorded runs onto a regular time grid by cubic interpolation.
 
-    skhoid never does this by itself: lags in samples need a regular clock, and an irregular one
-    is an error that names this function.
+    skhoid never does this on its own: lags in samples need a regular clock, and an irregular one
+    raises an error that names this function.
 
     Parameters
     ----------
@@ -44,15 +44,15 @@ def resample_runs(X: pd.DataFrame, y: Any = None, *, dt: float | None = None) ->
     y : Series, DataFrame, array of shape (n_rows,) or None, default=None
         Output with the same rows.
     dt : float or None, default=None
-        Sampling time of the new grid in seconds; None takes the median step. Choose it no longer
-        than the old one: nothing is filtered, so coarser grids alias (thin with
+        Sampling time of the new grid in seconds; None takes the median step. Do not choose it
+        longer than the old one: nothing is filtered, so coarser grids alias (thin with
         :class:`skhoid.Decimator` instead).
 
     Returns
     -------
     X_regular : DataFrame
-        Rows at the first instant of each segment plus multiples of ``dt``. A step longer than
-        three median steps is a gap and stays one; rows whose neighbours are NaN are NaN.
+        Rows at the first instant of each segment plus multiples of ``dt``. A step longer than three
+        median steps remains a gap; rows with NaN neighbours are NaN.
     y_regular : Series or DataFrame
         Only if ``y`` is given.
 

@@ -14,11 +14,11 @@ from .base import RowPreservingTransformer, as_fitted
 
 
 class RunInTrimmer(RowPreservingTransformer):
-    """Mark the run-in of each run, which estimators and scorers then leave out.
+    """Mark the run-in of each run, so that estimators and scorers leave it out.
 
-    skhoid's estimators do not fit marked rows. Their simulation restarts at the first row after
-    the run-in, with zero output and the real past inputs; the run-in itself gets the free run
-    from the start of the recording. Scores leave the run-in out.
+    skhoid's estimators do not fit marked rows. Their simulation restarts at the first row after the
+    run-in, with zero output and the recorded past inputs; the run-in itself gets the free run from
+    the start of the recording. Scores exclude the run-in.
 
     Parameters
     ----------
@@ -26,11 +26,11 @@ class RunInTrimmer(RowPreservingTransformer):
         Length of the run-in in seconds, counted from the first row of each run.
     measurement_time : float or None, default=None
         Length of the measurement window T_m in seconds; the last ``measurement_time`` of each run
-        is kept. At most one of the two may be given; with none, nothing is marked.
+        is kept. Give at most one of the two; with neither, nothing is marked.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
-        Run column of data without a run index; it passes unchanged.
+        Run column of data without a run index; it passes through unchanged.
 
     Attributes
     ----------
@@ -43,10 +43,9 @@ class RunInTrimmer(RowPreservingTransformer):
 
     Notes
     -----
-    Put it before the :class:`Decimator`, so that the filter works on the measurement window
-    alone. Where the free run starts matters: with the thesis's remnant-free data ARX[2,2,28]
-    scores a VAF of 99.9553 % on the second half when it starts with the window, and 98.9605 % when
-    it starts in the middle.
+    Put it before the :class:`Decimator`, so that only the measurement window is filtered. The start
+    of the free run matters: on the thesis's remnant-free data ARX[2,2,28] scores a VAF of 99.9553 %
+    on the second half when it starts with the window, and 98.9605 % when it starts in the middle.
 
     References
     ----------
@@ -84,7 +83,7 @@ class RunInTrimmer(RowPreservingTransformer):
     def _check_layout(self, layout: RunLayout) -> None:
         if layout.mark is not None:
             raise RunIndexError(
-                "X is already decimated, and its filter worked across the run-in. Put RunInTrimmer "
+                "X is already decimated, and the filter ran across the run-in. Put RunInTrimmer "
                 "before the Decimator."
             )
         if self.run_in is not None and self.measurement_time is not None:
@@ -121,7 +120,7 @@ def run_in_rows(
     """Rows of the run-in, in whole samples counted from an end of each run."""
     for name, value in (("run_in", run_in), ("measurement_time", measurement_time)):
         if value is not None and not 0 <= value < np.inf:
-            raise ValueError(f"{name} is a time in seconds, not negative; got {value!r}.")
+            raise ValueError(f"{name} must be a time in seconds, 0 or more; got {value!r}.")
     trimmed = np.zeros(layout.n_rows, dtype=bool)
     for run, (a, b) in enumerate(zip(layout.run_starts[:-1], layout.run_starts[1:], strict=True)):
         number = np.rint((layout.time[a:b] - layout.time[a]) / layout.dt)

@@ -1,4 +1,4 @@
-"""Checks of recordings before anything is fitted: faults of channels, and lost control."""
+"""Checks of recordings before fitting: faults of channels, and lost control."""
 
 from .channels import check_channels
 from .findings import Finding

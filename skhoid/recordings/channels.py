@@ -47,11 +47,11 @@ def check_channels(
 ) -> list[Finding]:
     """Check units, clock and channels of a recording.
 
-    Looks for a rate that is not the derivative of its angle (pairs are found by name: stem and
-    stem + rate, dot or velocity, in any style of writing) or holds another rate besides; e that
-    is not f_t - x; a channel that is a copy of another, or of the output; invalid first samples;
-    a clock that counts rows or milliseconds, jitters, has gaps, or differs between runs; channels
-    that are held or interpolated from a slower recording, constant, or partly missing.
+    Looks for a rate that is not the derivative of its angle (pairs are found by name: stem and stem
+    + rate, dot or velocity, in any spelling) or contains another rate; e that is not f_t - x; a
+    channel that is a copy of another, or of the output; invalid first samples; a clock that counts
+    rows or milliseconds, jitters, has gaps, or differs between runs; channels that are held or
+    interpolated from a slower recording, constant, or partly missing.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def check_channels(
         Channels as recorded; the time index may be too irregular for a model. The channels e, x
         and f_t are known by their names.
     y : Series, array of shape (n_rows,) or None, default=None
-        The operator's output, checked as the channels are.
+        The operator's output, checked like the channels.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -68,18 +68,18 @@ def check_channels(
     Returns
     -------
     findings : list of Finding
-        Empty if nothing was found; faults of units first. Each has a ``name``, ``title``,
+        Empty if nothing was found; unit errors come first. Each has a ``name``, ``title``,
         ``evidence``, ``meaning`` and ``next_step``, and can be printed.
 
     Raises
     ------
     RunIndexError
-        If runs or time make no sense: rows shuffled, time that repeats or is no number.
+        If runs or time make no sense: shuffled rows, or time that repeats or is not a number.
 
     Notes
     -----
     Changes of an angle over 1 sample to 1 s are compared with the integral of the rate. The two
-    regression lines enclose the true factor whichever of the channels is noisy; 10 % are left to
+    regression lines enclose the true factor, whichever channel is noisy; 10 % is allowed for
     calibration.
 
     Examples
@@ -95,7 +95,7 @@ def check_channels(
     """
     X = as_table(X)
     if len(X) == 0:
-        raise RunIndexError("X has no rows: there is nothing to check.")
+        raise RunIndexError("X has no rows, so there is nothing to check.")
     recording = read_recording(X, y, dt, run)
     findings = check_rates(recording)
     for check in (
@@ -127,7 +127,7 @@ def _error_signal(recording: RawRecording) -> Iterator[Finding]:
     (a, b, c), *_ = np.linalg.lstsq(columns, e[known], rcond=None)
     left = _rms(e[known] - columns @ [a, b, c]) / size
     evidence = f"The rms of e - (f_t - x) is {100 * apart:.3g} % of that of e."
-    meaning = "One of the three is not the signal its name says, or was delayed or filtered."
+    meaning = "One of the three is not the signal that its name says, or was delayed or filtered."
     if left <= IDENTITY:
         evidence += f" e = {a:.4g} f_t {b:+.4g} x {c:+.3g} holds to {100 * left:.2g} %."
         if abs(a + 1) < IDENTITY and abs(b - 1) < IDENTITY:
@@ -146,7 +146,7 @@ def _error_signal(recording: RawRecording) -> Iterator[Finding]:
         "e is not f_t - x",
         evidence,
         meaning,
-        "Correct the channel, or compute e = f_t - x, before a model is fitted.",
+        "Correct the channel, or compute e = f_t - x, before fitting a model.",
     )
 
 
@@ -228,16 +228,16 @@ def _copy(recording: RawRecording, source: Any, copy: Any, shift: int, gain: flo
     return Finding(
         "copy",
         what,
-        f"With an offset, it leaves less than {COPY:g} of the rms step from row to row, in all "
-        "rows.",
-        f"{channel} is the output itself: a model that may use it explains everything and means "
+        f"Apart from an offset, it differs by less than {COPY:g} of the rms step from row to row, "
+        "in all rows.",
+        f"{channel} is the output itself: a model that uses it explains everything and means "
         "nothing."
         if of_output
-        else "Together they say no more than one of them, and a model cannot tell their effects "
-        "apart.",
+        else "Together they carry no more information than one of them, and a model cannot "
+        "separate their effects.",
         f"Leave {channel} out of the inputs."
         if of_output
-        else f"Leave {copy} or {source} out, unless one is only a unit for display.",
+        else f"Leave {copy} or {source} out, unless one is only for display in another unit.",
     )
 
 
@@ -264,7 +264,7 @@ def _first_samples(recording: RawRecording) -> Iterator[Finding]:
             yield Finding(
                 "first samples",
                 f"{name} is not valid from the beginning of {_runs(jumps)}",
-                f"In run {label} it stands still and jumps by {jump:.4g} after "
+                f"In run {label} it is constant and jumps by {jump:.4g} after "
                 f"{counted(number, 'sample')} ({number * recording.dt:.3g} s); later "
                 f"steps are {later:.4g} at most.",
                 "The channel held an old value until then: a cursor at (0, 0), or a display that "
@@ -276,7 +276,7 @@ def _first_samples(recording: RawRecording) -> Iterator[Finding]:
             number = still[label]
             yield Finding(
                 "first samples",
-                f"{name} stands still at the beginning of {_runs(still)}",
+                f"{name} is constant at the beginning of {_runs(still)}",
                 f"The first {number} samples of run {label} ({number * recording.dt:.3g} s) are "
                 f"equal, more than {LONGER:g} times as many as anywhere later.",
                 "Recording began before the signal, or the operator, was ready.",
@@ -335,8 +335,8 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             "Runs differ in sampling time",
             f"The median step is {min(typical):.6g} s in one run and {max(typical):.6g} s in "
             "another.",
-            "A lag in samples is a different time in each run.",
-            f"Bring the runs onto one grid: X, y = resample_runs(X, y, dt={snap(max(typical)):g}).",
+            "A lag in samples then differs in time between runs.",
+            f"Put the runs on one grid: X, y = resample_runs(X, y, dt={snap(max(typical)):g}).",
         )
     found = [role for role in ("e", "x", "f_t") if recording.signals.of_role(role)[0] is not None]
     if min(typical) >= SLOWEST and of_person(found):
@@ -359,7 +359,7 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             f"The median step is {recording.dt:.6g} s; {int((off > NOTED_JITTER).sum())} of "
             f"{off.size} steps deviate by more than 1 %, rms {100 * _rms(off):.2f} %, most at "
             f"{recording.where(row)} ({tolerated}).",
-            "Lags in samples are not quite lags in time: errors of timing are read as noise at "
+            "Lags in samples are then not exactly lags in time: timing errors appear as noise at "
             "high frequency.",
             f"Interpolate: X, y = resample_runs(X, y, dt={snap(recording.dt):.6g}).",
         )
@@ -370,8 +370,7 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             f"The clock has {counted(len(gaps), 'gap')}",
             f"The longest lasts {longest:.4g} s ({longest / recording.dt:.1f} steps), after "
             f"{recording.where(row)}.",
-            "Samples were lost. Models start anew after a gap; spectra need a stretch without "
-            "gaps.",
+            "Samples were lost. Models restart after a gap; spectra need a stretch without gaps.",
             "Cut the run there, or bridge gaps of up to three steps with resample_runs.",
         )
 
@@ -398,15 +397,15 @@ def _slower(recording: RawRecording) -> Iterator[Finding]:
                 f"{name} is {how} over {shown} samples",
                 f"It {'changes' if order == 1 else 'bends'} every {shown} samples "
                 f"({factor * recording.dt:.3g} s), in {100 * REGULAR:.0f} % of the cases or more, "
-                f"and {'stands still' if order == 1 else 'is a straight line'} between.",
+                f"and {'is constant' if order == 1 else 'is a straight line'} in between.",
                 f"It was recorded at {1 / (factor * recording.dt):.4g} Hz"
                 + (
-                    " and repeated: it lags by half of that time on average."
+                    " and repeated: it lags by half that time on average."
                     if order == 1
-                    else " and interpolated: nothing faster than half that rate is in it."
+                    else " and interpolated: it holds nothing faster than half that rate."
                 ),
                 f"Decimate the recording by {shown} (Decimator), or use the original samples with "
-                "resample_runs. If the target was made that way, nothing is wrong.",
+                "resample_runs. If the target was generated that way, nothing is wrong.",
             )
             break
 
@@ -463,12 +462,11 @@ def _missing(recording: RawRecording) -> Iterator[Finding]:
             f"the longest stretch {counted(lengths[longest], 'row')} "
             f"({lengths[longest] * recording.dt:.3g} s) from "
             f"{recording.where(edges[2 * longest])} on.",
-            "Models leave rows out whose lags need a missing value, and hold the last one in a "
+            "Models leave out rows whose lags need a missing value, and hold the last value in a "
             "free run.",
             "Leave the channel out."
             if all_of_it
-            else "Cut long stretches out, or fill short "
-            "ones in by interpolation (X.interpolate()).",
+            else "Cut out long stretches, or fill short ones by interpolation (X.interpolate()).",
         )
 
 
@@ -487,8 +485,8 @@ def _constant(recording: RawRecording) -> Iterator[Finding]:
             f"{name} is constant" + ("" if everywhere else f" in {_runs(still)}"),
             f"It is {next(iter(still.values())):g} in every row"
             + ("." if everywhere else f" of run {next(iter(still))}."),
-            "It carries no information: not connected, or not used in this experiment.",
-            "Leave the channel out." if everywhere else "Leave these runs out, or the channel.",
+            "It carries no information: it was not connected, or not used in this experiment.",
+            "Leave the channel out." if everywhere else "Leave out these runs, or the channel.",
         )
 
 

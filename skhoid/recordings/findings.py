@@ -11,24 +11,24 @@ from ..summaries import Summary
 
 @dataclass(frozen=True, repr=False)
 class Finding:
-    """One thing that was found in a recording or in the residual of a model.
+    """One finding about a recording or about the residual of a model.
 
     Parameters
     ----------
     name : str
-        Short identifier, the same wherever this kind of thing is found: ``"rate unit"``.
+        Short identifier of this kind of finding, such as ``"rate unit"``.
     title : str
         What was found, in one line.
     evidence : str
-        The numbers it rests on.
+        The numbers behind it.
     meaning : str
-        What that means, in the terms of manual-control research.
+        What it means, in the terms of manual-control research.
     next_step : str
         What to do about it.
     picture : str, default=""
         Name of the Display class that shows it; empty if there is none.
     severity : float, default=nan
-        VAF points that it costs; NaN if that is not known.
+        VAF points that it costs; NaN if unknown.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Where control was lost: one rule, by which stretches of a run are left out of fits and scores.
+"""Where control was lost: one rule for the stretches of a run left out of fits and scores.
 
-A person who has lost control no longer answers as before, and a few such seconds outweigh
-minutes of tracking. The rule asks for all of what honest data never have together.
+A person who has lost control no longer responds as before, and a few such seconds outweigh minutes
+of tracking. The rule requires several signs at once that valid data never show together.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CHOICES = (LEAVE_OUT, KEEP)
 WINDOW = 4.0  # s, in most of which the error is large: a spike or a step makes no such window
 BLOCK = 0.5  # s; the parts of a window, of which half may be anything
 APART = 2  # blocks, at most, from one large one to the next of a stretch
-BESIDE = 2  # blocks on either side: it began before it showed, and is still being answered
+BESIDE = 2  # blocks on either side: it began before it showed, and the person is still recovering
 LEAST_SAMPLES = 16  # of a window; slower clocks are not those of somebody who steers
 LOST = 3.0  # times the usual error
 CALM = 0.25  # of the windows of a run have a smaller error than its calm level
@@ -50,7 +50,7 @@ class LostControl:
     begin, end : float
         Time in the run, in s, of the first row and the last.
     times : float
-        Largest level of the error, as a multiple of what is usual.
+        Largest level of the error, as a multiple of the usual level.
     """
 
     run: int
@@ -63,7 +63,7 @@ class LostControl:
 
     @property
     def reason(self) -> str:
-        """What was seen, as part of a sentence."""
+        """What was found, as part of a sentence."""
         return (
             f"control was lost: for {WINDOW:g} s or more the error is {self.times:.1f} times its "
             "usual size in these runs"
@@ -77,7 +77,7 @@ def lost_control(
     """Find the stretches of runs in which control was lost.
 
     :class:`skhoid.EffectSearchCV` and ``skhoid identify`` leave them out of fits and scores, and
-    :func:`skhoid.compare` says them. For other models, set ``y`` to NaN there.
+    :func:`skhoid.compare` reports them. For other models, set ``y`` to NaN there.
 
     Parameters
     ----------
@@ -98,26 +98,27 @@ def lost_control(
 
     Notes
     -----
-    The level of the error at a time is the median of eight rms values, each of half a second: it
-    is large only where the error is large for most of 4 s. Control is lost where the level exceeds
+    The level of the error at any time is the median of eight rms values, each over half a second:
+    it is large only if the error is large for most of 4 s. Control is lost where the level exceeds
+    all of
 
     - 3 times the usual level, which is the median (of the logarithms) of the largest levels of the
-      other runs. Where the target or a recorded disturbance is larger in this run, the level may be
-      larger by as much. For a run that is alone it is 4 times the run's calm level, which a
-      quarter of its windows stays below;
+      other runs. Where the target or a recorded disturbance is larger in this run, the limit rises
+      in proportion. For a single run it is 4 times the run's calm level, which a quarter of its
+      windows stay below;
     - 6 times the run's own calm level: a run that is harder as a whole is not lost. Where the
-      target is known its rms may stand for the calm level, for a run that was never under control;
-    - the rms of the target about its mean, where it is known: to hold still would be better. For a
-      run that is alone the target must be known, and its range counts: no answer to a step,
-      however slow, has a larger error.
+      target is known, its rms may replace the calm level, for a run that was never under control;
+    - the rms of the target about its mean, where it is known: doing nothing would be better. For a
+      single run the target must be known, and its range counts: no response to a step, however
+      slow, has a larger error.
 
-    The stretch lasts as long as the error exceeds the usual level, with 1 s on either side (it
-    began before it showed, and its error is still answered), or to the end of the run where less
-    than 4 s of control are left. What follows is kept: the person answers as before, and a free run
-    is driven by the error that was measured. A stretch with which the run begins, and which ends in
-    its first half, is a first transient: control that was not there yet cannot be lost.
+    The stretch lasts as long as the error exceeds the usual level, with 1 s on either side (the
+    loss began before it showed, and the person is still recovering from its error), or to the end
+    of the run if less than 4 s of control remain. What follows is kept: the person responds as
+    before, and a free run is driven by the measured error. A stretch at the start of a run that
+    ends in its first half is an initial transient: control that was not there yet cannot be lost.
 
-    It asks nothing of clocks that tick less often than every 0.25 s, on which nobody steers.
+    The rule does not apply to sampling times above 0.25 s, at which nobody steers.
 
     Examples
     --------
@@ -139,7 +140,7 @@ def control_in(
     layout = read_layout(X, dt=dt, run=run)
     shape = np.shape(X)
     if len(shape) != 2:
-        raise ValueError(f"X is a table of shape (n_rows, n_columns); got the shape {shape}.")
+        raise ValueError(f"X must be a table of shape (n_rows, n_columns); got the shape {shape}.")
     names = list(X.columns) if hasattr(X, "columns") else list(range(shape[1]))
     check_named(names, roles)
     others = names.copy()

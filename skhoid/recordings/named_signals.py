@@ -56,7 +56,7 @@ class NamedSignals:
 def _numbers(y: Any, n_rows: int) -> np.ndarray:
     output = as_output(y)
     if output.size != n_rows:
-        raise ValueError(f"y has {output.size} values and X has {n_rows} rows.")
+        raise ValueError(f"y has {output.size} values but X has {n_rows} rows.")
     check_not_infinite(output, "y")
     check_not_too_small(output, "y")
     return output

@@ -59,7 +59,7 @@ class Gain:
 
 
 def check_rates(recording: RawRecording) -> list[Finding]:
-    """Rates that are not the derivatives of their angles, or hold another rate besides."""
+    """Rates that are not the derivatives of their angles, or hold another rate as well."""
     wrong, mixed, right = [], [], []
     for angle, rate in pairs(recording.names):
         gain = _gain(recording, angle, rate)
@@ -188,13 +188,13 @@ def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: li
         return Finding(
             "rate unit",
             f"{rate} is not the derivative of {angle}",
-            f"Changes of {angle} correlate with the integral of {rate} by "
-            f"{gain.correlation:.2f} at best (over {duration:.3g} s).",
-            "One of the two is not the signal its name says, or noise hides it.",
-            f"Check both channels before {rate} is used as a motion cue for {angle}.",
+            f"Changes of {angle} and the integral of {rate} correlate by {gain.correlation:.2f} "
+            f"at best (over {duration:.3g} s).",
+            "One of the two is not the signal that its name says, or noise hides it.",
+            f"Check both channels before using {rate} as a motion cue for {angle}.",
         )
     factors = FACTORS | {
-        1 / recording.dt: "differences from row to row, not divided by the sampling time"
+        1 / recording.dt: "differences from row to row that were not divided by the sampling time"
     }
     fitting = [factor for factor in factors if gain.allows(factor)]
     sign = "" if gain.correlation > 0 else "-"
@@ -205,23 +205,23 @@ def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: li
     )
     if gain.allows(1.0):
         title = f"{rate} has the opposite sign of the derivative of {angle}"
-        meaning = "The axes of the two sensors point opposite ways, or one was entered negated."
+        meaning = "The axes of the two sensors point in opposite directions, or one was negated."
         factor = "-1"
     elif fitting:
         nearest = min(fitting, key=lambda f: abs(np.log(f / gain.middle)))
         why = factors[nearest].format(angle=angle, rate=rate)
         title = f"{rate} is not the derivative of {angle}: factor {sign}{gain.middle:.3g}"
-        meaning = f"The expected factor of a fault of units is {nearest:.4g}: {rate} is {why}."
+        meaning = f"The factor of this unit error would be {nearest:.4g}: {rate} is {why}."
         factor = f"{sign}{nearest:.6g}"
         if nearest == 1 / recording.dt:
             meaning = f"{rate} holds {why} (factor {nearest:.4g})."
     else:
         title = f"{rate} is not the derivative of {angle}: factor {sign}{gain.middle:.3g}"
-        meaning = "No common conversion of units has this factor: a wrong gain or calibration."
+        meaning = "No common unit conversion has this factor: the gain or calibration is wrong."
         factor = f"{sign}{gain.middle:.4g}"
     if sign and not gain.allows(1.0):
-        meaning += " The sign is opposite as well."
-    next_step = f"Multiply {rate} by {factor}, unless it is {angle} that is wrong."
+        meaning += " The sign is also opposite."
+    next_step = f"Multiply {rate} by {factor}, unless {angle} is the one that is wrong."
     others = _alike(recording, rate, alone)
     if others and not gain.allows(1.0):
         next_step += (
@@ -235,7 +235,7 @@ def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: li
 def _mixed(
     recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: list[Any]
 ) -> Finding | None:
-    """A rate of about the right size that holds another rate besides."""
+    """A rate of about the right size that holds another rate as well."""
     if gain.correlation**2 >= ALONE:
         return None
     for other in alone:
@@ -254,7 +254,7 @@ def _mixed(
             ""
             if not fitting
             else (
-                f" The factor is that of a fault of units: {other} is "
+                f" The factor is that of a unit error: {other} is "
                 + FACTORS[fitting[0]].split(":")[0]
                 + "."
             )
@@ -265,8 +265,8 @@ def _mixed(
             f"Of the changes of {angle} over {gain.length * recording.dt:.3g} s, {rate} alone "
             f"explains {100 * gain.correlation**2:.1f} %, and with {other} "
             f"{100 * explained:.1f} %.",
-            f"{rate} was measured against another reference than {angle}, such as the ground "
-            f"instead of the vehicle, or {other} was not, or in a wrong unit, subtracted." + unit,
+            f"{rate} was measured against a different reference than {angle}, such as the ground "
+            f"instead of the vehicle, or {other} was not subtracted, or in the wrong unit." + unit,
             f"Use {rate} - {part:.4g} {other}, or differentiate {angle}."
             if part > 0
             else f"Use {rate} + {-part:.4g} {other}, or differentiate {angle}.",

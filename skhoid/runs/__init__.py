@@ -1,4 +1,4 @@
-"""Runs, time, marks and roles: the data convention, which everything else asks here."""
+"""Runs, time, marks and roles: the data convention, defined here for the whole package."""
 
 from .alignment import SET_OUTPUT_HINT, check_alignment
 from .clock import (

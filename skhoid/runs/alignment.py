@@ -13,7 +13,7 @@ from .marks import is_mark
 
 SET_OUTPUT_HINT = (
     "A scikit-learn transformer that returns NumPy arrays drops the row index; call "
-    '.set_output(transform="pandas") on the pipeline to keep it, and put Decimator, DelayShift and '
+    '.set_output(transform="pandas") on the pipeline to keep it, and use Decimator, DelayShift and '
     "RunInTrimmer as steps of the pipeline itself, not in one branch of a ColumnTransformer."
 )
 

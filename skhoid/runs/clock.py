@@ -71,10 +71,9 @@ def check_increasing(
     where = f"run {label!r}, row {row}: {time[row - 1]:.6g} s is followed by {time[row]:.6g} s"
     if repeats:
         raise RunIndexError(
-            f"Time repeats in {bad.size} places, first in {where}. Mostly these are two runs or "
-            "two channels in one table, or a clock that was written with too few digits: give "
-            "each run a label of its own in the 'run' level, each channel a column, and the time "
-            "all its digits."
+            f"Time repeats in {bad.size} places, first in {where}. The usual causes are two runs "
+            "or two channels in one table, or times written with too few digits: give each run "
+            "its own label in the 'run' level, each channel a column, and the time all its digits."
         )
     if many:
         raise RunIndexError(
@@ -84,8 +83,8 @@ def check_increasing(
         )
     what = "repeats" if time[row] == time[row - 1] else "decreases"
     raise RunIndexError(
-        f"Time {what} in {where}. If a new run begins there, give it a label of its own in the "
-        "'run' level; otherwise sort the rows by time and drop repeated ones."
+        f"Time {what} in {where}. If a new run begins there, give it its own label in the 'run' "
+        "level; otherwise sort the rows by time and drop repeated ones."
     )
 
 
@@ -101,10 +100,9 @@ def typical_step(step: np.ndarray, run_starts: np.ndarray, labels: list[Any]) ->
     for median, other in medians[1:]:
         if abs(median - first) > JITTER_TOLERANCE * first and min(median, first) > 0:
             raise IrregularSamplingError(
-                f"The runs differ in sampling time: {first:.6g} s in run {label!r}, {median:.6g} s "
-                f"in run {other!r}. Bring them onto one grid: "
-                f"X, y = skhoid.resample_runs(X, y, dt={max(first, median):.6g}). If rows are "
-                "missing because a split shuffled them, split by runs instead: LeaveOneGroupOut "
-                "with groups=run_labels(X)."
+                f"The runs differ in sampling time: {first:.6g} s in run {label!r}, {median:.6g} "
+                f"s in run {other!r}. Put them on one grid: X, y = skhoid.resample_runs(X, y, "
+                f"dt={max(first, median):.6g}). If rows are missing because a split shuffled "
+                "them, split by runs instead: LeaveOneGroupOut with groups=run_labels(X)."
             )
     return first

@@ -1,4 +1,4 @@
-"""Containers that are no tables of channels; open it to refuse another one by name."""
+"""Containers that are not tables of channels; add one here to refuse it by name."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ ARRAY_LIKE = ("__len__", "shape", "__array__")
 
 
 def refuse_container(X: Any) -> None:
-    """Refuse by name what is no table of channels, and say what to pass in its place."""
+    """Refuse by name what is not a table of channels, and say what to pass instead."""
     if isinstance(X, pd.Series):
-        raise ValueError("X is a Series, and a 2-dimensional table is read: pass X.to_frame().")
+        raise ValueError("X is a Series, but a 2-dimensional table is needed: pass X.to_frame().")
     library = type(X).__module__.partition(".")[0]
     if isinstance(X, dict) and not issparse(X):  # scikit-learn refuses sparse ones, some dicts
         instead = "pandas.DataFrame(X)"
@@ -29,6 +29,6 @@ def refuse_container(X: Any) -> None:
     else:
         return
     raise TypeError(
-        f"X is a {type(X).__name__}, which is not read: pass {instead}, best with levels 'run' and "
-        "'time' in its index."
+        f"X is a {type(X).__name__}, which is not supported: pass {instead}, best with levels "
+        "'run' and 'time' in its index."
     )

@@ -1,4 +1,4 @@
-"""Tables that hold run and time as columns, where they pass for channels of one run."""
+"""Tables with run and time as columns, where they would count as channels of one run."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def not_channels(names: Iterable[Any]) -> list[Any]:
 def refuse_flat(X: Any, *, dt: float | None, run: Any) -> None:
     """Refuse a table whose run or time is a column that nothing names.
 
-    It would be taken for one run with ``dt=1``. A run column is named by ``run=``; beside ``dt=``
-    a column of times is but a channel, unless it shows several runs.
+    It would be taken for one run with ``dt=1``. A run column is named by ``run=``; with ``dt=`` a
+    column of times is just a channel, unless it shows several runs.
     """
     table = _Columns(X)
     label = None if run is not None else table.label()
@@ -55,7 +55,7 @@ def refuse_flat(X: Any, *, dt: float | None, run: Any) -> None:
     unsure = label is not None and plain_name(label) not in (*LABELS, *OUTER)
     raise RunIndexError(
         f"X has {' and '.join(map(repr, found))} as {'columns' if many else 'a column'}, where "
-        f"{'they are' if many else 'it is'} taken for {'channels' if many else 'a channel'}"
+        f"{'they count' if many else 'it counts'} as {'channels' if many else 'a channel'}"
         + (" of one run" if run is None else "")
         + (", with dt = 1" if dt is None and not table.timed else "")
         + f". {table.remedy(label, clock)}"
@@ -125,8 +125,8 @@ class _Columns:
         clock = TIME if self.timed else clock
         if clock is None:
             return (
-                f"Name it and give the sampling time in seconds, run={label!r} and dt=...; or add "
-                "a column 'time' in seconds, and put both into the row index: "
+                f"Pass it with the sampling time in seconds, run={label!r} and dt=...; or add a "
+                f"column 'time' in seconds, and put both into the row index: "
                 f"{self._index_of(label, TIME)}."
             )
         several = label is None and self.goes_back(clock)
@@ -137,12 +137,12 @@ class _Columns:
         text = f"Put {'both' if label is not None else 'it'} into the row index, time in seconds"
         text += f" ({clock!r} divided by 1000): " if in_milliseconds(clock) else ": "
         text += self._index_of(RUN if several else label, clock) + more
-        text += "; y keeps its rows, and its index if that is plain"
+        text += "; y keeps its rows, and its index if it is a plain one"
         if self.timed:
-            return f"{text}. Or name the runs by run={label!r}."
+            return f"{text}. Or pass run={label!r}."
         if label is None:
-            return f"{text}. Or leave it out and give the sampling time in seconds as dt=."
-        return f"{text}. Or name the runs by run={label!r}, with the sampling time as dt=."
+            return f"{text}. Or drop it and give the sampling time in seconds as dt=."
+        return f"{text}. Or pass run={label!r}, with the sampling time as dt=."
 
     def _index_of(self, label: Any, clock: Any) -> str:
         """The call that makes the row index of these columns, and of outer levels beside them."""

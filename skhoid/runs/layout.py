@@ -1,9 +1,9 @@
 """Where runs, segments and marks lie in the rows of a table.
 
-A recording is a table with one row per sample. Which run a row belongs to, and when it was
-taken, travels in the row index of ``X`` (levels ``run`` and ``time``, in seconds; optional outer
-levels such as ``subject`` and ``condition``) or, for arrays and plain frames, in a run column
-(``run=``) and a sampling time (``dt=``). Everything else in skhoid asks :func:`read_layout`.
+A recording is a table with one row per sample. Which run a row belongs to, and when it was taken,
+travels in the row index of ``X`` (levels ``run`` and ``time``, in seconds; optional outer levels
+such as ``subject`` and ``condition``) or, for arrays and plain frames, in a run column (``run=``)
+and a sampling time (``dt=``). The rest of skhoid asks :func:`read_layout`.
 """
 
 from __future__ import annotations
@@ -133,7 +133,9 @@ def read_layout(
     """
     if dt is not None:
         if not 0 < dt < LONGEST_DT:
-            raise ValueError(f"dt is the sampling time in seconds, a positive number; got {dt!r}.")
+            raise ValueError(
+                f"dt must be the sampling time in seconds, a positive number; got {dt!r}."
+            )
         dt = float(dt)
     index = getattr(X, "index", None)
     if not isinstance(index, pd.Index):
@@ -150,7 +152,7 @@ def read_layout(
     refuse_flat(X, dt=dt, run=run)
     if index is not None and index.name != TIME and index.dtype.kind == "f":
         raise RunIndexError(
-            "The row index of X holds numbers that are not whole and has no name. If they are "
+            "The row index of X holds numbers that are not whole but has no name. If they are "
             "seconds, say so (X.index.name = 'time'); if they mean nothing, call "
             "X.reset_index(drop=True)."
         )
@@ -175,11 +177,11 @@ def _doubt_slow_clock(X: Any, layout: RunLayout, said: float | None) -> None:
     """
     if said is None and layout.dt >= SLOW and of_person(map(str, getattr(X, "columns", ()))):
         warnings.warn(
-            f"The time index advances by {layout.dt:g} a row, which is counted as {layout.dt:g} s. "
-            "The channels are those of a person, who does not steer that slowly. If these are "
-            "milliseconds, divide them by 1000 (read_runs does by units={'t': 'ms'}); if they are "
-            "row numbers, multiply them by the sampling time. If they are seconds, say so with "
-            f"dt={layout.dt:g}.",
+            f"The time index advances by {layout.dt:g} a row, which is counted as {layout.dt:g} "
+            "s. The channels are those of a person, who does not steer that slowly. If these are "
+            "milliseconds, divide them by 1000 (read_runs does so with units={'t': 'ms'}); if "
+            "they are row numbers, multiply them by the sampling time. If they are seconds, say "
+            f"so with dt={layout.dt:g}.",
             SlowClockWarning,
             stacklevel=2,
         )
@@ -204,7 +206,8 @@ def numbered(values: Any, where: str) -> tuple[np.ndarray, list[Any]]:
     except TypeError as error:
         row = next(i for i, label in enumerate(values) if not isinstance(label, Hashable))
         raise RunIndexError(
-            f"The run label in {where} is {values[row]!r} in row {row}: labels are numbers or text."
+            f"The run label in {where} is {values[row]!r} in row {row}: labels must be numbers or "
+            "text."
         ) from error
     if np.any(codes < 0):
         row = int(np.flatnonzero(codes < 0)[0])
@@ -228,11 +231,10 @@ def contiguous_runs(codes: np.ndarray, labels: list[Any]) -> np.ndarray:
         back = change[np.flatnonzero(codes[change] < codes[change - 1])[0]]
         label = labels[codes[back]]
         raise RunIndexError(
-            f"The rows of run {label!r} are not contiguous: they go on at row {back}, after rows "
-            f"of run {labels[codes[back - 1]]!r}. Sort the table by run and time "
-            "(X = X.sort_index(), y likewise), or give runs that share a label their own. "
-            "Cross-validation must not shuffle rows: use LeaveOneGroupOut or GroupKFold with "
-            "groups=run_labels(X)."
+            f"The rows of run {label!r} are not contiguous: they continue at row {back}, after "
+            f"rows of run {labels[codes[back - 1]]!r}. Sort the table by run and time (X = "
+            "X.sort_index(), y likewise), or give each run its own label. Cross-validation must "
+            "not shuffle rows: use LeaveOneGroupOut or GroupKFold with groups=run_labels(X)."
         )
     return np.concatenate(([0], change, [codes.size]))
 
@@ -243,8 +245,8 @@ def check_levels(index: pd.Index) -> None:
     twice = next((name for name in names if names.count(name) > 1), RUN)
     if names.count(twice) > 1:
         raise RunIndexError(
-            f"{names.count(twice)} levels of the row index of X are called {twice!r}: give each "
-            "its own name, X.index = X.index.set_names([...])."
+            f"{names.count(twice)} levels of the row index of X are called {twice!r}: give each a "
+            "different name, X.index = X.index.set_names([...])."
         )
 
 
@@ -255,7 +257,7 @@ def _layout_from_multiindex(
     if RUN not in names or TIME not in names:
         raise RunIndexError(
             f"The row index of X has the levels {names}; skhoid needs the levels 'run' and 'time' "
-            "(in seconds), and optional outer ones such as 'subject'. Rename them with "
+            "(in seconds), with optional outer ones such as 'subject'. Rename them with "
             "X.index = X.index.set_names([...]) or build the index with "
             "X.set_index(['run', 'time'])."
         )
@@ -278,9 +280,9 @@ def _layout_from_multiindex(
     run_starts = np.append(firsts, codes.size)
     if len(keys) > 1 and firsts.size == codes.size > 1:
         raise RunIndexError(
-            f"The index levels {[names[k] for k in keys]} together give every row a run of its "
-            "own. Levels besides 'run' and 'time' name subjects or conditions; drop others with "
-            "X.index = X.index.droplevel(...)."
+            f"The index levels {[names[k] for k in keys]} together make every row a run of its "
+            "own. Levels besides 'run' and 'time' should name subjects or conditions; drop others "
+            "with X.index = X.index.droplevel(...)."
         )
     levels = [index.levels[p].take(np.asarray(index.codes[p])[firsts]) for p in keys]
     labels = list(zip(*levels, strict=True)) if len(keys) > 1 else list(levels[0])
@@ -310,7 +312,7 @@ def _check_mark(layout: RunLayout) -> None:
         row = int(np.flatnonzero(expected != layout.kept)[0])
         raise RunIndexError(
             f"Rows were dropped after the Decimator: its mark does not fit {layout.where(row)}. "
-            "The estimator thins marked rows itself; pass it all of them."
+            "The estimator thins marked rows itself; pass it all rows."
         )
 
 
@@ -346,8 +348,8 @@ def _layout_from_time(
     for given, whose in ((dt, "and dt="), (fallback_dt, "and the model was fitted at ")):
         if given is not None and abs(found - given) > 0.01 * given:
             raise IrregularSamplingError(
-                f"Time advances by {found:g} s a row, {whose}{given:g} s. Use data of "
-                f"one sampling time: skhoid.resample_runs(X, dt={given:g}) makes that grid."
+                f"Time advances by {found:g} s per row, {whose}{given:g} s. Use data with one "
+                f"sampling time: skhoid.resample_runs(X, dt={given:g}) makes that grid."
             )
     found = dt or fallback_dt or found
     jitter = 0.0
@@ -365,11 +367,11 @@ def _irregular(layout: RunLayout, typical: float) -> IrregularSamplingError:
     deviation = np.where(within_runs(layout.starts), np.abs(step - dt) / dt, np.nan)
     row = int(np.nanargmax(deviation)) + 1
     return IrregularSamplingError(
-        f"Irregular sampling: {layout.where(row)} comes {step[row - 1]:.6g} s after the row "
-        f"before it, and the sampling time is {snap(typical):.6g} s (largest deviation "
+        f"Irregular sampling: {layout.where(row)} comes {step[row - 1]:.6g} s after the previous "
+        f"row, but the sampling time is {snap(typical):.6g} s (largest deviation "
         f"{100 * layout.jitter:.1f} %, rms {100 * np.sqrt(np.nanmean(deviation**2)):.2f} %; "
-        f"{100 * JITTER_TOLERANCE:.0f} % is tolerated). Bring the runs onto a regular grid "
-        f"with X, y = skhoid.resample_runs(X, y, dt={snap(typical):.6g})."
+        f"{100 * JITTER_TOLERANCE:.0f} % is allowed). Put the runs on a regular grid with "
+        f"X, y = skhoid.resample_runs(X, y, dt={snap(typical):.6g})."
     )
 
 
@@ -389,9 +391,9 @@ def _cut_at_jumps(
         row = int(backwards[0]) + 1
         raise RunIndexError(
             f"The rows are shuffled or hold several runs: the row index goes from "
-            f"{sample[row - 1]} to {sample[row]} at row {row}. Rows must be in time order; name "
-            "runs with an index of levels 'run' and 'time', or with a run column and run=; "
-            "if the index means nothing, call X.reset_index(drop=True)."
+            f"{sample[row - 1]} to {sample[row]} at row {row}. Rows must be in time order; label "
+            "runs with an index of levels 'run' and 'time', or with a run column and run=; if the "
+            "index means nothing, call X.reset_index(drop=True)."
         )
     if within.any() and np.median(step[within]) == 1:
         first = np.repeat(sample[run_starts[:-1]], np.diff(run_starts))

@@ -1,4 +1,4 @@
-"""Marks that travel with rows, in extra levels of their index: run-in, decimation, run column."""
+"""Marks that stay with rows, in extra levels of their index: run-in, decimation, run column."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Which column is which signal: roles of channels, the target e + x, the name of the output.
 
-A channel has the role that ``roles={column: role}`` gives it, else the one its name says: ``e``,
-``x`` and ``f_t`` exactly, ``motion...`` and ``dist...`` by their beginning. Everything else in
-skhoid asks here.
+A channel has the role that ``roles={column: role}`` gives it, else the one its name implies: ``e``,
+``x`` and ``f_t`` exactly, ``motion...`` and ``dist...`` as prefixes. The rest of skhoid asks here.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ def roles_of(names: Sequence[Any], roles: Mapping[Any, Any] | None = None) -> di
     for name, role in found.items():
         if role != OTHER and not (isinstance(role, str) and is_role(role)):
             raise ValueError(
-                f"roles gives {name!r} the role {role!r}; there are 'e', 'x', 'f_t', and names "
+                f"roles gives {name!r} the role {role!r}; the roles are 'e', 'x', 'f_t', names "
                 "that begin with 'dist' or 'motion', and '' for none."
             )
     return found
@@ -61,7 +60,7 @@ def roles_of(names: Sequence[Any], roles: Mapping[Any, Any] | None = None) -> di
 def check_named(names: Sequence[Any], roles: Any, *others: Any) -> None:
     """Refuse ``roles`` of columns that are not there; ``others`` are names besides columns."""
     if roles is not None and not isinstance(roles, Mapping):
-        raise TypeError(f"roles is a dict {{column: role}}; got {roles!r}.")
+        raise TypeError(f"roles must be a dict {{column: role}}; got {roles!r}.")
     known = [*names, *others]
     unknown = [column for column in roles or {} if column not in known]
     if unknown:
@@ -117,13 +116,14 @@ def input_columns(
         labels = not_channels(names[i] for i in chosen)
         if labels:
             raise RunIndexError(
-                f"X has no column 'e', so that all its columns are {what}, {labels[0]!r} among "
-                f"them, which is no signal by its name. Name those that are: {what}=[...]."
+                f"X has no column 'e', so that all its columns are {what}, including "
+                f"{labels[0]!r}, which does not look like a signal. Name the ones to use: "
+                f"{what}=[...]."
             )
         return chosen
     wanted = list(inputs) if np.iterable(inputs) and not isinstance(inputs, str) else [inputs]
     if not wanted:
-        raise ValueError(f"{what} is empty; name at least one column, or None for the default.")
+        raise ValueError(f"{what} is empty; give at least one column, or None for the default.")
     positions = []
     for column in wanted:
         position = _position(names, column)

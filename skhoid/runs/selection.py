@@ -19,16 +19,16 @@ from .marks import is_mark
 
 @checked(level=[str, None])
 def run_labels(X: Any, *, level: str | None = None, run: Any = None) -> np.ndarray:
-    """Return the run label of each row, for use as ``groups`` in cross-validation.
+    """Return the run label of each row, to use as ``groups`` in cross-validation.
 
     Parameters
     ----------
     X : DataFrame of shape (n_rows, n_columns) or array
         Data with ``run`` and ``time`` in the row index, or with a run column.
     level : str or None, default=None
-        Index level to read, such as ``"subject"``, to leave out whole subjects. None means the
-        run itself; where there are outer levels the labels are joined, ``"S1/C3/2"``, because
-        equal run numbers of two subjects are two runs.
+        Index level to read, such as ``"subject"``, to leave out whole subjects. None means the run
+        itself; with outer levels the labels are joined, ``"S1/C3/2"``, because run 2 of one subject
+        is not run 2 of another.
     run : column name or position, or None, default=None
         Run column of a table without a run index.
 
@@ -105,9 +105,9 @@ def warn_of_pooled(X: Any, stacklevel: int = 4) -> None:
             continue
         warnings.warn(
             f"Runs of {len(values)} {name}s are fitted as those of one: "
-            f"{', '.join(map(str, values[:3]))}{', ...' if len(values) > 3 else ''}. Fit each by "
-            f'itself: for name, part in X.groupby(level="{name}"), with y.loc[part.index]; or '
-            f"analyse_experiment. If one model of all is meant, give each run a label of its own "
+            f"{', '.join(map(str, values[:3]))}{', ...' if len(values) > 3 else ''}. Fit each "
+            f'separately: for name, part in X.groupby(level="{name}"), with y.loc[part.index]; or '
+            "use analyse_experiment. If you want one model for all, give each run its own label "
             f"and drop the level {name!r} from the index.",
             PooledRunsWarning,
             stacklevel=stacklevel,
@@ -123,7 +123,7 @@ def select_runs(
     first: int | None = None,
     last: int | None = None,
 ) -> Any:
-    """Return the rows of some runs, by label or by their place in the session.
+    """Return the rows of some runs, by label or by their position in the session.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def select_runs(
     runs : label, list of labels or None, default=None
         Labels of the level ``run`` to keep.
     first, last : int or None, default=None
-        Keep this many runs, the first or the last ones within each combination of outer levels
+        Keep this many runs, the first or the last, within each combination of outer levels
         (subject, condition). The thesis keeps the last five of seven.
 
     Returns

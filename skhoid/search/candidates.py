@@ -1,4 +1,4 @@
-"""Effects tried beside a model, what came of each, and which is the best."""
+"""Effects tried in a model, the result of each, and which is the best."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CONFUSED = 12.0  # of ΔBIC, within which two effects are not told apart
 
 @dataclass
 class Candidate:
-    """An effect tried beside a parent, and what came of it."""
+    """An effect tried in addition to a parent, and the result."""
 
     name: str
     effect: Effect
@@ -63,20 +63,20 @@ class Candidate:
 
     @property
     def pays(self) -> bool:
-        """Whether the rows that are there are better explained with it, whatever the loop says."""
+        """Whether it explains the rows better, whatever the closed loop says."""
         if self.refused:
             return False
         return self.gain > -self.least_gain if self.trace else self.helps
 
     @property
     def refuted(self) -> bool:
-        """Whether the unbiased likelihood and the closed loop, once asked, speak against it.
+        """Whether the unbiased likelihood and the closed loop, if evaluated, speak against it.
 
-        What is linear the loop decides, and asks more of an answer to the target. A noise model
-        that is estimated along decides where the loop cannot be solved; of what is not linear a
-        loop that speaks against it counts as well. To what only the remnant excites, as feedback
-        that the target cannot tell from another gain, the loop is blind: then much must be gained,
-        and be likely.
+        For linear effects the loop decides, and asks more of a response to the target. Where the
+        loop cannot be solved, a jointly estimated noise model decides; for nonlinear effects a loop
+        that speaks against them counts as well. The loop is blind to what only the remnant excites,
+        such as feedback that the target cannot tell from another gain: then the gain must be large,
+        and likely.
         """
         judged = self.in_loop
         if judged is None:
@@ -98,16 +98,16 @@ class Candidate:
 
     @property
     def linear_in_loop(self) -> bool:
-        """Whether the closed loop has judged it, as linear."""
+        """Whether the closed loop has judged it as a linear effect."""
         judged = self.in_loop
         return judged is not None and bool(np.isfinite(judged.delta_bic)) and not judged.bends
 
     @property
     def weight(self) -> float:
-        """ΔBIC by which candidates are put in order, of rows at about the same rate.
+        """ΔBIC by which candidates are ranked, of rows at about the same rate.
 
-        The unbiased one, where it is known, beside that of the free run, which is less so but
-        holds what a noise model estimated along would take for remnant.
+        The unbiased one where it is known, and that of the free run, which is less so but includes
+        what a jointly estimated noise model would take for remnant.
         """
         unbiased = self.joint if np.isfinite(self.joint) else self.delta_bic / 2
         against = 0.0 if self.in_loop is None else self.in_loop.against
@@ -126,7 +126,7 @@ class Candidate:
 
 @dataclass
 class SearchStep:
-    """A parent, and all candidates beside it, best first.
+    """A parent, and all candidates for it, best first.
 
     ``parent`` is at the largest likelihood under the noise model of the step, ``plain`` at the
     least error of the simulation; ``refit`` is the held-out VAF of a model refitted for each fold.
@@ -146,7 +146,7 @@ class SearchStep:
         return self.refit(self.plain)
 
     def rank(self) -> None:
-        """Put the best first; it has passed in the closed loop too, where that is known."""
+        """Put the best first; it has also passed in the closed loop, where that is known."""
         judged: list[Candidate] = []
         while True:
             self.candidates.sort(key=place_of)
@@ -160,9 +160,9 @@ class SearchStep:
         mark_confused(self.candidates)
 
     def _likeliest_in_loop(self) -> None:
-        """Of linear effects that pass the one with the largest ΔBIC in the closed loop.
+        """Of the linear effects that pass, the one with the largest ΔBIC in the closed loop.
 
-        Outside it the remnant decides as well which of them follows the error best.
+        Outside the loop, the remnant also influences which of them fits best.
         """
         first = self.best
         if first is None or not first.linear_in_loop:
@@ -192,7 +192,7 @@ class SearchStep:
         return candidate.passes
 
     def _leak_beyond_parent(self, model: Model) -> str:
-        """What the leak test says of a model, unless it says nearly the same of the parent."""
+        """What the leak test says about a model, unless it says much the same about the parent."""
         leak, of_parent = leak_of(model), self._parent_leak
         if leak is None or not leak.leaks:
             return ""
@@ -210,7 +210,7 @@ class SearchStep:
 
 
 def likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
-    """Of each effect the alternative that explains most, in the order of the effects."""
+    """For each effect the alternative that explains most, in the order of the effects."""
 
     def worth(candidate: Candidate) -> tuple[bool, bool, float]:
         gains = candidate.gain >= candidate.least_gain
@@ -231,7 +231,7 @@ def place_of(candidate: Candidate) -> tuple[bool, bool, float]:
 
 
 def without_name(candidate: Candidate) -> str:
-    """Why a fitted effect names nothing: its numbers end where nobody measured them."""
+    """Why a fitted effect is not named: its numbers end where nobody measured them."""
     model = candidate.model
     assert model is not None
     own = f"{candidate.name}__"
@@ -251,7 +251,7 @@ def without_name(candidate: Candidate) -> str:
 
 
 def hardly_there(candidate: Candidate) -> str:
-    """Why a fitted effect names nothing: its numbers may as well be those at which it does nothing.
+    """Why a fitted effect is not named: its numbers may well be those at which it does nothing.
 
     Not asked of what jumps, nor where a standard error is not known.
     """
@@ -269,7 +269,7 @@ def hardly_there(candidate: Candidate) -> str:
         if not abs(value - neutral[name]) < SURE * unsure:
             return ""
         numbers.append(f"{name} = {value:.2g} ± {unsure:.1g}")
-    return f"by its standard errors it may be none: {', '.join(numbers)}" if numbers else ""
+    return f"within its standard errors it may be zero: {', '.join(numbers)}" if numbers else ""
 
 
 def natural(value: float) -> bool:

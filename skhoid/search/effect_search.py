@@ -66,108 +66,111 @@ class EffectSearchCV(
     RegressorMixin,
     BaseEstimator,
 ):
-    """Which physical effects a model is missing, judged on held-out runs.
+    """Find the physical effects that a model is missing, judged on held-out runs.
 
-    Every effect of a catalogue is added to the model in turn, and all parameters refitted
-    together in simulation. An effect counts when both criteria are met: by likelihood,
-    ΔBIC = n log(SSE before / after) - k log n > 25; by free run, a gain of at least 0.2 points
-    of VAF (about the mean) on held-out rows. Where the controlled element is known, the best must
-    also help in the **closed loop**, where target and disturbance go in, and the model's
-    output moves x and e: no remnant that comes back in the error passes for an answer there. Of
-    what is not linear, or where the loop cannot be solved, a noise model that is estimated along
-    decides. It must predict held-out rows better when refitted without them, its numbers must not
-    end at a bound, and it must not rebuild the output from x. Then it is added, and the search goes
-    on until none meets all; effects that no longer do beside later ones are taken out.
+    Every effect of a catalogue is added to the model in turn, and all parameters are refitted
+    together in simulation. An effect counts when both criteria are met: by likelihood, ΔBIC = n
+    log(SSE before / after) - k log n > 25; by free run, a gain of at least 0.2 points of VAF (about
+    the mean) on held-out rows. Where the controlled element is known, the best effect must also
+    help in the **closed loop**, where target and disturbance are the inputs and the model's output
+    moves x and e: there, remnant that returns in the error cannot pass for a response. For
+    nonlinear effects, or where the loop cannot be solved, a jointly estimated noise model decides.
+    The effect must also simulate held-out rows better when refitted without them, its numbers must
+    not end at a bound, and it must not rebuild the output from x. Then it is added, and the search
+    continues until no effect meets all criteria; effects that no longer meet them once others are
+    added are removed.
 
     Parameters
     ----------
     estimator : OperatorRegressor, ARXRegressor or other SimulatedModel
-        The model, unfitted; effects it has already stay. What one of your own needs is listed in
-        :class:`skhoid.greybox.SimulatedModel`.
+        The model, unfitted; effects that it already has stay. For what a model of your own needs,
+        see :class:`skhoid.greybox.SimulatedModel`.
     effects : "all", list of ids or effects, Effect or Effects, default="all"
-        The catalogue to try; effects of your own among them.
+        Effects to try, which may include your own.
     cv : cross-validation generator, iterable of splits, int or None, default=None
-        Rows to hold out. None leaves one run out at a time, and of a single run three
-        blocks, with guards of 5 s on either side.
+        Rows to hold out. None leaves out one run at a time or, with a single run, three blocks with
+        guards of 5 s on either side.
     display : {"compensatory", "pursuit", "preview"} or None, default=None
         What the operator could see; it decides how effects are described, not how they rank. None
-        is not known.
+        means unknown.
     controlled_element : ControlledElement, LinearElement, str, system or None, default=None
-        What the operator controls: ``"1/(s(s+1))"``, or a transfer function of SciPy or
-        python-control too. None estimates it from u and x where both are measured.
+        What the operator controls: ``"1/(s(s+1))"``, say, or a transfer function of SciPy or
+        python-control. None estimates it from u and x where both are measured.
     max_effects : int, default=4
-        Effects to add at most.
+        Maximum number of effects to add.
     n_jobs : int or None, default=None
-        Processes that try effects; None is 1, -1 all processors. The result does not depend on it.
+        Number of processes that try effects; None means 1, -1 all processors. The result does not
+        depend on it.
     domain : {"human", "machine"} or None, default=None
-        What was recorded. It decides the words, and which effects are tried: dry friction or a
-        sensor that shows the magnitude are for machines. None takes "human" for an
-        OperatorRegressor, and for an ARX model that answers the error, the target or x of a loop.
+        What was recorded. It decides the wording and which effects are tried: dry friction or a
+        sensor that shows the magnitude are for machines. None means "human" for an
+        OperatorRegressor, and for an ARX model that responds to the error, the target or x of a
+        loop.
     lost_control : {"leave_out", "keep"}, default="leave_out"
-        What becomes of stretches in which control was lost, which the rule of
-        :func:`skhoid.lost_control` finds in the error: they count neither in fits nor in
-        what is held out, or as all other rows do. Not asked with ``domain="machine"``.
+        What to do with stretches in which control was lost, found in the error by the rule of
+        :func:`skhoid.lost_control`: leave them out of fits and of held-out rows, or keep them like
+        all other rows. Not used with ``domain="machine"``.
     max_rows : int or None, default=200_000
-        Rows in which effects are looked for, at most, in whole runs spread evenly over the data;
-        None looks in all. What the models found say of the data is of all rows: their parameters
-        with standard errors, likelihood, and VAF.
+        Maximum number of rows in which to look for effects, in whole runs spread evenly over the
+        data; None uses all. Parameters, standard errors, likelihood and VAF of the models found are
+        those of all rows.
 
     Attributes
     ----------
     ranking_ : DataFrame
         One row per step and effect, best first: step, rank, effect (its id), title, form, status
-        ("added", "not better", "does not apply"), vaf_gain (points, held out), delta_bic (larger
-        is better; one noise model for all candidates), p_value (of the likelihood ratio, times
-        the number of effects tried), gain_loop and delta_bic_loop (the same in the closed loop;
-        NaN where it was not asked), delta_bic_joint (with a noise model that is estimated along;
-        NaN of an ARX model, and of effects without a gain), parameters (with standard errors and
-        units), reason (why it was not added), words, confused_with, vaf_before (held out, refitted
-        for each fold, of the first step as in ``error_path_``), vaf_after (its sum with vaf_gain),
-        delta_loglik, n_parameters. :meth:`ranking_table` is the short form.
+        ("added", "not better", "does not apply"), vaf_gain (points, held out), delta_bic (larger is
+        better; one noise model for all candidates), p_value (of the likelihood ratio, times the
+        number of effects tried), gain_loop and delta_bic_loop (the same in the closed loop; NaN
+        where not evaluated), delta_bic_joint (with a jointly estimated noise model; NaN for an ARX
+        model, and for effects without a gain), parameters (with standard errors and units), reason
+        (why it was not added), words, confused_with, vaf_before (held out, refitted for each fold,
+        of the first step as in ``error_path_``), vaf_after (its sum with vaf_gain), delta_loglik,
+        n_parameters. :meth:`ranking_table` is the short form.
     best_effects_ : list of str
         Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
-        structure that none of the effects tried explains; alone, that the effects which explain
-        part of it, ``stand_ins_``, explain too little to be named.
+        structure that none of the effects tried explains; on its own, it means that the effects
+        which explain part of it, ``stand_ins_``, explain too little to be named.
     stand_ins_ : list of str
-        Ids of effects of ``best_estimator_`` that explain part of what is missing, but too little
-        to name it; else empty.
+        Ids of effects in ``best_estimator_`` that explain part of what is missing, but too little
+        to name it; otherwise empty.
     verdict_ : str
-        "nothing is missing", "effects found", or what the end ``"unknown"`` of ``best_effects_``
-        means: "something is missing, not in the catalogue" if all of it was tried; "..., not
-        among the effects tried" if ``effects`` is but a part of it; "..., and max_effects is
+        "nothing is missing", "effects found", or what ``"unknown"`` at the end of ``best_effects_``
+        means: "something is missing, not in the catalogue" if all of the catalogue was tried; "...,
+        not among the effects tried" if ``effects`` is only part of it; "..., and max_effects is
         reached" if the search ended while effects still helped.
     error_path_ : DataFrame
-        One row per step from the baseline on: effect (the id that was added), model (all that it
-        has by then, in words), vaf and rmse (held out, each fold refitted), vaf_loop (of the closed
-        loop; NaN where it is not known), vaf_train, ceiling (one number for all steps, from what
-        the residual of the best model does not repeat; NaN where it is not known), explainable_gap
-        (points that are left).
+        One row per step, starting with the baseline: effect (the id that was added), model (all its
+        effects so far, in words), vaf and rmse (held out, each fold refitted), vaf_loop (in the
+        closed loop; NaN where it is not known), vaf_train, ceiling (one number for all steps, from
+        the part of the best model's residual that does not repeat; NaN where it is not known),
+        explainable_gap (points left to explain).
     predictions_ : DataFrame
         Held-out free runs: measured, baseline, and one column per effect added; NaN in rows that
         are left out.
     baseline_, best_estimator_ : estimator
-        The model without and with the effects, fitted on all rows.
+        The model without and with the effects, fitted to all rows.
     explainable_gap_ : float
-        Points of VAF that a better model can gain over the baseline: what the effects found gain
-        on held-out rows, and the largest structure of ``unexplained_``. Like ``ceiling`` it rests
+        Points of VAF that a better model can gain over the baseline: what the effects found gain on
+        held-out rows, plus the largest structure in ``unexplained_``. Like ``ceiling`` it depends
         on the best model, and so on the effects tried; VAF and RMSE of the baseline do not.
     unexplained_ : DataFrame
-        Structure left in the end: where (time, frequency, amplitude, channel, or "repeats" for what
+        Structure left at the end: where (time, frequency, amplitude, channel, or "repeats" for what
         is the same in all runs), at, description, points, delta_bic.
     ceiling_note_ : str
-        Why the ceiling is not known; empty where it is.
+        Why the ceiling is not known; empty if it is.
     experiments_ : list of str
         What to record to tell apart effects that these data cannot.
     left_out_ : DataFrame
-        Stretches in which control was lost, and which are left out: run, from and to (s in the
-        run), times (the error, as a multiple of what is usual), reason.
+        Stretches left out because control was lost: run, from and to (s in the run), times (the
+        error, as a multiple of its usual size), reason.
     searched_runs_ : list
-        Labels of the runs in which effects were looked for: all, or ``max_rows`` of them. Of these
-        are ``ranking_``, ``unexplained_``, and the VAF in the closed loop.
+        Labels of the runs in which effects were looked for: all, or up to ``max_rows`` rows.
+        ``ranking_``, ``unexplained_`` and the VAF in the closed loop refer to these.
     notes_ : list of str
         Further sentences of the summary: in which runs effects were looked for; which other
-        parameters change together with the gains; a delay at its least; both estimates of what
-        likelihood and simulation error part on; what is left out.
+        parameters change together with the gains; a delay at its lower bound; both estimates of
+        parameters on which likelihood and simulation error disagree; what is left out.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -179,12 +182,12 @@ class EffectSearchCV(
 
     Notes
     -----
-    Candidates are compared on held-out rows with parameters of their fold, one Gauss-Newton step
-    from those of all rows; what is named is refitted for each fold. A ``delay`` that the estimator
-    was given is a claim: names are those of a search with a free one, and ``wrong_delay`` says
-    whether the data refute it beside them. Since e = f_t - x, responses to f_t, x and e without
-    delays are the same; delays, and the controlled element's inverse in the feedforward path, tell
-    them apart.
+    Candidates are compared on held-out rows with parameters for each fold, one Gauss-Newton step
+    from those of all rows; effects that are named are refitted for each fold. A ``delay`` given to
+    the estimator is a claim: effects are named by a search with a free delay, and ``wrong_delay``
+    says whether the data also refute the given one. Since e = f_t - x, responses to f_t, x and e
+    without delays are the same; delays, and the controlled element's inverse in the feedforward
+    path, tell them apart.
 
     For progress, call ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
 
@@ -239,7 +242,7 @@ class EffectSearchCV(
     @with_callbacks
     @fit_context(prefer_skip_nested_validation=False)
     def fit(self, X: Any, y: Any, groups: Any = None, **params: Any) -> EffectSearchCV:
-        """Search.
+        """Run the search.
 
         Parameters
         ----------
@@ -248,10 +251,11 @@ class EffectSearchCV(
         y : Series or array of shape (n_rows,)
             Measured output.
         groups : array-like of shape (n_rows,) or None, default=None
-            Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
+            Group of each row, as in ``GridSearchCV``: what ``cv`` keeps together, and what
+            ``cv=None`` leaves out one at a time. Each consists of whole runs. None means one group
+            per run.
         **params : dict
-            What else ``cv`` requests, with metadata routing enabled.
+            Other metadata that ``cv`` requests, with metadata routing enabled.
 
         Returns
         -------
@@ -260,7 +264,7 @@ class EffectSearchCV(
         Raises
         ------
         TypeError
-            If the estimator is no model that simulates effects, with what it lacks.
+            If the estimator is not a model that simulates effects; the message says what it lacks.
         """
         check_simulated_model(self.estimator, "EffectSearchCV")
         keep_parameters(self)
@@ -362,8 +366,8 @@ class EffectSearchCV(
             known = prepared.record.known.sum(axis=0)
             self._where_searched = [
                 f"effects were looked for in {runs.size:,} of {len(labels):,} runs, with "
-                f"{known[some].sum():,} of {known.sum():,} rows. Parameters, likelihood and VAF of "
-                "the models are of all. max_rows=None looks for effects in all runs"
+                f"{known[some].sum():,} of {known.sum():,} rows. Parameters, likelihood and VAF "
+                "of the models are those of all runs. max_rows=None looks for effects in all runs"
             ]
 
     def _tabulate(self, found: SearchNumbers, prepared: Prepared) -> None:
@@ -423,14 +427,14 @@ class EffectSearchCV(
         return folds, held
 
     def ranking_table(self, n: int = 5, step: int | None = None) -> pd.DataFrame:
-        """The best candidates of each step, in few columns to read.
+        """The best candidates of each step, in a few readable columns.
 
         Parameters
         ----------
         n : int, default=5
-            Candidates of a step, at most.
+            Maximum number of candidates per step.
         step : int or None, default=None
-            One step; None takes all.
+            One step; None means all.
 
         Returns
         -------
@@ -537,7 +541,7 @@ def _start_of(fitted: Model) -> Model:
 
 
 def in_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:
-    """The data with their domain: the one that is given, or what core and roles say."""
+    """The data with their domain: the given one, or the one that core and roles imply."""
     record = prepared.record
     if domain is None:
         own = role_of(record.inputs[0], roles)

@@ -15,8 +15,9 @@ from .verdict import Outcome
 # What an effect on a compensatory display can only be equivalent to, and why.
 SHOWS_TARGET = {"feedforward", "preview", "output_feedback"}
 EQUIVALENT = (
-    "equivalent to {}: a compensatory display shows the error alone, and with e = f_t - x the same "
-    "output follows from other lags of e; the operator cannot have seen target and x separately"
+    "equivalent to {}: a compensatory display shows only the error, and since e = f_t - x the "
+    "same output follows from other lags of e; the operator cannot have seen target and x "
+    "separately"
 )
 NOT_SAID = (
     "if the display shows the error alone (set display=), it is equivalent to other lags of e"
@@ -25,14 +26,17 @@ NOT_SAID = (
 EXPERIMENTS = {
     frozenset({"stiction", "backlash"}): "record slow ramps of a few seconds: with backlash the "
     "output follows at a constant distance; with stiction it jumps",
-    frozenset({"gain_drift", "tv_gain"}): "record longer runs, or the same run twice without a "
-    "pause: a drift goes on; a change of gain is over",
+    frozenset(
+        {"gain_drift", "tv_gain"}
+    ): "record longer runs, or the same run twice without a pause: a drift goes on; a change "
+    "of gain is over",
     frozenset({"integral", "output_feedback"}): "record a constant target or disturbance of 30 s: "
     "an integral keeps growing; a response to x does not",
     frozenset({"feedforward", "output_feedback"}): "add a disturbance f_d of its own frequencies: "
     "it moves x and leaves f_t",
-    frozenset({"feedforward", "preview"}): "record a target with steps: an answer before the step "
-    "is preview",
+    frozenset(
+        {"feedforward", "preview"}
+    ): "record a target with steps: a response before the step is preview",
     frozenset({"dead_zone", "cubic_gain"}): "record runs with half and with twice the amplitude of "
     "the target: a dead zone vanishes at large amplitude; a growing gain does not",
     frozenset({"asym_gain", "absolute_value"}): "record a target of higher frequencies: asymmetry "
@@ -155,7 +159,7 @@ def untried_notes(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[s
     refused = "it does not apply"
     return [
         f"{title_of(effect.name)} was not tried in the model: it is noise, which no input "
-        "explains, and was not seen in the residual"
+        "explains, and it did not show in the residual"
         if effect.noise
         else f"{title_of(effect.name)} was not tried: {reasons.get(effect.name, refused)}"
         for effect in candidates
@@ -164,7 +168,7 @@ def untried_notes(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[s
 
 def stand_ins_sentence(ids: Sequence[str]) -> str:
     """The sentence on effects that explain part of what is missing, but too little to name it."""
-    return f"Part of it looks like {titles_of(ids)}, but too little for a name"
+    return f"Part of it looks like {titles_of(ids)}, but too little to name it"
 
 
 def headline_of(
@@ -250,7 +254,7 @@ def summary_of(
         lines.append(f"Left to explain: {gap_text(gap)}; the rest is remnant.")
     lines.append("")
     lines.append(
-        f"{VAF_RULE} Points asked of an effect count about the mean. ± is one standard error."
+        f"{VAF_RULE} The points required of an effect are about the mean. ± is one standard error."
     )
     lines += [f"Note: {e}" for e in (*experiments, *notes)]
     return "\n".join(lines)

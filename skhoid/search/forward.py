@@ -1,4 +1,4 @@
-"""Forward search: adds the best effect step by step, and holds the criteria of what counts."""
+"""Forward search: adds the best effect step by step, and has the criteria for what counts."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def unique_name(effect: Effect, effects: Effects) -> str:
 
 
 class Search:
-    """Tries effects beside parents, all on the same record and under one noise model a step."""
+    """Tries effects added to parents, all on the same record and under one noise model per step."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Search:
         return [done[i % n_parts][i // n_parts] for i in range(len(items))]
 
     def step(self, parent: Model) -> SearchStep:
-        """All candidates beside a parent that was fitted by output error."""
+        """All candidates for a parent that was fitted by output error."""
         self._parents[frozenset(parent.effects.names)] = parent
         candidates = []
         taken = {effect.name for _, effect in parent.effects}
@@ -200,11 +200,11 @@ class Search:
         return fewer
 
     def refit(self, model: Model) -> float:
-        """Held-out VAF of a model that is fitted anew without each fold's rows."""
+        """Held-out VAF of a model refitted without each fold's rows."""
         return vaf_of_output(self.record, self.refitted(model))
 
     def refitted(self, model: Model) -> np.ndarray:
-        """Held-out predictions of a model that is fitted anew without each fold's rows."""
+        """Held-out predictions of a model refitted without each fold's rows."""
         key = (tuple(model.simulator.names), model.theta.tobytes())
         if key not in self._refits:
             found = refitted_prediction(output_error_fit(model), self.criterion, self.folds)
@@ -291,7 +291,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
 
 
 def trimmed(search: Search, path: Path, most: int) -> Path:
-    """Without effects that no longer pay; and on from there, where some were taken out."""
+    """Without effects that no longer pay; if some were removed, the search goes on from there."""
     seen: list[set[str]] = []
     while True:
         fewer = without_superfluous(search, fitted_again(search, path))
@@ -304,7 +304,7 @@ def trimmed(search: Search, path: Path, most: int) -> Path:
 
 
 def fitted_again(search: Search, path: Path) -> Path:
-    """Each of several effects fitted anew beside the others: the first was fitted without them."""
+    """Each of several effects refitted with the others: the first was fitted without them."""
     templates = {effect.name: effect for effect in search.effects}
     plain = output_error_fit(path.model)
     model = beside_each_other(plain, templates, search.criterion, search.coarse)
@@ -428,7 +428,7 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
 
 
 def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
-    """Whether one model explains more than the other: by what candidates are put in order by.
+    """Whether one model explains more than the other, by the criterion that ranks candidates.
 
     Under the noise model of the better one, and with noise models estimated along, beside what both
     have in common.
@@ -451,9 +451,9 @@ def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
 
 
 def without_superfluous(search: Search, path: Path) -> Path:
-    """Take out effects that no longer pay beside the others.
+    """Remove effects that no longer pay in the presence of the others.
 
-    First what raises the error of held-out rows most, refitted without them.
+    First the one that raises the error of held-out rows most, when refitted without them.
     """
     model = path.model
     names = model.effects.names[len(path.steps[0].parent.effects) :]  # others were given

@@ -1,4 +1,4 @@
-"""A delay that a model was given is a claim: tested beside what a search with a free one finds."""
+"""A delay given to a model is a claim, tested against what a search with a free delay finds."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class GivenDelay:
         return prepared, search, model.first_fit(replace(prepared, record=searched))
 
     def tested(self, free: Path) -> Path:
-        """What a search with a free delay found, with the given one where the data let it stand."""
+        """The result of a search with a free delay; with the given one if the data allow it."""
         search, first, name = self.search, self.first, self.claim.name
         steps = [first, *(replace(step, parent=self._told(step.parent)) for step in free.steps)]
         model = output_error_fit(self._told(free.model))

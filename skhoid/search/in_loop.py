@@ -1,4 +1,4 @@
-"""Candidates judged in the closed loop, where the remnant cannot pass for an answer."""
+"""Candidates judged in the closed loop, where the remnant cannot pass for a response."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ class LoopJudge:
 
 
 class LoopParent:
-    """A model in its loop, beside which others are judged."""
+    """A model in its loop, against which others are judged."""
 
     def __init__(self, judge: LoopJudge, loop: Loop, parent: Model):
         self.judge, self.loop, self.parent = judge, loop, parent

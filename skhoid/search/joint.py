@@ -1,4 +1,4 @@
-"""ΔBIC of an effect by likelihood, with noise models that are estimated along."""
+"""ΔBIC of an effect by likelihood, with jointly estimated noise models."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LOST = 10.0  # by which a larger model that has not been fitted well is worse
 
 
 class JointParent:
-    """A model beside which others are judged by likelihood.
+    """A model against which others are judged by likelihood.
 
     The remnant comes back in the error, and the noise model of a simulation-error fit holds the
     bias which that makes. Here each model has the noise model with which it is likeliest. What is

@@ -1,4 +1,4 @@
-"""Structure that the residual of a model holds, by families of responses without a named effect."""
+"""Structure in the residual of a model, by families of responses without a named effect."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ def _families(model: Model) -> Iterator[Family]:
     yield (
         "amplitude",
         record.inputs[0],
-        "the answer depends on the size or the sign of the error",
+        "the response depends on the size or the sign of the error",
         [
             with_probe("input", lambda e, _, k=k: e + 0.1 * np.maximum(e - k, 0))
             for k in knots(error)
@@ -218,7 +218,7 @@ def _families(model: Model) -> Iterator[Family]:
     yield (
         "time",
         "gain",
-        "the gains change in the run",
+        "the gains change during the run",
         [
             with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
             for o in ("error", "rate")
@@ -228,7 +228,7 @@ def _families(model: Model) -> Iterator[Family]:
     yield (
         "time",
         "level",
-        "the output has an offset that varies in the run",
+        "the output has an offset that varies during the run",
         [np.broadcast_to(s, output.shape).copy() for s in shapes],
     )
     for name in record.channels:
@@ -259,7 +259,7 @@ def _families_of_channel(
     yield (
         "channel",
         name,
-        f"the output answers {name}",
+        f"the output responds to {name}",
         [
             with_probe("path", lambda c, r, s=s, z=z: c.plus(0.1 * r.delayed(z, s)), False)
             for s, z in [

@@ -1,4 +1,4 @@
-"""``Progress``: tells scikit-learn's callbacks how far a search for effects is."""
+"""``Progress``: tells scikit-learn's callbacks how far a search for effects has got."""
 
 from __future__ import annotations
 

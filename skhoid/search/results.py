@@ -191,7 +191,7 @@ def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str
     if not c.passes:
         return refuted(c) if c.refuted else short_of(c)
     if taken_out:
-        return "it no longer pays beside the effects added later"
+        return "it no longer pays once the later effects are added"
     if winner:
         return f"it improves the free run too; {title_of(winner)} was added instead"
     return "it pays, but max_effects was reached"
@@ -212,7 +212,7 @@ def short_of(candidate: Candidate) -> str:
 
 
 def refuted(candidate: Candidate) -> str:
-    """Why a candidate that follows the measured error better is not taken."""
+    """Why a candidate that fits the measured error better is not added."""
     found, judged = [], candidate.in_loop
     if judged is not None and judged.delta_bic == -np.inf:
         return "the closed loop does not settle with it"
@@ -229,7 +229,7 @@ def refuted(candidate: Candidate) -> str:
     elif not found:
         likely = min(candidate.joint, candidate.weight)
         found.append(f"the loop is not known with it, and it has ΔBIC {likely:.0f}")
-    return f"{'; '.join(found)}: it may follow the remnant that comes back in the error"
+    return f"{'; '.join(found)}: it may follow the remnant that returns in the error"
 
 
 def _form(candidate: Candidate) -> str:

@@ -1,4 +1,4 @@
-"""``Story``: comparison and search in one, the verdict first, reported as they run."""
+"""``Story``: comparison and search in one, reported as they run."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class StoryTable(str):
 
 
 class Story:
-    """Measured runs, search, verdict, and how far it goes, in plain sentences and tables.
+    """Measured runs, search, verdict and its limits, in plain sentences and tables.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class Verdict:
 
 
 def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
-    """Whether what was found is a name, and whether something is missing beside it."""
+    """Whether what was found can be named, and whether something else is missing."""
     ids, stand_ins, worst = found.ids, [], found.worst
     share = worst / max(worst + found.gained, 1e-300)
     limits = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
@@ -59,7 +59,7 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
 
 
 def first_explains(found: SearchNumbers) -> bool:
-    """Whether the first effect alone would stay named: others after it take nothing from it."""
+    """Whether the first effect would stay named on its own: later ones take nothing from it."""
     gained = found.steps[1].vaf - found.steps[0].vaf
     left = found.worst + found.gained - gained
     return left <= largest_left(BESIDE_ONE, gained, found) * (left + gained)
@@ -68,5 +68,5 @@ def first_explains(found: SearchNumbers) -> bool:
 def largest_left(
     limits: tuple[float, float, float, float], gained: float, found: SearchNumbers
 ) -> float:
-    """Share of what could be explained that may be left beside a name that gains so much."""
+    """Share of what could be explained that may be left when a named effect gains so much."""
     return max(limits[2], limits[3] * min(gained / (MUCH * found.share), 1.0))

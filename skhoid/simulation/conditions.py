@@ -88,11 +88,11 @@ def tracking_condition(name: str) -> Condition:
 def mixed_condition(
     first: str | Condition, second: str | Condition, weight: Parameter, name: str | None = None
 ) -> Condition:
-    """Mix two conditions, parameter by parameter, with a weight that may vary in time.
+    """Mix two conditions, parameter by parameter, with a weight that may vary over time.
 
     p(t) = (1 - w(t)) p_1(t) + w(t) p_2(t), for K_c, omega_b, K_e, K_edot, omega_nm, zeta_nm and
     the gains of a pursuit display (Eq. 3.7; T_L is then the ratio of K_edot and K_e). With w a
-    sigmoid from 0 to 1 this makes C3 to C6 of C1 and C2.
+    sigmoid from 0 to 1 this turns C1 and C2 into C3 to C6.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def mixed_condition(
     weight : float or callable
         w: a number from 0 to 1, or a function of time (s), such as ``Ramp(0, 1, 20, 60)``.
     name : str or None, default=None
-        Name of the mixture; None makes one of the two.
+        Name of the mixture; None makes one from the two names.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def mixed_condition(
     Raises
     ------
     ValueError
-        If the operators differ in their delay, which cannot vary in time.
+        If the operators differ in their delay, which cannot vary over time.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def _mixture(name: str, one: Condition, two: Condition, weight: Parameter) -> Co
     a, b = one.operator, two.operator
     if a.tau_e != b.tau_e:
         raise ValueError(
-            f"The delay cannot vary in time: {one.name} has tau_e = {a.tau_e} s and {two.name} "
+            f"The delay cannot vary over time: {one.name} has tau_e = {a.tau_e} s and {two.name} "
             f"{b.tau_e} s."
         )
     a, b = a.with_rate_gain(), b.with_rate_gain()
@@ -142,7 +142,7 @@ def _mixture(name: str, one: Condition, two: Condition, weight: Parameter) -> Co
 
 
 def known_name(name: Any) -> str:
-    """The name of a condition, or an error that offers the nearest."""
+    """The name of a condition, or an error that suggests the nearest."""
     if isinstance(name, str) and name.upper() in _TRANSITIONS:
         return name.upper()
     raise ValueError(

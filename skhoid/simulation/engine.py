@@ -27,7 +27,7 @@ LOST = 1e2  # times the forcing functions: an error this large is not tracking
 UNFORCED = 1e9  # the same where remnant alone drives the loop
 ADVICE = (
     "Lower the operator's gain (K_e) or its delay, give it more lead (T_L), or shorten the time "
-    "for which its gains do not fit the controlled element."
+    "during which its gains do not suit the controlled element."
 )
 STREAMS = {"target": 2, "disturbance": 3}  # of random numbers; 0 is the runs' noise, 1 tuning
 
@@ -53,7 +53,7 @@ class RunOptions:
 def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> TrackingRecord:
     """Simulate runs; a run is the same whenever its number and the random state are."""
     if isinstance(n_runs, bool) or not isinstance(n_runs, Integral) or n_runs < 1:
-        raise ValueError(f"n_runs is a whole number, at least 1; got {n_runs!r}.")
+        raise ValueError(f"n_runs must be a whole number, at least 1; got {n_runs!r}.")
     n_total, rate, remnant = task.n_run_in + task.n_samples, task.sampling_rate, task.remnant
     if remnant is not None and remnant.gain is None:
         raise ValueError(
@@ -168,14 +168,14 @@ def _kept_run_in(task: CompensatoryTask, keep_run_in: Any) -> int:
     kept = round(keep_run_in * rate) if known else -1
     if not 0 <= kept <= task.n_run_in:
         raise ValueError(
-            f"keep_run_in is from 0 to the run-in of {task.n_run_in / rate:g} s; got "
+            f"keep_run_in must lie between 0 and the run-in of {task.n_run_in / rate:g} s; got "
             f"{keep_run_in!r}."
         )
     return kept
 
 
 def _bound(f_t: np.ndarray, f_d: np.ndarray) -> float:
-    """The error above which a loop that varies is suspected to be unstable."""
+    """The error above which a time-varying loop is suspected to be unstable."""
     forcing = max(np.abs(f_t).max(), 100 * np.abs(f_d).max())
     return float(LOST * forcing) or UNFORCED
 
@@ -194,7 +194,8 @@ def _drawn_forcing(
         return np.zeros((n_total, len(runs)))
     if not isinstance(given, Multisine):
         raise ValueError(
-            f"random_phases=True draws phases of a Multisine; the {name} is {type(given).__name__}."
+            f"random_phases=True draws the phases of a Multisine, but the {name} is "
+            f"{type(given).__name__}."
         )
     numbers = [first_run + run for run in runs]
     seeds = [int(_generator(entropy, STREAMS[name], i).integers(2**31)) for i in numbers]
@@ -216,8 +217,8 @@ def _forcing(task: CompensatoryTask, name: str) -> np.ndarray:
         f = given.values
     if f.shape != (n_total,):
         raise ValueError(
-            f"The {name} must have {n_total} samples ({task.n_run_in} of the run-in and "
-            f"{task.n_samples} of the window); got an array of shape {f.shape}."
+            f"The {name} must have {n_total} samples ({task.n_run_in} in the run-in and "
+            f"{task.n_samples} in the window); got an array of shape {f.shape}."
         )
     if not np.isfinite(f).all():
         k = int(np.flatnonzero(~np.isfinite(f))[0])
@@ -230,8 +231,9 @@ def _given_noise(noise: Any, n_runs: int, n_total: int) -> np.ndarray:
     noise = np.atleast_2d(as_floats(noise, "noise"))
     if noise.shape != (n_runs, n_total):
         raise ValueError(
-            f"noise must have a row for each of {n_runs} runs and a column for each of {n_total} "
-            f"samples of run-in and window; got {noise.shape}."
+            f"noise must have one row for each of {n_runs} runs and one column for each of "
+            f"{n_total} "
+            f"samples (run-in and window); got {noise.shape}."
         )
     if not np.isfinite(noise).all():
         run, k = np.argwhere(~np.isfinite(noise))[0]
@@ -290,7 +292,7 @@ def _check_stability(
 def _check_growth(
     task: CompensatoryTask, physics: tuple[np.ndarray, int], response: Delay | ARXResponse
 ) -> None:
-    """Raise if dynamics that vary make the error large even without remnant."""
+    """Raise if time-varying dynamics make the error large even without remnant."""
     f_t, f_d = (_forcing(task, name) for name in STREAMS)
     _, lost = _without_remnant(task, physics, response, f_t, f_d, _bound(f_t, f_d))
     if lost >= 0:
@@ -315,7 +317,8 @@ def entropy_of(random_state: Any) -> int:
         return int(random_state.randint(2**31))
     if isinstance(random_state, bool) or not isinstance(random_state, Integral) or random_state < 0:
         raise ValueError(
-            "random_state is a whole number from 0 up, a RandomState, a Generator or None; got "
+            "random_state must be a non-negative whole number, a RandomState, a Generator or "
+            "None; got "
             f"{random_state!r}."
         )
     return int(random_state)

@@ -27,9 +27,9 @@ class Multisine:
     Parameters
     ----------
     multiples : sequence of int, default: Table I
-        n(k), whole multiples of the base frequency 2 pi / T_m, each once.
+        n(k), distinct whole multiples of the base frequency 2 pi / T_m.
     amplitudes : sequence of float, default: Table I
-        A(k), in deg or whatever the displayed signals are in.
+        A(k), in deg or the unit of the displayed signals.
     phases : sequence of float, default: Table I
         phi(k) in rad.
     period : float, default=81.92
@@ -38,8 +38,8 @@ class Multisine:
     Raises
     ------
     ValueError
-        If lengths differ, a multiple is not a whole positive number or occurs twice, or a number
-        is not finite.
+        If lengths differ, a multiple is not a positive whole number or occurs twice, or a number is
+        not finite.
 
     Examples
     --------
@@ -67,13 +67,15 @@ class Multisine:
         sizes = (len(self.multiples), len(self.amplitudes), len(self.phases))
         if len(set(sizes)) > 1:
             raise ValueError(
-                "Multisine: multiples, amplitudes and phases must have one length; got {}, {} and "
+                "Multisine: multiples, amplitudes and phases must have the same length; got {}, "
+                "{} and "
                 "{}.".format(*sizes)
             )
         if any(n < 1 or n != int(n) for n in self.multiples):
             raise ValueError(
-                "Multisine: multiples are whole numbers of the base frequency 2 pi / period, at "
-                f"least 1, so that each line completes its cycles; got {self.multiples}."
+                f"Multisine: multiples of the base frequency 2 pi / period must be whole "
+                f"numbers, at least 1, so that each line completes its cycles; got "
+                f"{self.multiples}."
             )
         if len(set(self.multiples)) < len(self.multiples):
             raise ValueError(f"Multisine: a multiple occurs twice in {self.multiples}.")
@@ -129,8 +131,8 @@ class Multisine:
         Parameters
         ----------
         sampling_rate : float or None, default=None
-            Rate in Hz at which the peak is looked for; None means 100 Hz, or 20 times the highest
-            line if that is more.
+            Rate in Hz at which the peak is sought; None means 100 Hz, or 20 times the highest line
+            if that is more.
 
         Returns
         -------
@@ -144,14 +146,14 @@ class Multisine:
     def with_random_phases(
         self, random_state: Any = None, *, max_crest_factor: float | None = None
     ) -> Multisine:
-        """The same lines with phases drawn evenly from (-pi, pi].
+        """The same lines with phases drawn uniformly from (-pi, pi].
 
         Parameters
         ----------
         random_state : int, RandomState, Generator or None, default=None
             Source of the phases.
         max_crest_factor : float or None, default=None
-            Draw until the crest factor is at most this, 1000 times at most.
+            Draw until the crest factor is at most this, in up to 1000 draws.
 
         Returns
         -------
@@ -172,7 +174,7 @@ class Multisine:
             lowest = min(lowest, crest)
         raise ValueError(
             f"Multisine: none of 1000 draws of phases has a crest factor of {max_crest_factor} or "
-            f"less; the lowest is {lowest:.2f}. Ask for more, or add lines."
+            f"less; the lowest is {lowest:.2f}. Allow a larger one, or add lines."
         )
 
     def interleaved(
@@ -180,8 +182,8 @@ class Multisine:
     ) -> Multisine:
         """A second forcing function on lines between these, with random phases.
 
-        Two responses of an operator, to e and x say, need two forcing functions with lines of
-        their own, close to each other.
+        Two responses of an operator, say to e and x, need two forcing functions, each with its own
+        lines close to those of the other.
 
         Parameters
         ----------
@@ -208,15 +210,18 @@ class Multisine:
         (4, 6, 9, 14, 23, 35, 54, 87, 140, 230)
         """
         if offset != int(offset):
-            raise ValueError(f"Multisine.interleaved: offset is a whole number; got {offset!r}.")
+            raise ValueError(
+                f"Multisine.interleaved: offset must be a whole number; got {offset!r}."
+            )
         multiples = tuple(n + int(offset) for n in self.multiples)
         if shared := shared_lines(self.multiples, int(offset)):
             free = next(
                 d for d in range(1, 2 + max(self.multiples)) if not shared_lines(self.multiples, d)
             )
             raise ValueError(
-                f"Multisine.interleaved: with offset={offset} the lines {shared} are those of the "
-                f"first forcing function; the smallest offset that keeps them apart is {free}."
+                f"Multisine.interleaved: with offset={offset} the lines {shared} coincide with "
+                f"those of the first forcing function; the smallest offset that keeps them apart "
+                f"is {free}."
             )
         amplitudes = tuple(scale * a for a in self.amplitudes)
         second = replace(self, multiples=multiples, amplitudes=amplitudes)

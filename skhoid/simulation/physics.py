@@ -47,7 +47,8 @@ class Delay:
         if held and not whole:
             raise ValueError(
                 f"CompensatoryTask: tau_e = {tau} s is {exact:g} samples at {rate:g} Hz; a held "
-                "delay is a whole number of them. Use transport='interpolated', or another rate."
+                "delay must be a whole number of samples. Use transport='interpolated', or "
+                "another rate."
             )
         samples = round(exact) if whole else int(exact)
         part = 0.0 if whole else exact - samples
@@ -86,24 +87,25 @@ class ARXResponse:
         role = role_of(inputs[0], getattr(as_fitted(model), "roles", None))
         if len(inputs) != 1 or intercept or (named and role != "e"):
             raise ValueError(
-                f"A model in the loop answers the error e alone, without intercept; this one has "
-                f"the inputs {inputs} and the intercept {intercept:g}. Fit one with inputs=['e']."
+                f"A model in the loop responds to the error e alone, without intercept; this one "
+                f"has the inputs {inputs} and the intercept {intercept:g}. Fit one with "
+                "inputs=['e']."
             )
         if task.display != "compensatory" or task.transport is not None:
             raise ValueError(
                 "display and transport are those of a HumanOperator; the operator is a "
-                f"{type(model).__name__}, which brings its own delay and sees e alone."
+                f"{type(model).__name__}, which has its own delay and sees only e."
             )
         channel = ARXChannel.of(task.operator, None, "CompensatoryTask(operator=...)")
         if channel.time is not None:
             raise ValueError(
-                "The model's parameters vary in time; only constant models can be put into the "
+                "The model's parameters vary over time; only constant models can be put into the "
                 "loop."
             )
         dt = 1 / task.sampling_rate
         if abs(channel.dt_recording - channel.dt) > 1e-6 * dt:
             raise ValueError(
-                f"The model is fitted on decimated recordings (dt = {channel.dt:g} s, of "
+                f"The model was fitted to decimated recordings (dt = {channel.dt:g} s, of "
                 f"{channel.dt_recording:g} s); fit it without the Decimator for the loop."
             )
         if abs(channel.dt - dt) > 1e-6 * dt:
@@ -125,7 +127,7 @@ def operator_response(task: CompensatoryTask) -> Delay | ARXResponse:
 
 
 def parameters_of(task: CompensatoryTask) -> dict[str, Any]:
-    """Numbers and functions of time that the loop depends on."""
+    """Numbers and functions of time on which the loop depends."""
     element, remnant = task.controlled_element, task.remnant
     display = DISPLAYS[task.display] if isinstance(task.display, str) else task.display
     parameters: dict[str, Any] = {"K_c": element.K_c, "omega_b": element.omega_b}
@@ -136,7 +138,7 @@ def parameters_of(task: CompensatoryTask) -> dict[str, Any]:
 
 
 def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
-    """Rows of physics every half step while something varies, and the sample they begin at.
+    """Rows of physics every half step while something varies, and the sample where they begin.
 
     See ``_kernels.loop``.
     """

@@ -42,11 +42,11 @@ class Remnant:
     order : {1, 2, 3, 4, "nm"}, default=2
         Order m of the low-pass filter, or the neuromuscular filter.
     intensity : float or None, default=None
-        Wanted P_n = var(n) / var(u) in the measurement window, below 1; the gain is then found
-        for the task at hand by :func:`tune_remnant`.
+        Desired P_n = var(n) / var(u) in the measurement window, below 1; :func:`tune_remnant` then
+        finds the gain for a task.
     gain : float, callable or None, default=None
-        K_n in units of u times s^0.5, in place of ``intensity``. A function of time takes an array
-        of instants (s).
+        K_n in units of u times s^0.5, instead of ``intensity``. A function of time takes an array
+        of times (s).
     time_constant : float, default=0.06
         T_n in s.
     omega_nm, zeta_nm : float, default=11.25 and 0.35
@@ -55,7 +55,7 @@ class Remnant:
     Raises
     ------
     ValueError
-        If not exactly one of ``intensity`` and ``gain`` is given, or a number makes no sense.
+        If not exactly one of ``intensity`` and ``gain`` is given, or a number is out of range.
 
     Examples
     --------
@@ -76,17 +76,18 @@ class Remnant:
     def __post_init__(self) -> None:
         whole = isinstance(self.order, (str, int, np.integer)) and not isinstance(self.order, bool)
         if not whole or self.order not in ORDERS:
-            raise ValueError(f"Remnant: order is 1, 2, 3, 4 or 'nm'; got {self.order!r}.")
+            raise ValueError(f"Remnant: order must be 1, 2, 3, 4 or 'nm'; got {self.order!r}.")
         if (self.intensity is None) == (self.gain is None):
             raise ValueError(
-                "Remnant: give either intensity (P_n, whose gain is then found) or gain (K_n); got "
+                "Remnant: give either intensity (P_n, for which the gain is then found) or gain "
+                "(K_n); got "
                 f"intensity={self.intensity!r} and gain={self.gain!r}."
             )
         if self.intensity is not None:
             check_positive(self, "intensity", zero=True)
             if self.intensity >= 1:
                 raise ValueError(
-                    "Remnant: intensity is the fraction var(n) / var(u), below 1; got "
+                    "Remnant: intensity must be a fraction var(n) / var(u) below 1; got "
                     f"{self.intensity!r}. (15 percent is 0.15.)"
                 )
         elif not callable(self.gain):
@@ -108,7 +109,7 @@ class Remnant:
             In C3-C6 the gain follows the same sigmoid as the other parameters, between the values
             of C1 and C2.
         intensity : {0.05, 0.10, 0.15, 0.20, 0.25, 0.30}
-            P_n that the gains were tuned for, at 100 Hz.
+            P_n for which the gains were tuned, at 100 Hz.
         order : {1, 2, 3, 4, "nm"}, default=2
             Order of the filter.
 
@@ -122,7 +123,7 @@ class Remnant:
             raise ValueError(
                 "Table G.1 has the orders 1, 2, 3, 4 and 'nm', and the intensities "
                 f"{_INTENSITIES}; got order={order!r} and intensity={intensity!r}. "
-                "Remnant(intensity=...) finds the gain for any other."
+                "For any other, use Remnant(intensity=...) and tune_remnant."
             )
         one, two = (_TABLE_G1[order][state][match[0]] for state in ("C1", "C2"))
         if name in ("C1", "C2"):

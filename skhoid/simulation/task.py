@@ -31,9 +31,9 @@ MOST_SAMPLES = 1e15
 class CompensatoryTask:
     """The closed loop of Fig. 1: a person steers a controlled element.
 
-    e = f_t - x; the operator answers e with u; remnant adds to u; the controlled element answers
-    u + f_d with x. Integrated by fourth-order Runge-Kutta at the sampling rate, with forcing
-    functions and white noise held over the step (Apps. A and D).
+    e = f_t - x; the operator responds to e with u; remnant adds to u; the controlled element
+    responds to u + f_d with x. Integrated by fourth-order Runge-Kutta at the sampling rate, with
+    forcing functions and white noise held over the step (Apps. A and D).
 
     Parameters
     ----------
@@ -44,36 +44,37 @@ class CompensatoryTask:
     remnant : Remnant or None, default=None
         Noise in u. If only its intensity is given, :func:`tune_remnant` must find the gain first.
     target : Multisine, callable or array of shape (n_samples,), default: Multisine()
-        f_t. A function takes an array of instants (s); an array covers run-in and window.
+        f_t. A function takes an array of times (s); an array covers run-in and window.
     disturbance : Multisine, callable, array or None, default=None
         f_d, added to u at the input of the controlled element.
     display : {"compensatory", "pursuit"}, float or callable, default="compensatory"
-        How much of the operator's gains on target and output is in use: none (0), all (1), or a
-        function of time, for a display that changes within the run.
+        What share of the operator's gains on target and output is in use: none (0), all (1), or a
+        function of time for a display that changes within the run.
     duration : float, default=81.92
         Measurement window in s; a fraction of a sample at its end is left out.
     run_in : float or None, default=None
-        Time simulated before the window, in s, for transients to die out; None means seven
-        windows, as in the thesis, and 20 s with ``effects``.
+        Time simulated before the window, in s, for transients to die out; None means seven windows,
+        as in the thesis, or 20 s with ``effects``.
     sampling_rate : float, default=100.0
-        Rate of samples and of integration steps in Hz.
+        Rate of samples and of integration steps, in Hz.
     transport : {"held", "interpolated"} or None, default=None
-        How the delay is kept: by whole samples, held over the step (App. D), or by interpolating
-        linearly between samples (App. A). None holds whole samples and interpolates others.
+        How the delay is realised: as whole samples, held over the step (App. D), or by linear
+        interpolation between samples (App. A). None holds delays of whole samples and interpolates
+        others.
     effects : Effect, Effects, list of these or None, default=None
         What the operator does beyond its linear dynamics, with numbers for all parameters; see
-        :mod:`skhoid.effects`. Remnant is added behind them. Of open choices, such as the form,
-        the first is taken.
+        :mod:`skhoid.effects`. Remnant is added after them. Choices left open, such as the form,
+        take their first option.
 
     Raises
     ------
     ValueError
-        If the sampling is too slow for the physics, the delay longer than the run, or a function
+        If the sampling is too slow for the physics, the delay is longer than the run, or a function
         of time gives negative or non-finite physics.
 
     See Also
     --------
-    make_tracking_runs : Runs of a task as a dataset.
+    make_tracking_runs : Simulate the runs of a task as a dataset.
 
     Examples
     --------
@@ -107,24 +108,25 @@ class CompensatoryTask:
         if not callable(self.display):
             if isinstance(self.display, str) and self.display not in DISPLAYS:
                 raise ValueError(
-                    "CompensatoryTask: display is 'compensatory', 'pursuit', a number from 0 to 1 "
-                    f"or a function of time; got {self.display!r}."
+                    f"CompensatoryTask: display must be 'compensatory', 'pursuit', a number from "
+                    f"0 to 1 or a function of time; got {self.display!r}."
                 )
             if not isinstance(self.display, str):
                 check_positive(self, "display", zero=True)
                 if self.display > 1:
                     raise ValueError(
-                        f"CompensatoryTask: display is at most 1 (pursuit); got {self.display!r}."
+                        f"CompensatoryTask: display must be at most 1 (pursuit); got "
+                        f"{self.display!r}."
                     )
         if self.transport not in (None, "held", "interpolated"):
             raise ValueError(
-                "CompensatoryTask: transport is 'held', 'interpolated' or None; got "
+                "CompensatoryTask: transport must be 'held', 'interpolated' or None; got "
                 f"{self.transport!r}."
             )
         if not (self.duration + (self.run_in or 0.0)) * self.sampling_rate < MOST_SAMPLES:
             raise ValueError(
                 f"CompensatoryTask: {self.duration:g} s at {self.sampling_rate:g} Hz, with the "
-                "run-in, are more samples than any machine holds."
+                "run-in, are more samples than any machine can hold."
             )
         check_memory(
             6 * (self.n_run_in + self.n_samples),
@@ -143,46 +145,47 @@ class CompensatoryTask:
     def _check_parts(self) -> None:
         if not isinstance(self.controlled_element, ControlledElement):
             raise TypeError(
-                "CompensatoryTask: controlled_element is a ControlledElement; got "
+                "CompensatoryTask: controlled_element must be a ControlledElement; got "
                 f"{self.controlled_element!r}."
             )
         if not isinstance(self.remnant, (Remnant, type(None))):
-            raise TypeError(f"CompensatoryTask: remnant is a Remnant; got {self.remnant!r}.")
+            raise TypeError(f"CompensatoryTask: remnant must be a Remnant; got {self.remnant!r}.")
         for name in ("target", "disturbance"):
             given = getattr(self, name)
             if isinstance(given, (np.ndarray, list, tuple)):
                 object.__setattr__(self, name, Samples(given))
             elif not (callable(given) or given is None or isinstance(given, (Samples, Real))):
                 raise TypeError(
-                    f"CompensatoryTask: {name} is a Multisine, a function of time, an array, a "
-                    f"number or None; got {given!r}."
+                    f"CompensatoryTask: {name} must be a Multisine, a function of time, an "
+                    f"array, a number or None; got {given!r}."
                 )
         if len(Effects.of(self.effects)):
             check_effects(self)
         if not isinstance(self.operator, HumanOperator):
             if not is_arx(self.operator):
                 raise TypeError(
-                    "CompensatoryTask: operator is a HumanOperator, or a fitted ARX model (or a "
-                    f"pipeline or search that ends in one); got {type(self.operator).__name__}."
+                    f"CompensatoryTask: operator must be a HumanOperator, or a fitted ARX model "
+                    f"(or a pipeline or search that ends in one); got "
+                    f"{type(self.operator).__name__}."
                 )
             return
         gains = [getattr(self.operator, name) for name in PURSUIT]
         if self.display == "pursuit" and not any(callable(gain) or gain for gain in gains):
             raise ValueError(
-                "CompensatoryTask: a pursuit display shows target and output, and the operator has "
-                "no gains on them: give it K_t, K_tdot, K_x or K_xdot."
+                "CompensatoryTask: a pursuit display shows target and output, but the operator "
+                "has no gains on them: give it K_t, K_tdot, K_x or K_xdot."
             )
 
     @classmethod
     def of_condition(cls, condition: str | Condition, **options: Any) -> CompensatoryTask:
-        """The task of a condition.
+        """The task for a condition.
 
         Parameters
         ----------
         condition : str or Condition
             ``"C1"`` to ``"C6"`` of the thesis, or one of your own.
         **options
-            Any other parameter of the task.
+            Any other parameters of the task.
 
         Returns
         -------
@@ -210,11 +213,11 @@ class CompensatoryTask:
 
     @property
     def is_constant(self) -> bool:
-        """Whether no parameter varies in time."""
+        """Whether no parameter varies over time."""
         return not any(callable(p) for p in parameters_of(self).values())
 
     def at(self, t: float) -> CompensatoryTask:
-        """The task with the parameters it has at one instant.
+        """The task with its parameters at one instant.
 
         Parameters
         ----------
@@ -224,7 +227,7 @@ class CompensatoryTask:
         Returns
         -------
         task : CompensatoryTask
-            The remnant and the display are as they were.
+            Remnant and display are unchanged.
         """
         physics = isinstance(self.operator, HumanOperator)
         return replace(
@@ -250,7 +253,7 @@ class CompensatoryTask:
         Parameters
         ----------
         n_runs : int, default=1
-            Number of runs; they differ in noise and, where asked, in phases.
+            Number of runs; they differ in noise and, with ``random_phases``, in phases.
         random_state : int, RandomState, Generator or None, default=None
             Source of noise and phases. Run i is the same however many runs there are.
         noise : array of shape (n_runs, n_run_in + n_samples) or None, default=None

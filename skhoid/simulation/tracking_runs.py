@@ -77,54 +77,55 @@ def make_tracking_runs(
     n_jobs: int | None = None,
     progress: bool = False,
 ) -> Any:
-    """Simulate runs of a tracking task, as a dataset.
+    """Simulate runs of a tracking task as a dataset.
 
     Parameters
     ----------
     condition : {"C1", ..., "C6"}, Condition or CompensatoryTask, default="C1"
-        What is controlled and by whom, see :func:`tracking_condition` and
-        :func:`mixed_condition`. A whole task brings sampling rate, duration, run-in, forcing
-        functions, display, operator, element, effects and transport, which are then not given.
+        What is controlled and by whom; see :func:`tracking_condition` and :func:`mixed_condition`.
+        A whole task has its own sampling rate, duration, run-in, forcing functions, display,
+        operator, element, effects and transport, so do not give these.
     n_runs : int, default=5
-        Number of runs; they differ in remnant and, where asked, in phases.
+        Number of runs; they differ in remnant and, with ``random_phases``, in phases.
     remnant_intensity : float, default=0.0
-        P_n = var(n) / var(u); :func:`tune_remnant` finds the gain on ten realisations of its own.
+        P_n = var(n) / var(u); :func:`tune_remnant` finds the gain from ten separate realisations.
     remnant_order : {1, 2, 3, 4, "nm"}, default=2
         Order of the remnant filter (Eqs. 27-28).
     remnant_gain : float, callable, "table" or None, default=None
-        K_n, given instead of searched; ``"table"`` takes Table G.1 for ``remnant_intensity``.
+        K_n, if given rather than tuned; ``"table"`` takes it from Table G.1 for
+        ``remnant_intensity``.
     channels : sequence of {"e", "x", "f_t", "dist"}, default=("e",)
         Columns of X: error, output of the controlled element, target, and the disturbance f_d.
     sampling_rate, duration : float, default=100.0 and 81.92
-        Samples and integration steps a second (Hz), and length of a run (s).
+        Samples and integration steps per second (Hz), and length of a run (s).
     run_in, keep_run_in : float or None and float, default=None and 0.0
-        Time simulated before, in s (None: seven times ``duration``, with effects 20 s), and how
-        much of it to return too, at negative time.
+        Time simulated before the window, in s (None: seven times ``duration``, or 20 s with
+        effects), and how much of it to return as well, at negative time.
     target, disturbance : Multisine, callable, array or None, default=None
-        Forcing functions; None means Table I for the target, and no disturbance; 0.0 is none. For
-        one that changes within the run see :class:`Mixture`.
+        Forcing functions; None means Table I for the target and no disturbance; 0.0 means none. For
+        one that changes within the run, see :class:`Mixture`.
     random_phases : bool, default=False
         Draw new phases for each run.
     display : {"compensatory", "pursuit"}, float or callable, default="compensatory"
-        Whether the operator's gains on target and output are in use, or how much over time.
+        Whether the operator's gains on target and output are in use, or what share over time.
     operator, controlled_element : HumanOperator or fitted model, ControlledElement, or None
-        Replace those of the condition.
+        Replacements for those of the condition.
     effects : Effect, Effects, list of these or None, default=None
         What the operator does beyond linear dynamics, such as ``DeadZone(width=0.3)``, with
         numbers for all parameters. The remnant's gain is tuned without effects.
     adaptation_lag : float, default=0.0
-        Time in s by which the operator's parameters lag the element's; below 0 they lead.
+        Time in s by which the operator's parameters lag the element's; if negative, they lead.
     perturbation : dict or None, default=None
         ``{"K_e", "K_edot", "omega_nm", "zeta_nm" or a gain of a pursuit display: number or
         function of time}``, added to the parameter.
     open_loop : bool, default=False
         The remnant is added to u but does not go round the loop (Eq. G.1).
     transport : {"held", "interpolated"} or None, default=None
-        How the delay is kept, see :class:`CompensatoryTask`.
+        How the delay is realised; see :class:`CompensatoryTask`.
     noise : array of shape (n_runs, n_samples with run-in) or None, default=None
-        White noise of unit variance for the remnant, in place of ``random_state``.
+        White noise of unit variance for the remnant, instead of ``random_state``.
     return_truth : bool, default=False
-        Also return what is behind the runs.
+        Also return the truth behind the runs.
     random_state : int, RandomState, Generator or None, default=None
         Source of all randomness. Run i is the same whatever ``n_runs`` and ``n_jobs`` are.
     n_jobs, progress : int or None and bool, default=None and False
@@ -140,16 +141,16 @@ def make_tracking_runs(
     truth : Bunch
         Only with ``return_truth``: ``u_without_remnant`` and ``remnant`` (Series like y);
         ``parameters``, a DataFrame over time of K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm, K_c,
-        omega_b, K_n, and of gains of a pursuit display that are not 0; ``arx_parameters``, one of
-        a1, a2, b0, b1 under zero-order hold (not with such gains); ``nk``, their delay to the
-        nearest sample; ``task``. If a fitted model is the operator, its physics are missing.
+        omega_b, K_n, and of gains of a pursuit display that are not 0; ``arx_parameters``, the same
+        of a1, a2, b0, b1 under zero-order hold (not with such gains); ``nk``, their delay to the
+        nearest sample; ``task``. If the operator is a fitted model, its physics are missing.
 
     Raises
     ------
     UnstableLoopError, RemnantIntensityError
         If the loop is unstable, or cannot reach ``remnant_intensity``.
     ValueError
-        If physics, sampling rate, names or shapes make no sense; the message says what to change.
+        If physics, sampling rate, names or shapes are not valid; the message says what to change.
 
     Examples
     --------
@@ -176,7 +177,7 @@ def check_channel_names(channels: Any) -> None:
     if not known or isinstance(channels, str) or not 0 < len(set(channels)) == len(channels):
         hint = " The disturbance f_d is the channel 'dist'." if "f_d" in map(str, channels) else ""
         raise ValueError(
-            f"channels is a list of some of {list(CHANNELS)}, each once; got {channels!r}.{hint}"
+            f"channels must list some of {list(CHANNELS)}, each once; got {channels!r}.{hint}"
         )
 
 
@@ -243,7 +244,7 @@ def _rows(signal: np.ndarray, n_runs: int) -> np.ndarray:
 def _adapted(
     task: CompensatoryTask, lag: Any, perturbation: dict[str, Parameter]
 ) -> CompensatoryTask:
-    """The operator's parameters later than the controlled element's, or perturbed."""
+    """The operator with its parameters lagging the controlled element's, or perturbed."""
     if not lag and not perturbation:
         return task
     operator = task.operator
@@ -260,7 +261,7 @@ def _adapted(
             f"perturbation: no parameter {unknown} to add to; there are {list(parameters)}."
         )
     if not isinstance(lag, (int, float, np.number)) or not np.isfinite(lag):
-        raise ValueError(f"adaptation_lag is a time in s; got {lag!r}.")
+        raise ValueError(f"adaptation_lag must be a time in s; got {lag!r}.")
     changed: dict[str, Any] = {
         name: Shifted(value, float(lag), perturbation.get(name, 0.0))
         for name, value in parameters.items()
@@ -278,11 +279,13 @@ def _with_remnant(
 ) -> CompensatoryTask:
     if isinstance(gain, str):
         if gain != "table":
-            raise ValueError(f"remnant_gain is K_n, a function of time or 'table'; got {gain!r}.")
+            raise ValueError(
+                f"remnant_gain must be a number (K_n), a function of time or 'table'; got {gain!r}."
+            )
         if not isinstance(condition, str):
             raise ValueError(
-                "remnant_gain='table' needs the name of a condition of the thesis; "
-                "Remnant.from_table(name, intensity) in a task of your own."
+                "remnant_gain='table' needs the name of a condition of the thesis; in a task of "
+                "your own, use Remnant.from_table(name, intensity)."
             )
         if intensity == 0:
             return replace(task, remnant=None)

@@ -1,4 +1,4 @@
-"""``tune_remnant``: the remnant gain that gives a wanted intensity."""
+"""``tune_remnant``: the remnant gain that gives a desired intensity."""
 
 from __future__ import annotations
 
@@ -31,15 +31,14 @@ def tune_remnant(
     n_jobs: int | None = None,
     progress: bool = False,
 ) -> CompensatoryTask:
-    """Find the remnant gain K_n that gives the intensity P_n wanted.
+    """Find the remnant gain K_n that gives a desired intensity P_n.
 
     The mean of P_n = var(n) / var(u) in the measurement window, over realisations of the noise,
-    equals ``task.remnant.intensity``. The loop is linear, so u is the sum of the answer to the
-    forcing functions and K_n times the answer to the noise: each is simulated once, and the root is
-    that of an explicit function of K_n. Where the operator's gains follow a Sigmoid,
-    Step or Ramp, or else the controlled element, K_n follows it too, between the gains for the
-    parameters at its two ends, as in conditions C3-C6. In other cases K_n is constant. Effects are
-    left out.
+    equals ``task.remnant.intensity``. The loop is linear, so u is the sum of the response to the
+    forcing functions and K_n times the response to the noise: each is simulated once, and K_n is
+    the root of an explicit function. Where the operator's gains (or else the controlled element)
+    follow a Sigmoid, Step or Ramp, K_n follows it too, between the gains for the parameters at its
+    two ends, as in conditions C3-C6. Otherwise K_n is constant. Effects are left out.
 
     Parameters
     ----------
@@ -48,11 +47,11 @@ def tune_remnant(
     n_realisations : int, default=10
         Number of realisations; ten in the thesis.
     random_state : int, RandomState, Generator or None, default=None
-        Source of the noise, different from that of runs simulated with the same number.
+        Source of the noise, which differs from that of runs simulated with the same seed.
     noise : array of shape (n_realisations, n_run_in + n_samples) or None, default=None
         White noise of unit variance instead.
     open_loop : bool, default=False
-        For runs in which the remnant does not go round the loop.
+        Tune for runs in which the remnant does not go round the loop.
     n_jobs : int or None, default=None
         Number of threads, as in joblib.
     progress : bool, default=False
@@ -61,13 +60,13 @@ def tune_remnant(
     Returns
     -------
     task : CompensatoryTask
-        The task whose remnant has this gain.
+        The task with this gain in its remnant.
 
     Raises
     ------
     RemnantIntensityError
-        If the loop cannot reach the intensity, or if it comes so close to its limit that the
-        realisations do not determine the gain (standard error above 50 %).
+        If the loop cannot reach the intensity, or if the intensity is so close to the limit that
+        the realisations do not determine the gain (standard error above 50 %).
 
     Examples
     --------
@@ -78,17 +77,17 @@ def tune_remnant(
     """
     remnant = task.remnant
     if isinstance(n_realisations, bool) or int(n_realisations) != n_realisations:
-        raise ValueError(f"n_realisations is a whole number; got {n_realisations!r}.")
+        raise ValueError(f"n_realisations must be a whole number; got {n_realisations!r}.")
     if n_realisations < 1 or (noise is not None and len(np.atleast_2d(noise)) != n_realisations):
         rows = "" if noise is None else f" and noise with {len(np.atleast_2d(noise))} rows"
         raise ValueError(
-            f"tune_remnant needs at least one realisation, and noise with a row for each; got "
+            f"tune_remnant needs at least one realisation, and noise with one row for each; got "
             f"n_realisations={n_realisations}{rows}."
         )
     if remnant is None or remnant.intensity is None:
         raise ValueError(
-            "tune_remnant needs a task whose remnant has a wanted intensity: "
-            f"Remnant(intensity=0.15), say; got {remnant!r}."
+            f"tune_remnant needs a task whose remnant has an intensity, such as "
+            f"Remnant(intensity=0.15); got {remnant!r}."
         )
     options = RunOptions(
         random_state=entropy_of(random_state),
@@ -127,7 +126,7 @@ def _constant_gain(task: CompensatoryTask, n_realisations: int, options: RunOpti
         judged = curve.solve(wanted)
         error = np.inf if judged is None else curve.relative_error(judged, n_realisations)
     advice = (
-        f"The remnant goes round the loop, so that P_n tends to {curve.limit:.3f} as K_n grows "
+        f"The remnant goes round the loop, so P_n tends to {curve.limit:.3f} as K_n grows "
         f"(mean of {curve.of_noise.size} realisations). Ask for less, or give the remnant a gain."
     )
     if root is None and wanted >= curve.limit:
@@ -183,7 +182,7 @@ class _IntensityCurve:
         return K**2 * self.of_remnant / both
 
     def solve(self, wanted: float) -> float | None:
-        """Logarithm of the smallest gain of mean intensity ``wanted``; None if there is none."""
+        """Logarithm of the smallest gain with mean intensity ``wanted``; None if there is none."""
         middle = 0.5 * np.log(self.of_forcing / self.of_remnant.mean())
         grid = middle + np.linspace(-12, 12, 481)
         above = np.flatnonzero(self.intensities(grid).mean(axis=-1) > wanted)
@@ -193,7 +192,7 @@ class _IntensityCurve:
         return brentq(lambda g: self.intensities(g).mean() - wanted, *around, xtol=1e-13)
 
     def relative_error(self, log_gain: float, n_realisations: int) -> float:
-        """Relative standard error of a gain that was solved for with this many realisations."""
+        """Relative standard error of a gain found from this many realisations."""
         if self.of_noise.size < 2:
             return 0.0
         h = 1e-4

@@ -1,9 +1,9 @@
 """Effects in the closed loop, by the same simulation as in fits, repeated in sweeps.
 
-Up to any instant the operator's answer to a known error is known, and that answer moves the error
-only after the delay. So the loop is closed stretch by stretch: answer and error are computed in
-turn until neither changes, which takes a few sweeps for a stretch of some delays. In this way
-effects are simulated by their own ``apply``, also those of users.
+The operator's response to a known error moves the error only after the delay. So the loop is closed
+stretch by stretch: response and error are computed in turn until neither changes, which takes a few
+sweeps for a stretch of a few delays. In this way effects are simulated by their own ``apply``,
+including those of users.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ OPERATOR_GAINS = range(2, 6)  # columns of the physics, see _kernels.loop
 
 
 class _Operator(Effect):
-    """The gains of a HumanOperator, which may vary in time, as factors on gains of 1."""
+    """The gains of a HumanOperator, which may vary over time, as factors on gains of 1."""
 
     name = "operator"
     place = "gain"
@@ -55,17 +55,17 @@ class _Operator(Effect):
 
 
 def check_effects(task: CompensatoryTask) -> None:
-    """Refuse effects whose numbers are open, and operators that take none."""
+    """Refuse effects without numbers, and operators that cannot have effects."""
     effects = Effects.of(task.effects)
     if not isinstance(task.operator, HumanOperator):
         raise ValueError(
-            "CompensatoryTask: effects are those of a HumanOperator; the operator is a "
+            "CompensatoryTask: effects need a HumanOperator; the operator is a "
             f"{type(task.operator).__name__}."
         )
     if task.display != "compensatory":
         raise ValueError(
-            "CompensatoryTask: with effects the display is 'compensatory'; the effects "
-            "feedforward and output_feedback answer target and output."
+            "CompensatoryTask: with effects the display must be 'compensatory'; the effects "
+            "feedforward and output_feedback respond to target and output."
         )
     for name, effect in effects:
         if effect.noise:
@@ -83,7 +83,7 @@ def check_effects(task: CompensatoryTask) -> None:
 def with_first_choices(
     task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray
 ) -> Effects:
-    """The effects with open choices (form, channel) made: the first of each."""
+    """The effects with open choices (form, channel) made: the first option of each."""
     window = t[:, 0] > -0.5 / task.sampling_rate
     record = _record(task, {n: c[window] for n, c in channels.items()}, t[window])
     steps = []
@@ -137,7 +137,7 @@ def track_with_effects(
         else:
             raise ValueError(
                 f"The loop with the effects {effects.names[1:]} cannot be solved at "
-                f"t = {t[end - 1, 0]:.2f} s: they answer, without delay, signals that they move."
+                f"t = {t[end - 1, 0]:.2f} s: they respond without delay to signals that they move."
             )
         if not np.abs(out[0]).max() < LOST * size:
             raise UnstableLoopError(

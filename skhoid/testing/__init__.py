@@ -1,4 +1,4 @@
-"""Checks for effects of your own: ``check_effect``, and records to try effects on."""
+"""Checks for effects of your own: ``check_effect``, and records on which to try effects."""
 
 from .checks import check_effect
 from .records import synthetic_record

@@ -49,15 +49,15 @@ def check_apply(effect: Effect, record: Record) -> None:
         given = signal_at(effect.place, record)
         kept = copy.deepcopy(given)
         channels = {k: v.copy() for k, v in record.channels.items()}
-        with np.errstate(all="ignore"):  # what is not finite is reported below
+        with np.errstate(all="ignore"):  # non-finite values are reported below
             _applied(effect, record, values)
             out = effect.apply(given, record, **values)
         at = f"{who}.apply at {shown(values)}"
         _check_kind(out, effect.place, record, at)
         expect(
             _equal(given, kept),
-            f"{at} changes the signal that it is given: return a new one, signal + ... and not "
-            "signal += ... .",
+            f"{at} changes the signal that it is given: return a new one (signal + ..., not "
+            "signal += ...).",
         )
         expect(
             all(np.array_equal(channels[k], record.channels[k]) for k in channels),
@@ -67,8 +67,8 @@ def check_apply(effect: Effect, record: Record) -> None:
             again = effect.apply(signal_at(effect.place, record), record, **values)
         expect(
             _equal(out, again),
-            f"{at} gives another answer the second time: it must not draw random numbers nor "
-            "remember calls.",
+            f"{at} gives a different result the second time: it must neither draw random numbers "
+            "nor remember calls.",
         )
     expect(
         effect.__dict__.keys() == before_effect.keys() and same(effect.__dict__, before_effect),
@@ -101,7 +101,7 @@ def _check_kind(out: Any, place: str, record: Record, at: str) -> None:
                 fits = False
             expect(
                 fits,
-                f"{which} must give a shape that spreads over (n_samples, n_runs) = {shape}; got "
+                f"{which} must give a shape that broadcasts to (n_samples, n_runs) = {shape}; got "
                 f"{values.shape}.",
             )
         else:
@@ -113,8 +113,8 @@ def _check_kind(out: Any, place: str, record: Record, at: str) -> None:
             )
         expect(
             np.isfinite(values).all(),
-            f"{which} gives values that are not finite: mind divisions by zero and roots of "
-            "negative numbers, or narrow low and high of the parameters.",
+            f"{which} gives values that are not finite: check for divisions by zero and roots of "
+            "negative numbers, or narrow the limits low and high of the parameters.",
         )
 
 
@@ -144,7 +144,8 @@ def check_neutral(effect: Effect, record: Record) -> None:
             expect(
                 np.allclose(out[name], expected, rtol=1e-9, atol=1e-9),
                 f"{name_of(effect)}.apply at its neutral values ({shown(effect.neutral)}) must "
-                "return what it is given; they are those at which it does nothing.",
+                "return what it is given: neutral values are those at which the effect does "
+                "nothing.",
             )
 
 
@@ -163,13 +164,14 @@ def check_symmetries(effect: Effect, record: Record) -> None:
         if expected.shape == record.known.shape:
             expect(
                 np.allclose(permuted[name], expected[:, order], rtol=1e-9, atol=1e-9),
-                f"{who}.apply does not treat runs alike: with the runs (columns) in another order "
-                "the answer must have the same columns in that order. Work along axis 0 only.",
+                f"{who}.apply does not treat runs alike: with the runs (columns) in another "
+                "order, the result must have the same columns in that order. Work along axis 0 "
+                "only.",
             )
         if expected.ndim == 2 and expected.shape[0] == n and effect.smooth:
             expect(
                 np.allclose(later[name][shift:], expected, rtol=1e-6, atol=1e-6),
-                f"{who}.apply depends on when the recording began: with a second of silence before "
-                "it, the answer must be the same later. Take time from record.t, not from the "
-                "number of the sample.",
+                f"{who}.apply depends on when the recording began: with a second of silence "
+                "before it, the result must be the same, a second later. Take time from record.t, "
+                "not from the sample number.",
             )

@@ -19,31 +19,31 @@ def check_effect(
     channels: Sequence[str] = (),
     recovers: Mapping[str, float] | None = None,
 ) -> None:
-    """Check that an effect keeps the rules which models and searches rely on.
+    """Check that an effect obeys the rules on which models and searches rely.
 
-    It is documented; an estimator that ``clone``, ``pickle``, ``get_params`` and ``set_params``
-    work on; its starts lie within its limits, and there and at the limits ``apply`` gives finite
-    values of the right kind and shape. ``apply`` changes nothing, gives the same for the same,
-    treats runs alike and time by ``record.t``, and does nothing at ``neutral`` values. It simulates
-    alone and with other effects. All this holds for each of its ``variants``.
+    The effect is documented; ``clone``, ``pickle``, ``get_params`` and ``set_params`` work on it;
+    its starts lie within its limits, and there and at the limits ``apply`` gives finite values of
+    the right kind and shape. ``apply`` modifies none of its arguments, is repeatable, treats all
+    runs alike, takes time from ``record.t``, and does nothing at ``neutral`` values. The effect can
+    be simulated alone and with other effects. All this holds for each of its ``variants``.
 
     Parameters
     ----------
     effect : Effect
         An instance.
     core : {"operator", "arx"} or CoreKind, default="operator"
-        Model that it is to act in.
+        Kind of model in which it acts.
     channels : sequence of str, default=()
         Columns that the effect needs besides e, x, f_t, motion_acc, dist and speed.
     recovers : dict of str to float or None, default=None
-        Values of its parameters to simulate runs with, which a model must find again from as
-        little as 24 s. The error e has a standard deviation of 1 there, and the
-        output one of about 0.8. None leaves this check out.
+        Parameter values with which to simulate runs; a model must recover them from as little as 24
+        s. There the error e has a standard deviation of 1, and the output one of about 0.8. None
+        leaves this check out.
 
     Raises
     ------
     AssertionError
-        Says what is wrong, and how to mend it.
+        If a check fails; the message says what is wrong and how to fix it.
 
     See Also
     --------
@@ -59,7 +59,7 @@ def check_effect(
         raise ValueError(f'core must be "operator" or "arx"; got {core!r}.')
     expect(
         isinstance(effect, Effect),
-        f"{effect!r} is no instance of skhoid.effects.Effect"
+        f"{effect!r} is not an instance of skhoid.effects.Effect"
         + (": pass an instance, not the class." if isinstance(effect, type) else "."),
     )
     record = synthetic_record(channels)
@@ -68,14 +68,13 @@ def check_effect(
     reason = effect.refusal(record, CoreKind(core))
     expect(
         reason is None,
-        f"{name_of(effect)} does not apply to the runs that it is checked on: {reason}. They have "
-        f"the columns {', '.join(record.channels)}; name others by channels=[...].",
+        f"{name_of(effect)} does not apply to the runs on which it is checked: {reason}. They "
+        f"have the columns {', '.join(record.channels)}; name others with channels=[...].",
     )
     variants = effect.variants(record)
     expect(
         isinstance(variants, list) and len(variants) > 0,
-        f"{name_of(effect)}.variants must return a list with one effect at least; got "
-        f"{variants!r}.",
+        f"{name_of(effect)}.variants must return a list of at least one effect; got {variants!r}.",
     )
     for variant in variants:
         expect(

@@ -39,7 +39,7 @@ def check_description(effect: Effect) -> None:
         text = getattr(effect, attribute)
         expect(
             isinstance(text, str) and text.strip(),
-            f"{who}.{attribute} is empty: write what the effect is, for summaries.",
+            f"{who}.{attribute} is empty: say what the effect is, for summaries.",
         )
     expect(
         isinstance(effect.parameters, tuple)
@@ -48,7 +48,7 @@ def check_description(effect: Effect) -> None:
         f"of one); got {effect.parameters!r}.",
     )
     names = [p.name for p in effect.parameters]
-    expect(len(set(names)) == len(names), f"{who}.parameters has a name twice: {names}.")
+    expect(len(set(names)) == len(names), f"{who}.parameters has the same name twice: {names}.")
     for p in effect.parameters:
         expect(
             p.meaning.strip(),
@@ -75,7 +75,7 @@ def check_estimator(effect: Effect) -> None:
         )
     expect(
         all(k in params and isinstance(v, tuple) and v for k, v in effect.choices.items()),
-        f"{who}.choices must give arguments of __init__ tuples of what there is to choose from, "
+        f"{who}.choices must map arguments of __init__ to tuples of choices, "
         f'such as {{"form": ("soft", "hard")}}; got {effect.choices}.',
     )
     try:
@@ -94,7 +94,7 @@ def check_estimator(effect: Effect) -> None:
     for how, copied in {"clone": cloned, "pickle": _pickled(effect)}.items():
         expect(
             same(copied.get_params(), params),
-            f"{who} does not survive {how}: {copied.get_params()} in place of {params}. __init__ "
+            f"{who} does not survive {how}: {copied.get_params()} instead of {params}. __init__ "
             "must only store its arguments.",
         )
     for p in effect.parameters:
@@ -135,9 +135,9 @@ def check_starts(effect: Effect, record: Record) -> None:
     names = {p.name for p in effect.parameters}
     expect(
         limits.keys() == names,
-        f"{who}.limits must have each parameter: {sorted(names)}; got {sorted(limits)}.",
+        f"{who}.limits must name each parameter: {sorted(names)}; got {sorted(limits)}.",
     )
-    expect(len(starts) > 0, f"{who}.starts must return one start at least.")
+    expect(len(starts) > 0, f"{who}.starts must return at least one start.")
     for start in starts:
         own = {k: v for k, v in start.items() if not k.startswith("+")}
         expect(
@@ -152,4 +152,4 @@ def check_starts(effect: Effect, record: Record) -> None:
                 f"{low:.4g} to {high:.4g}.",
             )
     unknown = effect.neutral.keys() - names
-    expect(not unknown, f"{who}.neutral names {sorted(unknown)}, which are no parameters.")
+    expect(not unknown, f"{who}.neutral names {sorted(unknown)}, which are not parameters.")

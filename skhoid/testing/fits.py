@@ -72,7 +72,7 @@ def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) 
     names = {p.name for p in effect.free}
     expect(
         truth.keys() == names,
-        f"recovers must give a value of each parameter that is estimated: {sorted(names)}; got "
+        f"recovers must give a value for each estimated parameter: {sorted(names)}; got "
         f"{sorted(truth)}.",
     )
     quiet = _simulated(
@@ -95,9 +95,8 @@ def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) 
         expect(
             off <= max(SURE * np.nan_to_num(row["sd"]), CLOSE * abs(value), 1e-3),
             f"{who}: {key} was simulated as {value:.4g} and estimated as {Estimate.of(row)}. "
-            "Give more starts, closer to what is usual; set smooth = False if "
-            "small changes of the parameters do not change the output smoothly; or the parameters "
-            "cannot be told apart.",
+            "Give more starts, closer to usual values; set smooth = False if the output does not "
+            "change smoothly with the parameters. Or the parameters cannot be told apart.",
         )
 
 

@@ -30,7 +30,7 @@ def synthetic_record(channels: Sequence[str] = (), seed: int = 0) -> Record:
     channels : sequence of str, default=()
         Names of further channels, which get no role.
     seed : int, default=0
-        Of the random phases.
+        Seed of the random phases.
 
     Returns
     -------

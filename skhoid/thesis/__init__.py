@@ -1,4 +1,4 @@
-"""The Monte-Carlo studies of the thesis, and how what they find compares with it."""
+"""The Monte-Carlo studies of the thesis, and how their results compare with it."""
 
 from .delays import delay_study
 from .parameter_paths import path_study

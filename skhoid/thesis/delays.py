@@ -76,7 +76,7 @@ def _weight(theta: np.ndarray, angle: float) -> np.ndarray:
 
 
 def _vaf(theta: np.ndarray, e: np.ndarray, u: np.ndarray) -> float:
-    """Mean VAF of free runs from zero outputs, the error being known one sample before."""
+    """Mean VAF of free runs from zero output, with the error known one sample before."""
     driven = theta[2] * e[:, 1:] + theta[3] * e[:, :-1]
     free = lfilter([1.0], [1.0, theta[0], theta[1]], driven, axis=1)
     lost = np.sum((u - free) ** 2, axis=1) / np.sum(u**2, axis=1)
@@ -98,17 +98,17 @@ def delay_study(
     n_jobs: int | None = None,
     progress: bool | None = None,
 ) -> StudyResult:
-    """Delay, bias and validation VAF of batch models against the remnant filter.
+    """Delay, bias and validation VAF of batch models for different remnant filters.
 
-    Figs. 9, 10 and 12 of the thesis, and with all sampling rates and both loops Figs. G.1-G.8. For
+    Figs. 9, 10 and 12 of the thesis and, with all sampling rates and both loops, Figs. G.1-G.8. For
     each run an ARX[2, 2] model is fitted to the measurement window with the true delay n_k^0 and
-    with n_k*, of the lowest one-step loss between 0.15 and 0.48 s. All cells share their noise, so
-    that filters are compared on the same realisations.
+    with n_k*, the delay of lowest one-step loss between 0.15 and 0.48 s. All cells share their
+    noise, so filters are compared on the same realisations.
 
     Parameters
     ----------
     n_replications : int, default=100
-        Runs of each cell.
+        Runs per cell.
     conditions : sequence of str, default=("C1", "C2")
         Conditions with constant dynamics.
     orders : sequence of {1, 2, 3, 4, "nm"}, default=(1, 2, 3, 4, "nm")
@@ -120,22 +120,22 @@ def delay_study(
     open_loop : sequence of bool, default=(False,)
         Whether the remnant goes round the loop (False) or not (True, Eq. G.1).
     n_validation : int, default=10
-        Validation runs of each cell, for Fig. 12; 0 for none.
+        Validation runs per cell, for Fig. 12; 0 for none.
     gains : {"table", "tuned"}, default="table"
-        K_n of Table G.1, or found from ten realisations of a seed stream of its own.
+        K_n from Table G.1, or tuned on ten realisations with their own seeds.
     random_state : int, RandomState, Generator or None, default=0
         Source of all randomness.
     out : path or None, default=None
-        Folder in which finished blocks are kept, see :meth:`MonteCarloStudy.run`.
+        Folder in which finished blocks are kept; see :meth:`MonteCarloStudy.run`.
     n_jobs : int or None, default=None
         Number of workers, as in joblib.
     progress : bool or None, default=None
-        Show a bar; None means where there is a terminal.
+        Show a progress bar; None means only in a terminal.
 
     Returns
     -------
     result : StudyResult
-        Its table has two rows a replication, ``delay`` "fixed" and "estimated": nk, the ARX
+        Its table has two rows per replication, ``delay`` "fixed" and "estimated": nk, the ARX
         parameters and their relative bias (Eq. 30), those of the operator (Eqs. 22-23),
         ``weight_ratio`` (of ``|A|^2`` at 100 and at 20 rad/s, Fig. 11) and ``vaf_validation``
         (whole window, %).
@@ -272,8 +272,8 @@ def _bias_claims(noisy: pd.DataFrame) -> list[Claim]:
             Claim(
                 "Fig. 10",
                 "orders 1 and 2 on one side, 3, 4 and nm on the other, a and b against each other",
-                "B_r < 0 in a and > 0 in b for 1 and 2, the opposite for the rest (by Eq. 30; the "
-                "text has the signs the other way round)"
+                "B_r < 0 in a and > 0 in b for 1 and 2, the opposite for the rest (by Eq. 30; "
+                "the text has the opposite signs)"
                 if apart
                 else f"signs {signs.to_dict()}",
                 apart,
@@ -304,8 +304,7 @@ def _other_claims(noisy: pd.DataFrame) -> list[Claim]:
         claims.append(
             Claim(
                 "Fig. 12",
-                "order 2: the validation VAF with n_k^0 and with n_k* differ by nothing that "
-                "matters",
+                "order 2: the validation VAF with n_k^0 and with n_k* show no relevant difference",
                 f"mean {range_text(gain, 2, sign=True)} points",
                 bool((gain.abs() < NEGLIGIBLE).all()),
             )

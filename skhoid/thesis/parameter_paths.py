@@ -30,7 +30,7 @@ ENDS = ("ini", "fin")
 def parameter_paths(
     block: Block, *, memory_horizon: float = 256.0, step: float = 0.32
 ) -> pd.DataFrame:
-    """Paths of λ and Λ, and batch models of both ends, for a :class:`MonteCarloStudy`."""
+    """Paths with λ and Λ, and batch models of both ends, for a :class:`MonteCarloStudy`."""
     rate = block.task.sampling_rate
     before, part = int((block.record.time < 0).sum()), round(FIRST_PART * rate)
     e, u = block.record.e, block.record.u[:, before:]
@@ -80,14 +80,14 @@ def path_study(
 ) -> StudyResult:
     """Follow the parameters through the change, with λ and with Λ (Figs. 14-15, Apps. K, L).
 
-    For each run n_k*, a recursion with theta0 = OLS of the first 30.72 s and P0 = I that forgets
-    all parameters (λ) and one that forgets b0 and b1 alone (Λ), and batch models of the first and
-    last 30.72 s; all converted to the operator's parameters.
+    For each run: n_k*; two recursions from theta0 = OLS of the first 30.72 s and P0 = I, one that
+    forgets all parameters (λ) and one that forgets only b0 and b1 (Λ); batch models of the first
+    and last 30.72 s; all converted to the operator's parameters.
 
     Parameters
     ----------
     n_replications : int, default=100
-        Runs of each cell.
+        Runs per cell.
     conditions : sequence of str, default=("C4",)
         Conditions of Table III; Apps. K and L have all.
     intensities : sequence of float, default=(0, 0.15, 0.30)
@@ -95,27 +95,27 @@ def path_study(
     memory_horizon : float, default=256
         N0 in samples.
     step : float, default=0.32
-        Seconds between the instants that the table keeps.
+        Seconds between the times that the table keeps.
     remnant_order : {1, 2, 3, 4, "nm"}, default=2
         Order of the remnant filter.
     gains : {"table", "tuned"}, default="table"
-        K_n of Table G.1, or found from ten realisations of a seed stream of its own.
+        K_n from Table G.1, or tuned on ten realisations with their own seeds.
     random_state : int, RandomState, Generator or None, default=0
         Source of all randomness.
     out : path or None, default=None
-        Folder in which finished blocks are kept, see :meth:`MonteCarloStudy.run`.
+        Folder in which finished blocks are kept; see :meth:`MonteCarloStudy.run`.
     n_jobs : int or None, default=None
         Number of workers, as in joblib.
     progress : bool or None, default=None
-        Show a bar; None means where there is a terminal.
+        Show a progress bar; None means only in a terminal.
 
     Returns
     -------
     result : StudyResult
-        Its table has a row for each replication, form and instant: ``form`` is "lambda",
-        "Lambda", or "ini" and "fin" for the batch models (time NaN); operator parameters are NaN
-        where the poles are not a complex pair. Its summary has mean and deviation over
-        replications in the transition window, averaged over time.
+        Its table has a row for each replication, form and time: ``form`` is "lambda", "Lambda", or
+        "ini" and "fin" for the batch models (time NaN); operator parameters are NaN where the poles
+        are not a complex pair. Its summary has means and deviations over replications, averaged
+        over the transition window.
 
     Examples
     --------

@@ -71,15 +71,15 @@ def response_study(
     n_jobs: int | None = None,
     progress: bool | None = None,
 ) -> StudyResult:
-    """Compare frequency responses of three methods with the operator's (App. I).
+    """Compare frequency responses found by three methods with the operator's (App. I).
 
-    Fourier coefficients (Eq. 5.14), a batch ARX[2, 2] model with n_k*, and the parameters at the
-    end of a recursion without forgetting (P0 = I), at the lines of the target.
+    Fourier coefficients (Eq. 5.14), a batch ARX[2, 2] model with n_k*, and the final parameters of
+    a recursion without forgetting (P0 = I), at the lines of the target.
 
     Parameters
     ----------
     n_replications : int, default=100
-        Runs of each cell.
+        Runs per cell.
     conditions : sequence of str, default=("C1", "C2")
         Conditions with constant dynamics.
     intensities : sequence of float, default=(0, 0.05, ..., 0.30)
@@ -87,15 +87,15 @@ def response_study(
     remnant_order : {1, 2, 3, 4, "nm"}, default=2
         Order of the remnant filter.
     gains : {"table", "tuned"}, default="table"
-        K_n of Table G.1, or found from ten realisations of a seed stream of its own.
+        K_n from Table G.1, or tuned on ten realisations with their own seeds.
     random_state : int, RandomState, Generator or None, default=0
         Source of all randomness.
     out : path or None, default=None
-        Folder in which finished blocks are kept, see :meth:`MonteCarloStudy.run`.
+        Folder in which finished blocks are kept; see :meth:`MonteCarloStudy.run`.
     n_jobs : int or None, default=None
         Number of workers, as in joblib.
     progress : bool or None, default=None
-        Show a bar; None means where there is a terminal.
+        Show a progress bar; None means only in a terminal.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def response_study(
         Its table has a row for each replication, method ("fc", "batch", "recursive") and line:
         omega (rad/s), the response and its stated deviations (Eqs. H.9, H.10; rad). Its summary
         has, by cell, method and line, the relative bias of the ensemble mean, its total complex
-        deviation over the mean (Eq. H.7), and the ratio of stated deviations to those of the
+        deviation divided by the mean (Eq. H.7), and the ratio of stated deviations to those of the
         ensemble.
 
     Examples
@@ -204,8 +204,8 @@ def _claims(summary: pd.DataFrame) -> list[Claim]:
                 "App. I",
                 "stated deviations (Eq. H.9) are consistent with those of the ensemble",
                 f"in the median {ratio['batch']:.2f} times those for batch models, "
-                f"{ratio['recursive']:.2f} times for recursive ones: too small, as the equation "
-                "error is coloured and P0 = I still holds the recursion back",
+                f"{ratio['recursive']:.2f} times for recursive ones: too small, because the "
+                "equation error is coloured and P0 = I still holds the recursion back",
                 bool(ratio["batch"] > 2 / 3),
             )
         )

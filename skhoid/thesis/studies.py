@@ -1,4 +1,4 @@
-"""The studies of the thesis by the names of its figures: ``paper_study`` makes one again."""
+"""The studies of the thesis by the names of its figures: ``paper_study`` reproduces one."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class PaperStudy:
     what : str
         What it shows, in a few words.
     figures : tuple of str
-        How the names of its figures begin; empty for all.
+        Prefixes of the names of its figures; empty for all.
     options : dict
-        What differs from the function's defaults.
+        Options that differ from the function's defaults.
 
     Examples
     --------
@@ -78,7 +78,7 @@ PAPER_STUDIES: dict[str, PaperStudy] = {
 def paper_study(
     name: str, n_replications: int = 100, *, every_figure: bool = False, **options: Any
 ) -> StudyResult:
-    """Make a study of the thesis again.
+    """Reproduce a study of the thesis.
 
     Parameters
     ----------
@@ -87,14 +87,14 @@ def paper_study(
     n_replications : int, default=100
         As in the thesis.
     every_figure : bool, default=False
-        Draw all figures of the study, not those of this name only.
+        Draw all figures of the study, not only those of this name.
     **options
         Other options of the study's function, such as ``conditions``, ``n_jobs`` or ``out``.
 
     Returns
     -------
     result : StudyResult
-        Of one of the study functions.
+        The result of the study function.
 
     Raises
     ------

@@ -22,7 +22,7 @@ INTENSITIES = (0.0, 0.05, 0.10, 0.15, 0.20, 0.25, 0.30)  # P_n
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the thesis beside what a study found.
+    """A statement of the thesis, compared with what a study found.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Claim:
     found : str
         What the study found, in numbers.
     holds : bool or None
-        Whether it holds; None where it cannot be judged with the cells or replications at hand.
+        Whether it holds; None if the cells or replications do not allow a judgement.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class StudyResult:
     title : str
         One sentence.
     table : DataFrame
-        A row for each replication and setting.
+        One row per replication and setting.
     summary : DataFrame
         Means and deviations by cell.
     claims : list of Claim
@@ -112,9 +112,9 @@ class StudyResult:
         Parameters
         ----------
         folder : path
-            It is made if it does not exist.
+            Created if it does not exist.
         figures : bool, default=True
-            Also draw.
+            Save the figures too.
         table_format : {"csv", "tsv", "parquet"}, default="csv"
             Format of the tables; Parquet needs ``pip install "skhoid[io]"``.
 
@@ -140,23 +140,25 @@ class StudyResult:
 
 
 def checked_orders(orders: Sequence[Any]) -> list[Any]:
-    """Orders of the remnant filter, numbers also as text."""
+    """Orders of the remnant filter; numbers may be given as text."""
     known = {str(order): order for order in ORDERS}
     unknown = [order for order in orders if str(order) not in known]
     if unknown:
-        raise ValueError(f"Orders of the remnant filter are {list(known)}; got {unknown[0]!r}.")
+        raise ValueError(
+            f"Orders of the remnant filter must be among {list(known)}; got {unknown[0]!r}."
+        )
     return [known[str(order)] for order in orders]
 
 
 def gains_of(gains: str, intensities: Sequence[float]) -> dict[str, Any]:
     """Options of the simulation for where the remnant's gains come from."""
     if gains not in ("table", "tuned"):
-        raise ValueError(f"gains is 'table' (Table G.1) or 'tuned'; got {gains!r}.")
+        raise ValueError(f"gains must be 'table' (Table G.1) or 'tuned'; got {gains!r}.")
     strange = [P_n for P_n in intensities if not np.isclose(P_n, INTENSITIES).any()]
     if gains == "table" and strange:
         raise ValueError(
-            f"Table G.1 has gains for P_n = 0.05, 0.10 ... 0.30; got {strange[0]:g}. With "
-            "gains='tuned' (--gains tuned) they are found for any."
+            f"Table G.1 has gains for P_n = 0.05, 0.10 ... 0.30; got {strange[0]:g}. For any "
+            "other, use gains='tuned' (--gains tuned)."
         )
     return {"remnant_gain": "table"} if gains == "table" else {}
 

@@ -38,35 +38,35 @@ def forgetting_study(
 ) -> StudyResult:
     """Trade tracking ability against noise sensitivity, for λ and Λ (Fig. 13, Figs. J.1-J.5).
 
-    Recursive ARX[2, 2] models of each estimation run, with its own n_k*, theta0 = OLS of the first
-    30.72 s and P0 = I, for all memory horizons; λ forgets all parameters, Λ b0 and b1 alone. The
-    path of parameters is run freely on each validation run, and scored on the transition window
-    from 30.72 to 51.20 s.
+    Recursive ARX[2, 2] models are fitted to each estimation run, with its own n_k*, theta0 = OLS of
+    the first 30.72 s and P0 = I, for all memory horizons; λ forgets all parameters, Λ only b0 and
+    b1. The path of parameters is simulated on each validation run and scored on the transition
+    window from 30.72 to 51.20 s.
 
     Parameters
     ----------
     n_replications : int, default=100
-        Estimation runs of each cell.
+        Estimation runs per cell.
     conditions : sequence of str, default=("C1", ..., "C6")
         Conditions of Table III.
     intensities : sequence of float, default=(0, 0.05, ..., 0.30)
         P_n.
     memory_horizons : sequence of float, default=(2, 4, ..., 8192, inf)
-        N0 in samples (Table V); one of them infinity, with which the others are compared.
+        N0 in samples (Table V); one of them must be infinity, with which the others are compared.
     n_validation : int, default=10
-        Validation runs of each cell.
+        Validation runs per cell.
     remnant_order : {1, 2, 3, 4, "nm"}, default=2
         Order of the remnant filter.
     gains : {"table", "tuned"}, default="table"
-        K_n of Table G.1, or found from ten realisations of a seed stream of its own.
+        K_n from Table G.1, or tuned on ten realisations with their own seeds.
     random_state : int, RandomState, Generator or None, default=0
         Source of all randomness.
     out : path or None, default=None
-        Folder in which finished blocks are kept, see :meth:`MonteCarloStudy.run`.
+        Folder in which finished blocks are kept; see :meth:`MonteCarloStudy.run`.
     n_jobs : int or None, default=None
         Number of workers, as in joblib.
     progress : bool or None, default=None
-        Show a bar; None means where there is a terminal.
+        Show a progress bar; None means only in a terminal.
 
     Returns
     -------
@@ -77,9 +77,9 @@ def forgetting_study(
 
     Notes
     -----
-    All replications of a cell share its validation runs, so that the level of their mean VAF has
-    a standard error of ``sd_validation`` over the root of ``n_validation``, however many
-    replications there are; gains have much less.
+    All replications of a cell share its validation runs, so the standard error of the level of
+    their mean VAF is ``sd_validation`` over the root of ``n_validation``, however many replications
+    there are; that of gains is much smaller.
 
     Examples
     --------
@@ -97,11 +97,11 @@ def forgetting_study(
     horizons = tuple(float(N0) for N0 in memory_horizons)
     if np.inf not in horizons or min(horizons) <= 1:
         raise ValueError(
-            "memory_horizons are above 1 and hold infinity, no forgetting, with which the others "
-            f"are compared; got {list(memory_horizons)}."
+            f"memory_horizons must be above 1 and include infinity (no forgetting), with which "
+            f"the others are compared; got {list(memory_horizons)}."
         )
     if n_validation < 1:
-        raise ValueError(f"n_validation is at least 1; got {n_validation!r}.")
+        raise ValueError(f"n_validation must be at least 1; got {n_validation!r}.")
     study = MonteCarloStudy(
         partial(forgetting_vaf, memory_horizons=horizons),
         {"condition": list(conditions), "remnant_intensity": [float(P) for P in intensities]},
@@ -172,7 +172,7 @@ def _claims(summary: pd.DataFrame) -> list[Claim]:
                 Claim(
                     "Fig. 13",
                     "no significant difference between λ and Λ",
-                    f"Λ less λ at N0 = 256: {range_text(apart, 2, sign=True)} points",
+                    f"Λ minus λ at N0 = 256: {range_text(apart, 2, sign=True)} points",
                     bool(apart.abs().max() < PRACTICALLY_NONE),
                 )
             )

@@ -299,7 +299,7 @@ def test_what_does_not_apply_says_why():
     with pytest.raises(ValueError, match="'iv'"):
         model.set_params(method="iv").with_effect("bias").fit(X, y)
     many = ARXRegressor(2, 2, NK, effects="bias")
-    with pytest.raises(ValueError, match=r"one channel and gets \['a', 'b'\]"):
+    with pytest.raises(ValueError, match=r"one channel, but got inputs=\['a', 'b'\]"):
         many.fit(X.set_axis(["a", "b"], axis=1), y)
     fitted = clone(many).fit(X, y)
     np.testing.assert_array_equal(fitted.simulate(X), fitted.predict(X))

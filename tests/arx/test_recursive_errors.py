@@ -123,7 +123,7 @@ ERRORS = {
     "P0 of zero": (lambda: fit(p0=0.0), ValueError, ["p0", "0.0"]),
     "infinite P0": (lambda: fit(p0=np.inf), ValueError, ["p0", "inf"]),
     "lags without end in a stream": (
-        lambda: stream(ARRAYS, nk=10**9), ValueError, ["1000000001 samples back", "at most 1000"]
+        lambda: stream(ARRAYS, nk=10**9), ValueError, ["1000000001 samples back", "limits are 1000"]
     ),
     "P0 too large": (lambda: fit(p0=1e300), ValueError, ["p0", "1e+300", "1e+100"]),
     "P0 too small": (lambda: fit(p0=1e-200), ValueError, ["p0", "1e-200", "1e-100"]),

@@ -434,7 +434,7 @@ def test_orders_cannot_change_in_a_stream():
     model = RecursiveARX(nk=3, init="zeros", p0=1, dt=0.01).partial_fit(e[:100], u[:100])
     model.set_params(na=3)
     for rows in (e[100:101], e[100:101].tolist()):  # by the fast path and past it
-        with pytest.raises(ValueError, match="Orders are read when a stream begins"):
+        with pytest.raises(ValueError, match="Orders cannot change within a stream"):
             model.partial_fit(rows, u[100:101])
 
 

@@ -52,7 +52,7 @@ def test_numbers_without_sense(capsys, words):
 @pytest.mark.parametrize("words", [["--runs", "1000000"], ["--runs", "1", "--rate", "1e10"]])
 def test_more_runs_than_memory(capsys, words):
     assert main(["simulate", "--out", "a.csv", *words]) == 2
-    assert "GiB of memory, and the machine has" in capsys.readouterr().err
+    assert "GiB of memory, but the machine has" in capsys.readouterr().err
     assert not Path("a.csv").exists()
 
 
@@ -103,13 +103,16 @@ def test_a_folder_that_is_a_link_to_nothing(capsys, words, folder):
 
 def test_a_device_is_no_recording(capsys):
     assert main(["identify", os.devnull, "--time", "t"]) == 2
-    assert f"{os.devnull} is no ordinary file" in capsys.readouterr().err
+    assert f"{os.devnull} is not a regular file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("diagnose --effects nosuch", "No effect is called 'nosuch'. There are: wrong_delay, "),
+        (
+            "diagnose --effects nosuch",
+            "No effect is called 'nosuch'. The effects are: wrong_delay, ",
+        ),
         ("report --out a.html --effects dead_zon", "Did you mean 'dead_zone'?"),
         ("identify --table-format csv", "--table-format needs --tables FOLDER"),
         ("demo --table-format csv", "--table-format needs --tables FOLDER"),

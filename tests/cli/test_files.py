@@ -1,12 +1,14 @@
-"""Where results go."""
+"""Recordings to read, and where results go."""
 
 import os
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from skhoid import make_tracking_runs
 from skhoid.cli import main
 from skhoid.cli.files import check_folders, column_of, save_figures
 
@@ -70,3 +72,44 @@ def test_folders_that_may_not_be_written_into(monkeypatch, name):
     monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
     with pytest.raises(ValueError, match=r"The folder \. may not be written into"):
         check_folders(name)
+
+
+@pytest.fixture
+def people(tmp_path):
+    """One file with the runs of two subjects under two conditions."""
+    X, y = make_tracking_runs(n_runs=4, duration=20.48, random_state=0)
+    frame = X.assign(stick=y).reset_index()
+    number = frame["run"].astype(int)
+    frame["subject"], frame["condition"] = number % 2 + 1, np.where(number < 2, "near", "far")
+    path = tmp_path / "people.csv"
+    frame.to_csv(path, index=False)
+    return str(path)
+
+
+FEW_ORDERS = ["--na", "1", "--nb", "1", "--nk", "29", "--no-pictures"]
+
+
+def test_one_subject_or_condition_is_selected(people, run_json):
+    assert run_json("identify", people, *FEW_ORDERS, "--subject", "2")["n_runs"] == 2
+    assert run_json("identify", people, *FEW_ORDERS, "--condition", "far")["n_runs"] == 2
+    both = ["--subject", "2", "--condition", "far"]
+    assert run_json("identify", people, *FEW_ORDERS, *both)["n_runs"] == 1
+
+
+@pytest.mark.filterwarnings("default::skhoid.exceptions.PooledRunsWarning")
+def test_subjects_that_are_pooled_are_noted_with_the_option(people, capsys):
+    assert main(["identify", people, *FEW_ORDERS]) == 0
+    said = capsys.readouterr().err
+    assert (
+        "note: Runs of 2 subjects are fitted as those of one: 1, 2. Say --subject 1 to fit" in said
+    )
+    assert "--condition near" in said
+    assert "groupby" not in said
+
+
+def test_a_subject_who_is_not_there(people, run_files, capsys):
+    assert main(["identify", people, "--subject", "7"]) == 2
+    assert "There is no subject '7' in the files, only '1', '2'." in capsys.readouterr().err
+    words = ["--output", "cursor [px]", "--subject", "7"]
+    assert main(["identify", *run_files, *words]) == 2
+    assert "no column of the files tells them apart" in capsys.readouterr().err

@@ -198,5 +198,5 @@ def test_controlled_elements(words, element):
 
 
 def test_an_element_that_cannot_be_read():
-    with pytest.raises(ValueError, match="'K' is not known"):
+    with pytest.raises(ValueError, match="'K' is unknown"):
         element_of("K/s")

@@ -16,7 +16,7 @@ from skhoid.exceptions import PYTHON_ONLY
         ("identify", "Give it as dt= (in seconds).", "--dt."),
         ("identify", "Irregular; resample_runs brings it onto a grid.", "--resample."),
         ("identify", "with X, y = skhoid.resample_runs(X, y, dt=0.01).", "--resample, --dt."),
-        ("identify", "say which with units={'time': ...}.", "--unit."),
+        ("identify", "state it with units={'time': ...}.", "--unit."),
         ("identify", "Leave the run out (skhoid.select_runs), or less", "leave it out of FILES."),
         ("diagnose", "another role, or none, by roles={column: ''}.", "--role."),
         ("diagnose", "Leave one out (inputs=[...]).", "--input."),
@@ -57,8 +57,8 @@ def test_of_errors_and_of_warnings(capsys):
     table.to_csv("ms.csv", index=False)
     assert main(["identify", "ms.csv", "--time", "time", "--run", "run"]) == 2
     assert capsys.readouterr().err.endswith(
-        "The rows are counted as 20 s apart: if the times are not in seconds, say in what they "
-        "are with units={'time': ...}. On the command line: --unit.\n"
+        "The rows are counted as 20 s apart: if the times are not in seconds, state their unit "
+        "with units={'time': ...}. On the command line: --unit.\n"
     )
     table = pd.read_csv("runs.csv")
     table["time"] += 1e-3 * (table.index % 2)

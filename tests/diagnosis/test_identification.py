@@ -176,7 +176,7 @@ def test_what_was_missing_before_is_still_warned_of(lost):
 
 def test_lost_control_is_one_of_two_words(lost):
     X, y, _ = lost
-    with pytest.raises(ValueError, match="lost_control is 'leave_out' or 'keep'; got 'drop'"):
+    with pytest.raises(ValueError, match="lost_control must be 'leave_out' or 'keep'; got 'drop'"):
         identify(X, y, ModelChoice(inputs=["e"], lost_control="drop"))
 
 

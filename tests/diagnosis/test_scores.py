@@ -222,9 +222,9 @@ def test_errors_say_what_to_do():
         performance_scores(X[:0], y[:0], dt=0.01)
     with pytest.raises(ShortRunError, match="another change="):
         performance_scores(*sines(), "tran", change=75.0)
-    with pytest.raises(ValueError, match=r"begins before it ends; got 'middle'"):
+    with pytest.raises(ValueError, match=r"must begin before it ends; got 'middle'"):
         performance_scores(X, y, "middle")
-    with pytest.raises(ValueError, match=r"begins before it ends; got \(5, 1\)"):
+    with pytest.raises(ValueError, match=r"begin before it ends; got \(5, 1\)"):
         performance_scores(X, y, {"a": (5, 1)})
     with pytest.raises(ValueError, match="each window once"):
         performance_scores(X, y, ["T_m", "T_m"])

@@ -458,27 +458,27 @@ BROKEN = [
     ({"parameters": (Parameter("knee", low=2, high=1, meaning="m"),)}, "low < high"),
     ({"parameters": (Parameter("knee", starts=(-1.0,), low=0, meaning="m"),)}, "needs starts"),
     ({"parameters": (Parameter("other", meaning="m"),)}, "must take other as a keyword"),
-    ({"parameters": Compressed.parameters * 2}, "a name twice"),
+    ({"parameters": Compressed.parameters * 2}, "the same name twice"),
     ({"__init__": _init_with_default}, "must only store"),
     ({"apply": lambda self, signal, record: signal}, "apply fails at knee"),
     ({"apply": lambda self, signal, record, knee: signal[:-1]}, "must give shape"),
     ({"apply": lambda self, signal, record, knee: np.log(-abs(signal))}, "not finite"),
     ({"apply": _adds_in_place}, "changes the signal"),
     ({"apply": _moves_a_channel}, "changes a channel"),
-    ({"apply": _random}, "another answer the second time"),
+    ({"apply": _random}, "a different result the second time"),
     ({"apply": _remembers}, "changes the effect itself"),
     ({"apply": _by_row}, "Take time from record.t"),
     ({"apply": _mixes_runs}, "does not treat runs alike"),
     ({"neutral": {"knee": 1.0}}, "at its neutral values"),
-    ({"neutral": {"elbow": 1.0}}, "which are no parameters"),
+    ({"neutral": {"elbow": 1.0}}, "which are not parameters"),
     ({"place": "path"}, "must return Command"),
     ({"place": "gain"}, "must return Gains"),
     ({"variants": lambda self, record: []}, "variants must return a list"),
-    ({"choices": {"form": ("soft", "hard")}}, "choices must give arguments"),
-    ({"choices": {"knee": "soft"}}, "choices must give arguments"),
+    ({"choices": {"form": ("soft", "hard")}}, "choices must map arguments"),
+    ({"choices": {"knee": "soft"}}, "choices must map arguments"),
     ({"starts": lambda self, record: [{"knee": 99.0}]}, "not within its limits"),
     ({"starts": lambda self, record: [{}]}, "must give each parameter"),
-    ({"limits": lambda self, record: {}}, "limits must have each parameter"),
+    ({"limits": lambda self, record: {}}, "limits must name each parameter"),
     ({"refusal": lambda self, record, core: "no reason"}, "does not apply to the runs"),
 ]
 
@@ -498,7 +498,7 @@ def test_a_wrong_value_is_told():
         check_effect(
             broken(limits=lambda self, record: {"knee": (0.1, 1.5)})(), recovers={"knee": 3.0}
         )
-    with pytest.raises(AssertionError, match="recovers must give a value of each"):
+    with pytest.raises(AssertionError, match="recovers must give a value for each"):
         check_effect(Compressed(), recovers={"elbow": 3.0})
 
 
@@ -528,7 +528,7 @@ def test_errors_say_what_to_do(runs):
         OperatorRegressor().with_effect(DeadZone)
     with pytest.raises(ValueError, match=r"place must be one of input, delay.*elsewhere"):
         OperatorRegressor().with_effect(broken(place="elsewhere")())
-    with pytest.raises(TypeError, match="An effect is an instance"):
+    with pytest.raises(TypeError, match="An effect must be an instance"):
         Effects.of([3])
     with pytest.raises(NotImplementedError, match="must implement apply"):
         Effect().apply(0.0, None)
@@ -537,7 +537,7 @@ def test_errors_say_what_to_do(runs):
 @pytest.mark.parametrize(
     ("one", "reason"),
     [
-        ("wrong_delay", "estimates its delay already"),
+        ("wrong_delay", "already estimates its delay"),
         ("feedforward", "no target"),
         ("preview", "no target"),
         ("output_feedback", "no column of role x"),

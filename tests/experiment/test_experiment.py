@@ -369,7 +369,7 @@ def test_a_muscle_that_changes_speaks_against_the_matrix():
     row = result.verdicts.iloc[0]
     assert row["adapts"]
     assert row["Lambda"] == "not justified"
-    assert row["reason"].startswith("a1 or a2 is another in the last region")
+    assert row["reason"].startswith("a1 or a2 differs in the last region")
     assert "No for the operator (a1 or a2" in result.summary()
 
 
@@ -422,7 +422,7 @@ def test_one_run(own):
     assert result.verdicts.loc[0, "adapts"] is None
     assert result.verdicts.loc[0, "Lambda"] == "unknown"
     assert result.validation["vaf_validation"].isna().all()
-    assert "has a single run, which cannot tell" in result.summary()
+    assert "has a single run, which is not enough to tell" in result.summary()
     assert result.notes == ["the recording has 1 of the last 5 runs"]
 
 

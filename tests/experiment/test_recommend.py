@@ -135,7 +135,10 @@ def test_standard_error_of_crossed_runs():
         ({}, "Give remnant_intensity"),
         ({"remnant_intensity": 0.0}, "above 0"),
         ({"remnant_intensity": 0.1, "window": (50, 40)}, "does not lie in the run"),
-        ({"remnant_intensity": 0.1, "init_window": 90.0}, "init_window is a time of the run"),
+        (
+            {"remnant_intensity": 0.1, "init_window": 90.0},
+            "init_window must be a time within the run",
+        ),
         ({"remnant_intensity": 0.1, "memory_horizons": [0.5]}, "above 1"),
     ],
 )

@@ -467,7 +467,7 @@ def test_two_fits_are_the_same(runs, fitted):
 def test_two_columns_without_roles_need_inputs(runs):
     X, y = runs
     two = X[["x", "f_t"]]
-    with pytest.raises(ValueError, match=r"answers one channel and gets .*inputs="):
+    with pytest.raises(ValueError, match=r"responds to one channel, but got .*inputs="):
         OperatorRegressor(inputs=["x", "f_t"]).fit(two, y)
     chosen = OperatorRegressor(inputs="e").fit(X, y)
     assert chosen.inputs_ == ["e"]
@@ -557,7 +557,7 @@ def test_an_output_without_a_value_is_refused(runs):
 
 
 def test_an_effect_that_does_not_apply_is_refused(runs):
-    with pytest.raises(ValueError, match=r"wrong_delay does not apply: the model estimates"):
+    with pytest.raises(ValueError, match="wrong_delay does not apply: the model already"):
         OperatorRegressor(effects=WrongDelay()).fit(*runs)
     X, y = runs
     with pytest.raises(ValueError, match=r"output_feedback does not apply: .*role x"):

@@ -23,14 +23,14 @@ def test_delay_is_at_least_that_of_a_person(quick):
     found = OperatorRegressor().fit(X, y)
     assert found.parameters_.loc["tau_e", "value"] == 0.1
     assert np.isnan(found.parameters_.loc["tau_e", "sd"])
-    assert "tau_e is at its least, 0.10 s" in " ".join(found.summary().split())
+    assert "tau_e is at its lower bound, 0.10 s" in " ".join(found.summary().split())
 
 
 @pytest.mark.slow
 def test_a_search_says_that_the_delay_is_at_its_least(quick):
     search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(*quick)
     (note,) = [note for note in search.notes_ if "at its least" in note]
-    assert note.startswith("tau_e is at its least, 0.10 s")
+    assert note.startswith("tau_e is at its lower bound, 0.10 s")
     assert f"Note: {note}" in search.summary()
 
 

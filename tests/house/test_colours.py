@@ -9,11 +9,12 @@ from matplotlib.colors import CSS4_COLORS, is_color_like
 import skhoid
 
 ROOT = Path(skhoid.__file__).parent
+PAGES = Path(__file__).parents[2]
 FILES = [
     path
-    for room in ("plotting", "thesis")
-    for path in sorted((ROOT / room).rglob("*.py"))
-    if path.name != "_roles.py"
+    for folder in (ROOT / "plotting", ROOT / "thesis", PAGES / "examples", PAGES / "docs")
+    for path in sorted(folder.rglob("*.py"))
+    if path.name != "_roles.py" and not {"_build", "gallery", "generated"} & set(path.parts)
 ]
 KEYWORDS = ("color", "colour", "facecolor", "edgecolor", "markeredgecolor", "colors", "mec", "mfc")
 

@@ -65,7 +65,9 @@ def test_a_window_has_two_ends(window):
 @pytest.mark.parametrize("data", [{"e": [1.0]}, None, 5, "e", len])
 def test_what_is_no_table_is_named(data):
     for function in (skhoid.run_labels, skhoid.sampling_time, skhoid.lost_control):
-        with pytest.raises(TypeError, match=f"X is a {type(data).__name__}, which is not read"):
+        with pytest.raises(
+            TypeError, match=f"X is a {type(data).__name__}, which is not supported"
+        ):
             function(data)
 
 
@@ -87,13 +89,13 @@ def test_numbers_that_are_none_are_named():
     theta = [[-1.91212, 0.92427, 0.04428, -0.04318]]
     with pytest.raises(TypeError, match="theta must hold numbers; got 'a'"):
         skhoid.crossover_path("a", element, dt=0.01, nk=29)
-    with pytest.raises(ValueError, match="omega is a grid of at least two frequencies"):
+    with pytest.raises(ValueError, match="omega must be a grid of at least two frequencies"):
         skhoid.crossover_path(theta, element, dt=0.01, nk=29, omega=[1.0])
     with pytest.raises(ValueError, match=r"array of shape \(n_instants,\); got \(1, 1\)"):
         skhoid.crossover(HumanOperator(), element, t=[[1.0]])
     with pytest.raises(TypeError, match="noise must hold numbers; got 'white'"):
         skhoid.make_tracking_runs("C1", 1, noise="white")
-    with pytest.raises(TypeError, match="repeats has a label for each run"):
+    with pytest.raises(TypeError, match="repeats must have a label for each run"):
         skhoid.compare(MODEL, X, Y, repeats=np.zeros((2, 2)))
 
 

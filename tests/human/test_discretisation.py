@@ -140,7 +140,7 @@ def test_delay_has_the_hold_sample(dt, nk):
 
 def test_delay_between_samples():
     operator = HumanOperator(tau_e=0.28)
-    with pytest.raises(ValueError, match=r"16\.8 samples.*nearest=True takes 17 \+ 1"):
+    with pytest.raises(ValueError, match=r"16\.8 samples.*nearest=True uses 17 \+ 1"):
         delay_samples(operator, 1 / 60)
     assert delay_samples(operator, 1 / 60, nearest=True) == 18
 

@@ -163,7 +163,7 @@ def test_lead_is_given_once():
         HumanOperator(T_L=-1.0)
     with pytest.raises(ValueError, match=r"HumanOperator: K_edot must be zero or positive"):
         HumanOperator(K_edot=-1.0)
-    with pytest.raises(ValueError, match="tau_e is a constant"):
+    with pytest.raises(ValueError, match="tau_e must be constant"):
         HumanOperator(tau_e=lambda t: 0.2)
 
 
@@ -174,7 +174,7 @@ def test_lead_is_given_once():
         ({"intensity": 0.1, "gain": 0.1}, "got intensity=0.1 and gain=0.1"),
         ({"intensity": 15}, "15 percent is 0.15"),
         ({"intensity": 1.0}, "below 1; got 1.0"),
-        ({"gain": 0.1, "order": 5}, "order is 1, 2, 3, 4 or 'nm'; got 5"),
+        ({"gain": 0.1, "order": 5}, "order must be 1, 2, 3, 4 or 'nm'; got 5"),
         ({"gain": 0.1, "order": "NM"}, "got 'NM'"),
         ({"gain": 0.1, "order": 0}, "got 0"),
     ],
@@ -188,7 +188,10 @@ def test_senseless_remnants(options, message):
     ("options", "message"),
     [
         ({"multiples": (0,)}, r"at least 1, .*; got \(0,\)"),
-        ({"multiples": (1.5,)}, r"whole numbers of the base frequency .*got \(1.5,\)"),
+        (
+            {"multiples": (1.5,)},
+            r"multiples of the base frequency .*must be whole numbers.*got \(1.5,\)",
+        ),
         ({"amplitudes": (np.nan,)}, "amplitudes must be finite numbers"),
         ({"phases": (np.inf,)}, "phases must be finite numbers"),
         ({"phases": ()}, r"phases must be finite numbers; got \(\)"),

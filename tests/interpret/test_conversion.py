@@ -354,7 +354,7 @@ def test_inputs():
     with pytest.raises(ValueError, match="input='z' is not an input"):
         operator_parameters(model, input="z")
     ambiguous = ARXRegressor(nk=29, inputs=["f_t", "x"]).fit(X, y)
-    with pytest.raises(ValueError, match="say which one with input="):
+    with pytest.raises(ValueError, match="choose one with input="):
         operator_parameters(ambiguous)
     ambiguous = ARXRegressor(nk=29, inputs=["f_t", "x"], roles={"f_t": "e"}).fit(X, y)
     assert len(operator_parameters(ambiguous)) == 1
@@ -493,7 +493,7 @@ def test_crossover_of_the_integrator():
 
 
 def test_no_crossover():
-    with pytest.warns(UserWarning, match="1 of 2 instants have no crossover, first t = 5 s"):
+    with pytest.warns(UserWarning, match="1 of 2 instants have no crossover, the first at t = 5 s"):
         omega_c, margin = crossover(
             HumanOperator(K_e=lambda t: np.where(t < 2, 0.09, 0.0)), ControlledElement(), [0, 5]
         )

@@ -161,7 +161,7 @@ def test_wrong_forcing_functions_are_refused():
     pair = {"f_t": np.pi * np.array([1, 2]), "f_d": np.pi * np.array([1.5, 2.5])}
     with pytest.raises(ValueError, match="no column of that name"):
         fourier_coefficients(X, y, forcing=pair, **both)
-    with pytest.raises(ValueError, match="'f_t' has one line"):
+    with pytest.raises(ValueError, match="'f_t' has only one line"):
         fourier_coefficients(X, y, forcing=pair | {"f_t": [np.pi]}, **both)
     X.columns = ["f_t", "f_d"]
     with pytest.raises(ValueError, match=r"'f_t' has no power at its line 3\.14159 rad/s in run 1"):

@@ -181,7 +181,7 @@ def test_crossover_path_says_what_does_not_cross():
         path = crossover_path(theta, fading, dt=DT, nk=29)
     assert path["omega_c"].notna().tolist() == [True, False, False]
     np.testing.assert_allclose(path.index, [0, 0.01, 0.02])
-    with pytest.raises(ValueError, match="one for each"):
+    with pytest.raises(ValueError, match="one time per instant"):
         crossover_path(theta, ELEMENT["C1"], dt=DT, nk=29, time=[0.0])
     with pytest.raises(ValueError, match="shape"):
         crossover_path(theta[0], ELEMENT["C1"], dt=DT, nk=29)
@@ -296,7 +296,7 @@ def test_response_of_pipelines_and_searches(two_inputs):
     scaled = make_pipeline(
         StandardScaler().set_output(transform="pandas"), ARXRegressor(na=1, nb=1, nk=12)
     ).fit(X, y)
-    with pytest.raises(ValueError, match="cannot see through StandardScaler"):
+    with pytest.raises(ValueError, match="cannot account for StandardScaler"):
         FrequencyResponse.of(scaled, omega)
 
 

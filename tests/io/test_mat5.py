@@ -160,7 +160,7 @@ def test_what_is_right_and_rare(tmp_path):
 def test_what_would_end_python(tmp_path, what, pack):
     path = tmp_path / "run.mat"
     path.write_bytes(mat5.HEADER + pack(WRONG[what]))
-    message = r"run\.mat cannot be read as a MATLAB file: it is damaged at .*Take another copy"
+    message = r"run\.mat cannot be read as a MATLAB file: it is damaged at .*Use another copy"
     with pytest.raises(ValueError, match=message):
         read_runs(path, inputs="x", output="y", dt=0.01)
 

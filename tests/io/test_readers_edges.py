@@ -18,7 +18,7 @@ ROWS = "t,e,u\n0,1,2\n1,3,4\n"
 def test_a_quote_that_is_not_closed(tmp_path, before, line, n_rows):
     path = tmp_path / "run.csv"
     path.write_text(before + '0,"1,2\n' + "1,1,2\n" * n_rows)
-    with pytest.raises(ValueError, match=rf"run.csv .*a quote .* in line {line} is closed nowhere"):
+    with pytest.raises(ValueError, match=rf"run.csv .*a quote .* in line {line} is never closed"):
         read_runs(path, **ROLES)
 
 
@@ -62,7 +62,9 @@ LONG_CELLS = {  # text, and the lines in which the quote opens and closes
 def test_a_quoted_cell_that_spans_lines(tmp_path, text, first, last, encoding, without_arrow):
     path = tmp_path / "run.csv"
     path.write_bytes(text.encode(encoding))
-    with pytest.raises(ValueError, match=rf"run.csv .* line {first} is closed in line {last},"):
+    with pytest.raises(
+        ValueError, match=rf"run.csv .* line {first} is closed only in line {last},"
+    ):
         read_runs(path, **ROLES)
 
 
@@ -70,17 +72,19 @@ def test_quotes_that_swallow_rows_among_many(tmp_path):
     path = tmp_path / "run.csv"
     rows = "t,e,u,note\n" + "".join(f"{k},0.123456789,2,a\n" for k in range(200_000))
     path.write_text(swallowed(500, 1500, rows))
-    with pytest.raises(ValueError, match=r"line 500 is closed in line 1500,"):
+    with pytest.raises(ValueError, match=r"line 500 is closed only in line 1500,"):
         read_runs(path, **ROLES)
     path.write_text(swallowed(500, 150_000, rows))
-    with pytest.raises(ValueError, match=r"line 500 is closed nowhere, or far below"):
+    with pytest.raises(ValueError, match=r"line 500 is never closed, or only far below"):
         read_runs(path, **ROLES)
 
 
 def test_a_quote_in_the_header_swallows_no_rows(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text('t,e,u,"note\n0,1,2,a\n1,1,2,a"\n2,1,2,a\n')
-    with pytest.raises(ValueError, match=r"a quote .* in line 1 is closed nowhere, or far below"):
+    with pytest.raises(
+        ValueError, match=r"a quote .* in line 1 is never closed, or only far below"
+    ):
         read_runs(path, **ROLES)
 
 
@@ -119,7 +123,7 @@ def test_zero_bytes_and_broken_encodings(tmp_path):
     with pytest.raises(ValueError, match=r"run.csv has a zero byte in line 4"):
         read_runs(path, **ROLES)
     path.write_bytes(ROWS.encode("utf-16-le") + b"\x00\xd8,\x00")
-    with pytest.raises(ValueError, match=r"begins as UTF-16-LE text and does not go on so"):
+    with pytest.raises(ValueError, match=r"begins as UTF-16-LE text but does not continue as such"):
         read_runs(path, **ROLES)
 
 
@@ -202,5 +206,5 @@ def test_names_near_are_those_of_like_fields(tmp_path):
 
 @pytest.mark.parametrize("name", ["dangling", "gone", "circle"])
 def test_what_leads_nowhere_is_said(linked, name):
-    with pytest.raises(ValueError, match=rf"run.mat, '{name}' is broken, or a link that leads"):
+    with pytest.raises(ValueError, match=rf"run.mat, '{name}' is damaged, or a link to nothing"):
         read_runs(linked, inputs=name, output="u", time="t")

@@ -44,9 +44,9 @@ class TestArguments:
         fails("output must name one channel", path, output={"e": "a", "u": "b"})
         fails("inputs must name channels by strings", path, TypeError, inputs=[0])
         fails("output must name channels by strings", path, TypeError, output=["u"])
-        fails("channel 'e' is wanted more than once", path, inputs=["e", "e"])
-        fails("channel 'u' is wanted more than once", path, inputs=["e", "u"])
-        fails("units has 'f', which is no wanted channel.*'e'", path, units={"f": "deg"})
+        fails("channel 'e' is named more than once", path, inputs=["e", "e"])
+        fails("channel 'u' is named more than once", path, inputs=["e", "u"])
+        fails("units has 'f', which is not one of the channels.*'e'", path, units={"f": "deg"})
 
     def test_paths(self, tmp_path, write):
         path = write(tmp_path, "csv", COLUMNS)
@@ -76,23 +76,23 @@ class TestColumns:
     def test_duplicate_columns(self, tmp_path):
         fails("has 2 columns 'e'.*rename all but one", csv(tmp_path, "t,e,e,u\n0,1,2,3\n"))
         path = csv(tmp_path, "t,e [deg],e [rad],u\n0,1,2,3\n")
-        fails(r"has 2 columns 'e'.*\['e \[deg\]', 'e \[rad\]'\]: ask for one", path)
+        fails(r"has 2 columns 'e'.*\['e \[deg\]', 'e \[rad\]'\]: name one", path)
         X, _ = read_runs(path, **(ROLES | {"inputs": "e [rad]"}))
         assert X["e"].to_list() == [2.0]
 
     @pytest.mark.parametrize("above", ["# subject 1\n", "Experiment 12\n\n", "% 1, run 2\n"])
     def test_lines_above_the_header(self, tmp_path, above):
         path = csv(tmp_path, above + "t,e,u\n0,1,2\n")
-        fails("table of . columns?.* line . has 3 cells.*delete what stands above", path)
+        fails("table of . columns?.* line . has 3 cells.*delete anything above", path)
 
     @pytest.mark.parametrize(
         ("text", "advice"),
         [
-            ("t,e,u\ns,deg,N\n0,1,2\n1,1,2\n", r"row 1 .*'deg'.*delete the row.*'e \[deg\]'"),
+            ("t,e,u\n-,counts,-\n0,1,2\n1,1,2\n", r"row 1 .*'counts'.*delete the row.*'e \[deg\]'"),
             ("t,e,u\n0,a,1\n1,b,2\n", r"\(2 of 2 rows.*Name another column"),
-            ("t e u\n0 1 2\n1 1 2\n", "no column 'e'.*Separate cells by commas"),
+            ("t e u\n0 1 2\n1 1 2\n", "no column 'e'.*Separate cells with commas"),
             ("t,e,u\n0,1,2\n,,\n1,1,2\n", "missing in its row 2.*row is empty, delete it"),
-            ('t,e,u\n0,"1,2\n1,1,2\n', r"run.csv.*quote \(\"\) in line 2 is closed nowhere"),
+            ('t,e,u\n0,"1,2\n1,1,2\n', r"run.csv.*quote \(\"\) in line 2 is never closed"),
         ],
     )
     def test_advice(self, tmp_path, text, advice):
@@ -216,9 +216,9 @@ class TestMatlab:
         path = write_mat(tmp_path, COLUMNS | {"u": pair, "e": pair, "r": [1, 2, 3]})
         fails("columns of each variable are runs", path, run="r")
         path = write_mat(tmp_path, {"t": np.ones((3, 4)), "u": pair, "e": pair})
-        fails("'t' .*has 4 columns, the channels have 2", path)
+        fails("'t' .*has 4 columns, but the channels have 2", path)
         path = write_mat(tmp_path, {"t": T, "u": pair.T, "e": pair.T})
-        fails("differ in length.*may be transposed", path)
+        fails("differ in length.*is it transposed", path)
         path = write_mat(tmp_path, COLUMNS | {"e": np.ones((3, 2, 2))})
         fails(r"'e' .*has the shape \(3, 2, 2\)", path)
 

@@ -68,7 +68,7 @@ def test_folders_are_refused_before_anything_is_written(tmp_path):
 def test_what_is_no_ordinary_file_is_not_replaced(tmp_path):
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
-    with pytest.raises(OSError, match="no ordinary file"), written_whole(pipe):
+    with pytest.raises(OSError, match="not a regular file"), written_whole(pipe):
         pass
     assert pipe.is_fifo()
 

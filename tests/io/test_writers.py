@@ -80,9 +80,9 @@ def test_errors_say_what_to_do(runs, tmp_path):
         write_runs(X, y, tmp_path / "runs.xlsx")
     with pytest.raises(FileNotFoundError, match="does not exist"):
         write_runs(X, y, tmp_path / "nowhere" / "runs.csv")
-    with pytest.raises(ValueError, match="no column of X"):
+    with pytest.raises(ValueError, match="not a column of X"):
         write_runs(X, y.rename("e"), tmp_path / "runs.csv")
-    with pytest.raises(ValueError, match="one matrix a channel"):
+    with pytest.raises(ValueError, match="one matrix per channel"):
         write_runs(X[:-1], y[:-1], tmp_path / "runs.mat")
     assert list(tmp_path.iterdir()) == []
 

@@ -185,7 +185,7 @@ def test_a_study_that_was_in_an_old_folder_is_itself_in_a_new_one(users, folder,
 def test_old_folders_of_other_studies(users, moved, folder):
     study = users.study(random_state=4)
     cells = study.cells
-    with pytest.raises(StudyFolderError, match=r'study: entropy: "5" there, "4" here\. Take'):
+    with pytest.raises(StudyFolderError, match=r'study: entropy: "5" there, "4" here\. Use'):
         study.run(folder)
     pd.testing.assert_frame_equal(study.cells, cells)
     with pytest.raises(StudyFolderError, match=r'"users_study\..*" there, "elsewhere\..*" here'):
@@ -256,7 +256,7 @@ class Fit:
 @pytest.mark.parametrize(
     ("name", "version", "function", "error", "message"),
     [
-        ("", 1, drawn, ValueError, "not empty"),
+        ("", 1, drawn, ValueError, "non-empty text"),
         ("a", 0, drawn, ValueError, "at least 1; got 0"),
         ("a", True, drawn, ValueError, "at least 1; got True"),
         ("a", 1, partial(drawn, nk=1), TypeError, "before functools.partial"),
@@ -272,5 +272,5 @@ def test_what_encloses_values_has_no_identity_of_its_own():
     def fit(data):
         return data.y.std()
 
-    with pytest.raises(ValueError, match="made within a function"):
+    with pytest.raises(ValueError, match="defined within a function"):
         identified_as("fit")(fit)

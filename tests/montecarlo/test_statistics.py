@@ -105,14 +105,14 @@ def test_other_groups():
         ({"by": "subject"}, "no column 'subject'"),
         ({"values": ["nk", "nl"]}, "no column 'nl'"),
         ({"confidence": 95}, "between 0 and 1"),
-        ({"statistic": "mode"}, "statistic is one of"),
+        ({"statistic": "mode"}, "statistic must be one of"),
         ({"quantiles": [5]}, "between 0 and 1"),
     ],
 )
 def test_what_makes_no_sense(options, message):
     with pytest.raises(ValueError, match=message):
         summarize(table(), **options)
-    with pytest.raises(ValueError, match=r"column 'n', as the summary has: rename it"):
+    with pytest.raises(ValueError, match=r"column 'n', which the summary uses itself: rename it"):
         summarize(table().rename(columns={"order": "n"}))
     with pytest.raises(ValueError, match="'replication'"):
         summarize(table().drop(columns="replication"))

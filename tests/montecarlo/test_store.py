@@ -196,7 +196,7 @@ def test_a_damaged_description(folder, contents, random_state):
 
 def test_folders_that_are_no_studies(tmp_path, computed):
     (tmp_path / "thesis.tex").write_text("mine")
-    with pytest.raises(StudyFolderError, match=r"not a study's.*thesis\.tex"):
+    with pytest.raises(StudyFolderError, match=r"not belong to a study.*thesis\.tex"):
         study().run(tmp_path)
     with pytest.raises(StudyFolderError, match="is a file"):
         study().run(tmp_path / "thesis.tex")
@@ -237,12 +237,12 @@ def test_without_pyarrow(tmp_path, monkeypatch, computed):
     ("name", "kind", "said"),
     [
         ("blocks/block-000001.parquet", "folder", "is a folder, where a block"),
-        ("blocks/block-000001.parquet", "link", "a link that leads nowhere, where a block"),
+        ("blocks/block-000001.parquet", "link", "a broken link, where a block"),
         ("blocks", "file", "blocks is a file; a study needs a folder there"),
-        ("blocks", "link", "blocks is a link that leads nowhere"),
+        ("blocks", "link", "blocks is a broken link"),
         ("study.json", "folder", "study.json cannot be read"),
         ("study.json", "link", "study.json cannot be read"),
-        ("", "link", "is a link that leads nowhere; a study needs a folder"),
+        ("", "link", "is a broken link; a study needs a folder"),
     ],
 )
 def test_what_is_no_file_or_folder_of_a_study(folder, name, kind, said):
@@ -263,6 +263,6 @@ def test_a_block_that_may_not_be_read(folder, monkeypatch):
         raise PermissionError(13, "Permission denied")  # root may read everything
 
     monkeypatch.setattr("pyarrow.parquet.read_table", refuse)
-    with pytest.raises(StudyFolderError, match=r"block-000000\.parquet .*may not be read"):
+    with pytest.raises(StudyFolderError, match=r"block-000000\.parquet .*no permission to read"):
         study().run(folder)
     assert len(list((folder / "blocks").iterdir())) == 6

@@ -251,7 +251,7 @@ def test_one_failing_data_set(table, function, batched, tmp_path):
 
 
 BAD = {
-    "text": (lambda data: "x", "TypeError: The function of a study returns"),
+    "text": (lambda data: "x", "TypeError: The function of a study must return"),
     "complex": (lambda data: {"H": 1j}, "complex numbers"),
     "array inside": (lambda data: [{"a": np.arange(2)}], "arrays or lists"),
     "its own column": (lambda data: {"condition": 1}, "'condition', which is a column"),
@@ -321,13 +321,13 @@ def test_tuned_gains_are_those_of_tune_remnant():
     [
         ({"conditions": {}}, ValueError, "at least one cell"),
         ({"conditions": {"condition": []}}, ValueError, "at least one cell"),
-        ({"conditions": {"condition": ["C1", "C1"]}}, ValueError, "there twice"),
+        ({"conditions": {"condition": ["C1", "C1"]}}, ValueError, "occurs twice"),
         ({"conditions": {"remnant_gian": [1]}}, ValueError, "Did you mean 'remnant_gain'"),
         ({"conditions": {"n_runs": [1]}}, ValueError, "n_runs of the study"),
         ({"function": lambda data, nk: nk}, ValueError, "the function needs 'nk'"),
-        ({"function": 3}, TypeError, "called with a data set"),
-        ({"n": 0}, ValueError, "n_replications is a whole number"),
-        ({"block_size": 2.5}, ValueError, "block_size is a whole number"),
+        ({"function": 3}, TypeError, "callable with a data set"),
+        ({"n": 0}, ValueError, "n_replications must be a whole number"),
+        ({"block_size": 2.5}, ValueError, "block_size must be a whole number"),
         ({"simulation": {"channels": "e"}}, ValueError, "channels"),
         ({"simulation": {"sampling_rate": -1.0}}, ValueError, "sampling_rate"),
         ({"conditions": {"condition": ["C9"]}}, ValueError, "C9"),

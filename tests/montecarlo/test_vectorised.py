@@ -243,10 +243,13 @@ def test_wild_paths_score_nothing():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"e": np.ones((2, 49))}, r"as many samples; got shapes \(2, 49\) and \(2, 50\)"),
-        ({"e": np.ones(50), "u": np.ones(50)}, "one run a row"),
+        (
+            {"e": np.ones((2, 49))},
+            r"the same number of samples; got shapes \(2, 49\) and \(2, 50\)",
+        ),
+        ({"e": np.ones(50), "u": np.ones(50)}, "one run per row"),
         ({"u": np.full((2, 50), np.nan)}, "missing or infinite"),
-        ({"before": 50}, "before=50 leaves nothing of 50 samples"),
+        ({"before": 50}, "before=50 leaves none of 50 samples"),
         ({"before": -1}, "before=-1"),
         ({"nks": []}, "at least one whole number"),
         ({"nks": [1.5]}, "at least one whole number"),
@@ -266,8 +269,8 @@ def test_signals_that_make_no_sense(change, message):
     [
         ({"e_est": np.ones(50)}, "one sample before u_est"),
         ({"u_val": np.ones((2, 49))}, r"\(n_val, 51\) and \(n_val, 50\)"),
-        ({"e_val": np.ones((3, 51))}, "Validation runs are as long"),
-        ({"e_val": np.ones(51), "u_val": np.ones(50)}, "Validation runs are as long"),
+        ({"e_val": np.ones((3, 51))}, "Validation runs must be as long"),
+        ({"e_val": np.ones(51), "u_val": np.ones(50)}, "Validation runs must be as long"),
         ({"window": (10, 51)}, "does not lie in runs of 50 samples"),
         ({"window": (20, 20)}, "does not lie"),
         ({"forms": ["lambda", "mu"]}, "got 'mu'"),

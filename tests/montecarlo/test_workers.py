@@ -122,7 +122,7 @@ def test_a_block_that_always_kills_its_worker(table, tmp_path):
 
 @pytest.mark.slow
 def test_workers_that_all_die():
-    with pytest.raises(WorkersLostError, match="Of 40 blocks 37 more are left"):
+    with pytest.raises(WorkersLostError, match="Of 40 blocks, 37 more are left"):
         list(results_of(list(range(40)), lambda job: os._exit(1), n_jobs=2))
 
 

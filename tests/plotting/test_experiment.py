@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from support.plot_checks import covers_nothing
 
 from skhoid.experiment import analyse_experiment, simulate_experiment
-from skhoid.plotting._roles import GREEN, GREY, foreground
+from skhoid.plotting._roles import GREY, ORANGE, foreground
 from skhoid.plotting.experiment import ExperimentDisplay
 
 ARX = ["a1", "a2", "b0", "b1"]
@@ -79,7 +79,7 @@ def test_batch_models_and_the_change(result):
         line = display.batch_["S2", "b1", level["form"]]
         np.testing.assert_array_equal(line.get_xdata(), [level["start"], level["stop"]])
         np.testing.assert_array_equal(line.get_ydata(), [level["b1"]] * 2)
-        assert line.get_color() == GREEN
+        assert line.get_color() == ORANGE
     for panel in display.ax_.flat:
         (marked,) = [line for line in panel.lines if line.get_color() == GREY]
         assert list(marked.get_xdata()) == [41.92, 41.92]

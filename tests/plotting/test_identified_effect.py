@@ -11,6 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.text import Text
 from sklearn.exceptions import NotFittedError
 from support.plot_checks import covers_nothing
 
@@ -58,6 +59,7 @@ from skhoid.effects import (
     TimeVaryingGain,
     Tremor,
     WrongDelay,
+    title_of,
 )
 from skhoid.plotting import IdentifiedEffectDisplay
 
@@ -113,7 +115,7 @@ class SquareRoot(Effect):
 
     name = "square_root"
     place = "input"
-    physics = "Large errors are answered less than in proportion."
+    physics = "The response to large errors is less than proportional."
     parameters = (Parameter("knee", Dimension(e=1), 0.01, 10.0),)
 
     def __init__(self, *, knee=None):
@@ -203,7 +205,7 @@ def test_maps_are_what_apply_makes(effect, formula, with_runs, baseline, runs):
     assert list(display.bands_) == list(display.lines_)
     measured = effect.place != "command"
     assert (display.density_ is not None) == (with_runs and measured)
-    assert effect.name in display.ax_.get_title()
+    assert display.ax_.get_title().lower().startswith(title_of(effect.name))
 
 
 @pytest.mark.parametrize("with_runs", [True, pytest.param(False, marks=pytest.mark.slow)])
@@ -373,7 +375,8 @@ def test_of_a_fitted_model(runs):
     (curve,) = display.curves.curves.values()
     np.testing.assert_allclose(curve.low, level["low"], rtol=0.1)
     np.testing.assert_allclose(curve.high, level["high"], rtol=0.1)
-    assert "level = " in display.ax_.get_title().replace("\xa0", " ")
+    texts = [text.get_text() for text in display.figure_.findobj(Text)]
+    assert any("level = " in text.replace("\xa0", " ") for text in texts)
 
 
 def test_of_an_arx_model():

@@ -7,7 +7,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from support.plot_checks import covers_nothing
 
-from skhoid.plotting._roles import GREEN, VERMILION, foreground
+from skhoid.plotting._roles import GREEN, ORANGE, foreground
 from skhoid.plotting.study_paths import StudyPathDisplay
 
 pytestmark = pytest.mark.slow
@@ -82,7 +82,7 @@ def test_lines_and_bands_are_mean_and_deviation():
         np.testing.assert_allclose([there.min(), there.max()], [mean[i] - sd[i], mean[i] + sd[i]])
     true = display.truth_["b0", 0.3]
     np.testing.assert_allclose(true.get_ydata(), TRUTH["b0"])
-    assert same_color(true.get_color(), VERMILION)
+    assert same_color(true.get_color(), GREEN)
     assert display.axes_[0, 1].get_title() == "$P_n$ = 0.15, 8 runs"
     assert display.axes_[2, 0].get_ylabel() == "$b_{0}$"
     assert display.axes_[3, 0].get_xlabel() == "time, s"
@@ -96,7 +96,7 @@ def test_batch_fits_stand_at_their_windows():
     np.testing.assert_allclose(first.get_xdata(), [0, 30.72])
     np.testing.assert_allclose(last.get_xdata(), [51.2, TIME[-1]])
     np.testing.assert_allclose(last.get_ydata(), cell(table, "fin", 0.15)["b0"].mean())
-    assert same_color(last.get_color(), GREEN)
+    assert same_color(last.get_color(), ORANGE)
     short = StudyPathDisplay.from_table(table, batch_time=10.0)
     np.testing.assert_allclose(short.batch_["ini", "b0", 0.15].get_xdata(), [0, 10])
 

@@ -154,7 +154,7 @@ REFUSED = {
     "lazy frame": (pl.DataFrame(FRAME).lazy(), TypeError, r"X is a LazyFrame.*X\.collect\(\)"),
     "dict": (dict(FRAME), TypeError, r"X is a dict.*pandas\.DataFrame\(X\)"),
     "ordered dict": (OrderedDict(FRAME), TypeError, r"X is a OrderedDict.*DataFrame\(X\)"),
-    "a name twice": (TWICE, ValueError, "2 columns of X are called 'x'"),
+    "the same name twice": (TWICE, ValueError, "2 columns of X are called 'x'"),
     "no columns": (FRAME[[]], ValueError, "X has no columns"),
     "no rows": (FRAME[:0], ValueError, r"0 sample\(s\)"),
 }
@@ -201,11 +201,9 @@ def test_sizes_that_are_refused(name):
         model.fit(np.where(ARRAY[7, 0] == ARRAY, 1e150, ARRAY), OUTPUT)
     with pytest.raises(ValueError, match=r"y holds values of .*e\+308, too large"):
         model.fit(ARRAY, OUTPUT / np.abs(OUTPUT).max() * 1e308)
-    with pytest.raises(
-        ValueError, match=r"Column 0 of X is nowhere larger than .*e-10., too small"
-    ):
+    with pytest.raises(ValueError, match=r"Column 0 of X is never larger than .*e-10., too small"):
         model.fit(ARRAY * np.array([1e-100, 1, 1]), OUTPUT)
-    with pytest.raises(ValueError, match=r"y is nowhere larger than .*e-10., too small"):
+    with pytest.raises(ValueError, match=r"y is never larger than .*e-10., too small"):
         model.fit(ARRAY, OUTPUT * 1e-100)
 
 
@@ -235,13 +233,13 @@ def test_sizes_that_comparisons_and_checks_refuse(size):
         check_channels,
         performance_scores,
     ):
-        with pytest.raises(ValueError, match=r"^y is nowhere larger than .*, too small"):
+        with pytest.raises(ValueError, match=r"^y is never larger than .*, too small"):
             read(X, Y * size)
-        with pytest.raises(ValueError, match=r"Column 'e' of X is nowhere larger than .*too small"):
+        with pytest.raises(ValueError, match=r"Column 'e' of X is never larger than .*too small"):
             read(X * size, Y)
         with pytest.raises(ValueError, match="too small"):
             read(X * size, Y * size)
-    with pytest.raises(ValueError, match="Column 'e' of X is nowhere larger"):
+    with pytest.raises(ValueError, match="Column 'e' of X is never larger"):
         lost_control(X * size)
 
 

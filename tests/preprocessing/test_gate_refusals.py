@@ -84,7 +84,7 @@ def test_a_number_is_no_table():
 
 
 def test_rows_of_different_lengths():
-    with pytest.raises(ValueError, match="Row 2 of X holds 1 values and row 0 holds 2"):
+    with pytest.raises(ValueError, match="Row 2 of X holds 1 values but row 0 holds 2"):
         ARXRegressor().fit([[1.0, 2.0], [1.0, 2.0], [3.0]], [1.0, 2.0, 3.0])
 
 
@@ -127,7 +127,7 @@ def test_labels_that_are_none():
         lambda X, y: check_channels(X, y, run="run"),
     ):
         with pytest.raises(
-            RunIndexError, match=r"column 'run' is \[1\] in row 0: labels are numbers"
+            RunIndexError, match=r"column 'run' is \[1\] in row 0: labels must be numbers"
         ):
             call(table, Y.to_numpy())
     table["run"] = [1.0] * 60 + [np.nan] * 60
@@ -197,7 +197,7 @@ def test_the_run_column_is_no_input(model):
 @pytest.mark.parametrize("name", ["inputs", "init", "reset_times", "memory_time"])
 @pytest.mark.parametrize("value", ["no such word", {}])
 def test_options_that_are_no_numbers(name, value):
-    with pytest.raises((ValueError, TypeError), match=rf"{name}|memory is a number"):
+    with pytest.raises((ValueError, TypeError), match=rf"{name}|memory must be a number"):
         RecursiveARX(**{"inputs": [0], name: value}).fit(X, Y)
 
 

@@ -76,7 +76,7 @@ def test_a_window_shorter_than_a_sample():
 @pytest.mark.parametrize("seconds", [-1, np.nan, np.inf])
 def test_a_time_that_is_none_is_refused(name, seconds):
     layout = read_layout(signals([50]), dt=DT)
-    with pytest.raises(ValueError, match=f"{name} is a time in seconds, not negative; got"):
+    with pytest.raises(ValueError, match=f"{name} must be a time in seconds, 0 or more; got"):
         run_in_rows(layout, **{name: seconds})
 
 

@@ -106,7 +106,7 @@ def test_steer_rate_of_the_bicycle_holds_the_yaw_rate(correct, factor):
     mixed, missing = check_channels(X, y)
     assert mixed.title == f"SteerRate is the derivative of SteerAngle plus {factor} times YawRate"
     assert "99.8 %" in mixed.evidence
-    assert ("fault of units" in mixed.meaning) == (not correct)
+    assert ("unit error" in mixed.meaning) == (not correct)
     assert missing.title == "SteerRate has 17 missing samples"
 
 
@@ -173,9 +173,9 @@ def test_pairs_by_name(given, expected):
         (1000.0, "1000 times too large"),
         (0.001, "1000 times too small"),
         (DT, "not divided by the sampling time"),
-        (2.0, "No common conversion"),
-        (-1.0, "opposite ways"),
-        (-np.pi / 180, "The sign is opposite as well"),
+        (2.0, "No common unit conversion"),
+        (-1.0, "opposite directions"),
+        (-np.pi / 180, "The sign is also opposite"),
     ],
 )
 def test_factor_of_a_rate(factor, words, noise):
@@ -246,7 +246,7 @@ def test_error_that_is_not_target_minus_output(change, words):
 def test_error_of_another_signal():
     X, y = make_tracking_runs("C1", 2, channels=["e", "x", "f_t"])
     late = X.assign(e=np.roll(X["e"], 5))
-    assert "not the signal its name says" in only(check_channels(late, y)).meaning
+    assert "not the signal that its name says" in only(check_channels(late, y)).meaning
     offset = X.assign(e=X["e"] + 0.2)
     assert only(check_channels(offset, y)).meaning == "e has an offset of 0.2."
     rounded = X.assign(e=X["e"].round(4))
@@ -299,7 +299,7 @@ def test_operator_that_is_not_yet_there():
     x = smooth()[0]
     x[:60] = x[60]
     finding = only(check_channels(table(x=x)))
-    assert finding.title == "x stands still at the beginning of run 1"
+    assert finding.title == "x is constant at the beginning of run 1"
     assert "first 61 samples of run 1" in finding.evidence
 
 

@@ -44,7 +44,7 @@ def test_columns_by_role_are_those_with_one():
 
 @pytest.mark.parametrize("role", ["eror", "E", None, 3])
 def test_an_unknown_role_is_named_with_those_there_are(role):
-    with pytest.raises(ValueError, match=rf"'a' the role {role!r}; there are 'e', 'x', 'f_t'"):
+    with pytest.raises(ValueError, match=rf"'a' the role {role!r}; the roles are 'e', 'x', 'f_t'"):
         roles_of(["a"], {"a": role})
 
 
@@ -59,7 +59,7 @@ def test_roles_of_columns_that_are_not_there():
     check_named(["e"], {"u": "x"}, "u")
     with pytest.raises(RunIndexError, match=r"names 'u', which is not a column .* are \['e'\]"):
         check_named(["e"], {"u": "x"})
-    with pytest.raises(TypeError, match="roles is a dict"):
+    with pytest.raises(TypeError, match="roles must be a dict"):
         check_named(["e"], "e")
 
 

@@ -153,9 +153,9 @@ def test_what_explains_too_little_is_a_stand_in():
     search = searched(data, ["bias", "gain_drift", "extra_lag"])
     assert (search.best_effects_, search.stand_ins_) == (["unknown"], ["extra_lag"])
     assert search.best_estimator_.effects_.names == ["extra_lag"]
-    assert "Part of it looks like extra lag, but too little for a name." in search.summary()
+    assert "Part of it looks like extra lag, but too little to name it." in search.summary()
     story = Story(clone(search), *data)
-    assert "  Part of it looks like extra lag, but too little for a name" in list(story.tell())
+    assert "  Part of it looks like extra lag, but too little to name it" in list(story.tell())
     assert story.as_dict()["stand_ins"] == ["extra_lag"]
 
 

@@ -80,9 +80,9 @@ def test_a_name_where_a_number_ends_that_is_no_size():
 @pytest.mark.parametrize(
     ("value", "sd", "smooth", "reason"),
     [
-        (0.8, 0.3, True, "by its standard errors it may be none: time = 0.8 ± 0.3"),
+        (0.8, 0.3, True, "within its standard errors it may be zero: time = 0.8 ± 0.3"),
         (0.8, 0.2, True, ""),
-        (-0.8, 0.3, True, "by its standard errors it may be none: time = -0.8 ± 0.3"),
+        (-0.8, 0.3, True, "within its standard errors it may be zero: time = -0.8 ± 0.3"),
         (0.8, np.nan, True, ""),
         (0.8, 0.3, False, ""),
     ],

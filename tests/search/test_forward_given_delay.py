@@ -96,7 +96,7 @@ def test_free_delay_needs_no_claim(free):
     assert free.best_effects_ == ["feedforward"]
     claim = first_claim(free)
     assert claim["status"] == "does not apply"
-    assert "estimates its delay already" in claim["reason"]
+    assert "already estimates its delay" in claim["reason"]
 
 
 @pytest.mark.slow

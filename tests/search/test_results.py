@@ -38,18 +38,18 @@ def reason(winner="bias", taken_out=False, name="preview", **options):
         (
             {"in_loop": InLoop(80.0, 5.0, -0.4)},
             "in the closed loop it is no better (-0.40 points, ΔBIC 5): it may follow the "
-            "remnant that comes back in the error",
+            "remnant that returns in the error",
         ),
         (
             {"joint": 8.0, "in_loop": InLoop(80.0, 5.0, 1.1)},
             "estimated together with a noise model, it has ΔBIC 8; in the closed loop it "
-            "is hardly better (+1.10 points, ΔBIC 5): it may follow the remnant that comes "
-            "back in the error",
+            "is hardly better (+1.10 points, ΔBIC 5): it may follow the remnant that returns "
+            "in the error",
         ),
         (
             {"joint": -8.0, "in_loop": InLoop()},
             "estimated together with a noise model, it has ΔBIC -8: it may follow the "
-            "remnant that comes back in the error",
+            "remnant that returns in the error",
         ),
         (
             {"joint": 90.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)},
@@ -57,7 +57,7 @@ def reason(winner="bias", taken_out=False, name="preview", **options):
         ),
         ({}, "it improves the free run too; bias was added instead"),
         ({"winner": ""}, "it pays, but max_effects was reached"),
-        ({"taken_out": True}, "it no longer pays beside the effects added later"),
+        ({"taken_out": True}, "it no longer pays once the later effects are added"),
     ],
 )
 def test_the_reason_says_which_criterion_is_not_met(options, said):

@@ -59,11 +59,11 @@ def test_task_at_an_instant():
     [
         ({"display": np.nan}, "display must be a finite number; got nan"),
         ({"display": True}, "display must be a finite number; got True"),
-        ({"display": "pursuite"}, "display is 'compensatory', 'pursuit', .*got 'pursuite'"),
-        ({"transport": "hold"}, "transport is 'held', 'interpolated' or None; got 'hold'"),
+        ({"display": "pursuite"}, "display must be 'compensatory', 'pursuit', .*got 'pursuite'"),
+        ({"transport": "hold"}, "transport must be 'held', 'interpolated' or None; got 'hold'"),
         ({"duration": 0.005}, "0.005 s at 100.0 Hz are fewer than two samples"),
         ({"sampling_rate": 1e308}, "81.92 s at 1e\\+308 Hz, with the run-in, are more samples"),
-        ({"run_in": 1e300}, "are more samples than any machine holds"),
+        ({"run_in": 1e300}, "are more samples than any machine can hold"),
         ({"duration": 0.2, "run_in": 0.05}, "delay tau_e = 0.28 s is longer than the run of 0.2"),
         (
             {"operator": HumanOperator(tau_e=0.285), "transport": "held"},
@@ -118,7 +118,7 @@ def test_sampling_that_is_too_slow(options, what):
         ({"remnant": Remnant(gain=Step(0.1, -0.1, 2))}, "K_n is -0.1 at t = 2 s"),
         ({"display": Ramp(1, -1, 0, 2)}, "display is -0.005 at t = 1.005 s"),
         ({"target": lambda t: np.where(t < 1, 0.0, np.nan)}, "target is nan at t = 1 s"),
-        ({"target": np.zeros(7)}, r"target must have 350 samples \(50 of the run-in and 300 of"),
+        ({"target": np.zeros(7)}, r"target must have 350 samples \(50 in the run-in and 300 in"),
         ({"disturbance": np.zeros(7)}, "disturbance must have 350 samples"),
     ],
 )
@@ -137,14 +137,17 @@ def test_what_is_not_an_operator(operator):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"n_runs": 0}, "n_runs is a whole number, at least 1; got 0"),
-        ({"n_runs": True}, "n_runs is a whole number, at least 1; got True"),
-        ({"n_runs": 2.0}, "n_runs is a whole number, at least 1; got 2.0"),
-        ({"keep_run_in": 0.6}, "keep_run_in is from 0 to the run-in of 0.5 s; got 0.6"),
-        ({"keep_run_in": -0.1}, "keep_run_in is from 0"),
-        ({"noise": np.zeros((2, 150))}, r"a row for each of 1 runs and .* 150 .*; got \(2, 150\)"),
+        ({"n_runs": 0}, "n_runs must be a whole number, at least 1; got 0"),
+        ({"n_runs": True}, "n_runs must be a whole number, at least 1; got True"),
+        ({"n_runs": 2.0}, "n_runs must be a whole number, at least 1; got 2.0"),
+        ({"keep_run_in": 0.6}, "keep_run_in must lie between 0 and the run-in of 0.5 s; got 0.6"),
+        ({"keep_run_in": -0.1}, "keep_run_in must lie between 0"),
+        (
+            {"noise": np.zeros((2, 150))},
+            r"one row for each of 1 runs and .* 150 .*; got \(2, 150\)",
+        ),
         ({"noise": np.full((1, 150), np.nan)}, "noise is nan in run 0, sample 0"),
-        ({"random_state": -1}, "random_state is a whole number from 0 up, .*; got -1"),
+        ({"random_state": -1}, "random_state must be a non-negative whole number, .*; got -1"),
         ({"random_state": "0"}, "got '0'"),
         ({"random_state": True}, "got True"),
     ],
@@ -158,7 +161,7 @@ def test_senseless_arguments_of_simulate(options, message):
 def test_phases_of_a_function_cannot_be_drawn():
     task = CompensatoryTask(duration=1.0, run_in=0.5, disturbance=lambda t: 0 * t)
     with pytest.raises(
-        ValueError, match="draws phases of a Multisine; the disturbance is function"
+        ValueError, match="draws the phases of a Multisine, but the disturbance is function"
     ):
         task.simulate(random_phases=True)
 
@@ -184,7 +187,7 @@ def test_fast_muscles_need_a_faster_clock(operator):
 
 @pytest.mark.parametrize("order", [2.0, True, [2], 0, "NM"])
 def test_remnant_orders_that_are_none(order):
-    with pytest.raises(ValueError, match="order is 1, 2, 3, 4 or 'nm'"):
+    with pytest.raises(ValueError, match="order must be 1, 2, 3, 4 or 'nm'"):
         Remnant(order=order, gain=0.1)
 
 
@@ -215,5 +218,5 @@ def test_responses_of_a_pursuit_operator(name):
     alone = HumanOperator(K_e=1.0, T_L=0.0).frequency_response(OMEGA)
     expected = (gains[0] + gains[1] * 1j * OMEGA) * alone
     np.testing.assert_allclose(operator.frequency_response(OMEGA, input=name), expected)
-    with pytest.raises(ValueError, match="input is 'e', or 'f_t' or 'x'"):
+    with pytest.raises(ValueError, match="input must be 'e', or 'f_t' or 'x'"):
         operator.frequency_response(OMEGA, input="q")

@@ -467,7 +467,7 @@ def test_slow_loops_are_not_taken_for_unstable():
 def test_a_model_in_the_loop_must_answer_the_error():
     X, y = make_tracking_runs("C1", 1, channels=["e", "f_t"], duration=20.0, run_in=5.0)
     model = ARXRegressor(nk=29, inputs=["f_t"]).fit(X, y)
-    with pytest.raises(ValueError, match=r"answers the error e alone.*inputs=\['e'\]"):
+    with pytest.raises(ValueError, match=r"responds to the error e alone.*inputs=\['e'\]"):
         CompensatoryTask(operator=model)
     model = ARXRegressor(nk=29, inputs=["e"]).fit(X, y)
     with pytest.raises(ValueError, match="display and transport are those of a HumanOperator"):

@@ -29,29 +29,32 @@ def make(condition="C1", n_runs=2, **options):
     ("options", "message"),
     [
         ({"condition": "C7"}, "Unknown condition 'C7'.*Did you mean 'C6'"),
-        ({"n_runs": 0}, "n_runs is a whole number, at least 1; got 0"),
+        ({"n_runs": 0}, "n_runs must be a whole number, at least 1; got 0"),
         (
             {"channels": "e"},
-            r"channels is a list of some of \['e', 'x', 'f_t', 'dist'\], each once; got 'e'",
+            r"channels must list some of \['e', 'x', 'f_t', 'dist'\], each once; got 'e'",
         ),
-        ({"channels": []}, "channels is a list"),
-        ({"channels": ["e", "f_d"]}, "channels is a list"),
+        ({"channels": []}, "channels must list"),
+        ({"channels": ["e", "f_d"]}, "channels must list"),
         ({"remnant_intensity": 15}, "15 percent is 0.15"),
         ({"remnant_intensity": -0.1}, "intensity must be zero or positive; got -0.1"),
         ({"remnant_intensity": 0.1, "remnant_gain": 0.02}, "remnant_intensity or remnant_gain"),
         ({"remnant_gain": "tabel"}, "'table'; got 'tabel'"),
         ({"remnant_gain": "table", "remnant_intensity": 0.12}, "Table G.1 has the orders"),
-        ({"remnant_gain": 0.1, "remnant_order": 7}, "order is 1, 2, 3, 4 or 'nm'; got 7"),
+        ({"remnant_gain": 0.1, "remnant_order": 7}, "order must be 1, 2, 3, 4 or 'nm'; got 7"),
         ({"perturbation": {"K_c": 1.0}}, r"no parameter \['K_c'\] to add to; there are \['K_e'"),
         ({"perturbation": {"tau_e": 0.1}}, r"no parameter \['tau_e'\]"),
         ({"perturbation": {"K_e": -1.0}}, r"K_e is -0.91 at t = -2 s"),
-        ({"keep_run_in": 3.0}, "keep_run_in is from 0 to the run-in of 2 s; got 3.0"),
+        ({"keep_run_in": 3.0}, "keep_run_in must lie between 0 and the run-in of 2 s; got 3.0"),
         ({"sampling_rate": 10.0}, "10 Hz is too slow"),
         ({"duration": -1.0}, "duration must be positive; got -1.0"),
         ({"display": "preview"}, "got 'preview'"),
-        ({"random_phases": True, "target": np.sin}, "draws phases of a Multisine; the target is"),
+        (
+            {"random_phases": True, "target": np.sin},
+            "draws the phases of a Multisine, but the target is",
+        ),
         ({"noise": np.zeros((2, 5)), "remnant_gain": 0.1}, r"each of 2 runs .* 600 samples"),
-        ({"random_state": -3}, "random_state is a whole number from 0 up"),
+        ({"random_state": -3}, "random_state must be a non-negative whole number"),
     ],
 )
 def test_senseless_arguments(options, message):
@@ -72,7 +75,7 @@ def test_models_that_do_not_fit_the_loop():
     with pytest.raises(ValueError, match=r"dt = 0.02 s.* sampling_rate=50"):
         make(operator=slow)
     two_inputs = ARXRegressor(nk=29, inputs=["e", "x"]).fit(X, y)
-    with pytest.raises(ValueError, match="answers the error e alone"):
+    with pytest.raises(ValueError, match="responds to the error e alone"):
         make(operator=two_inputs)
     thinned = make_pipeline(Decimator(factor=2), ARXRegressor(nk=15)).fit(X[["e"]], y)
     with pytest.raises(ValueError, match="without the Decimator"):

@@ -202,7 +202,7 @@ def test_the_limit_in_the_message_is_where_the_intensity_goes():
 
 @pytest.mark.parametrize("remnant", [None, Remnant(gain=0.1)], ids=repr)
 def test_a_task_without_a_wish(remnant):
-    with pytest.raises(ValueError, match=r"wanted intensity: Remnant\(intensity=0.15\), say; got"):
+    with pytest.raises(ValueError, match=r"an intensity, such as Remnant\(intensity=0.15\); got"):
         tune_remnant(CompensatoryTask(remnant=remnant))
 
 

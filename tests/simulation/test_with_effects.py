@@ -73,7 +73,7 @@ def test_own_effects_and_those_that_look_ahead_are_simulated():
     [
         ({"effects": DeadZone()}, r"needs numbers to be simulated: DeadZone\(width=\)"),
         ({"effects": "tremor"}, "tremor is noise"),
-        ({"effects": HIDDEN["bias"], "display": 0.5}, "the display is 'compensatory'"),
+        ({"effects": HIDDEN["bias"], "display": 0.5}, "the display must be 'compensatory'"),
         ({"effects": Intermittent(hold_time=0.3)}, "needs numbers"),
     ],
 )
@@ -85,5 +85,5 @@ def test_what_cannot_be_simulated_is_refused(options, message):
 def test_effects_need_an_operator_of_physics():
     X, y = make_tracking_runs("C1", **SHORT)
     model = ARXRegressor(nk=15, inputs=["e"]).fit(X, y)
-    with pytest.raises(ValueError, match="effects are those of a HumanOperator"):
+    with pytest.raises(ValueError, match="effects need a HumanOperator"):
         CompensatoryTask(operator=model, effects=Bias(level=0.1), sampling_rate=50)

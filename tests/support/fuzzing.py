@@ -46,7 +46,7 @@ RAW = re.compile(
     r"list index|need at least one array|could not convert string"
 )
 QUOTED = re.compile(
-    "cannot be read as|is broken, or|failed for the array|it failed: "
+    "cannot be read as|is broken, or|failed for the array|it failed for "
 )  # what others say
 
 _seconds = 60.0

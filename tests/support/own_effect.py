@@ -10,7 +10,7 @@ class Compressed(Effect):
 
     name = "compressed"
     place = "input"
-    physics = "Large errors are answered less than in proportion."
+    physics = "The response to large errors is less than proportional."
     formula = "e' = knee asinh(e / knee)"
     parameters = (Parameter("knee", Dimension(e=1), 0.05, 10.0, (0.5,), "where the answer bends"),)
 

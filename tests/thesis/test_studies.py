@@ -189,13 +189,16 @@ def test_a_study_in_a_folder_goes_on(tmp_path):
     [
         (lambda: paper_study("fig31"), r"No study 'fig31'; there are fig9, .*Did you mean 'fig1"),
         (lambda: paper_study("appI", orders=[2]), "'appI' has no option 'orders'"),
-        (lambda: delay_study(2, orders=[5]), r"Orders of the remnant filter are .*; got 5"),
-        (lambda: delay_study(2, gains="fitted"), "gains is 'table'"),
-        (lambda: forgetting_study(2, memory_horizons=[64]), "hold infinity"),
+        (
+            lambda: delay_study(2, orders=[5]),
+            r"Orders of the remnant filter must be among .*; got 5",
+        ),
+        (lambda: delay_study(2, gains="fitted"), "gains must be 'table'"),
+        (lambda: forgetting_study(2, memory_horizons=[64]), "include infinity"),
         (lambda: forgetting_study(2, memory_horizons=[1, np.inf]), "above 1"),
-        (lambda: forgetting_study(2, n_validation=0), "n_validation is at least 1"),
+        (lambda: forgetting_study(2, n_validation=0), "n_validation must be at least 1"),
         (lambda: path_study(2, conditions=["C9"]), "Unknown condition 'C9'"),
-        (lambda: response_study(0), "n_replications is a whole number, at least 1"),
+        (lambda: response_study(0), "n_replications must be a whole number, at least 1"),
     ],
 )
 def test_errors(call, message):

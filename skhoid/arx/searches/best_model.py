@@ -91,19 +91,19 @@ class BestModel(
         return self.best_estimator_.score(X, y)
 
     def summary(self, X: Any = None, y: Any = None) -> Summary:
-        """Say what was searched and found, and the summary of the best model.
+        """Summarise what was searched and found, and the best model.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_rows, n_columns), default=None
-            Channels to validate the best model on, best of runs that were not fitted.
+            Channels to validate the best model on, preferably of runs that were not fitted.
         y : Series or array of shape (n_rows,), default=None
             Their measured output.
 
         Returns
         -------
         text : Summary
-            A string, of lines of at most 88 columns, that notebooks show line by line.
+            A string with lines of at most 88 columns, which notebooks show line by line.
         """
         check_is_fitted(self, "best_estimator_")
         found, candidates = self._found()

@@ -1,4 +1,4 @@
-"""Many ARX candidates on the same rows: one triangle for each run, then a small problem each."""
+"""Many ARX candidates on the same rows: one triangle per run, then a small problem each."""
 
 from __future__ import annotations
 
@@ -237,7 +237,7 @@ class CandidateTable:
         n_rows, n_params = sum(piece.n_rows for piece in pieces), self.largest.n_params
         if n_rows <= n_params:
             raise ShortRunError(
-                f"A fold leaves {n_rows} rows to fit up to {n_params} "
-                "lags on. Use fewer folds, or smaller na, nb and nk."
+                f"A fold leaves only {n_rows} rows to fit up to {n_params} lags. Use fewer folds, "
+                "or smaller na, nb and nk."
             )
         return reduce(Triangle.merged, pieces)

@@ -33,21 +33,23 @@ class DelaySearchCV(BestModel):
     Parameters
     ----------
     estimator : ARXRegressor or Pipeline that ends in one, or None, default=None
-        Model whose ``nk`` is searched; its other parameters stay. None means ``ARXRegressor()``.
+        Model whose ``nk`` is searched; its other parameters are kept. None means
+        ``ARXRegressor()``.
     nk : sequence of int, or of one tuple per input, or None, default=None
         Candidates, in samples of the grid the model is fitted on. An int is the delay of every
-        input. None means 1 to 50, and no more than a quarter of the shortest run.
+        input. None means 1 to 50, but at most a quarter of the shortest run.
     criterion : {"one_step", "vaf"}, default="one_step"
         ``"one_step"`` is the mean squared one-step prediction error on all rows (Eq. 24, with the
-        square that its print lost). ``"vaf"`` is 100 minus the cross-validated VAF of the free run.
+        square that is missing in print). ``"vaf"`` is 100 minus the cross-validated VAF of the free
+        run.
     cv : int, splitter, iterable or None, default=None
-        Folds for ``"vaf"``; an int counts folds of whole runs. None leaves out one run at a time;
-        a single run is fitted on its first half and scored on its second.
+        Folds for ``"vaf"``; an int is a number of folds of whole runs. None leaves out one run at a
+        time; a single run is fitted on its first half and scored on its second.
     scoring : VAFScorer or None, default=None
-        How ``"vaf"`` takes the VAF: run-in, window, centring, average.
+        How ``"vaf"`` computes the VAF: run-in, window, centring, average.
     window : float or None, default=None
-        Length in seconds of a sliding window; gives the delay over time besides the overall one.
-        Needs ``criterion="one_step"``.
+        Length in seconds of a sliding window, for the delay over time in addition to the overall
+        one. Needs ``criterion="one_step"``.
     step : float or None, default=None
         Step of the window in seconds; None means a quarter of it.
 
@@ -56,10 +58,10 @@ class DelaySearchCV(BestModel):
     best_nk_ : int or tuple
         Candidate with the lowest loss.
     best_delay_ : float or tuple
-        The same in seconds, n_k / f_s. It includes the sample of zero-order hold, and comes on
-        top of a :class:`DelayShift` in the pipeline.
+        The same in seconds, n_k / f_s. It includes the sample of zero-order hold, and adds to a
+        :class:`DelayShift` in the pipeline.
     best_score_ : float
-        Its cross-validated VAF in percent; with ``criterion="vaf"`` only.
+        Its cross-validated VAF in percent; only with ``criterion="vaf"``.
     loss_ : ndarray of shape (n_candidates,)
         Loss of each candidate; NaN where its regressors are linearly dependent.
     cv_results_ : dict
@@ -72,7 +74,7 @@ class DelaySearchCV(BestModel):
     window_time_ : ndarray of shape (n_windows,)
         Centres of the windows, in seconds of the time index.
     nk_path_, delay_path_ : ndarray of shape (n_windows,)
-        Best candidate in each window, in samples and seconds, of several inputs the longest; NaN
+        Best candidate in each window, in samples and seconds (the longest of several inputs); NaN
         where the window holds too little data. Windows pool the runs by their time index.
     loss_path_ : ndarray of shape (n_windows, n_candidates)
         Loss of every candidate in each window.
@@ -142,10 +144,10 @@ class DelaySearchCV(BestModel):
         y : Series or array of shape (n_rows,)
             Output.
         groups : array-like of shape (n_rows,) or None, default=None
-            Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
+            Group of each row, as in ``GridSearchCV``: what ``cv`` keeps together, and what
+            ``cv=None`` leaves out one at a time. Groups consist of whole runs. None uses the runs.
         **params : dict
-            What else ``cv`` requests, with metadata routing enabled.
+            Anything else that ``cv`` requests, if metadata routing is enabled.
 
         Returns
         -------
@@ -246,7 +248,7 @@ class DelaySearchCV(BestModel):
     def _generic_one_step(
         self, estimator: Any, X: Any, y: Any, candidates: list[Any], context: Any
     ) -> np.ndarray:
-        """One-step errors of models that are fitted one by one, on the rows all of them know."""
+        """One-step errors of models fitted one by one, on the rows that all of them can predict."""
         errors: list[np.ndarray | None] = []
         for nk in candidates:
             task = context.subcontext(task_name="candidate").call_on_fit_task_begin(estimator=self)
@@ -286,7 +288,7 @@ class DelaySearchCV(BestModel):
         if n_windows > MOST_WINDOWS:
             raise ValueError(
                 f"window={self.window:g} s with step={step:g} s makes {n_windows:.3g} windows; "
-                f"at most {MOST_WINDOWS} are looked at. Give a longer window= or step=, in seconds."
+                f"the limit is {MOST_WINDOWS}. Give a longer window= or step=, in seconds."
             )
         n_windows = int(n_windows)
         if n_windows < 1:
@@ -318,7 +320,7 @@ def _delay_text(value: Any, form: Any = str) -> str:
 def _as_candidates(nk: Any) -> list[Any]:
     candidates = [as_candidate("nk", value) for value in nk]
     if not candidates:
-        raise ValueError("nk is empty; name at least one candidate, or None for 1 to 50.")
+        raise ValueError("nk is empty; give at least one candidate, or None for 1 to 50.")
     return candidates
 
 

@@ -19,8 +19,8 @@ from ...exceptions import MissingDataWarning, RunCutWarning, RunIndexError
 from ...preprocessing.gate import unmasked
 from ...runs import RunLayout, check_alignment
 
-# Splitters that go by groups alone get a row for each run: with all rows, leaving each run out
-# would take the rows times the runs.
+# Splitters that use only groups get one row per run: with all rows, leaving out each run would cost
+# rows times runs.
 COUNT_NO_ROWS = (LeaveOneGroupOut, LeavePGroupsOut)
 
 
@@ -77,14 +77,14 @@ class Fold(NamedTuple):
 
 
 class SplitsRuns:
-    """A search whose ``fit`` takes groups, and what its splitter requests, as GridSearchCV does."""
+    """A search whose ``fit`` takes groups and what its splitter requests, like GridSearchCV."""
 
     cv: Any
 
     __metadata_request__fit = {"groups": True}
 
     def get_metadata_routing(self) -> MetadataRouter:
-        """Say which metadata ``fit`` takes, and which it passes on to the splitter.
+        """Return which metadata ``fit`` takes and which it passes on to the splitter.
 
         Returns
         -------
@@ -119,8 +119,9 @@ def _splitter(cv: Any, several: bool = True) -> Any:
         for split in cv:
             if isinstance(split, str) or not np.iterable(split) or len(tuple(split)) != 2:
                 raise ValueError(
-                    f"cv holds {reprlib.repr(split)}, which is no pair (training rows, test rows); "
-                    "give pairs, a number of folds, or a splitter such as LeaveOneGroupOut()."
+                    f"cv holds {reprlib.repr(split)}, which is not a pair (training rows, test "
+                    "rows); give pairs, a number of folds, or a splitter such as "
+                    "LeaveOneGroupOut()."
                 )
     return check_cv(cv)
 
@@ -134,8 +135,8 @@ def _rows_of(part: Any, n_rows: int) -> np.ndarray:
     numbers = rows.dtype.kind in "iu" and rows.ndim == 1
     if not (mask or (numbers and -n_rows <= rows.min() and rows.max() < n_rows)):
         raise ValueError(
-            f"A split of cv holds {reprlib.repr(part)}: rows are whole numbers from 0 to "
-            f"{n_rows - 1}, or a mask of them."
+            f"A split of cv holds {reprlib.repr(part)}: rows must be whole numbers from 0 to "
+            f"{n_rows - 1}, or a mask."
         )
     return rows
 
@@ -147,7 +148,7 @@ def folds_of(
     measured: np.ndarray,
     scored: np.ndarray | None = None,
 ) -> list[Fold]:
-    """Split rows by runs; a single run into halves, as the thesis does.
+    """Split rows by runs, and a single run into halves, as the thesis does.
 
     A free run needs no measured output, so the model is simulated from the start of each run and
     scored in the rows of the fold: a fold that begins inside a run has no transient of its own.
@@ -159,7 +160,7 @@ def folds_of(
     groups = routed["groups"]
     known = np.logical_or.reduceat(measured, starts[:-1])
     if not known.any():
-        raise ValueError("No row is left to score: no run has measurements of input and output.")
+        raise ValueError("No row is left to score: no run has both input and output measured.")
     several = known.sum() > 1 or groups is not None
     used = known | (not (cv is None or isinstance(cv, Integral)))
     of_run = np.arange(used.size) if groups is None else groups[starts[:-1]]
@@ -188,9 +189,9 @@ def folds_of(
         ]
         if cut:
             warnings.warn(
-                f"The splits of cv={cv!r} cut run {cut[0]!r}: rows next to each other, which are "
-                "nearly equal, stand on both sides. Runs are the unit of cross-validation: use "
-                "LeaveOneGroupOut, GroupKFold, or cv=None.",
+                f"The splits of cv={cv!r} cut run {cut[0]!r}: neighbouring rows, which are nearly "
+                "equal, end up on both sides. Cross-validate by whole runs: use LeaveOneGroupOut, "
+                "GroupKFold, or cv=None.",
                 RunCutWarning,
                 stacklevel=6,
             )
@@ -213,15 +214,15 @@ def _with_scores(
     left = [fold for fold, (_, can) in zip(folds, tests, strict=True) if can]
     if not left:
         raise ValueError(
-            "No row is left to score in any fold: the run-in, the window and missing values leave "
-            f"out all of them (X has n_samples = {layout.n_rows})."
+            "No row is left to score in any fold: the run-in, the window and missing values "
+            f"exclude all of them (X has n_samples = {layout.n_rows})."
         )
     unscored = [f for f, (some, can) in zip(folds, tests, strict=True) if some and not can]
     if unscored:
         row = int(np.flatnonzero(unscored[0].test.mask() & measured)[0])
         warnings.warn(
-            f"{len(unscored)} of {len(folds)} folds are not scored, first that of "
-            f"{layout.where(row)}: the run-in, the window and missing values leave out all their "
+            f"{len(unscored)} of {len(folds)} folds are not scored, the first at "
+            f"{layout.where(row)}: the run-in, the window and missing values exclude all their "
             "rows.",
             MissingDataWarning,
             stacklevel=6,
@@ -246,16 +247,16 @@ def _checked_groups(X: Any, layout: RunLayout, groups: Any) -> np.ndarray | None
         raise ValueError("groups holds labels that are neither numbers nor text.") from error
     labels = found.tolist()
     if (numbers < 0).any():
-        raise ValueError(f"groups has no label in {layout.where(int(np.argmin(numbers)))}.")
+        raise ValueError(f"groups has no label at {layout.where(int(np.argmin(numbers)))}.")
     starts = layout.run_starts[:-1]
     first = np.repeat(numbers[starts], np.diff(layout.run_starts))
     if (numbers != first).any():
         row = int(np.argmax(numbers != first))
         run = layout.labels[int(layout.run_of(np.asarray(row)))]
         raise RunIndexError(
-            f"Run {run!r} lies in two groups: {labels[first[row]]!r}, and "
-            f"{labels[numbers[row]]!r} from {layout.where(row)} on. Rows of one run are nearly "
-            "equal, so that a group is made of whole runs: give each run one label, such as "
+            f"Run {run!r} is in two groups: {labels[first[row]]!r}, and "
+            f"{labels[numbers[row]]!r} from {layout.where(row)} on. Neighbouring rows are nearly "
+            "equal, so a group must consist of whole runs: give each run one label, such as "
             'run_labels(X, level="subject").'
         )
     return numbers

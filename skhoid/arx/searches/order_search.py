@@ -36,7 +36,7 @@ class OrderSearchCV(BestModel):
     """Choose the orders of an ARX model by cross-validated VAF or by an information criterion.
 
     All combinations of ``na``, ``nb``, ``nk`` and decimation factor are fitted and simulated; the
-    smallest model that is not clearly worse than the best one is refitted.
+    smallest model that is not clearly worse than the best is refitted.
 
     Parameters
     ----------
@@ -49,22 +49,22 @@ class OrderSearchCV(BestModel):
         factor, ``{1: range(1, 51), 2: range(1, 26)}``. None keeps the estimator's own, which
         must be 0 where there are several factors.
     factor : sequence of int or None, default=None
-        Candidate decimation factors; the pipeline's :class:`Decimator` is set, or one is put in
-        front. None keeps the estimator's own.
+        Candidate decimation factors; they are set in the pipeline's :class:`Decimator`, or one is
+        added in front. None keeps the estimator's own.
     criterion : {"vaf", "bic", "mbic"}, default="vaf"
-        Cross-validated VAF of the free run at full rate; the Bayesian information criterion
-        ln V + p ln(N) / N of the one-step errors; or the same with ``penalty`` times the second
-        term. The last two compare models of one decimation factor only, and simulate none.
+        Cross-validated VAF of the free run at full rate; the Bayesian information criterion ln V +
+        p ln(N) / N of the one-step errors; or the same with ``penalty`` times the second term. The
+        last two only compare models with the same decimation factor, and simulate nothing.
     rule : {"one_standard_error", "best"}, default="one_standard_error"
         With ``"vaf"``, take the model with the fewest parameters (then the highest VAF) among
         those within one standard error of the best, or the best itself.
     penalty : float, default=3.0
-        Weight c of the complexity in the modified BIC; tune it by simulation of the task.
+        Weight c of the complexity in the modified BIC; tune it by simulating the task.
     cv : int, splitter, iterable or None, default=None
-        Folds; an int counts folds of whole runs. None leaves out one run at a time; a single run
-        is fitted on its first half and scored on its second.
+        Folds; an int is a number of folds of whole runs. None leaves out one run at a time; a
+        single run is fitted on its first half and scored on its second.
     scoring : VAFScorer or None, default=None
-        How to take the VAF: run-in, window, centring, average.
+        How to compute the VAF: run-in, window, centring, average.
     n_jobs : int or None, default=None
         Threads over folds; over candidates that do not share a factorisation.
 
@@ -77,17 +77,17 @@ class OrderSearchCV(BestModel):
     best_delay_ : float
         ``best_nk_`` in seconds.
     best_score_ : float
-        Mean cross-validated VAF of the chosen model in percent; with ``criterion="vaf"`` only.
+        Mean cross-validated VAF of the chosen model in percent; only with ``criterion="vaf"``.
     best_index_ : int
         Its position in ``cv_results_``.
     cv_results_ : dict
         One entry per candidate: ``params``, ``param_na``, ``param_nb``, ``param_nk``,
         ``param_factor``, ``n_params``, ``delay`` (s), ``bic``, ``mbic``, and for ``"vaf"``
-        ``split<i>_test_score``, ``mean_test_score``, ``std_test_score``, ``rank_test_score``.
-        Candidates whose regressors are linearly dependent hold NaN.
+        ``split<i>_test_score``, ``mean_test_score``, ``std_test_score``, ``rank_test_score``. NaN
+        for candidates whose regressors are linearly dependent.
     standard_error_ : float
-        For ``"vaf"``: standard error of the best VAF, over folds, or, with a single fold, over
-        eight blocks of its rows.
+        For ``"vaf"``: standard error of the best VAF, over folds or, with a single fold, over eight
+        blocks of its rows.
     best_estimator_ : estimator
         The chosen model refitted on all data.
     n_features_in_ : int
@@ -98,8 +98,8 @@ class OrderSearchCV(BestModel):
     Notes
     -----
     Candidates of one decimation factor are compared on the same rows. For :class:`ARXRegressor`
-    with ``method="ols"`` all come from one QR factorisation of each run: time grows with the rows,
-    however many runs and folds there are. For progress, call
+    with ``method="ols"`` all come from one QR factorisation of each run: the time grows with the
+    number of rows, whatever the number of runs and folds. For progress, call
     ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
 
     References
@@ -116,7 +116,7 @@ class OrderSearchCV(BestModel):
     >>> sorted(search.best_params_)
     ['factor', 'na', 'nb', 'nk']
 
-    Of several people, one is left out at a time; ``groups`` says whose run each row is of:
+    With several people, leave one out at a time; ``groups`` says whose run each row belongs to:
 
     >>> import numpy as np
     >>> from skhoid import make_tracking_runs, run_labels
@@ -180,10 +180,10 @@ class OrderSearchCV(BestModel):
         y : Series or array of shape (n_rows,)
             Output.
         groups : array-like of shape (n_rows,) or None, default=None
-            Group of each row, as of ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. Each is made of whole runs. None takes the runs.
+            Group of each row, as in ``GridSearchCV``: what ``cv`` keeps together, and what
+            ``cv=None`` leaves out one at a time. Groups consist of whole runs. None uses the runs.
         **params : dict
-            What else ``cv`` requests, with metadata routing enabled.
+            Anything else that ``cv`` requests, if metadata routing is enabled.
 
         Returns
         -------
@@ -193,8 +193,8 @@ class OrderSearchCV(BestModel):
         variants = self._variants(estimator)
         if self.criterion != "vaf" and len(variants) > 1:
             raise ValueError(
-                f"criterion={self.criterion!r} measures one-step errors, whose size depends on the "
-                "sampling rate: it cannot compare decimation factors. Use criterion='vaf'."
+                f"criterion={self.criterion!r} uses one-step errors, whose size depends on the "
+                "sampling rate, so it cannot compare decimation factors. Use criterion='vaf'."
             )
         context = self._init_callback_context(max_subtasks=len(variants) + 1)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
@@ -279,7 +279,7 @@ class OrderSearchCV(BestModel):
         if self.factor is None:
             return [(estimator.named_steps[names[0]].factor if names else 1, clone(estimator))]
         if len(self.factor) == 0:
-            raise ValueError("factor is empty; name at least one decimation factor.")
+            raise ValueError("factor is empty; give at least one decimation factor.")
         if not names:
             known: dict[str, Any] = {
                 n: getattr(steps[0][1] if steps else estimator, n, None) for n in ("dt", "run")
@@ -310,9 +310,10 @@ class OrderSearchCV(BestModel):
             nk = [final_step(variant)[1].nk]
             if self.factor is not None and len(self.factor) > 1 and np.max(nk) > 0:
                 raise ValueError(
-                    f"The estimator's nk={nk[0]} counts samples of the model's grid, so it is "
-                    "another delay at every decimation factor. Give nk={factor: candidates, ...}, "
-                    "or put a DelayShift into the pipeline and leave nk at 0."
+                    f"The estimator's nk={nk[0]} is in samples of the model's grid, so it is a "
+                    "different delay at each decimation factor. Give "
+                    "nk={factor: candidates, ...}, or put a DelayShift into the pipeline and "
+                    "leave nk at 0."
                 )
         grids = {
             "na": DEFAULT_ORDERS if self.na is None else self.na,
@@ -321,7 +322,7 @@ class OrderSearchCV(BestModel):
         }
         for name, values in grids.items():
             if len(values) == 0:
-                raise ValueError(f"{name} is empty; name at least one candidate.")
+                raise ValueError(f"{name} is empty; give at least one candidate.")
         return [
             dict(zip(grids, map(as_candidate, grids, values), strict=True))
             for values in product(*grids.values())
@@ -400,8 +401,8 @@ class OrderSearchCV(BestModel):
         values = results["mean_test_score"] if by_vaf else -results[self.criterion]
         if np.all(np.isnan(values)):
             raise ValueError(
-                "No candidate could be fitted: the regressors of each are linearly dependent. "
-                "Fit one with ARXRegressor to see the cause."
+                "No candidate could be fitted: the regressors of all are linearly dependent. Fit "
+                "one with ARXRegressor to see the cause."
             )
         self._chosen_by = self.criterion, self.rule
         for name in ("standard_error_", "best_score_"):  # from an earlier fit by VAF

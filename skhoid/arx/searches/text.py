@@ -1,4 +1,4 @@
-"""Candidates of a search for its summary: which to show, and the standard error of the best."""
+"""Candidates in the summary of a search: which to show, and the standard error of the best."""
 
 from __future__ import annotations
 

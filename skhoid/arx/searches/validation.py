@@ -32,8 +32,8 @@ class Validation:
     ) -> None:
         if scorer.rate == "model":
             raise ValueError(
-                "A search scores at the full rate; figures of VAFScorer(rate='model') cannot "
-                "choose between models."
+                "A search scores at the full rate; VAFScorer(rate='model') cannot choose between "
+                "models."
             )
         self.layout = raw_layout(estimator, X, dt=scorer.dt, run=scorer.run)
         self.y = as_output(y, dtypes=AS_GIVEN)

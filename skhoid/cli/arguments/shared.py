@@ -25,6 +25,12 @@ def add_file_options(add: Callable[..., Any]) -> None:
     add("--output", metavar="NAME", help="output column (default: guessed)")
     add("--time", metavar="NAME", help="time column, in seconds (default: guessed)")
     add("--run", metavar="NAME", help="column with run labels (default: guessed, or each file)")
+    for level in ("subject", "condition"):
+        add(
+            f"--{level}",
+            metavar="LABEL",
+            help=f"take the runs of one {level} only (default: all)",
+        )
     add(
         "--dt",
         type=positive,

@@ -49,16 +49,14 @@ def scores(search):
 def test_a_run_in_two_groups_is_named(name):
     groups = PEOPLE.copy()
     groups[250:300] = "b"  # of run 2
-    with pytest.raises(RunIndexError, match=r"Run 2 lies in two groups: 'a', and 'b' from run 2, "):
+    with pytest.raises(RunIndexError, match=r"Run 2 is in two groups: 'a', and 'b' from run 2, "):
         SEARCHES[name]().fit(X, Y, groups=groups)
 
 
 def test_the_label_of_a_run_column_is_named_as_it_is():
     table = X.reset_index("run").assign(run=RUN - 1).reset_index(drop=True)
     search = DelaySearchCV(ARXRegressor(1, 1, run="run", dt=0.01), nk=[1, 3])
-    with pytest.raises(
-        RunIndexError, match=r"^Run 0 lies in two groups: 0, and 1 from run 0, t = "
-    ):
+    with pytest.raises(RunIndexError, match=r"^Run 0 is in two groups: 0, and 1 from run 0, t = "):
         search.fit(table, Y.to_numpy(), groups=np.arange(800) // 100)
 
 
@@ -66,9 +64,9 @@ def test_the_label_of_a_run_column_is_named_as_it_is():
     ("groups", "message"),
     [
         (PEOPLE[:-1], r"shape \(799,\) and X has 800 rows"),
-        (np.where(np.arange(800) < 20, None, PEOPLE), "no label in run 1, t = 0 s"),
-        (np.ma.masked_where(RUN == 2, PEOPLE), r"groups has no label in run 2, t = "),
-        (np.ma.masked_equal(RUN, 1), r"groups has no label in run 1, t = 0 s \(row 0\)"),
+        (np.where(np.arange(800) < 20, None, PEOPLE), "no label at run 1, t = 0 s"),
+        (np.ma.masked_where(RUN == 2, PEOPLE), r"groups has no label at run 2, t = "),
+        (np.ma.masked_equal(RUN, 1), r"groups has no label at run 1, t = 0 s \(row 0\)"),
         (pd.Series(PEOPLE, X.index)[::-1], "row indexes of X and groups disagree"),
     ],
 )
@@ -103,7 +101,7 @@ def test_a_splitter_asks_by_the_name_it_likes():
     search = SEARCHES["delay"](GroupKFold(3).set_split_request(groups="people"))
     expected = SEARCHES["delay"](GroupKFold(3)).fit(X, Y, groups=PEOPLE)
     assert np.array_equal(scores(search.fit(X, Y, people=PEOPLE)), scores(expected))
-    with pytest.raises(RunIndexError, match="Run 1 lies in two groups"):
+    with pytest.raises(RunIndexError, match="Run 1 is in two groups"):
         search.fit(X, Y, people=np.arange(800) // 100)
 
 

@@ -10,12 +10,16 @@ from skhoid import DelaySearchCV, OrderSearchCV, ShortRunError
 @pytest.mark.parametrize(
     ("cv", "said"),
     [
-        (["no such name"], "cv holds 'no such name', which is no pair"),
-        ([1], "cv holds 1, which is no pair"),
-        ([(range(9), range(9), 3)], "cv holds .*, which is no pair"),
-        ([(range(200), [10**9])], r"cv holds \[1000000000\]: rows are whole numbers from 0 to 399"),
-        ([("a", range(9))], "cv holds 'a': rows are"),
-        ([([True, False], range(9))], r"cv holds \[True, False\]: rows are .* or a mask"),
+        (["no such name"], "cv holds 'no such name', which is not a pair"),
+        ([1], "cv holds 1, which is not a pair"),
+        ([(range(9), range(9), 3)], "cv holds .*, which is not a pair"),
+        (
+            [(range(200), [10**9])],
+            r"cv holds \[1000000000\]: rows must be whole numbers from 0 to "
+            r"399",
+        ),
+        ([("a", range(9))], "cv holds 'a': rows must be"),
+        ([([True, False], range(9))], r"cv holds \[True, False\]: rows must be .* or a mask"),
     ],
 )
 def test_splits_without_sense(cv, said):

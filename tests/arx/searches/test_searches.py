@@ -568,7 +568,7 @@ def test_a_fragment_between_gaps_does_not_limit_the_search():
 
 def test_one_delay_in_samples_is_not_compared_between_rates(data):
     X, y = data
-    with pytest.raises(ValueError, match=r"nk=3 counts samples.*nk=\{factor: candidates"):
+    with pytest.raises(ValueError, match=r"nk=3 is in samples.*nk=\{factor: candidates"):
         OrderSearchCV(ARXRegressor(nk=3), factor=[1, 2]).fit(X, y)
 
 
