@@ -35,7 +35,7 @@ from skhoid.plotting import BodeDisplay
 omega = np.geomspace(0.1, np.pi / DT, 500)  # rad/s
 operator = FrequencyResponse.of(HumanOperator(), omega)
 compare = {
-    "analytical": operator,
+    "truth": operator,
     "Fourier coefficients": fourier_coefficients(X, y, forcing=Multisine()),
 }
 _ = BodeDisplay.from_estimator(model, omega, label="ARX[2, 2, 28]", compare=compare)
@@ -91,10 +91,11 @@ import matplotlib.pyplot as plt
 found = fourier_coefficients(X.loc[[0]], y.loc[[0]], forcing=Multisine())
 fig, axes = plt.subplots(2, 2, figsize=(7.6, 6.6), sharex=True, sharey="row")
 for method, column in zip(METHODS, axes.T, strict=True):
-    responses = {"analytical": operator, "Fourier coefficients": found.select_run(0)}
+    responses = {"truth": operator}
     for factor in ORDERS:
         response = FrequencyResponse.of(models[factor, method], omega)
         responses[f"d = {factor}"] = response
+    responses["Fourier coefficients"] = found.select_run(0)
     BodeDisplay.from_responses(responses, ax=column)
     column[0].set_title("filtered (F)" if method == "F" else "not filtered (NF)")
     handles, labels = column[0].get_legend_handles_labels()
@@ -121,7 +122,7 @@ from skhoid.interpret import arx_response
 fig, axes = plt.subplots(2, 2, figsize=(7.6, 6.4), sharex=True, sharey="row")
 for name, column in zip(("C1", "C2"), axes.T, strict=True):
     person = tracking_condition(name).operator
-    responses = {"analytical": FrequencyResponse.of(person, omega)}
+    responses = {"truth": FrequencyResponse.of(person, omega)}
     for factor in ORDERS:
         dt = factor * DT
         H = arx_response(zoh_parameters(person, dt), omega, dt, na=2, delay=person.tau_e)

@@ -44,17 +44,13 @@ operator = FrequencyResponse.of(noisy.operator, omega)
 
 from skhoid.plotting import BodeDisplay
 
-_ = BodeDisplay.from_responses(
-    {"analytical": operator, "Fourier coefficients": found["with remnant"]}
-)
+_ = BodeDisplay.from_responses({"truth": operator, "Fourier coefficients": found["with remnant"]})
 
 # %%
 # The same without remnant: the points lie on the curve. At the two highest lines the phase is 4 to
 # 5 degrees off, less than a sample of 10 ms, because the loop is simulated in steps.
 
-_ = BodeDisplay.from_responses(
-    {"analytical": operator, "Fourier coefficients": found["remnant-free"]}
-)
+_ = BodeDisplay.from_responses({"truth": operator, "Fourier coefficients": found["remnant-free"]})
 
 # %%
 # The loop
@@ -72,7 +68,7 @@ def draw(title, of_response, **options):
     fig, axes = plt.subplots(2, 2, figsize=(7.6, 5.6), sharex=True, sharey="row")
     for (name, response), column in zip(found.items(), axes.T, strict=True):
         responses = {
-            "analytical": of_response(operator),
+            "truth": of_response(operator),
             "Fourier coefficients": of_response(response.select_run(0)),
         }
         BodeDisplay.from_responses(responses, ax=column, **options)
@@ -125,7 +121,7 @@ print(pd.DataFrame(columns, index=index).round(2).to_string())
 
 X, y = make_tracking_runs(noisy, 20, random_state=1)
 many = fourier_coefficients(X, y, forcing=f_t)
-_ = BodeDisplay.from_responses({"analytical": operator, "Fourier coefficients": many})
+_ = BodeDisplay.from_responses({"truth": operator, "Fourier coefficients": many})
 
 errors = {"one run": many.response, "mean of 20": many.mean().response}
 errors["remnant-free"] = found["remnant-free"].response

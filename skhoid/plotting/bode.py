@@ -16,7 +16,7 @@ from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
 from ._axes import legend_entries, phase_ticks, with_unit
 from ._display import Display
-from ._roles import GREY, scaled, series_colour, sized, veil
+from ._roles import GREY, PALETTE, ROLES, scaled, sized, veil
 
 SYMBOLS = "osD^vPX"
 MAX_MARKERS = 40  # responses with more lines than this are curves
@@ -32,7 +32,7 @@ class BodeDisplay(Display):
     Responses at no more than 40 lines are markers with error bars, others curves with bands. The
     runs of a response that holds several are averaged, and the bars are those of the mean. The
     intervals of the magnitude are symmetric on its logarithmic axis. The phase axis ends at -540
-    degrees or the lowest marker.
+    degrees or the lowest marker. A response called "truth" has the colour and line of the truth.
 
     Make it with :meth:`from_responses` or :meth:`from_estimator`.
 
@@ -266,7 +266,7 @@ class BodeDisplay(Display):
         return curve.omega[finite], curve.phase[finite]
 
     def _draw(self, number: int, label: str, response: FrequencyResponse, reference: Any) -> None:
-        colour = series_colour(number)
+        colour = self._colour(label)
         omega, magnitude, phase = response.omega, response.magnitude, response.phase
         if reference is not None:
             nearest = np.interp(np.log(omega), np.log(reference[0]), reference[1])
@@ -293,12 +293,23 @@ class BodeDisplay(Display):
                     bars = panel.vlines(omega, *bound, color=colour, lw=scaled(1.2), alpha=0.6)
                     self.intervals_[label].append(bars)
             else:
-                style = {"ls": "-", "lw": scaled(1.4)}
+                true = label == ROLES["truth"].word
+                style = {"ls": ROLES["truth"].line if true else "-", "lw": scaled(1.4)}
                 if bound is not None:
                     band = panel.fill_between(omega, *bound, color=colour, alpha=veil(0.2), lw=0)
                     self.intervals_[label].append(band)
             lines += panel.plot(omega, values, color=colour, label=label, **style)
         self.magnitude_[label], self.phase_[label] = lines
+
+    def _colour(self, label: str) -> str:
+        """That of the truth for what is called so, else of a place among the others."""
+        truth = ROLES["truth"]
+        if label == truth.word:
+            return truth.colour
+        others = [name for name in self.responses if name != truth.word]
+        known = len(others) < len(self.responses)
+        colours = [colour for colour in PALETTE if not (known and colour == truth.colour)]
+        return colours[others.index(label) % len(colours)]
 
     @staticmethod
     def _sparse(response: FrequencyResponse) -> bool:
@@ -346,12 +357,12 @@ class BodeDisplay(Display):
     def _draw_crossovers(self) -> Any:
         rows = {}
         top, bottom = self.axes_
-        for number, (label, response) in enumerate(self.responses.items()):
+        for label, response in self.responses.items():
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # the legend says it
                 rows[label] = response.crossover().iloc[0]
             omega_c, margin = rows[label]
-            colour = series_colour(number)
+            colour = self._colour(label)
             if np.isnan(omega_c):
                 bottom.plot([], [], color=colour, ls="none", label=f"{label}: no crossover")
                 continue

@@ -8,6 +8,7 @@ from support.pictures import legend_texts
 
 from skhoid import ARXRegressor, ControlledElement, DelayShift, HumanOperator
 from skhoid.interpret import FrequencyResponse
+from skhoid.plotting import ROLES
 from skhoid.plotting.bode import BodeDisplay
 
 DENSE = np.geomspace(0.1, 40.0, 200)
@@ -63,6 +64,15 @@ def test_curves_and_markers_are_the_responses(operator, measured):
     assert legend_texts(display)[-1] == "95 % intervals"
     assert (bottom.get_xlabel(), bottom.get_ylabel()) == ("frequency, rad/s", "phase, deg")
     assert display.crossover_ is None
+
+
+def test_the_truth_looks_like_the_truth(operator):
+    shown = dict.fromkeys(["a", "truth", "b", "c"], operator)
+    lines = BodeDisplay.from_responses(shown).magnitude_
+    colours = [line.get_color() for line in lines.values()]
+    truth = ROLES["truth"]
+    assert (colours[1], lines["truth"].get_linestyle()) == (truth.colour, truth.line)
+    assert len(set(colours)) == 4
 
 
 def test_a_single_run_keeps_its_own_intervals():
