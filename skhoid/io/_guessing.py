@@ -16,6 +16,7 @@ from ._header_words import (
     STRONG,
     axis_of,
     folded,
+    is_derived,
     is_no_signal,
     is_row_number,
     label_of,
@@ -435,6 +436,7 @@ class _Guess:
             for c in self._signals()
             if not self._is_count(c)
             and not is_no_signal(c.header)
+            and not is_derived(c.header)
             and max(roles_by_name(c.header).values(), default=0) < STRONG
             and moves(c.numbers)
         ]

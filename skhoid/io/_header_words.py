@@ -12,6 +12,7 @@ __all__ = [
     "are_units",
     "axis_of",
     "folded",
+    "is_derived",
     "is_no_signal",
     "is_row_number",
     "label_of",
@@ -42,7 +43,7 @@ TARGET = _words(
     "guidance"
 )
 DEVICE = _words(
-    "joy gamepad tiller "
+    "joy gamepad tiller thumbstick trackball cyclic collective gimbal finger grip master leader "
     "stick joystick sidestick device wheel steering pedal yoke lever throttle handle knob "
     "manipulator inceptor mouse pen stylus hand aileron elevator rudder deflection knuppel "
     "knueppel steuerknuppel steuerknueppel manche stuurknuppel lenkrad lenkwinkel volant stuur"
@@ -53,7 +54,7 @@ CONTROL = _words(
     "stellgroesse stellsignal response action force torque actuator effort stuursignaal commando "
     "manipulated"
 )
-PLANT = _words("plant system vehicle aircraft process controlled strecke procede")
+PLANT = _words("plant system vehicle aircraft process controlled strecke procede slave")
 PLACE = _words(
     "cursor position pos attitude angle pitch roll yaw heading altitude height theta phi psi ist "
     "istwert regelgrosse regelgroesse lage winkel hoek positie displacement location bank "
@@ -85,7 +86,7 @@ SYMBOLS = {
 }
 RUNS = _words("run trial rep repetition recording versuch durchgang lauf essai proef poging")
 RUNS |= _words("passage replicate replication epoch attempt tria messung meting wiederholung")
-RUNS |= _words("drive ride lap fahrt rit")
+RUNS |= _words("drive ride lap fahrt rit flight test")
 OUTER = {"subject": _words("subject subj sub participant part proband versuchsperson vp sujet")}
 OUTER["subject"] |= _words("proefpersoon ppn pp probandin subjid pid sid") | ACTOR
 OUTER["condition"] = _words("condition cond configuration config bedingung conditie task group")
@@ -191,12 +192,20 @@ def is_no_signal(header: str) -> bool:
     return bool(set(words_of(folded(header))) & OTHERS)
 
 
+def is_derived(header: str) -> bool:
+    """Whether a column is by its name computed from another signal: its rate, its mean."""
+    return bool(set(words_of(folded(header))) & OF_OTHERS)
+
+
 def label_of(header: str) -> str:
     """The level of the row index that a column may be by its name; "" for none."""
     field = folded(header).rpartition(".")[2] or folded(header)
     words = [word for word in words_of(field) if word not in _NUMBERING] or words_of(field)
+    if len(words) == 2:  # feedback_condition
+        level = label_of(words[1])
+        return level if level in ("run", "condition") else ""
     if len(words) != 1:
-        return "run" if len(words) == 2 and words[1] in RUNS else ""
+        return ""
     if words[0] in RUNS:
         return "run"
     return next((level for level, some in OUTER.items() if words[0] in some), "")

@@ -91,7 +91,7 @@ def check_channels(
     >>> finding.title
     'RollRate is not the derivative of RollAngle: factor 55.4'
     >>> finding.next_step
-    'Multiply RollRate by 57.2958, unless RollAngle is the one that is wrong. YawRate has no angle ...'
+    'Multiply RollRate by 57.2958, unless RollAngle is the one that is wrong. YawRate has no ...'
     """
     X = as_table(X)
     if len(X) == 0:

@@ -92,8 +92,7 @@ def make_tracking_runs(
     remnant_order : {1, 2, 3, 4, "nm"}, default=2
         Order of the remnant filter (Eqs. 27-28).
     remnant_gain : float, callable, "table" or None, default=None
-        K_n, if given rather than tuned; ``"table"`` takes it from Table G.1 for
-        ``remnant_intensity``.
+        K_n, if not tuned; ``"table"`` is that of Table G.1 for ``remnant_intensity``.
     channels : sequence of {"e", "x", "f_t", "dist"}, default=("e",)
         Columns of X: error, output of the controlled element, target, and the disturbance f_d.
     sampling_rate, duration : float, default=100.0 and 81.92

@@ -198,9 +198,9 @@ def test_names_of_conditions(conditions, expected):
     [
         ({"conditions": "C1-C9"}, "Unknown condition 'C9'"),
         ({"conditions": "C4-C2"}, "ends before it begins"),
-        ({"conditions": ["C1", "C1"]}, "each condition once"),
-        ({"subjects": 0}, "subjects is a whole number"),
-        ({"runs": 2.5}, "runs is a whole number"),
+        ({"conditions": ["C1", "C1"]}, "at least one condition, each once"),
+        ({"subjects": 0}, "subjects must be a whole number"),
+        ({"runs": 2.5}, "runs must be a whole number"),
         ({"remnant_intensity": 15}, r"fraction var\(n\) / var\(u\)"),
     ],
 )
@@ -454,7 +454,7 @@ def test_missing_subjects_runs_and_values(experiment):
 def test_few_runs_tell_little(own):
     X, y = own
     text = analyse_experiment(X, y, last=3).summary()
-    assert "with 3 a mean change counts from 14 times its standard error on" in text
+    assert "with 3, a mean change counts only above 14 times its standard error" in text
 
 
 def test_options(own):
@@ -502,8 +502,8 @@ def test_analysis_refuses(own):
     for options, message in (
         ({"input": "error"}, "no column 'error'.*the columns are e"),
         ({"run_in": 1.0, "measurement_time": 5.0}, "not both"),
-        ({"last": 0}, "last counts runs"),
-        ({"region": 0.0}, "region is a time in s"),
+        ({"last": 0}, "last must be a number of runs"),
+        ({"region": 0.0}, "region must be a time in s"),
         ({"memory_horizon": 1.0}, "more than one sample"),
         ({"delay": {"S9": 0.3}}, "delay has no entry"),
     ):

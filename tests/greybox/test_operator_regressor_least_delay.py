@@ -29,7 +29,7 @@ def test_delay_is_at_least_that_of_a_person(quick):
 @pytest.mark.slow
 def test_a_search_says_that_the_delay_is_at_its_least(quick):
     search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(*quick)
-    (note,) = [note for note in search.notes_ if "at its least" in note]
+    (note,) = [note for note in search.notes_ if "at its lower bound" in note]
     assert note.startswith("tau_e is at its lower bound, 0.10 s")
     assert f"Note: {note}" in search.summary()
 

@@ -8,6 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from skhoid import read_runs
+from skhoid.io._header_words import label_of
 from skhoid.io.guess import UnclearColumnsError, guess_columns
 
 N = 800
@@ -204,3 +205,24 @@ def test_text_in_parquet(tmp_path):
     said = complaint(path)
     assert "row 5 (the first sample is row 1) is 'ERR'" in said
     assert "list index" not in said
+
+
+@pytest.mark.parametrize(
+    ("header", "level"),
+    [
+        ("feedback_condition", "condition"),
+        ("LoadCondition", "condition"),
+        ("flightNo", "run"),
+        ("TestNo", "run"),
+        ("reaction_time_ms", ""),
+    ],
+)
+def test_labels_of_two_words(header, level):
+    assert label_of(header) == level
+
+
+def test_the_rate_of_a_signal_is_not_offered_as_the_output(tmp_path):
+    nameless = FRAME.rename(columns={"stick": "signal"}).assign(signal_rate=smooth())
+    told = complaint(write(tmp_path, nameless))
+    assert "output='signal'" in told
+    assert "output='signal_rate'" not in told

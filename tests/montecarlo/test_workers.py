@@ -114,7 +114,7 @@ def test_a_worker_that_dies_once(table, tmp_path):
 def test_a_block_that_always_kills_its_worker(table, tmp_path):
     """It is named, and everything else is done."""
     deadly = dying(str(tmp_path / "m"), always=True, where=0)
-    message = r"again and again.*: replications 0 to 2 of condition=C1, remnant_intensity=0\.0\. "
+    message = r"died repeatedly.*: replications 0 to 2 of condition=C1, remnant_intensity=0\.0\. "
     with pytest.raises(WorkersLostError, match=message):
         study(deadly).run(tmp_path / "study", n_jobs=2)
     assert len(list((tmp_path / "study" / "blocks").iterdir())) == len(table) / SIZE - 1
