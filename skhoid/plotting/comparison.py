@@ -52,7 +52,7 @@ LAYOUTS: dict[int, list[list[str]]] = {
     0: [["bar"], ["traces"], ["time"], ["frequency"], ["amplitude"]],
 }
 HEIGHTS = {"bar": 0.85, "traces": 1.4, "time": 1.9, "amplitude": 1.9, "frequency": 1.9}
-ABOVE_TRACES = 0.16  # of their height, for the name of the worst window
+ABOVE_TRACES = 0.18  # of their height, for the name of the worst window
 ABOVE_BARS = 0.6  # of the panel at most, for the names of changes
 BETWEEN = 0.75  # inches that titles and labels take for each row of panels
 SPEAKS = {"gain change": "gain changes", "mean change": "mean changes"}
@@ -269,7 +269,7 @@ class ComparisonDisplay(ComparisonBaseDisplay):
             textcoords="offset points",
             ha="center",
             va="top",
-            fontsize="small",
+            fontsize="medium",
         )
 
     def _draw_time(self, panel: Axes) -> None:
