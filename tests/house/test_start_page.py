@@ -14,7 +14,8 @@ CARDS = re.findall(r"^> (.+)\n\n(.+)\n:::$", PAGE, flags=re.MULTILINE)
 def of_the_page(**changed):
     """The search that the page's own lines make."""
     code = re.search(r"^```python\n(.*?)^```$", PAGE, flags=re.MULTILINE | re.DOTALL)[1]
-    code = code.replace("effects=hidden", "effects=changed.get('effects', hidden)")
+    hidden = re.search(r"effects=(.+?), \*\*task", code)[1]
+    code = code.replace(f"effects={hidden}", f"effects=changed.get('effects', {hidden})")
     variables = {"changed": changed}
     exec(code, variables)
     return variables["search"]
