@@ -174,11 +174,10 @@ class _Guess:
         self._say_doubled(open_roles)
         self._say_missing(known, output_known, signals)
         guess.unused = [
-            c.header for c in self.free.values() if c.numbers.size > 1 and not self._is_count(c)
+            c.header
+            for c in self.free.values()
+            if c.numbers.size > 1 and not is_row_number(c.header)
         ]
-
-    def _is_count(self, column: _Column) -> bool:
-        return is_row_number(column.header)
 
     def _take(self, position: int) -> _Column:
         return self.free.pop(position)
@@ -434,7 +433,7 @@ class _Guess:
         return [
             c
             for c in self._signals()
-            if not self._is_count(c)
+            if not is_row_number(c.header)
             and not is_no_signal(c.header)
             and not is_derived(c.header)
             and max(roles_by_name(c.header).values(), default=0) < STRONG

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..diagnosis.comparison import Comparison, compare
-from ._axes import legend_entries, with_unit, wrapped
+from ._axes import with_unit, wrapped
 from ._display import Display
 from ._roles import dimmed
 
@@ -121,20 +121,4 @@ def say_instead(panel: Axes, text: str, width: int = 46) -> None:
         va="center",
         color=dimmed(),
         fontsize="small",
-    )
-
-
-def legend_below(panel: Axes, columns: int, pad: float, **options: Any) -> Any:
-    """A legend below a panel, so many heights of its letters away: where no data can be."""
-    entries = legend_entries([panel])
-    return panel.legend(
-        entries.values(),
-        entries.keys(),
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.0),
-        borderaxespad=pad,
-        ncols=columns,
-        frameon=False,
-        fontsize="small",
-        **options,
     )

@@ -22,7 +22,7 @@ from ..preprocessing.base import as_fitted
 from ..recordings.loss_of_control import sentences_of
 from ..regression import units_of
 from ..runs import output_name, read_layout
-from ..summaries import Estimate, counted
+from ..summaries import Estimate, counted, p_text
 from .effect_search import EffectSearchCV
 from .explanations import HOW_TO_GO_ON, in_loop_text, stand_ins_sentence, unexplained_by
 from .left_out import control_of, without_output
@@ -369,11 +369,6 @@ def candidates_table(candidates: pd.DataFrame, title: str) -> StoryTable:
             cells.append(f"{row['gain_loop']:+.2f}" if known else "")
         rows.append([*cells, numbers])
     return StoryTable(title, headings, rows, "candidates", list(candidates["effect"]))
-
-
-def p_text(p: float) -> str:
-    """A p-value: below 1e-6 nobody needs to know how far."""
-    return "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
 
 
 def _bare(name: str, candidates: pd.DataFrame) -> pd.Series:
