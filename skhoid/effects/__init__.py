@@ -8,6 +8,8 @@ from .core_kind import CoreKind
 from .dimension import Dimension
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .error_scan import ErrorScan
+from .free_form import FreeForm
+from .free_map import FreeMap
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
 from .inside import Friction, RootFlow, Stops
 from .intermittent import Intermittent
@@ -41,6 +43,8 @@ __all__ = [
     "ExtraLag",
     "ExtraLead",
     "Feedforward",
+    "FreeForm",
+    "FreeMap",
     "Friction",
     "GainDrift",
     "HardeningStiffness",

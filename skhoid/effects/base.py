@@ -74,6 +74,8 @@ class Effect(Composable, BaseEstimator):
         and all are tried.
     neutral : dict of str to float
         Values of parameters at which it does nothing, if there are any.
+    free_form : bool
+        Whether its shape is estimated: see :class:`FreeForm`.
 
     See Also
     --------
@@ -125,6 +127,7 @@ class Effect(Composable, BaseEstimator):
     noise: ClassVar[str] = ""
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     neutral: Mapping[str, float] = {}
+    free_form: ClassVar[bool] = False
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """Output of the effect for the input ``signal``, at values of the parameters."""
@@ -211,6 +214,17 @@ class Effect(Composable, BaseEstimator):
             scale = p.scale_of(record, self.place)
             bounds[p.name] = (p.low * scale, p.high * scale)
         return bounds
+
+    def spreads(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Standard deviations about zero of parameters that are known to be small; none by default.
+
+        ``scales`` has the scale of each parameter, in the units of the data.
+        """
+        return {}
+
+    def with_values(self, values: Mapping[str, float]) -> Any:
+        """A copy with its estimated parameters set."""
+        return self.with_choices(**values)
 
     def derived(self, values: dict[str, float]) -> dict[str, tuple[float, Dimension, str]]:
         """Further results of a fitted effect: value, dimension and meaning by name.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from sklearn.base import clone
 
 from ..effects.composition import Effects
 from ..effects.dimension import Dimension, S, checked
@@ -135,7 +134,7 @@ def effects_with_values(model: Model) -> Effects:
     done = []
     for name, effect in model.effects:
         found = {p.name: values[f"{name}__{p.name}"] for p in effect.free}
-        done.append((name, clone(effect).set_params(**found)))
+        done.append((name, effect.with_values(found)))
     return Effects(done)
 
 
