@@ -34,11 +34,14 @@ class FreeForm(Effect):
         Which of level (0) and slope (1) are part of the curve; others are the model's own.
     over : str
         What the curve is a function of, for people.
+    y_word : str
+        What the curve gives, for people.
     abscissa, ordinate : Dimension
         Units of the curve.
     """
 
     free_form: ClassVar[bool] = True
+    y_word: ClassVar[str] = "departure"
     kept: ClassVar[tuple[int, ...]] = (LEVEL, SLOPE)
     knots: tuple[float, ...] | None
     values: tuple[float, ...] | None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -38,20 +38,9 @@ class SmoothCurve:
     knots: tuple[float, ...]
     kept: tuple[int, ...] = (LEVEL, SLOPE)
 
-    @cached_property
+    @property
     def _found(self) -> tuple[np.ndarray, np.ndarray]:
-        knots = np.asarray(self.knots)
-        span = knots[-1] - knots[0]
-        at = (knots - knots.mean()) / span
-        bends = CubicSpline(at, np.eye(at.size), bc_type="natural")(at, 2)
-        widths = np.diff(at)
-        mass = np.diag(np.r_[widths, 0.0] + np.r_[0.0, widths]) / 3
-        mass += (np.diag(widths, 1) + np.diag(widths, -1)) / 6
-        roughness, basis = eigh(bends.T @ mass @ bends, np.eye(at.size) / at.size)
-        flat = [np.ones(at.size), at / np.sqrt(np.mean(at**2))]
-        columns = [flat[degree] for degree in self.kept] + list(basis.T[2:])
-        relative = roughness[2:] / roughness[2]
-        return np.stack(columns, axis=1), np.r_[np.zeros(len(self.kept)), relative]
+        return _basis_of(self.knots, self.kept)
 
     @property
     def basis(self) -> np.ndarray:
@@ -75,3 +64,20 @@ class SmoothCurve:
             tail = (...,) + (None,) * (np.ndim(values) - 1)
             found = found + np.where((at < low)[tail], slopes[0], slopes[1]) * beyond[tail]
         return np.asarray(found)
+
+
+@lru_cache(maxsize=64)
+def _basis_of(knots: tuple[float, ...], kept: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Values at the knots of each curve of the basis, and their roughness."""
+    points = np.asarray(knots)
+    span = points[-1] - points[0]
+    at = (points - points.mean()) / span
+    bends = CubicSpline(at, np.eye(at.size), bc_type="natural")(at, 2)
+    widths = np.diff(at)
+    mass = np.diag(np.r_[widths, 0.0] + np.r_[0.0, widths]) / 3
+    mass += (np.diag(widths, 1) + np.diag(widths, -1)) / 6
+    roughness, basis = eigh(bends.T @ mass @ bends, np.eye(at.size) / at.size)
+    flat = [np.ones(at.size), at / np.sqrt(np.mean(at**2))]
+    columns = [flat[degree] for degree in kept] + list(basis.T[2:])
+    relative = roughness[2:] / roughness[2]
+    return np.stack(columns, axis=1), np.r_[np.zeros(len(kept)), relative]

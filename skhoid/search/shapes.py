@@ -1,0 +1,105 @@
+"""Free forms tried where no name fits: which place, and what shape, explain what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..effects.composition import Effects
+from ..effects.free_form import FreeForm
+from ..greybox.extend import extended
+from ..greybox.fitting import Criterion, derivatives
+from ..greybox.model import Model
+from ..greybox.simulator import Simulator
+from ..greybox.smoothing import smoothed
+from .candidates import Candidate, SearchStep
+from .forward import Search, output_error_fit
+from .leftover import judged_columns
+from .search_numbers import SearchNumbers
+from .verdict import Outcome, Verdict
+
+NO_NAME = (Outcome.NOT_IN_CATALOGUE, Outcome.NOT_TRIED)
+FOLLOWED = 4  # forms whose curves are fitted to the end
+NAME = "free"
+
+
+@dataclass(frozen=True)
+class Hint:
+    """A form on probation: what its curves explain of a residual, linearised."""
+
+    effect: FreeForm
+    points: float
+    delta_bic: float
+
+
+def shape_step(search: Search, parent: Model, forms: Sequence[FreeForm]) -> SearchStep:
+    """Free forms for a parent, judged as effects with names are, the best first.
+
+    ``parent`` is at the least error of simulation.
+    """
+    hints = hints_of(search, parent, forms)[:FOLLOWED]
+    candidates = []
+    for number, hint in enumerate(hints):
+        name = f"{NAME}_{number}"
+        model = fitted_form(search, parent, name, hint.effect)
+        candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
+    return search.judged(parent, candidates)
+
+
+def hints_of(search: Search, parent: Model, forms: Sequence[FreeForm]) -> list[Hint]:
+    """Forms at every place where they apply, those first that explain most of held-out rows."""
+    record = replace(search.record, prediction=parent.output)
+    criterion = Criterion(search.record)
+    criterion.set_noise(criterion.remnant_model(parent.output))
+    own = derivatives(parent.simulator, criterion, parent.theta)
+    found = []
+    for form in forms:
+        if form.refusal_in(record, search.core.kind):
+            continue
+        for one in form.alternatives(record):
+            for variant in one.variants(record):
+                effects = Effects([*parent.effects.steps, (NAME, variant)])
+                simulator = Simulator(search.core, effects, search.record)
+                values = parent.values()
+                theta = np.array([values.get(name, 0.0) for name in simulator.names])
+                at = [i for i, name in enumerate(simulator.names) if name not in values]
+                columns = derivatives(simulator, criterion, theta)[at]
+                result = judged_columns(own, columns, criterion, search.folds)
+                if result is not None:
+                    found.append(Hint(variant, *result))
+    return sorted(found, key=lambda hint: -hint.points)
+
+
+def fitted_form(search: Search, parent: Model, name: str, form: FreeForm) -> Model:
+    """A model with a free form, as smooth as is most likely, at the least error of simulation."""
+    model = extended(parent, name, form, search.criterion, search.coarse)
+    return output_error_fit(smoothed(model))
+
+
+@dataclass(frozen=True)
+class FoundShape:
+    """The best free form for a parent, and the step in which it was judged."""
+
+    step: SearchStep
+    candidate: Candidate
+
+    @property
+    def model(self) -> Model:
+        assert self.candidate.model is not None
+        return self.candidate.model
+
+
+def found_shape(search: Search, parent: Model, forms: Sequence[FreeForm]) -> FoundShape | None:
+    """The free form that explains most of what a parent leaves; None where none passes."""
+    step = shape_step(search, parent, forms)
+    return None if step.best is None else FoundShape(step, step.best)
+
+
+def unnamed_parent(found: SearchNumbers, verdict: Verdict) -> Model:
+    """The model with the effects that are named, without those that stand in for others."""
+    model = found.path.model
+    ids = [dict(model.effects.steps)[name].name for name in found.added]
+    kept = sum(1 for name in ids if name in verdict.named)
+    return found.steps[kept].plain
