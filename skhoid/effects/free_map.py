@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from .base import Effect
 from .core_kind import CoreKind
 from .dimension import Dimension, E, S, U
 from .free_form import N_KNOTS, FreeForm
 from .operator_signals import N_PLACES
 from .record import Record, differentiated
-from .smooth_curve import LEVEL
+from .smooth_curve import LEVEL, SLOPE
 from .static_map import PLACE_OF
 
 OVER = {"error": "e", "command": "command", "output": "u", "spring": "u", "rate": "du/dt"}
@@ -48,6 +49,11 @@ class FreeMap(FreeForm):
         Size of the curve's smoothest part, in the same units, that decides how smooth it is;
         None chooses it by likelihood.
 
+    folded : bool or None, default=None
+        Whether the curve has a linear part too, over outputs of either sign, as an output needs
+        whose sign a sensor may not show; None tries it where a model without the map shows less
+        than half of the output.
+
     References
     ----------
     Eilers and Marx, Flexible smoothing with B-splines and penalties (1996). Wood, Generalized
@@ -74,11 +80,13 @@ class FreeMap(FreeForm):
         knots: tuple[float, ...] | None = None,
         values: tuple[float, ...] | None = None,
         spread: float | None = None,
+        folded: bool | None = None,
     ):
         self.at = at
         self.knots = knots
         self.values = values
         self.spread = spread
+        self.folded = folded
 
     @property
     def where(self) -> str:
@@ -87,6 +95,8 @@ class FreeMap(FreeForm):
 
     @property
     def kept(self) -> tuple[int, ...]:  # type: ignore[override]
+        if self.folded:
+            return (LEVEL, SLOPE)
         return () if self.where in OPPOSING else (LEVEL,)
 
     @property
@@ -123,7 +133,23 @@ class FreeMap(FreeForm):
         assert output is not None
         return output[record.known]
 
+    def variants(self, record: Record) -> list[Effect]:
+        whole = self.knots is None and self.folded is None and self.where == "output"
+        folded = self.with_choices(folded=True) if whole and hidden(record) else self
+        return [folded.with_knots(record)]
+
+    def starts(self, record: Record) -> list[dict[str, float]]:
+        """A straight line; where the output may be folded, its size without its sign."""
+        if not self.folded or not self.free:
+            return super().starts(record)
+        at = np.asarray(self.knots)
+        values = np.linalg.solve(self.curve.basis, np.abs(at) - at)
+        return [{p.name: float(v) for p, v in zip(self.free, values, strict=True)}]
+
     def with_knots(self, record: Record) -> Any:
+        if self.knots is None and self.folded:
+            size = float(np.abs(seen(record)[record.known]).max())
+            return self.with_choices(knots=tuple(np.linspace(-size, size, N_KNOTS).tolist()))
         if self.knots is not None or self.where not in OPPOSING:
             return super().with_knots(record)
         watched = self.watched(record)
@@ -158,6 +184,15 @@ class FreeMap(FreeForm):
             return signal + curve(signal)
         whole = signal.position + differentiated(signal.rate, record.dt)
         return signal._replace(position=whole + curve(whole), rate=np.zeros_like(signal.rate))
+
+
+def hidden(record: Record) -> bool:
+    """Whether a model shows less than half of the output, about its mean."""
+    if record.y is None or record.prediction is None:
+        return False
+    y = record.y[record.known]
+    left = y - record.prediction[record.known]
+    return float(left @ left) > 0.5 * float(np.var(y)) * y.size
 
 
 def seen(record: Record) -> np.ndarray:
