@@ -10,6 +10,7 @@ from numba import njit
 FRICTION, ROOT, STOPS, SHARP, TABLE, SPRING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 N_BRACKETED = 60  # steps of Newton's rule or bisection, at most
 N_DOUBLED = 8  # of the bracket
+N_LINES = 8  # steps of Newton's rule along a table, before a bracket
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -77,6 +78,17 @@ def resistances(terms, tables, value, rate):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _balanced(whole, gain, terms, tables, last, dt):
     """The output y with y + gain force(y, (y - last) / dt) = whole."""
+    if tables.shape[0] > 0:  # made of lines: Newton's rule ends at once where they are
+        y = last
+        for _ in range(N_LINES):
+            force, by_value, by_rate = _resistance(terms, tables, y, (y - last) / dt)
+            slope = 1.0 + gain * (by_value + by_rate / dt)
+            if not slope > 0.0:
+                break
+            step = (y + gain * force - whole) / slope
+            y -= step
+            if abs(step) <= 1e-13 * (abs(whole) + abs(y)):
+                return y
     force, _, _ = _resistance(terms, tables, whole, (whole - last) / dt)
     if force == 0.0:
         return whole
@@ -183,8 +195,9 @@ def limb_inside(position, rate, matrices, terms, tables, dt, bound):
     """``second_order`` with forces of the output and its rate against the position command.
 
     ``terms`` are as in ``arx_inside``, but without stops, or (SPRING, 0, cubic, square, 0, 0). The
-    rate is that since the sample before. The force at k + 1 is that of the output at k + 1, so that
-    no stiffness makes the steps unstable.
+    rate is that since the sample before. The force at k + 1 is that of the output at k + 1. Between
+    samples forces change in lines, but with one of the rate they are all held as at k + 1, because
+    friction may be so steep that the steps were unstable otherwise.
     """
     n, runs = position.shape
     out = np.zeros((n, runs))
@@ -192,6 +205,9 @@ def limb_inside(position, rate, matrices, terms, tables, dt, bound):
     v = np.zeros(runs)
     held = np.full(runs, _resistance(terms, tables, 0.0, 0.0)[0])
     varies = matrices.shape[0] > 1
+    held_late = False
+    for i in range(terms.shape[0]):
+        held_late = held_late or terms[i, 1] != 0.0
     q = matrices[0]
     for k in range(n - 1):
         if varies:
@@ -200,16 +216,21 @@ def limb_inside(position, rate, matrices, terms, tables, dt, bound):
         b0, b1, b2, b3 = q[4], q[5], q[6], q[7]
         c0, c1, c2, c3 = q[8], q[9], q[10], q[11]
         for j in range(runs):
-            p0, p1 = position[k, j] - held[j], position[k + 1, j]
+            p0, p1 = position[k, j], position[k + 1, j]
+            if not held_late:
+                p0 -= held[j]
             r0, r1 = rate[k, j], rate[k + 1, j]
             new = a * z[j] + b * v[j] + b0 * p0 + b1 * r0 + c0 * p1 + c1 * r1
             if abs(z[j]) == bound:  # diverged: it stays at the bound
                 out[k + 1, j] = z[j]
                 continue
             new = min(max(new, -bound), bound)
-            new = _balanced(new, c0, terms, tables, z[j], dt)
+            by = b0 + c0 if held_late else c0
+            new = _balanced(new, by, terms, tables, z[j], dt)
             held[j] = _resistance(terms, tables, new, (new - z[j]) / dt)[0]
             p1 -= held[j]
+            if held_late:
+                p0 -= held[j]
             if abs(new) < bound:
                 v[j] = c * z[j] + d * v[j] + b2 * p0 + b3 * r0 + c2 * p1 + c3 * r1
             else:
