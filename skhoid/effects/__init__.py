@@ -9,6 +9,7 @@ from .dimension import Dimension
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .error_scan import ErrorScan
 from .free_form import FreeForm
+from .free_hysteresis import FreeHysteresis
 from .free_map import FreeMap
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
 from .inside import Friction, RootFlow, Stops
@@ -44,6 +45,7 @@ __all__ = [
     "ExtraLead",
     "Feedforward",
     "FreeForm",
+    "FreeHysteresis",
     "FreeMap",
     "Friction",
     "GainDrift",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -79,7 +80,7 @@ class FreeForm(Effect):
     def curve(self) -> SmoothCurve:
         """The family of curves."""
         assert self.knots is not None
-        return SmoothCurve(tuple(self.knots), self.kept)
+        return _smooth_curve(tuple(self.knots), self.kept)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
@@ -139,6 +140,12 @@ class FreeForm(Effect):
     def design(self, at: np.ndarray) -> np.ndarray:
         """Values at points by each coefficient, of shape (n_points, n_coefficients)."""
         return self.curve(self.curve.basis, at)
+
+
+@lru_cache(maxsize=64)
+def _smooth_curve(knots: tuple[float, ...], kept: tuple[int, ...]) -> SmoothCurve:
+    """One object for the same knots, whose basis is found once."""
+    return SmoothCurve(knots, kept)
 
 
 def quantile_knots(signal: np.ndarray, n_knots: int = N_KNOTS) -> tuple[float, ...]:

@@ -191,6 +191,16 @@ class OperatorCore:
         if omega.size != zeta.size:
             omega, zeta = np.broadcast_arrays(omega, zeta)
         matrices = _kernels.greybox.held_linearly(_kernels.gate(omega), _kernels.gate(zeta), dt)
+        if spring.terms:
+            return _kernels.inside.limb_inside(
+                _kernels.gate(command.position),
+                _kernels.gate(command.rate),
+                matrices,
+                _kernels.gate(spring.whole_table),
+                spring.tables,
+                dt,
+                BOUND,
+            )
         return _kernels.greybox.second_order(
             _kernels.gate(command.position),
             _kernels.gate(command.rate),

@@ -74,7 +74,14 @@ def extended(
         if effect.place == "output" and before > HIDDEN * coarse.power_about_mean:
             # It hides the output from least squares, so the parent is far off.
             spread = core.spread(coarse.record, coarse.record.input)
-            blind = [np.r_[own, starts[0][len(own) :]] for own in spread]
+            if variant.free_form and spread:  # the curve waits until its core is found
+                held = with_(variant.with_values(variant.starts(record)[0]), coarse.record)
+                own = parent.theta.size
+                kept = [np.r_[one, parent.theta[one.size : own]] for one in spread]
+                found = halved(held, coarse, kept).fit.theta
+                blind = [np.r_[found, starts[-1][own:]]]
+            else:
+                blind = [np.r_[own, starts[0][len(own) :]] for own in spread]
             fit = halved(simulator, coarse, [fit.theta, *blind]).fit
         if not variant.smooth and fit.sse < HOPEFUL * before:
             fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
