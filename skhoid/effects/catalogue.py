@@ -7,6 +7,9 @@ import pandas as pd
 from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
 from .base import Effect
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
+from .free_form import FreeForm
+from .free_hysteresis import FreeHysteresis
+from .free_map import FreeMap
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
 from .inside import Friction, RootFlow, Stops
 from .intermittent import Intermittent
@@ -62,6 +65,9 @@ CLASSES: tuple[type[Effect], ...] = (
     Tremor,
 )
 BY_NAME = register(CLASSES)
+# Tried where no effect with a name fits; no search takes them for names.
+FREE_FORMS: tuple[type[FreeForm], ...] = (FreeMap, FreeHysteresis)
+register(FREE_FORMS)
 
 
 def catalogue() -> pd.DataFrame:

@@ -40,7 +40,7 @@ class Candidate:
     reason: str = ""
     delta_bic: float = -np.inf
     loglik: float = -np.inf
-    n_parameters: int = 0
+    n_parameters: float = 0
     vaf: float = -np.inf
     gain: float = -np.inf
     p_value: float = 1.0

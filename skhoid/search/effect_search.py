@@ -52,7 +52,9 @@ from .left_out import control_of, without_rows
 from .progress import Progress
 from .results import error_path, held_out_table, ranking_table, short_ranking, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
-from .verdict import Verdict, decided
+from .shape import fitted_shape
+from .shapes import shaped
+from .verdict import Verdict
 
 GUARD = 5.0  # s beside held-out blocks of a single run
 MOST_FOLDS = 20  # of a search in some of very many runs
@@ -134,6 +136,10 @@ class EffectSearchCV(
     stand_ins_ : list of str
         Ids of effects in ``best_estimator_`` that explain part of what is missing, but too little
         to name it; otherwise empty.
+    shape_ : Shape or None
+        What the data show of an effect without a name: place, curve with a band, what it explains,
+        and the named effects that are nearest. None where nothing is missing, all has a name, or no
+        free form explains it.
     verdict_ : str
         "nothing is missing", "effects found", or what ``"unknown"`` at the end of ``best_effects_``
         means: "something is missing, not in the catalogue" if all of the catalogue was tried; "...,
@@ -297,11 +303,11 @@ class EffectSearchCV(
             measured = as_output(y)
             kept = np.where(known, measured, np.nan)
             found, verdict, best = self._searched(search, model, prepared, kept, held)
+            self._conclude(verdict)
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
             self.baseline_ = _estimator(model, prepared, found.path.steps[0].plain)
-            self._conclude(verdict)
             self.left_out_ = control.table
             self._tell_searched(prepared, some)
             self._tabulate(found, prepared)
@@ -342,15 +348,19 @@ class EffectSearchCV(
         given = GivenDelay.of(search, fitted) if most else None
         if given is None:
             found, best = numbers(search, prepared, forward(search, fitted, most))
-            return found, decided(found, tries_all=self._tries_all()), best
+            ended = shaped(search, found, tries_all=self._tries_all())
+            self.shape_ = fitted_shape(ended, model, prepared, measured)
+            return ended.found, ended.verdict, best
         freed, beside, baseline = given.freed(prepared, model)
         most += len(baseline.effects) - len(fitted.effects)
         free, _ = numbers(beside, freed, forward(beside, baseline, most))
+        ended = shaped(beside, free, tries_all=self._tries_all())
+        free = ended.found
+        self.shape_ = fitted_shape(ended, model, freed, measured)
         path = given.tested(free.path)
         found, best = numbers(search, prepared, path)
         found = replace(found, left=free.left, noises=free.noises, changes=free.changes)
-        verdict = decided(free, tries_all=self._tries_all())
-        return found, with_given_delay(verdict, free.path, path), best
+        return found, with_given_delay(ended.verdict, free.path, path), best
 
     def _conclude(self, verdict: Verdict) -> None:
         self.best_effects_ = verdict.best_effects

@@ -11,9 +11,16 @@ import pandas as pd
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
 from ..greybox.fitting import Criterion
+from ..greybox.likelihood import settled
 from ..greybox.model import Model
+from ..greybox.prepared import Prepared
+from ..greybox.protocol import SimulatedModel
 from ..greybox.smoothing import posterior_of
-from .shapes import FoundShape
+from ..greybox.some_runs import on_all_runs
+from .forward import output_error_fit
+from .leftover import leftovers
+from .search_numbers import gap_of
+from .shapes import FoundShape, Shaped
 
 N_POINTS = 101
 N_DRAWS = 4000
@@ -166,3 +173,24 @@ def shape_of(
         ),
         recordings=[],
     )
+
+
+def fitted_shape(
+    shaped: Shaped, model: SimulatedModel, prepared: Prepared, measured: np.ndarray
+) -> Shape | None:
+    """The shape of a search on all rows; None where there is none."""
+    found = shaped.shape
+    if found is None:
+        return None
+    fitted = output_error_fit(found.model)
+    if fitted.simulator.record.n_runs < prepared.record.n_runs:
+        fitted = on_all_runs(fitted, prepared.record)
+    best = model.with_fit(prepared, *settled(fitted, Criterion(prepared.record)))
+    best.set_params(effects=found.model.effects)
+    rest, _, _, _ = gap_of(best, prepared, measured)
+    if not np.isfinite(rest):
+        folds = shaped.search.folds
+        rest = max([item.points for item in leftovers(fitted, folds)], default=0.0)
+    gain = found.candidate.gain
+    closed = float(gain / max(gain + max(rest, 0.0), 1e-300))
+    return shape_of(found, best, closed, prepared.units)

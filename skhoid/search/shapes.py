@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
 from ..greybox.extend import extended
@@ -15,14 +17,16 @@ from ..greybox.model import Model
 from ..greybox.simulator import Simulator
 from ..greybox.smoothing import smoothed
 from .candidates import Candidate, SearchStep
-from .forward import Search, output_error_fit
-from .leftover import judged_columns
+from .forward import Search, better, output_error_fit
+from .leftover import Leftover, judged_columns
 from .search_numbers import SearchNumbers
-from .verdict import Outcome, Verdict
+from .verdict import BESIDE_ONE, BESIDE_SEVERAL, Outcome, Verdict, decided
 
 NO_NAME = (Outcome.NOT_IN_CATALOGUE, Outcome.NOT_TRIED)
 FOLLOWED = 4  # forms whose curves are fitted to the end
+AS_GOOD = 0.1  # points
 NAME = "free"
+ONE_FORM = "one free form explains more than all the effects named"
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,64 @@ def found_shape(search: Search, parent: Model, forms: Sequence[FreeForm]) -> Fou
     """The free form that explains most of what a parent leaves; None where none passes."""
     step = shape_step(search, parent, forms)
     return None if step.best is None else FoundShape(step, step.best)
+
+
+@dataclass(frozen=True)
+class Shaped:
+    """Numbers and verdict of a search, and the free form that explains what has no name."""
+
+    search: Search
+    found: SearchNumbers
+    verdict: Verdict
+    shape: FoundShape | None
+
+
+def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
+    """The verdict, with the shape of what has no name.
+
+    One free form in place of all the effects that were named, which explains more, is structure
+    that these leave: they may stand in for something else together.
+    """
+    verdict = decided(found, tries_all=tries_all)
+    if verdict.outcome == Outcome.FOUND and found.added:
+        found = beside_one_form(search, found)
+        verdict = decided(found, tries_all=tries_all)
+    if verdict.outcome not in NO_NAME:
+        return Shaped(search, found, verdict, None)
+    return Shaped(
+        search, found, verdict, found_shape(search, unnamed_parent(found, verdict), forms())
+    )
+
+
+def beside_one_form(search: Search, found: SearchNumbers) -> SearchNumbers:
+    """The numbers, with what one free form in place of all effects explains beyond them.
+
+    Where it explains as much as several and is likelier, none of these explains its part.
+    """
+    several = len(found.added) > 1
+    least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
+    baseline = found.steps[0].plain
+    most = max([hint.points for hint in hints_of(search, baseline, forms())], default=0.0)
+    if most < found.gained + (-AS_GOOD if several else max(least * found.share, share * most)):
+        return found
+    rival = found_shape(search, baseline, forms())
+    if rival is None:
+        return found
+    excess = rival.candidate.gain - found.gained
+    likelier = (
+        several and excess > -AS_GOOD and better(search, baseline, rival.model, found.path.model)
+    )
+    if not likelier and not excess > 0.0:
+        return found
+    points = rival.candidate.gain if likelier else excess
+    effect: Any = rival.candidate.effect
+    more = Leftover("shape", effect.over, ONE_FORM, points, rival.candidate.delta_bic)
+    return replace(found, left=sorted([*found.left, more], key=lambda item: -item.points))
+
+
+def forms() -> list[FreeForm]:
+    """All free forms, with nothing chosen."""
+    return [form() for form in FREE_FORMS]
 
 
 def unnamed_parent(found: SearchNumbers, verdict: Verdict) -> Model:
