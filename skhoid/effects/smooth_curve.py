@@ -1,4 +1,4 @@
-"""Smooth curves of one variable by their values at knots, in a basis in which roughness is known."""
+"""Smooth curves of one variable by their values at knots, in a basis of known roughness."""
 
 from __future__ import annotations
 

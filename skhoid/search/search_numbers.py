@@ -31,7 +31,8 @@ class SearchNumbers:
     (names); ``left`` is structure that remains, ``noises`` effects that are noise and show in it.
     ``ceiling`` is the VAF that a model can reach, NaN where it is not known, for the reason
     ``no_ceiling``. ``share`` is the part of the output's power that is not its mean. ``changes``
-    are those of further parameters where gains change.
+    are those of further parameters where gains change. With ``one_cause`` one free form explains
+    as much as all of the effects together, and is likelier.
     """
 
     path: Path
@@ -43,6 +44,7 @@ class SearchNumbers:
     no_ceiling: str
     share: float
     changes: dict[str, tuple[float, float, float]]
+    one_cause: bool = False
 
     @property
     def ids(self) -> list[str]:

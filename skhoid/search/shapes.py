@@ -148,10 +148,11 @@ def beside_one_form(search: Search, found: SearchNumbers) -> SearchNumbers:
     )
     if not likelier and not excess > 0.0:
         return found
-    points = rival.candidate.gain if likelier else excess
     effect: Any = rival.candidate.effect
-    more = Leftover("shape", effect.over, ONE_FORM, points, rival.candidate.delta_bic)
-    return replace(found, left=sorted([*found.left, more], key=lambda item: -item.points))
+    more = Leftover("shape", effect.over, ONE_FORM, excess, rival.candidate.delta_bic)
+    left = [*found.left, more] if excess >= least * found.share else found.left
+    left = sorted(left, key=lambda item: -item.points)
+    return replace(found, left=left, one_cause=likelier)
 
 
 def forms() -> list[FreeForm]:

@@ -48,9 +48,12 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
     limits = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
     least, small = limits[:2]
     large = largest_left(limits, found.gained, found)
-    if not (worst >= least * found.share and share > small):
+    left = worst >= least * found.share and share > small
+    if not (left or found.one_cause):
         return Verdict(Outcome.FOUND if ids else Outcome.NOTHING, ids, [])
-    if share > large:
+    if found.one_cause:
+        ids, stand_ins = [], ids
+    elif share > large:
         kept = 1 if len(found.added) > 1 and first_explains(found) else 0
         ids, stand_ins = ids[:kept], ids[kept:]
     if found.path.steps[-1].best is not None:
