@@ -39,10 +39,18 @@ class FreeForm(Effect):
         What the curve gives, for people.
     abscissa, ordinate : Dimension
         Units of the curve.
+    largest, usual : float
+        Greatest coefficients, and the size of a curve before data say more, relative to the scale
+        of its unit.
+    shrinks : bool
+        Whether level and slope are known to be small too.
     """
 
     free_form: ClassVar[bool] = True
     y_word: ClassVar[str] = "departure"
+    largest: ClassVar[float] = 50.0
+    usual: ClassVar[float] = USUAL
+    shrinks: ClassVar[bool] = False
     kept: ClassVar[tuple[int, ...]] = (LEVEL, SLOPE)
     knots: tuple[float, ...] | None
     values: tuple[float, ...] | None
@@ -89,7 +97,7 @@ class FreeForm(Effect):
         count = self.curve.basis.shape[1]
         unit = self.ordinate
         return tuple(
-            Parameter(f"c{i}", unit, -50.0, 50.0, (0.0,), f"curve {i} of the basis")
+            Parameter(f"c{i}", unit, -self.largest, self.largest, (0.0,), f"curve {i} of the basis")
             for i in range(count)
         )
 
@@ -109,9 +117,12 @@ class FreeForm(Effect):
         if self.values is not None or self.knots is None:
             return {}
         roughness = self.curve.roughness
+        if self.shrinks:
+            roughness = np.maximum(roughness, 1.0)
         rough = [(p.name, r) for p, r in zip(self.parameters, roughness, strict=True) if r > 0.0]
         return {
-            name: (USUAL * scales[name] if self.spread is None else self.spread) / float(np.sqrt(r))
+            name: (self.usual * scales[name] if self.spread is None else self.spread)
+            / float(np.sqrt(r))
             for name, r in rough
         }
 

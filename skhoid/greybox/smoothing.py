@@ -14,6 +14,8 @@ from .simulator import Simulator
 
 ROUNDS = 8  # of fit and choice, at most
 SETTLED = 0.05  # change of the logarithm of the spread, below which it ends
+NOTHING = 0.5  # effective degrees of freedom, below which a curve is not there
+WORSE = 1.02  # times the squares, at most, by which a smoother curve may simulate worse
 SMALLEST = 1e-3  # of the scale of the parameters: a straight line
 FACTOR = 10.0  # by which a round may change the spread, at most
 
@@ -47,9 +49,13 @@ def smoothed(model: Model) -> Model:
     (2017).
     """
     criterion = Criterion(model.simulator.record)
+    given, plain = model, Criterion(model.simulator.record)
+    most = WORSE * sse_at(model.simulator, plain, model.theta)
     for _ in range(ROUNDS):
         criterion.set_noise(criterion.remnant_model(model.output))
         model = model.refined(criterion, max_iter=4)
+        if sse_at(model.simulator, plain, model.theta) > most:
+            return given  # what whitening favours may be no simulation
         spreads = chosen_spreads(model, criterion)
         if not spreads:
             return model

@@ -122,9 +122,11 @@ def curve_with_band(
     return curve, float(posterior.dof[own].sum())
 
 
-def labels_of(effect: FreeForm, units: dict[str, str | None]) -> tuple[str, str]:
+def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[str, str]:
     """Names and units of both axes."""
-    x, y = effect.abscissa.label(units), effect.ordinate.label(units)
+    effect: Any = dict(model.effects.steps)[name]
+    first = next(p for p in model.simulator.parameters if p.name.startswith(f"{name}__"))
+    x, y = effect.abscissa.label(units), first.dimension.label(units)
     return f"{effect.over} ({x})", f"{effect.y_word} ({y})"
 
 
@@ -148,7 +150,7 @@ def shape_of(
     effects = with_curve(model, candidate.name)
     effect: Any = dict(effects.steps)[candidate.name]
     curve, dof = curve_with_band(model, candidate.name)
-    x_label, y_label = labels_of(effect, units)
+    x_label, y_label = labels_of(model, candidate.name, units)
     loop = candidate.in_loop
     return Shape(
         id=effect.name,

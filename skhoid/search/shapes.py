@@ -22,7 +22,7 @@ from .leftover import Leftover, judged_columns
 from .search_numbers import SearchNumbers
 from .verdict import BESIDE_ONE, BESIDE_SEVERAL, Outcome, Verdict, decided
 
-NO_NAME = (Outcome.NOT_IN_CATALOGUE, Outcome.NOT_TRIED)
+NO_NAME = (Outcome.NOT_IN_CATALOGUE, Outcome.NOT_TRIED, Outcome.CUT_SHORT)
 FOLLOWED = 4  # forms whose curves are fitted to the end
 AS_GOOD = 0.1  # points
 NAME = "free"
