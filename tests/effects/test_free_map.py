@@ -110,6 +110,22 @@ def test_the_spring_of_a_limb_is_found_as_a_shape():
     assert np.std(got - expected) < 0.2 * np.std(expected)
 
 
+@pytest.mark.slow
+def test_the_friction_of_a_limb_is_found_as_a_shape():
+    """Within 15 % of its rms over the central 95 %, less straight lines."""
+    knots = (-2.0, -1.0, -0.5, -0.2, -0.1, -0.03, 0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 2.0)
+    friction = tuple((0.05 * np.tanh(np.array(knots) / 0.1)).tolist())
+    true = FreeMap(at="rate", knots=knots, values=friction)
+    X, y = make_tracking_runs(
+        condition="C1", n_runs=5, remnant_intensity=0.1, random_state=0, effects=true
+    )
+    model, effect = added(OperatorRegressor(), X, y, FreeMap(at="rate"))
+    rate = np.diff(model.simulator.record.y, axis=0) / model.simulator.record.dt
+    at = central(rate.ravel())
+    expected = bend(force_of(true, at), at)
+    assert np.std(bend(force_of(effect, at), at) - expected) < 0.15 * np.std(expected)
+
+
 @pytest.mark.parametrize("at", ["spring", "rate"])
 def test_nothing_is_a_straight_line(at):
     X, y = make_tracking_runs(condition="C1", n_runs=2, remnant_intensity=0.1, random_state=3)
