@@ -13,7 +13,7 @@ N_DOUBLED = 8  # of the bracket
 N_LINES = 8  # steps of Newton's rule along a table, before a bracket
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _resistance(terms, tables, value, rate):
     """Sum of the forces at an output and its rate, and its slopes by both.
 
@@ -76,10 +76,10 @@ def resistances(terms, tables, value, rate):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _balanced(whole, gain, terms, tables, last, dt):
-    """The output y with y + gain force(y, (y - last) / dt) = whole."""
+def _balanced(whole, gain, terms, tables, last, before, dt):
+    """The output y with y + gain force(y, (y - last) / dt) = whole, after last and before."""
     if tables.shape[0] > 0:  # made of lines: Newton's rule ends at once where they are
-        y = last
+        y = 2.0 * last - before
         for _ in range(N_LINES):
             force, by_value, by_rate = _resistance(terms, tables, y, (y - last) / dt)
             slope = 1.0 + gain * (by_value + by_rate / dt)
@@ -87,7 +87,7 @@ def _balanced(whole, gain, terms, tables, last, dt):
                 break
             step = (y + gain * force - whole) / slope
             y -= step
-            if abs(step) <= 1e-13 * (abs(whole) + abs(y)):
+            if abs(step) <= 1e-9 * (abs(whole) + abs(y)):
                 return y
     force, _, _ = _resistance(terms, tables, whole, (whole - last) / dt)
     if force == 0.0:
@@ -173,10 +173,10 @@ def arx_inside(x, a, b, against, spring, bends, terms, tables, constant, begun, 
                 for i in range(1, min(ng, k + 1)):
                     value -= against[i] * forces[k - i, j]
                 value = min(max(value, -bound), bound)
+                before = out[k - 2, j] if k > 1 else 0.0
                 if against[0] > 0.0:
-                    value = _balanced(value, against[0], terms, tables, last, dt)
+                    value = _balanced(value, against[0], terms, tables, last, before, dt)
                 elif against[0] < 0.0:
-                    before = out[k - 2, j] if k > 1 else 0.0
                     value -= against[0] * _resistance(terms, tables, last, (last - before) / dt)[0]
             value = min(max(value, low), high)
             if forced:
@@ -226,7 +226,8 @@ def limb_inside(position, rate, matrices, terms, tables, dt, bound):
                 continue
             new = min(max(new, -bound), bound)
             by = b0 + c0 if held_late else c0
-            new = _balanced(new, by, terms, tables, z[j], dt)
+            before = out[k - 1, j] if k > 0 else 0.0
+            new = _balanced(new, by, terms, tables, z[j], before, dt)
             held[j] = _resistance(terms, tables, new, (new - z[j]) / dt)[0]
             p1 -= held[j]
             if held_late:

@@ -202,7 +202,9 @@ def resistance(terms, y, rate, tables=()):
     return total
 
 
-def arx_inside(x, a, b, against, spring_sizes, terms, constant, dt, bound, begun=(), bends=(), tables=()):
+def arx_inside(
+    x, a, b, against, spring_sizes, terms, constant, dt, bound, begun=(), bends=(), tables=()
+):
     """A(q) y = B(q) (x - spring(y)) - G(q) force(y, rate) + constant, within stops.
 
     ``a`` and ``b`` have a row for all samples, or one each. The force of now is that of the output
