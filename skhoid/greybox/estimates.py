@@ -45,7 +45,10 @@ def parameter_table(
     ) -> None:
         rows.append((name, value, np.nan, *span, dimension.label(units), meaning))
 
+    curves = tuple(f"{name}__" for name, effect in simulator.effects if effect.free_form)
     for i, p in enumerate(simulator.parameters):
+        if p.name.startswith(curves):
+            continue  # coefficients of a curve, which ``effects_`` has
         if lost[i]:
             add_lost(p.name, float(theta[i]), p.dimension, p.spec.meaning, (p.low, p.high))
         else:

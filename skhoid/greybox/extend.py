@@ -10,12 +10,14 @@ import numpy as np
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.dimension import Dimension
+from ..effects.free_form import FreeForm
 from ..effects.record import Record
 from .fitting import Criterion, Fit, minimise
 from .jumps import searched
 from .model import Model, best_of, halved, in_order, scaled_sse, start_beside, without
 from .scan import Scan
 from .simulator import Simulator
+from .smoothing import smoothed
 
 HIDDEN = 0.5  # share of the output's power about its mean that a hopeless parent leaves
 N_VARIANTS_KEPT = 2  # variants that are followed to the end
@@ -106,6 +108,8 @@ def extended(
             break
         full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)
         model = Model(simulator, full, parent.other_cores)
+        if isinstance(variant, FreeForm) and variant.spread is None:
+            model = smoothed(model, [name]).refined(criterion)
         if promising and not variant.smooth:
             model = searched(model, name, criterion, FINE_SIZES)
         finished.append((number, model))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +37,8 @@ def posterior_of(model: Model, criterion: Criterion) -> Posterior:
     return Posterior(sigma2 * inverse, np.diag(inverse @ normal).copy())
 
 
-def smoothed(model: Model) -> Model:
-    """A model whose free forms are as smooth as is most likely, at the minimum of that.
+def smoothed(model: Model, names: Collection[str]) -> Model:
+    """A model with free forms that are as smooth as is most likely, at the minimum of that.
 
     By the generalised Fellner-Schall iteration: the variance of a curve's coefficients is the sum
     of their squares, in units of the prior's, over their effective degrees of freedom. Residuals
@@ -56,7 +57,7 @@ def smoothed(model: Model) -> Model:
         model = model.refined(criterion, max_iter=4)
         if sse_at(model.simulator, plain, model.theta) > most:
             return given  # what whitening favours may be no simulation
-        spreads = chosen_spreads(model, criterion)
+        spreads = chosen_spreads(model, names, criterion)
         if not spreads:
             return model
         before = model
@@ -67,13 +68,15 @@ def smoothed(model: Model) -> Model:
     return model.refined(criterion, max_iter=4)
 
 
-def chosen_spreads(model: Model, criterion: Criterion) -> dict[str, tuple[float, float]]:
-    """New and old spread of each free form that has none given, by the name of the effect."""
+def chosen_spreads(
+    model: Model, names: Collection[str], criterion: Criterion
+) -> dict[str, tuple[float, float]]:
+    """New and old spread of free forms by their names; none where there is no curve."""
     simulator, values = model.simulator, model.values()
     dof = posterior_of(model, criterion).dof
     found = {}
     for name, effect in model.effects:
-        if not isinstance(effect, FreeForm) or not effect.free:
+        if name not in names or not isinstance(effect, FreeForm) or not effect.free:
             continue
         scales = {
             p.name: simulator.scale[simulator.names.index(f"{name}__{p.name}")] for p in effect.free
@@ -83,8 +86,10 @@ def chosen_spreads(model: Model, criterion: Criterion) -> dict[str, tuple[float,
             continue
         old = max(prior.values())
         at = [simulator.names.index(f"{name}__{key}") for key in prior]
+        if dof[at].sum() < NOTHING:
+            continue
         squares = sum((values[f"{name}__{key}"] / sd) ** 2 for key, sd in prior.items())
-        factor = np.sqrt(squares / max(float(dof[at].sum()), 1e-6))
+        factor = np.sqrt(squares / float(dof[at].sum()))
         new = old * float(np.clip(factor, 1 / FACTOR, FACTOR))
         found[name] = (max(new, SMALLEST * max(scales.values())), old)
     return found

@@ -15,12 +15,11 @@ from ..greybox.extend import extended
 from ..greybox.fitting import Criterion, derivatives
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
-from ..greybox.smoothing import smoothed
 from .candidates import Candidate, SearchStep
-from .forward import Search, better, output_error_fit
+from .forward import Search, better
 from .leftover import Leftover, judged_columns
 from .search_numbers import SearchNumbers
-from .verdict import BESIDE_ONE, BESIDE_SEVERAL, Outcome, Verdict, decided
+from .verdict import BESIDE_ONE, BESIDE_SEVERAL, Outcome, Verdict, decided, unnamed
 
 NO_NAME = (Outcome.NOT_IN_CATALOGUE, Outcome.NOT_TRIED, Outcome.CUT_SHORT)
 FOLLOWED = 4  # forms whose curves are fitted to the end
@@ -47,7 +46,7 @@ def shape_step(search: Search, parent: Model, forms: Sequence[FreeForm]) -> Sear
     candidates = []
     for number, hint in enumerate(hints):
         name = f"{NAME}_{number}"
-        model = fitted_form(search, parent, name, hint.effect)
+        model = extended(parent, name, hint.effect, search.criterion, search.coarse)
         candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
     return search.judged(parent, candidates)
 
@@ -74,12 +73,6 @@ def hints_of(search: Search, parent: Model, forms: Sequence[FreeForm]) -> list[H
                 if result is not None:
                     found.append(Hint(variant, *result))
     return sorted(found, key=lambda hint: -hint.points)
-
-
-def fitted_form(search: Search, parent: Model, name: str, form: FreeForm) -> Model:
-    """A model with a free form, as smooth as is most likely, at the least error of simulation."""
-    model = extended(parent, name, form, search.criterion, search.coarse)
-    return output_error_fit(smoothed(model))
 
 
 @dataclass(frozen=True)
@@ -121,6 +114,12 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     if verdict.outcome == Outcome.FOUND and found.added:
         found = beside_one_form(search, found)
         verdict = decided(found, tries_all=tries_all)
+    elif verdict.outcome == Outcome.NOTHING and found.left:
+        shape = found_shape(search, found.steps[0].plain, forms())
+        if shape is None or shape.candidate.gain < BESIDE_ONE[0] * found.share:
+            return Shaped(search, found, verdict, None)
+        verdict = Verdict(unnamed(tries_all), [], [])
+        return Shaped(search, found, verdict, shape)
     if verdict.outcome not in NO_NAME:
         return Shaped(search, found, verdict, None)
     return Shaped(

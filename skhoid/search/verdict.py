@@ -58,7 +58,12 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
         ids, stand_ins = ids[:kept], ids[kept:]
     if found.path.steps[-1].best is not None:
         return Verdict(Outcome.CUT_SHORT, ids, stand_ins)
-    return Verdict(Outcome.NOT_IN_CATALOGUE if tries_all else Outcome.NOT_TRIED, ids, stand_ins)
+    return Verdict(unnamed(tries_all), ids, stand_ins)
+
+
+def unnamed(tries_all: bool) -> Outcome:
+    """The outcome of a search that leaves something without a name."""
+    return Outcome.NOT_IN_CATALOGUE if tries_all else Outcome.NOT_TRIED
 
 
 def first_explains(found: SearchNumbers) -> bool:
