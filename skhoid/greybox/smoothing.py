@@ -98,7 +98,7 @@ def chosen_spreads(
 def with_spreads(model: Model, spreads: dict[str, tuple[float, float]]) -> Model:
     """The same parameters, with other spreads of free forms."""
     steps = [
-        (name, effect.with_choices(spread=spreads[name][0]) if name in spreads else effect)
+        (name, effect.with_choices(spread=float(spreads[name][0])) if name in spreads else effect)
         for name, effect in model.effects
     ]
     simulator = Simulator(model.simulator.core, Effects(steps), model.simulator.record)
