@@ -60,9 +60,7 @@ def draw_dual_slope(rng: np.random.Generator, c: Context, boost: float) -> Effec
     slopes = between(rng, 1.6, 3.0) * boost if more else rng.uniform(0.1, 0.5) / boost
     knees = np.array([rng.uniform(0.2, 0.5), rng.uniform(0.8, 1.5)]) * c.rms["e"]
     left, right = rng.permutation(knees)
-    return Effect(
-        "dual_slope", {"slope": slopes, "left": left, "right": right, "e": c.rms["e"]}
-    )
+    return Effect("dual_slope", {"slope": slopes, "left": left, "right": right, "e": c.rms["e"]})
 
 
 def wire_dual_slope(w: Wiring, effect: Effect) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from baseline import LinearOperator, vaf
+from curves import true_curves
 from effects import Context, Effect, RunInputs, Wiring
 from effects_beyond import DRAW as DRAW_BEYOND
 from effects_beyond import WIRE as WIRE_BEYOND
@@ -70,7 +71,8 @@ class Case:
     left_out : str or None
         The effect that the search must do without.
     truth : dict
-        effects, parameters, form, canonical, P_n, order, plant and more.
+        effects, parameters, form, canonical, P_n, order, plant and more; of the suites ``left_out``
+        and ``beyond`` the true curves.
     oracle_prediction, baseline_prediction : ndarray of shape (n_rows,)
         For X_test: by the true operator, effects and all, without remnant; by the best linear one.
     oracle_vaf, baseline_vaf, gap : float
@@ -242,6 +244,10 @@ def _attempt(
         "amplitude": float(world.targets[1].amplitude[0] / world.targets[0].amplitude[0]),
         "boost": boost,
     }
+    if suite in ("left_out", "beyond"):
+        truth["curves"] = true_curves(
+            effects[0], wirings[:n_train], outs[:n_train], known[:n_train]
+        )
     if suite == "pairs":
         if oracle_vaf - baseline_vaf < SMALLEST:
             raise HopelessError("Its gap is too small.")
