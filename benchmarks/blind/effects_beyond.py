@@ -144,7 +144,7 @@ def wire_one_sided_spring(w: Wiring, effect: Effect) -> None:
 
 def draw_quadratic_damping(rng: np.random.Generator, c: Context, boost: float) -> Effect:
     """The limb's damping grows with its speed."""
-    size = between(rng, 0.3, 1.0) * boost * c.rms["u"] / c.rms["du"] ** 2
+    size = between(rng, 0.8, 4.0) * boost * c.rms["u"] / c.rms["du"] ** 2
     return Effect("quadratic_damping", {"damping": size}, extra={"du": c.rms["du"]})
 
 
@@ -155,7 +155,7 @@ def wire_quadratic_damping(w: Wiring, effect: Effect) -> None:
 
 def draw_one_sided_damping(rng: np.random.Generator, c: Context, boost: float) -> Effect:
     """Movement one way is damped, the other way not."""
-    size = between(rng, 0.3, 1.0) * boost * c.rms["u"] / c.rms["du"]
+    size = between(rng, 0.4, 1.5) * boost * c.rms["u"] / c.rms["du"]
     parameters = {"side": sign(rng), "damping": size}
     return Effect("one_sided_damping", parameters, extra={"du": c.rms["du"]})
 
@@ -213,7 +213,7 @@ def wire_airspeed_gain(w: Wiring, effect: Effect) -> None:
 
 def draw_workload_delay(rng: np.random.Generator, c: Context, boost: float) -> Effect:
     """The delay grows with the size of a channel, whatever its sign."""
-    return Effect("workload_delay", {"change": rng.uniform(0.07, 0.15) * min(boost, 2.0)})
+    return Effect("workload_delay", {"change": rng.uniform(0.09, 0.2) * min(boost, 2.0)})
 
 
 def wire_workload_delay(w: Wiring, effect: Effect) -> None:
@@ -223,7 +223,7 @@ def wire_workload_delay(w: Wiring, effect: Effect) -> None:
 
 def draw_swinging_delay(rng: np.random.Generator, c: Context, boost: float) -> Effect:
     """The delay swings slowly."""
-    change = min(rng.uniform(0.06, 0.12) * boost, c.operator.tau - 0.05)
+    change = min(rng.uniform(0.08, 0.2) * boost, c.operator.tau - 0.05)
     cycle = {"period": between(rng, 18.0, 45.0), "phase": rng.uniform(0, 2 * np.pi)}
     return Effect("swinging_delay", {"change": change, **cycle})
 
@@ -267,7 +267,7 @@ def wire_many_plays(w: Wiring, effect: Effect) -> None:
 
 def draw_bristles(rng: np.random.Generator, c: Context, boost: float) -> Effect:
     """Friction in the limb that bends before it slides (Dahl)."""
-    force = between(rng, 0.3, 0.8) * min(boost, 2.0) * c.rms["u"]
+    force = between(rng, 0.4, 1.2) * min(boost, 2.0) * c.rms["u"]
     way = rng.uniform(0.1, 0.4) * c.rms["u"]
     return Effect("bristles", {"force": force, "way": way})
 
@@ -310,7 +310,7 @@ def wire_squared_channel(w: Wiring, effect: Effect) -> None:
 
 def draw_fractional_lag(rng: np.random.Generator, c: Context, boost: float) -> Effect:
     """The limb relaxes by a power of time: a lag of fractional order (Oustaloup)."""
-    order = min(rng.uniform(0.25, 0.45) * boost, 0.8)
+    order = min(rng.uniform(0.3, 0.6) * boost, 0.8)
     return Effect("fractional_lag", {"order": order, "omega": between(rng, 0.15, 0.6)})
 
 
@@ -331,7 +331,7 @@ def draw_two_notches(rng: np.random.Generator, c: Context, boost: float) -> Effe
     """Two anti-resonances of the limb."""
     parameters = {
         "omega": [between(rng, 0.7, 1.6), between(rng, 2.5, 6.0)],
-        "depth": [max(between(rng, 0.1, 0.3) / boost, 0.05) for _ in range(2)],
+        "depth": [max(between(rng, 0.15, 0.5) / boost, 0.05) for _ in range(2)],
     }
     return Effect("two_notches", parameters)
 

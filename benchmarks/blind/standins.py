@@ -58,7 +58,7 @@ def as_table(curve: TrueCurve | None) -> pd.DataFrame:
     """The curve as the search gives one."""
     if curve is None:
         return pd.DataFrame(columns=["value", "low", "high"])
-    x = np.linspace(curve.data[0], curve.data[-1], 201)
+    x = np.linspace(curve.data[0], curve.data[-1], 5001)
     value = np.interp(x, curve.x, curve.value)
     half = HALF_BAND * np.ptp(value)
     return pd.DataFrame({"value": value, "low": value - half, "high": value + half}, index=x)
