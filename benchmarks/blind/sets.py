@@ -41,6 +41,7 @@ FAMILIES: tuple[frozenset[str], ...] = (
 COHERENT = frozenset(
     {"tv_delay", "tv_gain", "gain_drift", "lapses", "bias", "drift", "integral"}
     | {"feedforward", "preview", "output_feedback", "disturbance", "wrong_delay"}
+    | {"attention", "fatigue", "swinging_delay", "wandering_offset"}
 )
 
 

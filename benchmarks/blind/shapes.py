@@ -121,7 +121,8 @@ def shape_rows(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     """Rows of the table: how often a shape is offered, and whether it is right.
 
     "Of the unknown" are the answers "unknown" where a gap of a point is there and some shape can
-    show the effect; without a shape, such an answer counts as wrong and as closing nothing.
+    show the effect; without a shape, such an answer counts as wrong and as closing nothing. The
+    whole answer is the shape where there is one, and else the names.
     """
     rows = [("a shape offered", share(r["shape"] is not None for r in records))]
     if records[0]["suite"] not in ("left_out", "beyond"):
@@ -138,6 +139,10 @@ def shape_rows(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     if closed:
         rows.append(("gap closed by the shape, of the unknown", f"median {np.median(closed):.3f}"))
         rows.append(("... at least 0.8", share(c >= 0.8 for c in closed)))
+    whole = [(r["shape"] or r)["closed"] for r in records if r["gap"] >= 1 and r["showable"]]
+    if whole:
+        rows.append(("gap closed by the whole answer", f"median {np.median(whole):.3f}"))
+        rows.append(("... at least 0.8", share(c >= 0.8 for c in whole)))
     errors = [abs(s["closed_said"] - s["closed"]) for s in offered]
     known = [error for error in errors if np.isfinite(error)]
     rows.append(("... error of the share it says itself: median, 90 %", quantiles(known)))
