@@ -84,6 +84,7 @@ def shape_of(search: Any, case: Case) -> Shape | None:
     found = getattr(search, "shape_", None)
     if found is None:
         return None
+    near = found.nearest
     return Shape(
         id=str(found.id),
         place=str(found.place),
@@ -95,7 +96,7 @@ def shape_of(search: Any, case: Case) -> Shape | None:
         dof=float(found.dof),
         gain=float(found.gain),
         closed=float(found.closed),
-        nearest=[str(name) for name in found.nearest.index],
+        nearest=[str(name) for name in (near["effect"] if "effect" in near else near.index)],
         recordings=[str(words) for words in found.recordings],
     )
 
