@@ -96,7 +96,7 @@ def shape_of(search: Any, case: Case) -> Shape | None:
         dof=float(found.dof),
         gain=float(found.gain),
         closed=float(found.closed),
-        nearest=[str(name) for name in (near["effect"] if "effect" in near else near.index)],
+        nearest=[str(name) for name in near.get("effect", near.index)],
         recordings=[str(words) for words in found.recordings],
     )
 
