@@ -8,7 +8,7 @@ from skhoid._kernels import greybox
 from skhoid.effects import Backlash, FreeHysteresis
 from skhoid.greybox.extend import extended
 from skhoid.greybox.fitting import Criterion
-from skhoid.greybox.smoothing import posterior_of, smoothed
+from skhoid.greybox.smoothing import posterior_of
 
 KNOTS = (0.2, 0.5, 1.0)
 
@@ -24,7 +24,7 @@ def added(X, y, effect):
     prepared = estimator.prepare(X, y)
     criterion = Criterion(prepared.record)
     base = estimator.first_fit(prepared)
-    model = smoothed(extended(base, effect.name, effect, criterion, criterion.coarse()))
+    model = extended(base, effect.name, effect, criterion, criterion.coarse())
     values = {k.split("__")[1]: v for k, v in model.values().items() if "__" in k}
     return model, dict(model.effects.steps)[effect.name].with_values(values)
 
