@@ -42,6 +42,8 @@ class FreeForm(Effect):
     largest, usual : float
         Greatest coefficients, and the size of a curve before data say more, relative to the scale
         of its unit.
+    at_rest : float
+        What to add to the curve where people see it: 1 for a factor.
     shrinks : bool
         Whether level and slope are known to be small too.
     """
@@ -50,6 +52,7 @@ class FreeForm(Effect):
     y_word: ClassVar[str] = "departure"
     largest: ClassVar[float] = 50.0
     usual: ClassVar[float] = USUAL
+    at_rest: ClassVar[float] = 0.0
     shrinks: ClassVar[bool] = False
     kept: ClassVar[tuple[int, ...]] = (LEVEL, SLOPE)
     knots: tuple[float, ...] | None

@@ -108,7 +108,8 @@ class FreeGain(_Varying):
     source = "Hastie and Tibshirani (1993)"
     kept = (SLOPE,)
     what = "the gains"
-    y_word = "relative change"
+    y_word = "factor on the gains"
+    at_rest = 1.0
 
     def __init__(
         self,

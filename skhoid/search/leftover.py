@@ -100,13 +100,13 @@ def _found(model: Model, folds: Sequence[HeldOutRows], rate: float | None = None
             continue
         thin = np.stack([c[:: criterion.thin] for c in columns]) * criterion.known
         columns.clear()  # before the next are computed
-        result = judged_columns(own, thin, criterion, folds)
+        result = _judged(own, thin, criterion, folds)
         if result is not None:
             found.append(Leftover(where, at, description, *result))
     return found
 
 
-def judged_columns(
+def _judged(
     own: np.ndarray,
     columns: np.ndarray,
     criterion: Criterion,

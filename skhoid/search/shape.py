@@ -109,7 +109,7 @@ def curve_with_band(
     at = np.linspace(effect.knots[0], effect.knots[-1], n_points)
     design = effect.design(at)
     covariance = posterior.covariance[np.ix_(own, own)]
-    value = design @ model.theta[own]
+    value = effect.at_rest + design @ model.theta[own]
     sd = np.sqrt(np.einsum("ij,jk,ik->i", design, covariance, design))
     rng = np.random.default_rng(0)
     draws = rng.multivariate_normal(np.zeros(len(own)), covariance, N_DRAWS, method="eigh")

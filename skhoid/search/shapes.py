@@ -12,18 +12,20 @@ from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
 from ..greybox.extend import extended
-from ..greybox.fitting import Criterion, derivatives
+from ..greybox.fitting import Criterion, derivatives, scaled_inverse
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
-from .candidates import Candidate, SearchStep
+from .candidates import LEAST_DELTA_BIC, Candidate, SearchStep
 from .forward import Search, better
-from .leftover import Leftover, judged_columns
+from .held_out import HeldOutRows
+from .leftover import Leftover
 from .search_numbers import SearchNumbers
 from .verdict import BESIDE_ONE, BESIDE_SEVERAL, Outcome, Verdict, decided, unnamed
 
 NO_NAME = (Outcome.NOT_IN_CATALOGUE, Outcome.NOT_TRIED, Outcome.CUT_SHORT)
 FOLLOWED = 4  # forms whose curves are fitted to the end
 AS_GOOD = 0.1  # points
+SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the prior, times the usual one
 NAME = "free"
 ONE_FORM = "one free form explains more than all the effects named"
 
@@ -69,10 +71,72 @@ def hints_of(search: Search, parent: Model, forms: Sequence[FreeForm]) -> list[H
                 theta = np.array([values.get(name, 0.0) for name in simulator.names])
                 at = [i for i, name in enumerate(simulator.names) if name not in values]
                 columns = derivatives(simulator, criterion, theta)[at]
-                result = judged_columns(own, columns, criterion, search.folds)
+                prior = curvature_of(simulator, theta)[np.ix_(at, at)]
+                result = hinted(own, columns, prior, criterion, search.folds)
                 if result is not None:
                     found.append(Hint(variant, *result))
     return sorted(found, key=lambda hint: -hint.points)
+
+
+def curvature_of(simulator: Simulator, theta: np.ndarray) -> np.ndarray:
+    """Second derivatives of the squares of the prior, for residuals of variance one."""
+    curvature, _ = simulator.prior.normal_equations(theta)
+    return np.asarray(curvature)
+
+
+def hinted(
+    own: np.ndarray,
+    columns: np.ndarray,
+    prior: np.ndarray,
+    criterion: Criterion,
+    folds: Sequence[HeldOutRows],
+) -> tuple[float, float] | None:
+    """Points that curves gain on held-out rows beside a model's derivatives, and their ΔBIC.
+
+    At the size of the prior, of some, with which the ΔBIC is largest; what counts as parameters are
+    the effective degrees of freedom. The last of ``own`` is the residual.
+    """
+    n_own = len(own) - 1
+    plain = np.concatenate([own[:-1], columns])
+    residual = own[-1]
+    white = criterion.whitened(np.concatenate([plain, residual[None]]))
+    gram = white @ white.T
+    n = criterion.n
+    before = gram[-1, -1] - gram[:n_own, -1] @ _solve(gram[:n_own, :n_own], gram[:n_own, -1])
+    known = np.zeros_like(gram[:-1, :-1])
+    best: tuple[float, np.ndarray] = (-np.inf, known)
+    for size in SIZES:
+        known = known.copy()
+        known[n_own:, n_own:] = before / n * prior / size**2
+        inverse = scaled_inverse(gram[:-1, :-1] + known)
+        theta = inverse @ gram[:-1, -1]
+        after = gram[-1, -1] - 2 * theta @ gram[:-1, -1] + theta @ gram[:-1, :-1] @ theta
+        dof = np.trace(inverse @ gram[:-1, :-1]) - n_own
+        delta_bic = n * np.log(max(before, 1e-300) / max(after, 1e-300)) - dof * np.log(n)
+        best = max(best, (float(delta_bic), known), key=lambda one: one[0])
+    delta_bic, known = best
+    if delta_bic < LEAST_DELTA_BIC:
+        return None
+    by_row = white.reshape(len(white), *residual.shape)
+    gained = total = 0.0
+    for fold in folds:
+        train, test = fold.train[:: criterion.thin], fold.test[:: criterion.thin]
+        rows = by_row[:, train]
+        g = rows @ rows.T
+        full = _solve(g[:-1, :-1] + known, g[:-1, -1])
+        fewer = _solve(g[:n_own, :n_own], g[:n_own, -1])
+        left = residual[test]
+        e0 = left - fewer @ plain[:n_own, test]
+        e1 = left - full @ plain[:, test]
+        # Own parameters that move beyond their linearisation would make any curve look good.
+        gained += min(float(e0 @ e0), float(left @ left)) - float(e1 @ e1)
+        total += float((criterion.y[test] ** 2).sum())
+    points = 100 * gained / max(total, 1e-300)
+    return (points, delta_bic) if points > 0 else None
+
+
+def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
+    return np.asarray(scaled_inverse(gram) @ product)
 
 
 @dataclass(frozen=True)
