@@ -14,11 +14,12 @@ import pandas as pd
 from . import elements, signals
 from .draw import draw_pursuit, draw_world, spread
 from .forms import Form, all_forms
+from .forms_further import FURTHER
 from .linear import gap
 from .loop import CLIP
 from .world import DT, World
 
-SUITES = ("null", "hidden", "leaks", "given_delay")
+SUITES = ("null", "hidden", "leaks", "given_delay", "further")
 DRAWN = "drawn"
 LEAST_GAP = {"medium": 1.0, "strong": 3.0}  # points of VAF that the best linear person misses
 LEAST_COHERENT = 45.0  # percent of u that the person's own answer must explain
@@ -126,7 +127,7 @@ def idle(world: World, rng: np.random.Generator, share: float) -> None:
 
 def hidden(suite: str, element: str, seed: int, rng: np.random.Generator) -> Case:
     """One effect, by turns; drawn anew until it matters and the loop holds."""
-    forms = all_forms()
+    forms = FURTHER if suite == "further" else all_forms()
     if element != DRAWN:
         given = elements.draw(element, np.random.default_rng(0))
         forms = [f for f in forms if f.fits(given)]

@@ -40,7 +40,15 @@ class Form:
     @property
     def accepted(self) -> tuple[str, ...]:
         """The right names: the effect's own, then those that no data can tell from it."""
-        return (self.effect, *ALIKE.get((self.effect, self.name), ALIKE.get((self.effect, ""), ())))
+        return tuple(name for names in self.each for name in names)
+
+    @property
+    def each(self) -> list[tuple[str, ...]]:
+        """Right names of each effect; a pair is called by its two ids with a plus between."""
+        return [
+            (one, *ALIKE.get((one, self.name), ALIKE.get((one, ""), ())))
+            for one in self.effect.split("+")
+        ]
 
 
 # (effect, form), or (effect, "") for all its forms: other names as right; README.md says why.
@@ -66,6 +74,7 @@ ALIKE: dict[tuple[str, str], tuple[str, ...]] = {
     ("saturation", "soft"): ("cubic_gain", "hardening_stiffness"),
     ("cubic_gain", "falls"): ("saturation",),
     ("gain_drift", ""): ("tv_gain",),
+    ("friction", ""): ("stiction", "backlash"),
 }
 
 FORMS: list[Form] = []

@@ -74,6 +74,9 @@ class Effect(Composable, BaseEstimator):
         and all are tried.
     neutral : dict of str to float
         Values of parameters at which it does nothing, if there are any.
+    within : tuple of str
+        Ids of effects of which it is a special case, or nearly one: a search names these only where
+        what they have beyond it counts as well.
 
     See Also
     --------
@@ -125,6 +128,7 @@ class Effect(Composable, BaseEstimator):
     noise: ClassVar[str] = ""
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     neutral: Mapping[str, float] = {}
+    within: ClassVar[tuple[str, ...]] = ()
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """Output of the effect for the input ``signal``, at values of the parameters."""

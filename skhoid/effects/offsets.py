@@ -41,6 +41,7 @@ class Bias(Effect):
     source = "Ljung (1999)"
     parameters = (Parameter("level", U, -20.0, 20.0, (0.1,), "offset"),)
     neutral = {"level": 0.0}
+    within = ("drift",)  # that has settled
 
     def __init__(self, *, level: float | None = None):
         self.level = level

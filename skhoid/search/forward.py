@@ -36,6 +36,7 @@ from .in_loop import LIKELY_IF_FIRST, LoopJudge
 from .joint import JointParent
 from .progress import Progress
 from .signatures import traces_of
+from .special_cases import special_first
 
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
@@ -169,6 +170,7 @@ class Search:
         loop = None if self.loop is None else self.loop.around(base)
         step = SearchStep(base, parent, base_vaf, base_prediction, candidates, loop, self.refit)
         step.rank()
+        special_first(step)
         return step
 
     def _joint(self, found: tuple[Effects, Fit], beside: JointParent) -> float:
