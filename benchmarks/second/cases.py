@@ -148,7 +148,15 @@ def hidden(suite: str, element: str, seed: int, rng: np.random.Generator) -> Cas
         size = rng.uniform(0.3, 0.6) if strength == "medium" else rng.uniform(0.7, 1.0)
         chosen.hide(world, float(size * 1.03 ** max(0, attempt - 6)), rng)
         case = finished(suite, element, seed, world, chosen, strength)
-        if _holds(case) and matters(case, LEAST_GAP[strength]):
+        least = LEAST_GAP[strength]
+        if not (_holds(case) and matters(case, least)):
+            continue
+        for part in chosen.parts:
+            alone = linear.clean()
+            part(alone, float(size), rng)
+            if not matters(finished(suite, element, seed, alone, chosen, strength), least):
+                break
+        else:
             return case
     raise RuntimeError(f"{effect} on {element}, seed {seed}: no case in which it matters")
 

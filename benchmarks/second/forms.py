@@ -31,6 +31,7 @@ class Form:
     orders: tuple[int, ...] = (1, 2)
     not_on: tuple[str, ...] = ()
     dist: bool = False
+    parts: tuple[Hide, ...] = ()  # of a pair, each of which must matter alone
     plain: bool = False  # only for a person without lead (a coarse display has no rate to be seen)
 
     def fits(self, element: Element) -> bool:

@@ -6,6 +6,8 @@ register of their own, so that the cases of ``hidden`` stay what they were. All 
 cases: they were written after it was known that their like are missed.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from .forms import Form, Hide
@@ -16,10 +18,9 @@ from .loop import RATE, STEPS
 from .world import DT, World
 
 FURTHER: list[Form] = []
-STEER = ("1/s", "1/(s(s+1))", "K/(s(s+w))")
 
 
-def further(effect: str, name: str, place: str, **limits: object):
+def further(effect: str, name: str, place: str, **limits: object) -> Callable[[Hide], Hide]:
     """Register a form of this suite."""
 
     def keep(hide: Hide) -> Hide:
@@ -42,7 +43,7 @@ def command_in_steps(world: World, size: float, rng: np.random.Generator) -> Non
     put(world, "command", STEPS, world.scale["c"] * (0.6 + 1.0 * size))
 
 
-def _clocked(hold: int):
+def _clocked(hold: int) -> Hide:
     def hide(world: World, size: float, rng: np.random.Generator) -> None:
         period = 0.15 + 0.25 * min(size, 1.0)
         world.put(intermittent=1, period=period, hold=hold, decay=world.person.crossover)
@@ -64,7 +65,7 @@ def trembling(world: World, size: float, rng: np.random.Generator) -> None:
         r.after = r.after + most * np.sin(2 * np.pi * hertz * t + phase)
 
 
-def _drifting(course):
+def _drifting(course: Callable[[np.ndarray], np.ndarray]) -> Hide:
     def hide(world: World, size: float, rng: np.random.Generator) -> None:
         depth, up = 0.4 + 0.4 * min(size, 1.0), rng.random() < 0.4
         for r in world.runs:
@@ -83,18 +84,18 @@ further("gain_drift", "root", "whole person")(_drifting(np.sqrt))
 further("extra_lead", "lead", "command")(quick)
 
 
-def both(one: Hide, other: Hide) -> Hide:
-    """Two effects at once."""
+def pair(effects: str, name: str, place: str, *parts: Hide, **limits: object) -> None:
+    """Register two effects at once."""
 
     def hide(world: World, size: float, rng: np.random.Generator) -> None:
-        one(world, size, rng)
-        other(world, size, rng)
+        for part in parts:
+            part(world, size, rng)
 
-    return hide
+    further(effects, name, place, parts=parts, **limits)(hide)
 
 
 for _offset, _where in ((off_centre, "stick"), (off_aim, "eye")):
-    further("extra_lag+bias", "lag", _where, not_on=("K/s^2",))(both(slow, _offset))
-    further("integral+bias", "trim", _where)(both(trim, _offset))
-further("extra_lead+rate_limit", "lead", "command")(both(quick, rate_before))
-further("extra_lead+rate_limit", "lead", "stick")(both(quick, rate_behind))
+    pair("extra_lag+bias", "lag", _where, slow, _offset, not_on=("K/s^2",))
+    pair("integral+bias", "trim", _where, trim, _offset)
+pair("extra_lead+rate_limit", "lead", "command", quick, rate_before)
+pair("extra_lead+rate_limit", "lead", "stick", quick, rate_behind)

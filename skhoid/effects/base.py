@@ -202,6 +202,13 @@ class Effect(Composable, BaseEstimator):
         """What a model's residual (n_samples, n_runs) shows of ``noise``; None if nothing."""
         return None
 
+    def noise_part(self, residual: np.ndarray, record: Record) -> np.ndarray | None:
+        """Its ``noise`` in the record's output, if a residual (n_samples, n_runs) shows it, or None.
+
+        An operator's output is searched without it, since effects would be fitted to it.
+        """
+        return None
+
     def realisation(
         self, values: dict[str, float], t: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
