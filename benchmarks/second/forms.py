@@ -56,6 +56,7 @@ class Form:
 ALIKE: dict[tuple[str, str], tuple[str, ...]] = {
     ("backlash", ""): ("stiction",),
     ("stiction", ""): ("backlash",),
+    ("stiction", "karnopp"): ("backlash", "friction"),
     ("asym_gain", ""): ("rectified", "absolute_value"),
     ("rectified", "half_wave"): ("asym_gain", "absolute_value"),
     ("rectified", "share"): ("asym_gain", "absolute_value"),
@@ -75,7 +76,7 @@ ALIKE: dict[tuple[str, str], tuple[str, ...]] = {
     ("saturation", "soft"): ("cubic_gain", "hardening_stiffness"),
     ("cubic_gain", "falls"): ("saturation",),
     ("gain_drift", ""): ("tv_gain",),
-    ("friction", ""): ("stiction", "backlash"),
+    ("friction", ""): ("stiction",),
 }
 
 FORMS: list[Form] = []

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import _kernels
 
-STOPS = 2.0  # kind of a term, as the kernel ``arx_inside`` has it
+STOPS, SHARP = 2.0, 3.0  # kinds of terms, as the kernel ``arx_inside`` has them
 
 
 class Gains(NamedTuple):
@@ -42,7 +42,7 @@ class Spring(NamedTuple):
         In units of the command per unit of the output to the power 3 and 2.
     terms : tuple of (float, ...)
         Further forces of the output and its rate, and stops: the rows of numbers that the kernel
-        ``arx_inside`` takes. Operators have none.
+        ``arx_inside`` takes. Operators have dry friction in the limb only.
     """
 
     cubic: float = 0.0
@@ -70,6 +70,11 @@ class Spring(NamedTuple):
         rate = np.zeros_like(output) if rate is None else rate
         gate = _kernels.gate
         return held + _kernels.inside.resistances(gate(self.table), gate(output), gate(rate))
+
+    @property
+    def friction(self) -> float:
+        """Dry friction against the motion of the limb, in units of the command."""
+        return sum((t[2] for t in self.terms if t[0] == SHARP and t[1] != 0.0), 0.0)
 
     @property
     def stops(self) -> tuple[float, float]:
