@@ -1,7 +1,7 @@
 """Hidden forms in which names were missed in a simulator of other authors; suite ``further``.
 
 Open it for friction inside the limb, a command in steps, clocks and tremors that begin anywhere in
-each run, gains that drift on a curve, and for pairs in which one effect hides the other. They have a
+each run, gains that drift on a curve, and pairs in which one effect hides the other. They have a
 register of their own, so that the cases of ``hidden`` stay what they were. All are development
 cases: they were written after it was known that their like are missed.
 """

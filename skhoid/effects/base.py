@@ -203,7 +203,7 @@ class Effect(Composable, BaseEstimator):
         return None
 
     def noise_part(self, residual: np.ndarray, record: Record) -> np.ndarray | None:
-        """Its ``noise`` in the record's output, if a residual (n_samples, n_runs) shows it, or None.
+        """Its ``noise`` in the record's output; None if a residual (n_samples, n_runs) shows none.
 
         An operator's output is searched without it, since effects would be fitted to it.
         """

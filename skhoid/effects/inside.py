@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ SEEN = 0.05  # the same, of a measured speed, which is noisy
 SIZES = np.geomspace(0.03, 10.0, 11)  # of forces, in standard deviations of the input
 N_KEPT = 2  # starts
 LINE = 1e-4  # of the output's size, below which a root is a line
+OF_MACHINES = "for machines: domain='machine'"
 NO_OPERATOR = "for an ARX model: it acts between the lags of the output"
 
 
@@ -27,7 +28,7 @@ class _Inside(Effect):
     """What forces inside the recursion have in common."""
 
     place = "inside"
-    domains = ("machine",)
+    domains: ClassVar[tuple[str, ...]] = ("machine",)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return None if core == CoreKind.ARX else NO_OPERATOR
@@ -54,10 +55,12 @@ class Friction(_Inside):
     """Dry friction opposes the motion: a force that depends on the sign of the speed.
 
     In an operator's limb (``of="limb"``) it sticks where command and spring do not exceed it:
-    u'' + 2 zeta_nm omega_nm u' + omega_nm^2 (u + coulomb sign(u')) = omega_nm^2 command. In a
-    machine A(q) y = B(q) (x - F(v)) with v the output (``of="output"``, where that is a speed) or its rate
-    (``"rate"``). ``"coulomb"``: F = coulomb sign(v); ``"smooth"``: F = coulomb tanh(v / width);
-    ``"stribeck"``: F = coulomb sign(v) (1 + excess exp(-(v / fall)^2)), which is greater at rest.
+    u'' + 2 zeta_nm omega_nm u' + omega_nm^2 (u + coulomb sign(u')) = omega_nm^2 command.
+
+    In a machine A(q) y = B(q) (x - F(v)) with v the output (``of="output"``, where that is a speed)
+    or its rate (``"rate"``). ``"coulomb"``: F = coulomb sign(v); ``"smooth"``: F = coulomb
+    tanh(v / width); ``"stribeck"``: F = coulomb sign(v) (1 + excess exp(-(v / fall)^2)), which is
+    greater at rest.
     Viscous friction, proportional to v, is already in A(q), and a constant force in the intercept.
 
     Parameters
@@ -93,7 +96,8 @@ class Friction(_Inside):
 
     name = "friction"
     domains = ("human", "machine")
-    physics = "Dry friction opposes the motion, whatever the speed."
+    physics = "Dry friction in limb or stick opposes the motion, whatever the speed."
+    machine_physics = "Dry friction opposes the motion, whatever the speed."
     formula = "A y = B (x - coulomb sign(v) (1 + excess exp(-(v / fall)^2)))"
     tex = (
         r"A\,y = B\,(x - F(v)), \quad F = \begin{cases}"
@@ -143,6 +147,11 @@ class Friction(_Inside):
                 Parameter("fall", speed, 5e-3, 0.3, (0.05,), "speed of its fall"),
             )
         return (coulomb,)
+
+    def refusal_in(self, record: Record, core: CoreKind) -> str | None:
+        if core == CoreKind.ARX and record.domain == "human":
+            return OF_MACHINES
+        return super().refusal_in(record, core)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core == CoreKind.ARX:

@@ -15,9 +15,7 @@ def candidate(name, weight, gain, within=(), in_loop=None):
     """A candidate that passes, of twice the weight in the free run."""
     effect = SimpleNamespace(name=name, neutral={}, within=within)
     n = 1 if within else 3
-    one = Candidate(
-        name, effect, delta_bic=weight, joint=weight / 2, gain=gain, n_parameters=n
-    )
+    one = Candidate(name, effect, delta_bic=weight, joint=weight / 2, gain=gain, n_parameters=n)
     one.in_loop = in_loop
     return one
 
