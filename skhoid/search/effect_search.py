@@ -49,6 +49,7 @@ from .forward import Path, Search, forward, output_error_fit
 from .given_delay import GivenDelay, with_given_delay
 from .held_out import HeldOutRows
 from .left_out import control_of, without_rows
+from .pairs import pair_of
 from .progress import Progress
 from .results import error_path, held_out_table, ranking_table, short_ranking, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
@@ -348,7 +349,15 @@ class EffectSearchCV(
         given = GivenDelay.of(search, fitted) if most else None
         if given is None:
             found, best = numbers(search, prepared, forward(search, fitted, most))
-            return found, decided(found, tries_all=self._tries_all()), best
+            verdict = decided(found, tries_all=self._tries_all())
+            alone = verdict.best_effects == ["unknown"]
+            both = pair_of(search, found.path, most) if alone else None
+            if both is not None:
+                together, of_both = numbers(search, prepared, both)
+                said = decided(together, tries_all=self._tries_all())
+                if said.named:
+                    return together, said, of_both
+            return found, verdict, best
         freed, beside, baseline = given.freed(prepared, model)
         most += len(baseline.effects) - len(fitted.effects)
         free, _ = numbers(beside, freed, forward(beside, baseline, most))

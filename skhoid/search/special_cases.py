@@ -19,21 +19,21 @@ def as_good(special: Candidate, general: Candidate) -> bool:
     """Whether what a general form has beyond a special case would not count as an effect.
 
     That is asked as of any other effect: in the closed loop where that has judged both as linear,
-    else by ΔBIC, with noise models estimated along where those are known, and by points of held-out
-    rows where it has more parameters. A general form also takes up errors of the simulation and of
-    the noise model, so that ΔBIC prefers it in long records, whatever is true.
+    else by ΔBIC and by points of held-out rows. A general form also takes up errors of the
+    simulation and of the noise model, so that ΔBIC prefers it in long records, whatever is true.
+    Where it has no more parameters, so that the special case is one in the limit only, the unbiased
+    likelihood decides, if it is known.
     """
     one, other = special.in_loop, general.in_loop
     if one is not None and other is not None and special.linear_in_loop and general.linear_in_loop:
         more, gain = other.delta_bic - one.delta_bic, other.gain - one.gain
         if more <= LEAST_IN_LOOP or gain < LEAST_GAIN_IN_LOOP:
             return True
-    joint = general.joint - special.joint
-    more = joint if np.isfinite(joint) else general.weight - special.weight
-    if more <= LEAST_DELTA_BIC:
-        return True
-    larger = general.n_parameters > special.n_parameters
-    return larger and general.gain - special.gain < special.least_gain
+    joint, more = general.joint - special.joint, general.weight - special.weight
+    if general.n_parameters > special.n_parameters:
+        fewer_points = general.gain - special.gain < special.least_gain
+        return bool(more <= LEAST_DELTA_BIC or fewer_points)
+    return bool((joint if np.isfinite(joint) else more) <= LEAST_DELTA_BIC)
 
 
 def special_first(step: SearchStep) -> None:

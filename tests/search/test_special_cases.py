@@ -45,8 +45,8 @@ def test_the_general_form_stays_where_what_it_has_beyond_would_count():
     step = step_of(general, special())
     special_first(step)
     assert names(step) == ["tv_gain", "gain_drift"]
-    assert not as_good(special(1000.0 - 2.2 * LEAST_DELTA_BIC), general)
-    assert as_good(special(1000.0 - 1.8 * LEAST_DELTA_BIC), general)
+    assert not as_good(special(1000.0 - 1.1 * LEAST_DELTA_BIC), general)
+    assert as_good(special(1000.0 - 0.9 * LEAST_DELTA_BIC), general)
 
 
 def test_one_of_as_many_parameters_is_as_good_by_likelihood_alone():
