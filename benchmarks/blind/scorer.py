@@ -75,6 +75,7 @@ FORMS = {
     "motion_feedback": ("direct",),
     "cross_axis": ("error",),
     "tv_gain": ("sigmoid",),
+    "gain_drift": ("linear",),
     "stiction": ("jump",),
     "absolute_value": ("together",),
 }

@@ -76,6 +76,9 @@ class Effect(Composable, BaseEstimator):
         Values of parameters at which it does nothing, if there are any.
     free_form : bool
         Whether its shape is estimated: see :class:`FreeForm`.
+    within : tuple of str
+        Ids of effects of which it is a special case, or nearly one: a search names these only where
+        what they have beyond it counts as well.
 
     See Also
     --------
@@ -128,6 +131,7 @@ class Effect(Composable, BaseEstimator):
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     neutral: Mapping[str, float] = {}
     free_form: ClassVar[bool] = False
+    within: ClassVar[tuple[str, ...]] = ()
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """Output of the effect for the input ``signal``, at values of the parameters."""
@@ -199,6 +203,13 @@ class Effect(Composable, BaseEstimator):
 
     def signature(self, residual: np.ndarray, record: Record) -> Signature | None:
         """What a model's residual (n_samples, n_runs) shows of ``noise``; None if nothing."""
+        return None
+
+    def noise_part(self, residual: np.ndarray, record: Record) -> np.ndarray | None:
+        """Its ``noise`` in the record's output; None if a residual (n_samples, n_runs) shows none.
+
+        An operator's output is searched without it, since effects would be fitted to it.
+        """
         return None
 
     def realisation(

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import _kernels
 
-STOPS, TABLE, SPRING = 2.0, 4.0, 5.0  # kinds of terms, as the kernel ``arx_inside`` has them
+STOPS, SHARP, TABLE, SPRING = 2.0, 3.0, 4.0, 5.0  # kinds of terms, as ``arx_inside`` has them
 N_PLACES = 513  # at which a force of any shape is given
 
 
@@ -42,8 +42,9 @@ class Spring(NamedTuple):
     cubic, square : float
         In units of the command per unit of the output to the power 3 and 2.
     terms : tuple of (float, ...)
-        Further forces of the output and its rate, and stops: the rows of numbers that the kernel
-        kernels ``arx_inside`` and ``limb_inside`` take. Operators have no stops.
+        Further forces of the output and its rate, and stops: the rows of numbers that the kernels
+        ``arx_inside`` and ``limb_inside`` take. Operators have dry friction in the limb, and forces
+        of any shape.
     curves : tuple of ndarray of shape (N_PLACES,)
         Forces given as tables, by their values at equal distances; terms refer to them.
     """
@@ -95,6 +96,11 @@ class Spring(NamedTuple):
         return held + _kernels.inside.resistances(
             gate(self.table), self.tables, gate(output), gate(rate)
         )
+
+    @property
+    def friction(self) -> float:
+        """Dry friction against the motion of the limb, in units of the command."""
+        return sum((t[2] for t in self.terms if t[0] == SHARP and t[1] != 0.0), 0.0)
 
     @property
     def stops(self) -> tuple[float, float]:

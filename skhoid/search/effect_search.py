@@ -49,6 +49,7 @@ from .forward import Path, Search, forward, output_error_fit
 from .given_delay import GivenDelay, with_given_delay
 from .held_out import HeldOutRows
 from .left_out import control_of, without_rows
+from .pairs import pair_of
 from .progress import Progress
 from .results import error_path, held_out_table, ranking_table, short_ranking, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
@@ -336,19 +337,32 @@ class EffectSearchCV(
 
         With a delay that was given, names and what is left are those of a free one.
         """
+        recorded = search.record.y
+        assert recorded is not None
+        fitted = model.first_fit(replace(prepared, record=search.record))
+        most = int(self.max_effects)
+        quiet = search.quiet(fitted) if most else None
+        if quiet is not None:
+            held = held or [held_columns(fold.test) for fold in search.folds]
+            search, fitted = quiet, model.first_fit(replace(prepared, record=quiet.record))
         of_all = search.record is prepared.record
 
         def numbers(search: Search, prepared: Prepared, path: Path) -> tuple[SearchNumbers, Any]:
             best = _estimator(model, prepared, path.model if path.added else path.steps[0].plain)
             all_runs = None if of_all else AllRuns(prepared.record, held)
-            return numbers_of(search, path, best, prepared, measured, all_runs), best
+            return numbers_of(search, path, best, prepared, measured, recorded, all_runs), best
 
-        fitted = model.first_fit(replace(prepared, record=search.record))
-        most = int(self.max_effects)
         given = GivenDelay.of(search, fitted) if most else None
         if given is None:
             found, best = numbers(search, prepared, forward(search, fitted, most))
             ended = shaped(search, found, tries_all=self._tries_all())
+            alone = ended.verdict.best_effects == ["unknown"] and ended.shape is None
+            both = pair_of(search, found.path, most) if alone else None
+            if both is not None:
+                together, of_both = numbers(search, prepared, both)
+                again = shaped(search, together, tries_all=self._tries_all())
+                if again.verdict.named:
+                    ended, best = again, of_both
             self.shape_ = fitted_shape(ended, model, prepared, measured)
             return ended.found, ended.verdict, best
         freed, beside, baseline = given.freed(prepared, model)
@@ -536,7 +550,7 @@ class EffectSearchCV(
 
 def _estimator(model: SimulatedModel, prepared: Prepared, fitted: Model) -> Any:
     """The model as an estimator, at its largest likelihood."""
-    if fitted.simulator.record.n_runs < prepared.record.n_runs:
+    if fitted.simulator.record.y is not prepared.record.y:
         fitted = on_all_runs(fitted, prepared.record)
     found = likelihood_fit(_start_of(fitted), Criterion(prepared.record))
     return model.with_fit(prepared, *found)

@@ -53,8 +53,8 @@ EXPERIMENTS = {
     frozenset({"bias", "integral"}): "record a constant disturbance of 30 s",
     frozenset({"friction", "dead_zone"}): "record slow reversals at several amplitudes: friction "
     "holds the output at each turn; a dead zone only does so around zero input",
-    frozenset({"friction", "backlash"}): "let the machine coast from speed: friction stops it in "
-    "finite time; play does not",
+    frozenset({"friction", "backlash"}): "let the limb or machine coast from speed: friction stops "
+    "it in finite time; play does not",
     frozenset({"friction", "stiction"}): "record reversals at several speeds of the input",
     frozenset({"root_flow", "hardening_stiffness"}): "record steady states at several levels",
     frozenset({"stops", "saturation"}): "drive it into the stop and reverse at once: from its own "

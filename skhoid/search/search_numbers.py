@@ -74,17 +74,18 @@ def numbers_of(
     best: SimulatedModel,
     prepared: Prepared,
     measured: np.ndarray,
+    recorded: np.ndarray,
     all_runs: AllRuns | None = None,
 ) -> SearchNumbers:
     """Walk the path again, and look for what is left; ``measured`` has every row of y.
 
-    Where the search looked at some of the runs, steps are judged on ``all_runs`` of ``prepared``.
+    ``recorded`` is the output of the search's runs with the noise that the search took out. Where
+    it did, or looked at some of the runs, steps are judged on ``all_runs`` of ``prepared``.
     """
-    record = search.record
-    assert record.y is not None
+    record = replace(search.record, y=recorded)
     steps = walked(search, path, all_runs)
     left = leftovers(path.model, search.folds, search.loop)
-    noises, others = noises_in(record.y - path.model.output, record, search.noises)
+    noises, others = noises_in(recorded - path.model.output, record, search.noises)
     left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
     rest, rest_sd, vaf, unknown = gap_of(best, prepared, measured)
     noted = NOTED * search.share

@@ -269,3 +269,26 @@ def limb_inside(position, rate, matrices, terms, tables, dt):
         s[0] = y
         out.append(y)
     return out
+
+
+def rubbing(position, rate, matrices, omega, zeta, friction, stiffness, bound):
+    """As ``second_order`` with an explicit spring, and a force that is held over each step.
+
+    The force brings the rate y' = companion - 2 zeta omega y + omega^2 r at the end of the step to
+    zero, or as near as ``friction`` allows.
+    """
+    s, out = np.zeros(2), [0.0]
+    for k in range(len(position) - 1):
+        phi, before, after = matrices[k]
+        force = spring(s[0], *stiffness)
+        now = np.array([position[k] - force, rate[k]])
+        then = np.array([position[k + 1] - force, rate[k + 1]])
+        free = phi @ s + before @ now + after @ then
+        of_force = (before + after) @ np.array([1.0, 0.0])
+        to_rate = np.array([-2 * zeta[k] * omega[k], 1.0])
+        speed = to_rate @ free + omega[k] ** 2 * rate[k + 1]
+        held = np.clip(speed / (to_rate @ of_force), -friction, friction)
+        s = free - held * of_force
+        s[0] = np.clip(s[0], -bound, bound)
+        out.append(s[0])
+    return out
