@@ -46,6 +46,17 @@ class FreeForm(Effect):
         What to add to the curve where people see it: 1 for a factor.
     shrinks : bool
         Whether level and slope are known to be small too.
+
+    See Also
+    --------
+    Effect : The base class of all effects.
+
+    Examples
+    --------
+    >>> from skhoid.effects import FreeGain
+    >>> form = FreeGain(knots=(0.0, 10.0, 20.0, 30.0), values=(0.0, 0.1, 0.3, 0.2))
+    >>> float(form.curve(form.values, 10.0).round(3))
+    0.1
     """
 
     free_form: ClassVar[bool] = True

@@ -41,6 +41,7 @@ from .explanations import (
     changes_sentences,
     experiments,
     headline_of,
+    shape_note,
     summary_of,
     unexplained_by,
     untried_notes,
@@ -403,6 +404,9 @@ class EffectSearchCV(
         self.notes_ = self._where_searched + changes_sentences(found.changes)
         if self.max_effects:
             self.notes_ += untried_notes(self._candidates(), self.ranking_)
+        if self.shape_ is not None:
+            shape = self.shape_
+            self.notes_.append(shape_note(shape.sentence, shape.gain, shape.closed))
         best = self.best_estimator_
         self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
         if hasattr(best, "simulation_parameters_"):  # an operator

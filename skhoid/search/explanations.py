@@ -151,6 +151,14 @@ def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str
     return f"none of the {n_tried} effects tried explains"
 
 
+def shape_note(sentence: str, gain: float, closed: float) -> str:
+    """What a free form shows of an effect without a name."""
+    return (
+        f"what has no name has a shape: {sentence}; a curve that the data choose gains {gain:.1f} "
+        f"points of held-out VAF, {100 * closed:.0f} % of what is left to explain (see shape_)"
+    )
+
+
 def untried_notes(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[str]:
     """Why a search tried nothing, if it did: of each effect, what it needs."""
     if len(ranking) and (ranking["status"] != "does not apply").any():

@@ -31,7 +31,7 @@ LEVEL = 0.95
 class Shape:
     """An effect without a name: where it acts, its curve, and what it explains.
 
-    Attributes
+    Parameters
     ----------
     id : str
         Of the free form, such as ``"free_map"``.
@@ -71,6 +71,27 @@ class Shape:
         nothing in common), within_band, parameters.
     recordings : list of str
         What to record to tell them apart.
+
+    See Also
+    --------
+    EffectSearchCV : Its ``shape_`` is one, where something has no name.
+
+    Examples
+    --------
+    A response to small errors that is weaker, in a search that knows no dead zone:
+
+    >>> from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+    >>> from skhoid.effects import DeadZone
+    >>> X, y = make_tracking_runs(
+    ...     "C1",
+    ...     n_runs=3,
+    ...     remnant_intensity=0.1,
+    ...     effects=DeadZone(width=0.6),
+    ...     random_state=0,
+    ... )
+    >>> search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(X, y)
+    >>> search.shape_.sentence
+    'it acts on the error, as a function of its size and sign'
     """
 
     id: str

@@ -75,6 +75,7 @@ def hints_of(search: Search, parent: Model, forms: Sequence[FreeForm]) -> list[H
                 result = hinted(own, columns, prior, criterion, search.folds)
                 if result is not None:
                     found.append(Hint(variant, *result))
+                search.record.forget()  # one channel after the other
     return sorted(found, key=lambda hint: -hint.points)
 
 
