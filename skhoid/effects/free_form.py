@@ -150,6 +150,8 @@ class FreeForm(Effect):
         return self.with_choices(knots=quantile_knots(self.watched(record)))
 
     def with_values(self, values: Mapping[str, float]) -> Any:
+        if self.values is not None:  # given, so nothing was estimated
+            return self
         coefficients = np.array([values[p.name] for p in self.parameters])
         return self.with_choices(values=tuple((self.curve.basis @ coefficients).tolist()))
 
