@@ -60,8 +60,9 @@ def convolved(signal: np.ndarray, curve: Curve, knots: tuple[float, ...], dt: fl
 class FreePath(_Remembering):
     """A response to a channel with any smooth impulse response.
 
-    command + integral of curve(lag) (channel(t - lag) - reference). To what the loop moves, a person responds
-    after the least delay of the model; of a target alone, the future is tried too (``ahead``).
+    command + integral of curve(lag) (channel(t - lag) - reference). To what the loop moves, a
+    person responds after the least delay of the model; of a target alone, the future is tried too
+    (``ahead``).
 
     Parameters
     ----------
@@ -151,7 +152,9 @@ class FreePath(_Remembering):
         known = super().with_knots(record)
         if self.reference is not None:
             return known
-        return known.with_choices(reference=float(record.channel(self.channel)[record.known].mean()))
+        return known.with_choices(
+            reference=float(record.channel(self.channel)[record.known].mean())
+        )
 
     def first_lag(self, record: Record) -> float:
         role = record.roles.get(self.channel or "", "")
