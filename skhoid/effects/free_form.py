@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -103,7 +102,7 @@ class FreeForm(Effect):
     def curve(self) -> SmoothCurve:
         """The family of curves."""
         assert self.knots is not None
-        return _smooth_curve(tuple(self.knots), self.kept)
+        return SmoothCurve(tuple(self.knots), self.kept)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
@@ -168,12 +167,6 @@ class FreeForm(Effect):
     def design(self, at: np.ndarray) -> np.ndarray:
         """Values at points by each coefficient, of shape (n_points, n_coefficients)."""
         return self.curve(self.curve.basis, at)
-
-
-@lru_cache(maxsize=64)
-def _smooth_curve(knots: tuple[float, ...], kept: tuple[int, ...]) -> SmoothCurve:
-    """One object for the same knots, whose basis is found once."""
-    return SmoothCurve(knots, kept)
 
 
 def quantile_knots(signal: np.ndarray, n_knots: int = N_KNOTS) -> tuple[float, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -58,11 +57,6 @@ class LoadingCurve:
         tail = (...,) + (None,) * (np.ndim(values) - 1)
         by_play = np.minimum(np.abs(at)[..., None], np.asarray(self.knots))
         return np.sign(at)[tail] * (-by_play @ self.weights(np.asarray(values)))
-
-
-@lru_cache(maxsize=64)
-def _loading_curve(knots: tuple[float, ...]) -> LoadingCurve:
-    return LoadingCurve(knots)
 
 
 class FreeHysteresis(FreeForm):
@@ -144,7 +138,7 @@ class FreeHysteresis(FreeForm):
     @property
     def curve(self) -> Any:
         assert self.knots is not None
-        return _loading_curve(tuple(self.knots))
+        return LoadingCurve(tuple(self.knots))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]

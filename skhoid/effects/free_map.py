@@ -48,7 +48,6 @@ class FreeMap(FreeForm):
     spread : float or None, default=None
         Size of the curve's smoothest part, in the same units, that decides how smooth it is;
         None chooses it by likelihood.
-
     folded : bool or None, default=None
         Whether the curve has a linear part too, over outputs of either sign, as an output needs
         whose sign a sensor may not show; None tries it where a model without the map shows less

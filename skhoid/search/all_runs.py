@@ -24,6 +24,14 @@ def held_columns(test: np.ndarray, columns: np.ndarray | None = None) -> Held:
     return (some if columns is None else columns[some]), test[:, some]
 
 
+def on_rows_of(record: Record, fitted: Model) -> Model:
+    """The model fitted to all rows of a record, where a search fitted it to others.
+
+    It looks at some of the runs, or takes noise out of the output.
+    """
+    return fitted if fitted.simulator.record.y is record.y else on_all_runs(fitted, record)
+
+
 @dataclass(frozen=True)
 class AllRuns:
     """A record of all runs, and what each fold of the search holds out of it.

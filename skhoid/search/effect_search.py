@@ -25,7 +25,7 @@ from ..greybox.model import Model
 from ..greybox.operator_summary import delay_notes
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel, check_simulated_model
-from ..greybox.some_runs import MOST_ROWS, on_all_runs, some_runs
+from ..greybox.some_runs import MOST_ROWS, some_runs
 from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
 from ..preprocessing.base import as_fitted, keep_parameters
@@ -35,7 +35,7 @@ from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
 from ..summaries import ModelSummary, Summary, estimates_table
-from .all_runs import AllRuns, Held, held_columns
+from .all_runs import AllRuns, Held, held_columns, on_rows_of
 from .explanations import (
     VERDICTS,
     changes_sentences,
@@ -305,11 +305,11 @@ class EffectSearchCV(
             measured = as_output(y)
             kept = np.where(known, measured, np.nan)
             found, verdict, best = self._searched(search, model, prepared, kept, held)
-            self._conclude(verdict)
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
             self.baseline_ = _estimator(model, prepared, found.path.steps[0].plain)
+            self._conclude(verdict)
             self.left_out_ = control.table
             self._tell_searched(prepared, some)
             self._tabulate(found, prepared)
@@ -554,8 +554,7 @@ class EffectSearchCV(
 
 def _estimator(model: SimulatedModel, prepared: Prepared, fitted: Model) -> Any:
     """The model as an estimator, at its largest likelihood."""
-    if fitted.simulator.record.y is not prepared.record.y:
-        fitted = on_all_runs(fitted, prepared.record)
+    fitted = on_rows_of(prepared.record, fitted)
     found = likelihood_fit(_start_of(fitted), Criterion(prepared.record))
     return model.with_fit(prepared, *found)
 

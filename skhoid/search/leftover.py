@@ -128,22 +128,41 @@ def _judged(
     delta_bic = n * np.log(max(before, least) / max(after, least)) - len(columns) * np.log(n)
     if delta_bic < LEAST_DELTA_BIC:
         return None
+    points = points_gained(white, plain, residual, n_own, criterion, folds, _solved)
+    return (points, float(delta_bic)) if points > 0 else None
+
+
+def points_gained(
+    white: np.ndarray,
+    plain: np.ndarray,
+    residual: np.ndarray,
+    n_own: int,
+    criterion: Criterion,
+    folds: Sequence[HeldOutRows],
+    solved: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    known: np.ndarray | float = 0.0,
+) -> float:
+    """Points of VAF on held-out rows that responses gain over the first ``n_own`` of them.
+
+    ``plain`` are the responses; ``white`` has them, and the ``residual`` last, whitened. Their
+    coefficients are ``solved`` from the normal equations of each fold's training rows, to which
+    what is ``known`` beforehand adds.
+    """
     by_row = white.reshape(len(white), *residual.shape)
     gained = total = 0.0
     for fold in folds:
         train, test = fold.train[:: criterion.thin], fold.test[:: criterion.thin]
         rows = by_row[:, train]
         g = rows @ rows.T
-        full = _solved(g[:-1, :-1], g[:-1, -1])
-        fewer = _solved(g[:n_own, :n_own], g[:n_own, -1])
-        e0 = residual[test] - fewer @ plain[:n_own, test]
-        e1 = residual[test] - full @ plain[:, test]
+        full = solved(g[:-1, :-1] + known, g[:-1, -1])
+        fewer = solved(g[:n_own, :n_own], g[:n_own, -1])
         left = residual[test]
-        # Own parameters that move beyond their linearisation would make any family look good.
+        e0 = left - fewer @ plain[:n_own, test]
+        e1 = left - full @ plain[:, test]
+        # Own parameters that move beyond their linearisation would make any response look good.
         gained += min(float(e0 @ e0), float(left @ left)) - float(e1 @ e1)
         total += float((criterion.y[test] ** 2).sum())
-    points = 100 * gained / max(total, 1e-300)
-    return (points, float(delta_bic)) if points > 0 else None
+    return 100 * gained / max(total, 1e-300)
 
 
 def _solved(gram: np.ndarray, product: np.ndarray) -> np.ndarray:

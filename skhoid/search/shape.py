@@ -8,19 +8,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
+from ..greybox.estimates import effects_with_values
 from ..greybox.fitting import Criterion
 from ..greybox.likelihood import settled
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
 from ..greybox.smoothing import posterior_of
-from ..greybox.some_runs import on_all_runs
+from .all_runs import on_rows_of
+from .candidates import Candidate
 from .forward import output_error_fit
 from .leftover import leftovers
 from .search_numbers import gap_of
-from .shapes import FoundShape, Shaped
+from .shapes import Shaped
 
 N_POINTS = 101
 N_DRAWS = 4000
@@ -151,25 +152,13 @@ def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[st
     return f"{effect.over} ({x})", f"{effect.y_word} ({y})"
 
 
-def with_curve(model: Model, name: str) -> Effects:
-    """The effects of a model, the free form with its curve."""
-    values = model.values()
-    steps: list[tuple[str, Any]] = []
-    for own, effect in model.effects:
-        if own == name:
-            found = {p.name: values[f"{own}__{p.name}"] for p in effect.free}
-            effect = effect.with_values(found)
-        steps.append((own, effect))
-    return Effects(steps)
-
-
 def shape_of(
-    found: FoundShape, estimator: Any, closed: float, units: dict[str, str | None]
+    candidate: Candidate, estimator: Any, closed: float, units: dict[str, str | None]
 ) -> Shape:
     """What a search shows of the best free form, in a fitted estimator that has it."""
-    model, candidate = found.model, found.candidate
-    effects = with_curve(model, candidate.name)
-    effect: Any = dict(effects.steps)[candidate.name]
+    model = candidate.model
+    assert model is not None
+    effect: Any = dict(effects_with_values(model).steps)[candidate.name]
     curve, dof = curve_with_band(model, candidate.name)
     x_label, y_label = labels_of(model, candidate.name, units)
     loop = candidate.in_loop
@@ -203,17 +192,14 @@ def fitted_shape(
 ) -> Shape | None:
     """The shape of a search on all rows; None where there is none."""
     found = shaped.shape
-    if found is None:
+    if found is None or found.model is None:
         return None
-    fitted = output_error_fit(found.model)
-    if fitted.simulator.record.n_runs < prepared.record.n_runs:
-        fitted = on_all_runs(fitted, prepared.record)
+    fitted = on_rows_of(prepared.record, output_error_fit(found.model))
     best = model.with_fit(prepared, *settled(fitted, Criterion(prepared.record)))
     best.set_params(effects=found.model.effects)
     rest, _, _, _ = gap_of(best, prepared, measured)
     if not np.isfinite(rest):
         folds = shaped.search.folds
         rest = max([item.points for item in leftovers(fitted, folds)], default=0.0)
-    gain = found.candidate.gain
-    closed = float(gain / max(gain + max(rest, 0.0), 1e-300))
+    closed = float(found.gain / max(found.gain + max(rest, 0.0), 1e-300))
     return shape_of(found, best, closed, prepared.units)

@@ -15,10 +15,10 @@ from ..greybox.extend import extended
 from ..greybox.fitting import Criterion, derivatives, scaled_inverse
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
-from .candidates import LEAST_DELTA_BIC, Candidate, SearchStep
+from .candidates import LEAST_DELTA_BIC, Candidate
 from .forward import Search, better
 from .held_out import HeldOutRows
-from .leftover import Leftover
+from .leftover import Leftover, points_gained
 from .search_numbers import SearchNumbers
 from .verdict import BESIDE_ONE, BESIDE_SEVERAL, Outcome, Verdict, decided, unnamed
 
@@ -39,28 +39,27 @@ class Hint:
     delta_bic: float
 
 
-def shape_step(search: Search, parent: Model, forms: Sequence[FreeForm]) -> SearchStep:
-    """Free forms for a parent, judged as effects with names are, the best first.
+def found_shape(search: Search, parent: Model, hints: Sequence[Hint]) -> Candidate | None:
+    """The best free form for a parent, judged as effects with names are; None where none passes.
 
-    ``parent`` is at the least error of simulation.
+    ``parent`` is at the least error of simulation, and ``hints`` are those of it.
     """
-    hints = hints_of(search, parent, forms)[:FOLLOWED]
     candidates = []
-    for number, hint in enumerate(hints):
+    for number, hint in enumerate(hints[:FOLLOWED]):
         name = f"{NAME}_{number}"
         model = extended(parent, name, hint.effect, search.criterion, search.coarse)
         candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
-    return search.judged(parent, candidates)
+    return search.judged(parent, candidates).best
 
 
-def hints_of(search: Search, parent: Model, forms: Sequence[FreeForm]) -> list[Hint]:
+def hints_of(search: Search, parent: Model) -> list[Hint]:
     """Forms at every place where they apply, those first that explain most of held-out rows."""
     record = replace(search.record, prediction=parent.output)
     criterion = Criterion(search.record)
     criterion.set_noise(criterion.remnant_model(parent.output))
-    own = derivatives(parent.simulator, criterion, parent.theta)
+    own, values = derivatives(parent.simulator, criterion, parent.theta), parent.values()
     found = []
-    for form in forms:
+    for form in (form() for form in FREE_FORMS):
         if form.refusal_in(record, search.core.kind):
             continue
         for one in form.alternatives(record):
@@ -69,22 +68,15 @@ def hints_of(search: Search, parent: Model, forms: Sequence[FreeForm]) -> list[H
                     continue  # what does not move has no curve
                 effects = Effects([*parent.effects.steps, (NAME, variant)])
                 simulator = Simulator(search.core, effects, search.record)
-                values = parent.values()
                 theta = np.array([values.get(name, 0.0) for name in simulator.names])
                 at = [i for i, name in enumerate(simulator.names) if name not in values]
                 columns = derivatives(simulator, criterion, theta)[at]
-                prior = curvature_of(simulator, theta)[np.ix_(at, at)]
+                prior = simulator.prior.normal_equations(theta)[0][np.ix_(at, at)]
                 result = hinted(own, columns, prior, criterion, search.folds)
                 if result is not None:
                     found.append(Hint(variant, *result))
                 search.record.forget()  # one channel after the other
     return sorted(found, key=lambda hint: -hint.points)
-
-
-def curvature_of(simulator: Simulator, theta: np.ndarray) -> np.ndarray:
-    """Second derivatives of the squares of the prior, for residuals of variance one."""
-    curvature, _ = simulator.prior.normal_equations(theta)
-    return np.asarray(curvature)
 
 
 def hinted(
@@ -120,45 +112,12 @@ def hinted(
     delta_bic, known = best
     if delta_bic < LEAST_DELTA_BIC:
         return None
-    by_row = white.reshape(len(white), *residual.shape)
-    gained = total = 0.0
-    for fold in folds:
-        train, test = fold.train[:: criterion.thin], fold.test[:: criterion.thin]
-        rows = by_row[:, train]
-        g = rows @ rows.T
-        full = _solve(g[:-1, :-1] + known, g[:-1, -1])
-        fewer = _solve(g[:n_own, :n_own], g[:n_own, -1])
-        left = residual[test]
-        e0 = left - fewer @ plain[:n_own, test]
-        e1 = left - full @ plain[:, test]
-        # Own parameters that move beyond their linearisation would make any curve look good.
-        gained += min(float(e0 @ e0), float(left @ left)) - float(e1 @ e1)
-        total += float((criterion.y[test] ** 2).sum())
-    points = 100 * gained / max(total, 1e-300)
+    points = points_gained(white, plain, residual, n_own, criterion, folds, _solve, known)
     return (points, delta_bic) if points > 0 else None
 
 
 def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
     return np.asarray(scaled_inverse(gram) @ product)
-
-
-@dataclass(frozen=True)
-class FoundShape:
-    """The best free form for a parent, and the step in which it was judged."""
-
-    step: SearchStep
-    candidate: Candidate
-
-    @property
-    def model(self) -> Model:
-        assert self.candidate.model is not None
-        return self.candidate.model
-
-
-def found_shape(search: Search, parent: Model, forms: Sequence[FreeForm]) -> FoundShape | None:
-    """The free form that explains most of what a parent leaves; None where none passes."""
-    step = shape_step(search, parent, forms)
-    return None if step.best is None else FoundShape(step, step.best)
 
 
 @dataclass(frozen=True)
@@ -168,7 +127,7 @@ class Shaped:
     search: Search
     found: SearchNumbers
     verdict: Verdict
-    shape: FoundShape | None
+    shape: Candidate | None = None
 
 
 def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
@@ -177,53 +136,50 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     One free form in place of all the effects that were named, which explains more, is structure
     that these leave: they may stand in for something else together.
     """
-    verdict = decided(found, tries_all=tries_all)
+    verdict, baseline = decided(found, tries_all=tries_all), found.steps[0].plain
+    rival = None
     if verdict.outcome == Outcome.FOUND and found.added:
-        found = beside_one_form(search, found)
+        found, rival = beside_one_form(search, found)
         verdict = decided(found, tries_all=tries_all)
     elif verdict.outcome == Outcome.NOTHING and found.left:
-        shape = found_shape(search, found.steps[0].plain, forms())
-        if shape is None or shape.candidate.gain < BESIDE_ONE[0] * found.share:
-            return Shaped(search, found, verdict, None)
-        verdict = Verdict(unnamed(tries_all), [], [])
-        return Shaped(search, found, verdict, shape)
+        shape = found_shape(search, baseline, hints_of(search, baseline))
+        if shape is None or shape.gain < BESIDE_ONE[0] * found.share:
+            return Shaped(search, found, verdict)
+        return Shaped(search, found, Verdict(unnamed(tries_all), [], []), shape)
     if verdict.outcome not in NO_NAME:
-        return Shaped(search, found, verdict, None)
-    return Shaped(
-        search, found, verdict, found_shape(search, unnamed_parent(found, verdict), forms())
-    )
+        return Shaped(search, found, verdict)
+    parent = unnamed_parent(found, verdict)
+    if rival is None or parent is not baseline:
+        rival = found_shape(search, parent, hints_of(search, parent))
+    return Shaped(search, found, verdict, rival)
 
 
-def beside_one_form(search: Search, found: SearchNumbers) -> SearchNumbers:
-    """The numbers, with what one free form in place of all effects explains beyond them.
+def beside_one_form(search: Search, found: SearchNumbers) -> tuple[SearchNumbers, Candidate | None]:
+    """The numbers, with what one free form in place of all effects explains beyond them; the form.
 
     Where it explains as much as several and is likelier, none of these explains its part.
     """
     several = len(found.added) > 1
     least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
     baseline = found.steps[0].plain
-    most = max([hint.points for hint in hints_of(search, baseline, forms())], default=0.0)
+    hints = hints_of(search, baseline)
+    most = max([hint.points for hint in hints], default=0.0)
     if most < found.gained + (-AS_GOOD if several else max(least * found.share, share * most)):
-        return found
-    rival = found_shape(search, baseline, forms())
-    if rival is None:
-        return found
-    excess = rival.candidate.gain - found.gained
+        return found, None
+    rival = found_shape(search, baseline, hints)
+    if rival is None or rival.model is None:
+        return found, None
+    excess = rival.gain - found.gained
     likelier = (
         several and excess > -AS_GOOD and better(search, baseline, rival.model, found.path.model)
     )
     if not likelier and not excess > 0.0:
-        return found
-    effect: Any = rival.candidate.effect
-    more = Leftover("shape", effect.over, ONE_FORM, excess, rival.candidate.delta_bic)
+        return found, rival
+    effect: Any = rival.effect
+    more = Leftover("shape", effect.over, ONE_FORM, excess, rival.delta_bic)
     left = [*found.left, more] if excess >= least * found.share else found.left
     left = sorted(left, key=lambda item: -item.points)
-    return replace(found, left=left, one_cause=likelier)
-
-
-def forms() -> list[FreeForm]:
-    """All free forms, with nothing chosen."""
-    return [form() for form in FREE_FORMS]
+    return replace(found, left=left, one_cause=likelier), rival
 
 
 def unnamed_parent(found: SearchNumbers, verdict: Verdict) -> Model:
