@@ -81,6 +81,7 @@ class LoopSimulator:
         self.names, self.scale = open_loop.names, open_loop.scale
         self.low, self.high, self.smooth = open_loop.low, open_loop.high, open_loop.smooth
         self.size = open_loop.size
+        self._open_loop = open_loop
         self._spread = record.sd("e")
         self._theta: np.ndarray | None = None
         self._pulse: tuple[np.ndarray, np.ndarray | None] | None = None
@@ -113,7 +114,7 @@ class LoopSimulator:
         return moved_with(self._columns, error, self._follow)
 
     def _open(self, error: np.ndarray) -> Simulator:
-        return Simulator(self.core, self.effects, self._with_error(error))
+        return self._open_loop.beside(self._with_error(error))
 
     def run(self, theta: np.ndarray) -> np.ndarray:
         """Output in the loop, the mean over draws of the remnant; NaN where none is found."""
@@ -204,10 +205,8 @@ class LoopSimulator:
         size = 0.3 * self._spread / max(float(np.std(remnant)), 1e-300)
         error = self.record.input
         both = [
-            Simulator(
-                self.core,
-                self.effects,
-                moved_with(self.record, error + s * size * remnant, self._follow),
+            self._open_loop.beside(
+                moved_with(self.record, error + s * size * remnant, self._follow)
             ).run(theta)
             for s in (0, 1, -1)
         ]
