@@ -10,11 +10,13 @@ import numpy as np
 from loop import (
     A1,
     B0,
+    FRICTION,
     K_E,
     K_EDOT,
     N_COLUMNS,
     N_MUSCLE,
     N_PATHS,
+    N_PLAYS,
     OMEGA_NM,
     TAU,
     WEIGHT,
@@ -24,6 +26,8 @@ from loop import (
 from signals import FINE_TIME, N_FINE, START, Multisine
 
 CANONICAL = "canonical"
+OUTPUT_ROW = 3 + 2 * N_PLAYS
+N_CURVE = 1001  # points of a tabled curve
 
 
 @dataclass(frozen=True)
@@ -150,6 +154,8 @@ class Wiring:
         self.muscle = np.zeros(N_MUSCLE)
         self.muscle[OMEGA_NM], self.muscle[ZETA_NM] = operator.omega_nm, operator.zeta_nm
         self.muscle[B0] = 1.0
+        self.curves: list[list[float]] = []
+        self.sections: list[np.ndarray] = []
 
     @property
     def rng(self) -> np.random.Generator:
@@ -162,6 +168,14 @@ class Wiring:
 
     def filter(self, numerator: list[float], denominator: list[float]) -> None:
         """A second-order filter of the command, by the trapezoidal rule; powers of s rise."""
+        self.muscle[B0 : A1 + 2] = self._recursion(numerator, denominator)
+
+    def section(self, numerator: list[float], denominator: list[float]) -> None:
+        """One more such filter behind ``filter``, as many as are wanted."""
+        self.sections.append(self._recursion(numerator, denominator))
+
+    def _recursion(self, numerator: list[float], denominator: list[float]) -> np.ndarray:
+        """b_0, b_1, b_2, a_1, a_2."""
         s = 2 / (self.t[1] - self.t[0])
         b, a = (
             (
@@ -171,13 +185,20 @@ class Wiring:
             )
             for p in (numerator, denominator)
         )
-        self.muscle[B0 : B0 + 3] = np.array(b) / a[0]
-        self.muscle[A1 : A1 + 2] = np.array(a[1:]) / a[0]
+        return np.array([*b, *a[1:]]) / a[0]
+
+    def curve(self, place: int, of: Callable[[np.ndarray], np.ndarray], reach: float) -> None:
+        """A static curve at a place of the loop, tabled over +-reach and straight beyond."""
+        x = np.linspace(-reach, reach, N_CURVE)
+        self.curves.append([place, x[0], x[1] - x[0], *of(x)])
 
     def run(self, out: np.ndarray, begin: int, closed: bool) -> bool:
         """Simulate from the row ``begin`` on, into ``out``; False where the loop runs away."""
-        maps, outputs = _padded(self.maps, 4), _padded(self.outputs, 5)
-        rest = (self.paths, self.hold, self.muscle, START - begin, out, closed)
+        maps, outputs = _padded(self.maps, 4), _padded(self.outputs, OUTPUT_ROW)
+        sections, curves = np.reshape(self.sections, (-1, 5)), None
+        if self.curves or len(sections) or self.muscle[FRICTION]:
+            curves = _padded(self.curves, 3 + N_CURVE)
+        rest = (self.paths, self.hold, self.muscle, curves, sections, START - begin, out, closed)
         return bool(run_loop(self.table[begin:], maps, outputs, *rest))
 
 

@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from baseline import LinearOperator, vaf
+from curves import true_curves
 from effects import Context, Effect, RunInputs, Wiring
+from effects_beyond import DRAW as DRAW_BEYOND
+from effects_beyond import WIRE as WIRE_BEYOND
 from effects_in_time import DRAW as DRAW_IN_TIME
 from effects_in_time import WIRE as WIRE_IN_TIME
 from effects_paths import DRAW as DRAW_PATHS
@@ -32,15 +35,17 @@ from world import (
     record,
 )
 
-DRAW = {**DRAW_IN_TIME, **DRAW_STATIC, **DRAW_PATHS}
-WIRE = {**WIRE_IN_TIME, **WIRE_STATIC, **WIRE_PATHS}
+KNOWN = {**DRAW_IN_TIME, **DRAW_STATIC, **DRAW_PATHS}
+DRAW = {**KNOWN, **DRAW_BEYOND}
+WIRE = {**WIRE_IN_TIME, **WIRE_STATIC, **WIRE_PATHS, **WIRE_BEYOND}
 LINEAR = ("extra_lag", "nm_mode", "extra_lead", "higher_order")
-EFFECTS = (*(name for name in DRAW if name not in LINEAR), *LINEAR)
+EFFECTS = (*(name for name in KNOWN if name not in LINEAR), *LINEAR)
+BEYOND = tuple(DRAW_BEYOND)
 NO_GAP = ("extra_lag", "nm_mode", "tremor")  # need none
 NULLS = ("plain", "heavy", "growing", "changing element", "decoys")
-SUITES = ("main", "null", "pairs", "one_run", "left_out")
+SUITES = ("main", "null", "pairs", "one_run", "left_out", "beyond")
 OFF, OFF_OF_PAIRS = 0.4, 0.2  # share of forms that differ from the catalogue's
-SMALLEST, LARGEST = 1.0, 60.0  # points
+SMALLEST, LARGEST, LARGEST_BEYOND = 1.0, 60.0, 20.0  # points
 ATTEMPTS = 150
 REALISATIONS = 16  # of the remnant, for the mean answer
 
@@ -66,7 +71,8 @@ class Case:
     left_out : str or None
         The effect that the search must do without.
     truth : dict
-        effects, parameters, form, canonical, P_n, order, plant and more.
+        effects, parameters, form, canonical, P_n, order, plant and more; of the suites ``left_out``
+        and ``beyond`` the true curves.
     oracle_prediction, baseline_prediction : ndarray of shape (n_rows,)
         For X_test: by the true operator, effects and all, without remnant; by the best linear one.
     oracle_vaf, baseline_vaf, gap : float
@@ -99,12 +105,14 @@ class Case:
     oracle_vaf_of_training: float
 
 
-def effect_of(number: int) -> str:
-    """The effect of a case of the suites main, one_run and left_out.
+def effect_of(number: int, suite: str = "main") -> str:
+    """The effect of a case of the suites main, one_run, left_out and beyond.
 
     The first 28 take turns; the four linear ones share two turns of thirty. 448 cases have each
-    of the 28 fifteen times.
+    of the 28 fifteen times. Those of ``beyond`` take turns too.
     """
+    if suite == "beyond":
+        return BEYOND[number % len(BEYOND)]
     turn, place = divmod(number, 30)
     if place < 28:
         return EFFECTS[place]
@@ -116,7 +124,7 @@ def make_case(suite: str, number: int, seed: int) -> Case:
 
     Parameters
     ----------
-    suite : {"main", "null", "pairs", "one_run", "left_out"}
+    suite : {"main", "null", "pairs", "one_run", "left_out", "beyond"}
         Which suite.
     number : int
         Of the case in its suite; with it the effect goes in turn.
@@ -139,12 +147,13 @@ def make_case(suite: str, number: int, seed: int) -> Case:
     rng = np.random.default_rng(np.random.SeedSequence([seed, SUITES.index(suite), number]))
     variant = NULLS[number % len(NULLS)] if suite == "null" else "plain"
     off_share = OFF_OF_PAIRS if suite == "pairs" else OFF
+    largest = LARGEST_BEYOND if suite == "beyond" else LARGEST
     if suite == "null":
         names: tuple[str, ...] = ()
     elif suite == "pairs":
         names = draw_pair(rng, EFFECTS)
     else:
-        names = (effect_of(number),)
+        names = (effect_of(number, suite),)
     off = bool(rng.random() < off_share)
     boost, reason = 1.0, ""
     for _ in range(ATTEMPTS):
@@ -157,7 +166,7 @@ def make_case(suite: str, number: int, seed: int) -> Case:
             return case
         if case.gap < SMALLEST or (suite == "pairs" and min(case.truth["worth"]) < SMALLEST):
             boost, reason = boost * 1.15, "Its gap is too small."
-        elif case.gap > LARGEST:
+        elif case.gap > largest:
             boost, reason = boost * 0.9, "Its gap is too large."
         else:
             return case
@@ -235,6 +244,10 @@ def _attempt(
         "amplitude": float(world.targets[1].amplitude[0] / world.targets[0].amplitude[0]),
         "boost": boost,
     }
+    if suite in ("left_out", "beyond"):
+        truth["curves"] = true_curves(
+            effects[0], wirings[:n_train], outs[:n_train], known[:n_train]
+        )
     if suite == "pairs":
         if oracle_vaf - baseline_vaf < SMALLEST:
             raise HopelessError("Its gap is too small.")

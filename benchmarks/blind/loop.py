@@ -21,7 +21,10 @@ N_COLUMNS = 14
 DEAD_ZONE, JUMP, SMOOTH_DEAD_ZONE, ASYMMETRY, SMOOTH_ASYMMETRY, HALF_WAVE = 1, 2, 3, 4, 5, 6
 SOFT_HALF_WAVE, POWER_ADDED, POWER, SINH, ASINH = 7, 8, 9, 10, 11
 CLIP, TANH, RATE_LIMIT, LAGGED_RATE_LIMIT, PLAY, ROUNDED_PLAY = 1, 2, 3, 4, 5, 6
-STICK_JUMP, STICK_SLIP, ROUND, FLOOR, UNEVEN = 7, 8, 9, 10, 11
+STICK_JUMP, STICK_SLIP, ROUND, FLOOR, UNEVEN, PLAYS = 7, 8, 9, 10, 11, 12
+N_PLAYS = 4
+# Where a curve given by a table acts; a row is the place, the first abscissa, the step, the values.
+AT_INPUT, AT_COMMAND, AT_SPRING, AT_RATE = 1, 2, 3, 4
 
 # Numbers of the other paths.
 OUT_GAIN, OUT_RATE, OUT_DELAY, MOTION_GAIN, MOTION_DELAY, MOTION_LEAD, MOTION_LAG = (
@@ -39,7 +42,8 @@ N_PATHS = 13
 # Sample and hold: kind, hold time (s), threshold. Neuromuscular filter and what stands before it.
 CLOCK, EVENT_OF_COMMAND, EVENT_OF_ERROR = 1, 2, 3
 OMEGA_NM, ZETA_NM, CUBIC, QUADRATIC, LEAD, B0, B1, B2, A1, A2 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
-N_MUSCLE = 10
+BRISTLE, FRICTION = 10, 11
+N_MUSCLE = 12
 
 # Rows of what comes out.
 E, X, ACC, U = 0, 1, 2, 3
@@ -55,8 +59,20 @@ def _at(signal: np.ndarray, position: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _seen(e: float, maps: np.ndarray) -> float:
+def _curve(x: float, row: np.ndarray) -> float:
+    """The value of a tabled curve; beyond its ends it goes on straight."""
+    position = (x - row[1]) / row[2]
+    i = min(max(int(position), 0), len(row) - 5)
+    return row[3 + i] + (position - i) * (row[4 + i] - row[3 + i])
+
+
+@njit(cache=True, nogil=True)
+def _seen(e: float, maps: np.ndarray, curves: np.ndarray | None) -> float:
     """The error behind the static maps of the operator's input."""
+    if curves is not None:
+        for i in range(len(curves)):
+            if curves[i, 0] == AT_INPUT:
+                e = _curve(e, curves[i])
     for row in maps:
         kind, a, b = int(row[0]), row[1], row[2]
         if kind == DEAD_ZONE:
@@ -127,6 +143,11 @@ def _put_out(v: float, row: np.ndarray, state: np.ndarray) -> float:
         u = a * np.floor(v / a)
     elif kind == UNEVEN:
         u = np.sign(v) * a * np.round(abs(v / a) ** b) ** (1 / b)
+    elif kind == PLAYS:  # a straight part, and plays of unequal gaps and weights
+        u = a * v
+        for i in range(N_PLAYS):
+            state[1 + i] = _play(v, state[1 + i], row[3 + 2 * i])
+            u += row[4 + 2 * i] * state[1 + i]
     state[0] = u
     return u
 
@@ -139,6 +160,8 @@ def run_loop(
     paths: np.ndarray,
     hold: np.ndarray,
     muscle: np.ndarray,
+    curves: np.ndarray | None,
+    sections: np.ndarray,
     start: int,
     out: np.ndarray,
     closed: bool,
@@ -146,7 +169,8 @@ def run_loop(
     """One run: fill the rows e, x, acceleration and u of ``out``; if not closed, only the last.
 
     False where the loop runs away. The table's row k is the instant k DT; the recording begins
-    with the row ``start``.
+    with the row ``start``. Without ``curves``, a variant is compiled that has neither them nor
+    sections nor friction, as most effects need none.
     """
     n = len(table)
     e, x, acc = out[E], out[X], out[ACC]
@@ -154,8 +178,9 @@ def run_loop(
     h = DT / 2
     below = 1 + 2 * zeta * w * h + (w * h) ** 2
     above = 1 - 2 * zeta * w * h - (w * h) ** 2
-    state = np.zeros((len(outputs), 4))
-    v = vd = xd = drive = trim = held = held_e = sensed = moved = 0.0
+    state = np.zeros((len(outputs), 1 + N_PLAYS))
+    past = np.zeros((len(sections), 4))
+    v = vd = xd = drive = trim = held = held_e = sensed = moved = rubbing = 0.0
     in_1 = in_2 = out_1 = out_2 = 0.0
     since = 1e9
     if closed:
@@ -164,7 +189,8 @@ def run_loop(
     for k in range(1, n):
         now = table[k]
         back = k - now[TAU] * RATE
-        later, earlier = _seen(_at(e, back + 0.5), maps), _seen(_at(e, back - 0.5), maps)
+        later = _seen(_at(e, back + 0.5), maps, curves)
+        earlier = _seen(_at(e, back - 0.5), maps, curves)
         c = now[K_E] * 0.5 * (later + earlier) + now[K_EDOT] * (later - earlier) * RATE
         c += now[C_EXTRA]
         if paths[INTEGRAL] != 0 and k > start:
@@ -198,12 +224,31 @@ def run_loop(
             if fresh:
                 held, held_e, since = c, 0.5 * (later + earlier), 0.0
             c = held
+        if curves is not None:
+            for i in range(len(curves)):
+                if curves[i, 0] == AT_COMMAND:
+                    c = _curve(c, curves[i])
         filtered = muscle[B0] * c + muscle[B1] * in_1 + muscle[B2] * in_2
         filtered -= muscle[A1] * out_1 + muscle[A2] * out_2
         in_2, in_1, out_2, out_1 = in_1, c, out_1, filtered
+        if curves is not None:
+            for i in range(len(sections)):
+                b, was, put = sections[i], past[i], filtered
+                filtered = b[0] * put + b[1] * was[0] + b[2] * was[1]
+                filtered -= b[3] * was[2] + b[4] * was[3]
+                was[1], was[0], was[3], was[2] = was[0], put, was[2], filtered
         ahead = v + DT * vd
         before, drive = drive, filtered
         drive -= muscle[CUBIC] * ahead**3 + muscle[QUADRATIC] * ahead * abs(ahead)
+        if curves is not None:
+            for i in range(len(curves)):
+                if curves[i, 0] == AT_SPRING:
+                    drive -= _curve(ahead, curves[i])
+                elif curves[i, 0] == AT_RATE:
+                    drive -= _curve(vd, curves[i])
+            if muscle[FRICTION] > 0:  # Dahl's: a force that grows with the way since a turn
+                rubbing += muscle[BRISTLE] * DT * (vd - abs(vd) * rubbing / muscle[FRICTION])
+                drive -= rubbing
         if now[FROZEN] > 0:
             vd = 0.0
         else:

@@ -24,10 +24,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from generator import EFFECTS, SUITES, Case, effect_of, make_case
+from generator import BEYOND, EFFECTS, SUITES, Case, effect_of, make_case
 from joblib import Parallel, delayed, parallel_config
 from rich.progress import Progress
 from scorer import Answer, by_effect, confusion, grade, table
+from shapes import Shape
+from standins import STAND_INS
 from world import HopelessError
 
 HERE = Path(__file__).resolve().parent
@@ -65,7 +67,7 @@ def answer(case: Case, n_jobs: int = 1) -> Answer:
         seconds=seconds,
         explainable_gap=float(search.explainable_gap_),
         parameters={
-            str(name): (float(row["value"]), float(row["sd"]))
+            str(name): (float(row["value"]), float(row["low"]), float(row["high"]))
             for name, row in parameters.iterrows()
         },
         baseline_vaf=float(search.error_path_["vaf"].iloc[0]),
@@ -73,21 +75,30 @@ def answer(case: Case, n_jobs: int = 1) -> Answer:
             f"{row.where} {row.at}": float(row.points) for row in search.unexplained_.itertuples()
         },
         forms={name: getattr(e, "form", None) for name, e in search.best_estimator_.effects_},
+        shape=shape_of(search, case),
     )
 
 
-def baseline_answer(case: Case) -> Answer:
-    """A stand-in that says the best linear operator, for the trial's own test."""
-    return Answer([], [], case.baseline_prediction, 0.0, 0.0)
-
-
-def oracle_answer(case: Case) -> Answer:
-    """A stand-in that knows all but the parameters, for the trial's own test."""
-    names = case.truth["effects"] if case.left_out is None else ["unknown"]
-    return Answer(names, names, case.oracle_prediction, 0.0, case.gap)
-
-
-STAND_INS = {"baseline": baseline_answer, "oracle": oracle_answer}
+def shape_of(search: Any, case: Case) -> Shape | None:
+    """What the search offers where no name fits; versions before free forms offer nothing."""
+    found = getattr(search, "shape_", None)
+    if found is None:
+        return None
+    near = found.nearest
+    return Shape(
+        id=str(found.id),
+        place=str(found.place),
+        over=str(found.over),
+        curve=found.curve,
+        prediction=np.asarray(found.estimator.predict(case.X_test)),
+        sentence=str(found.sentence),
+        channel=getattr(found, "channel", None),
+        dof=float(found.dof),
+        gain=float(found.gain),
+        closed=float(found.closed),
+        nearest=[str(name) for name in near.get("effect", near.index)],
+        recordings=[str(words) for words in found.recordings],
+    )
 
 
 def ask(suite: str, number: int, seed: int, who: str, n_jobs: int = 1) -> dict[str, Any]:
@@ -118,7 +129,7 @@ def numbers_of(suite: str, effect: str | None, cases: int, first: int) -> list[i
     """Numbers of the cases to run; those of one effect only, where one is given."""
     if effect is None or suite in ("null", "pairs"):
         return list(range(first, first + cases))
-    return list(islice((n for n in count(first) if effect_of(n) == effect), cases))
+    return list(islice((n for n in count(first) if effect_of(n, suite) == effect), cases))
 
 
 def git(*command: str) -> str:
@@ -181,16 +192,18 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=448)
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--effect", choices=EFFECTS, help="only cases of this effect")
+    parser.add_argument("--effect", choices=(*EFFECTS, *BEYOND), help="only cases of this effect")
     parser.add_argument("--jobs", type=int, default=2, help="cases at a time")
     parser.add_argument("--n-jobs", type=int, default=1, help="processes of one search")
     parser.add_argument("--out", type=Path, help="JSON lines; what it has is not run again")
     parser.add_argument("--confusion", type=Path, help="write the confusion matrix as CSV")
     parser.add_argument("--verdict", action="store_true", help="take the seed from the commit")
     parser.add_argument("--log", action="store_true", help="append the table to RESULTS.md")
-    who = "search, baseline, oracle or module:function"
+    who = f"search, {', '.join(STAND_INS)} or module:function"
     parser.add_argument("--who", default="search", help=who)
     options = parser.parse_args()
+    if options.effect and (options.effect in BEYOND) is not (options.suite == "beyond"):
+        parser.error(f"--suite {options.suite} has no effect {options.effect}.")
     seed = verdict_seed() if options.verdict else options.seed
     numbers = numbers_of(options.suite, options.effect, options.cases, options.first)
     known = _known(options.out, options.suite, seed) if options.out else {}

@@ -6,7 +6,7 @@ that a trial that was broken off can still be read.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 from baseline import vaf
 from generator import Case
-from scipy.stats import beta
-from sets import COHERENT, NONE, UNKNOWN, right_answers, right_without
+from sets import COHERENT, NEAR, NONE, UNKNOWN, right_answers, right_without
+from shapes import Shape, grade_shape, shape_rows
+from tables import quantiles, share
 
 N_SAMPLES = 8192
 
@@ -74,9 +75,12 @@ FORMS = {
     "motion_feedback": ("direct",),
     "cross_axis": ("error",),
     "tv_gain": ("sigmoid",),
+    "gain_drift": ("linear",),
     "stiction": ("jump",),
     "absolute_value": ("together",),
 }
+OPERATOR = ("K_e", "K_edot", "tau_e", "omega_nm", "zeta_nm")
+ELSEWHERE = {"extra_lag", "extra_lead", "nm_mode", "higher_order", "gain_drift", "scheduled_gain"}
 SETTLING = 3.0  # s; before it nothing counts for the catalogue's reference of a channel
 STEP = 5.0  # 1/s; a sigmoid as steep is practically a step and has no rate
 SMALL = 0.1  # s; errors of delays are in percent of this at least, as a delay may be zero
@@ -99,13 +103,16 @@ class Answer:
     explainable_gap : float or None
         Points of VAF that a better model can gain over ``baseline_vaf`` on the training runs.
     parameters : dict
-        ``effect__parameter``: value and standard deviation.
+        Of the operator by name, of effects by ``effect__parameter``: value, and the ends of the
+        95 % interval.
     baseline_vaf : float or None
         What the search says of the model that nothing was added to, on held-out training rows.
     forms : dict
         Form of each effect that has some.
     left : dict
         Points of VAF of each structure that no effect explains.
+    shape : Shape or None
+        Of what no name fits.
     """
 
     names: list[str]
@@ -113,10 +120,11 @@ class Answer:
     prediction: np.ndarray
     seconds: float
     explainable_gap: float | None = None
-    parameters: dict[str, tuple[float, float]] = field(default_factory=dict)
+    parameters: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     baseline_vaf: float | None = None
     forms: dict[str, str | None] = field(default_factory=dict)
     left: dict[str, float] = field(default_factory=dict)
+    shape: Shape | None = None
 
     @property
     def first(self) -> str:
@@ -170,13 +178,16 @@ def grade(case: Case, answer: Answer) -> dict[str, Any]:
         "left": answer.left,
         "above_oracle": reached - case.oracle_vaf,
         "above_ceiling": reached - case.ceiling_vaf,
+        **grade_shape(case, answer.shape),
     }
     if case.gap >= 1:
         record["closed"] = (reached - case.baseline_vaf) / case.gap
     if answer.baseline_vaf is not None and answer.explainable_gap is not None:
         true = case.oracle_vaf_of_training - answer.baseline_vaf
         record["gap_error"] = answer.explainable_gap - true
+    canonical = truth["canonical"]
     if case.suite == "null":
+        record["operator"] = _operator(case, answer)
         record["right"] = record["strict"] = not answer.names
     elif case.suite == "pairs":
         sets = [right_answers(name, 2.0) for name in names]
@@ -186,15 +197,23 @@ def grade(case: Case, answer: Answer) -> dict[str, Any]:
         record["one"] = any(found & right for right in sets)
         record["exactly"] = record["right"] and len(answer.names) == 2
         record["worth"] = truth["worth"]
+        if canonical and set(answer.names) == set(names):
+            record["parameters"] = _parameters(case, answer)
+            record["operator"] = _operator(case, answer)
     elif case.suite == "left_out":
         record["strict"] = answer.first == UNKNOWN
         record["right"] = answer.first in right_without(names[0])
+    elif case.suite == "beyond":
+        record["strict"] = answer.first == UNKNOWN
+        record["right"] = record["strict"] or answer.first in NEAR.get(names[0], ())
     else:
         record["strict"] = answer.first == names[0]
         record["right"] = answer.first in right_answers(names[0], case.gap)
         record["more"] = len(answer.names) > 1
-        if truth["canonical"] and answer.first == names[0]:
+        if canonical and answer.first == names[0]:
             record["parameters"] = _parameters(case, answer)
+        if canonical and answer.names == names:
+            record["operator"] = _operator(case, answer)
     return record
 
 
@@ -205,28 +224,49 @@ def _both(sets: list[frozenset[str]], names: list[str]) -> bool:
 
 
 def _parameters(case: Case, answer: Answer) -> dict[str, dict[str, Any]]:
-    """True and estimated values of the named effect, and its form where that is another."""
-    (name,) = case.truth["effects"]
-    own = case.truth["parameters"][name]
-    said = {
-        full.split("__", 1)[1]: value
-        for full, (value, _) in answer.parameters.items()
-        if full.startswith(f"{name}__")
-    }
-    if name in TRUE:
-        true = {parameter: of(own, case, said) for parameter, of in TRUE[name].items()}
-    else:
-        true = own
-    form = answer.forms.get(name)
+    """True and estimated values of the named effects, and a form where that is another."""
     graded: dict[str, dict[str, Any]] = {}
-    for parameter, value in true.items():
-        if parameter == "rate" and "t_M" in own and value > STEP:
-            continue
-        found, sd = answer.parameters.get(f"{name}__{parameter}", (np.nan, np.nan))
-        graded[parameter] = {"true": value, "value": found, "sd": sd}
-        if form is not None and form not in FORMS.get(name, (form,)):
-            graded[parameter]["form"] = form
+    for name in case.truth["effects"]:
+        own = case.truth["parameters"][name]
+        said = {
+            full.split("__", 1)[1]: value
+            for full, (value, *_) in answer.parameters.items()
+            if full.startswith(f"{name}__")
+        }
+        true = own
+        if name in TRUE:
+            true = {parameter: of(own, case, said) for parameter, of in TRUE[name].items()}
+        form = answer.forms.get(name)
+        for parameter, value in true.items():
+            if parameter == "rate" and "t_M" in own and value > STEP:
+                continue
+            full = f"{name}__{parameter}"
+            graded[full] = _interval(value, answer.parameters.get(full))
+            if form is not None and form not in FORMS.get(name, (form,)):
+                graded[full]["form"] = form
     return graded
+
+
+def _interval(true: float, said: tuple[float, float, float] | None) -> dict[str, Any]:
+    value, low, high = said or (np.nan, np.nan, np.nan)
+    return {"true": true, "value": value, "low": low, "high": high}
+
+
+def _operator(case: Case, answer: Answer) -> dict[str, dict[str, Any]]:
+    """True and estimated parameters of the operator, where the two mean the same.
+
+    Linear effects share the dynamics with the operator, and the catalogue's gain at a reference of
+    time or of a channel is not the trial's. A delay that the user gives has no interval.
+    """
+    if set(case.truth["effects"]) & ELSEWHERE:
+        return {}
+    own = case.truth["operator"]
+    true = {**own, "tau_e": own["tau"]}
+    return {
+        name: _interval(true[name], answer.parameters[name])
+        for name in OPERATOR
+        if name in answer.parameters
+    }
 
 
 def _at_reference(p: dict[str, Any], case: Case) -> float:
@@ -245,23 +285,6 @@ def _nearest_mode(p: dict[str, Any], case: Case, said: dict[str, float]) -> tupl
     return min(modes, key=lambda mode: abs(np.log(mode[0] / omega)))
 
 
-def clopper_pearson(k: int, n: int) -> tuple[float, float]:
-    """The exact 95 % interval of a share of k in n, in percent."""
-    low = beta.ppf(0.025, k, n - k + 1) if k else 0.0
-    high = beta.ppf(0.975, k + 1, n - k) if k < n else 1.0
-    return 100 * float(low), 100 * float(high)
-
-
-def share(values: Iterable[bool]) -> str:
-    """A percentage with its interval and counts."""
-    values = list(values)
-    k, n = sum(map(bool, values)), len(values)
-    if not n:
-        return "no cases"
-    low, high = clopper_pearson(k, n)
-    return f"{100 * k / n:.1f} % [{low:.1f}, {high:.1f}] ({k}/{n})"
-
-
 def table(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     """Figures of a suite, each with its name.
 
@@ -275,7 +298,8 @@ def table(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     rows : list of (str, str)
     """
     suite = records[0]["suite"]
-    rows = {"null": _null, "pairs": _pairs, "left_out": _left_out}.get(suite, _single)(records)
+    suites = {"null": _null, "pairs": _pairs, "left_out": _left_out, "beyond": _beyond}
+    rows = suites.get(suite, _single)(records) + _interval_rows(records) + shape_rows(records)
     gaps = [r for r in records if "gap_error" in r]
     if gaps:
         rows.append(("explainable gap, rms error", _rms([r["gap_error"] for r in gaps])))
@@ -291,8 +315,8 @@ def table(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
         ("... above the mean answer too", f"{share(a > 1 for a in over)}, max {max(over):.2f}")
     )
     seconds = [r["seconds"] for r in records]
-    quantiles = np.percentile(seconds, [50, 90, 100])
-    rows.append(("seconds a case: median, 90 %, max", " / ".join(f"{q:.2f}" for q in quantiles)))
+    times = f"{quantiles(seconds)} / {max(seconds):.2f}"
+    rows.append(("seconds a case: median, 90 %, max", times))
     return rows
 
 
@@ -329,33 +353,44 @@ def _single(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
         )
         rows.append(("... at least 0.9", share(c >= 0.9 for c in large)))
     rows.append(("more than one effect named", share(r["more"] for r in records)))
+    more = [r["more"] for r in records if r["right"] and r["gap"] >= 3]
+    rows.append(("a second name that is not there, strong and medium, first right", share(more)))
     rows.append(("none or unknown first", share(r["first"] in (NONE, UNKNOWN) for r in records)))
-    return [*rows, *_parameter_rows(records)]
+    return rows
+
+
+def _interval_rows(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    """How often 95 % intervals hold the truth: of the effects named, and of the operator."""
+    rows = _parameter_rows(records) if any("parameters" in r for r in records) else []
+    operator: dict[str, list[bool]] = {}
+    for record in records:
+        for name, p in record.get("operator", {}).items():
+            if p["high"] > p["low"]:
+                operator.setdefault(name, []).append(bool(p["low"] <= p["true"] <= p["high"]))
+    if operator:
+        together = [held for each in operator.values() for held in each]
+        rows.append(("95 % intervals of the operator that cover the truth", share(together)))
+        rows += [(f"... {name}", share(held)) for name, held in operator.items()]
+    return rows
 
 
 def _parameter_rows(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     errors, inside, absent = [], [], []
-    graded = [p for r in records for p in r.get("parameters", {}).values()]
-    other = ("parameters of another form than the truth's", share("form" in p for p in graded))
-    for record in records:
-        for name, p in record.get("parameters", {}).items():
-            if "form" in p:
-                continue
-            if not np.isfinite(p["value"]):
-                absent.append(f"{record['effects'][0]}__{name}")
-                continue
-            error = abs(p["value"] - p["true"])
-            small = SMALL if name in ("delay", "time") else 0.0
-            errors.append(100 * error / max(abs(p["true"]), small))
-            if np.isfinite(p["sd"]):
-                inside.append(error <= 1.96 * p["sd"])
-    if not errors:
-        return [("parameters not found in the answer", ", ".join(sorted(set(absent))) or "none")]
-    quantiles = np.percentile(errors, [50, 90])
+    graded = [(name, p) for r in records for name, p in r.get("parameters", {}).items()]
+    for name, p in graded:
+        if "form" in p:
+            continue
+        if not np.isfinite(p["value"]):
+            absent.append(name)
+            continue
+        small = SMALL if name.split("__")[1] in ("delay", "time") else 0.0
+        errors.append(100 * abs(p["value"] - p["true"]) / max(abs(p["true"]), small))
+        if np.isfinite(p["low"]) and np.isfinite(p["high"]):
+            inside.append(p["low"] <= p["true"] <= p["high"])
     return [
-        ("parameter error, %: median, 90 %", " / ".join(f"{q:.1f}" for q in quantiles)),
+        ("parameter error, %: median, 90 %", quantiles(errors, ".1f")),
         ("95 % intervals that cover the truth", share(inside)),
-        other,
+        ("parameters of another form than the truth's", share("form" in p for _, p in graded)),
         ("parameters not found in the answer", ", ".join(sorted(set(absent))) or "none"),
     ]
 
@@ -383,6 +418,8 @@ def _pairs(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     for what, chosen in (("both", True), ("not both", False)):
         name = f"both named, {what} of the catalogue's form"
         rows.append((name, share(r["right"] for r in records if r["canonical"] is chosen)))
+    third = [len(r["names"]) > 2 for r in records if r["right"]]
+    rows.append(("a third name that is not there, both named", share(third)))
     strong = [r["right"] for r in records if min(r["worth"]) >= 3]
     rows.append(("both named, each worth 3 points", share(strong)))
     closed = [r["closed"] for r in records]
@@ -401,6 +438,19 @@ def _left_out(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
     ]
 
 
+def _beyond(records: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    named = [r for r in records if r["first"] not in (NONE, UNKNOWN)]
+    near, other = ([r for r in named if r["right"] is right] for right in (True, False))
+    return [
+        ("unknown or a near name", share(r["right"] for r in records)),
+        ("... unknown", share(r["strict"] for r in records)),
+        ("... none", share(r["first"] == NONE for r in records)),
+        ("... another name", share(r in other for r in records)),
+        ("a near name that closes 0.9 of the gap", share(r["closed"] >= 0.9 for r in near)),
+        ("another name that does", share(r["closed"] >= 0.9 for r in other)),
+    ]
+
+
 def by_effect(records: list[dict[str, Any]]) -> pd.DataFrame:
     """One row for each effect: cases, shares of right answers, gap closed, wrong answers."""
     rows = {}
@@ -415,9 +465,18 @@ def by_effect(records: list[dict[str, Any]]) -> pd.DataFrame:
             "strict": f"{100 * np.mean([r['strict'] for r in own]):.0f} %",
             "other forms": share(r["right"] for r in own if not r["canonical"]),
             "closed": f"{np.median(closed):.2f}" if closed else "",
+            "shapes": _shapes_of(own),
             "instead": ", ".join(f"{n} {other}" for other, n in counts.items()),
         }
     return pd.DataFrame.from_dict(rows, orient="index")
+
+
+def _shapes_of(records: list[dict[str, Any]]) -> str:
+    """How often which shape was offered, with a star where it is right."""
+    marks = [f"{s['id']} {s['place']}{'*' * s['right']}" for r in records if (s := r["shape"])]
+    return ", ".join(
+        f"{n} {mark}" for mark, n in pd.Series(marks, dtype=object).value_counts().items()
+    )
 
 
 def confusion(records: list[dict[str, Any]]) -> pd.DataFrame:

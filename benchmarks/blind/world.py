@@ -36,6 +36,10 @@ NEEDED = {
     "motion_feedback": "motion_acc",
     "scheduled_gain": "speed",
     "cross_axis": "e_y",
+    "airspeed_gain": "speed",
+    "workload_delay": "speed",
+    "squared_channel": "speed",
+    "cross_two_lags": "e_y",
 }
 OMEGA = np.geomspace(0.1, 60, 400)
 

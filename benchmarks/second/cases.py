@@ -14,11 +14,12 @@ import pandas as pd
 from . import elements, signals
 from .draw import draw_pursuit, draw_world, spread
 from .forms import Form, all_forms
+from .forms_further import FURTHER
 from .linear import gap
 from .loop import CLIP
 from .world import DT, World
 
-SUITES = ("null", "hidden", "leaks", "given_delay")
+SUITES = ("null", "hidden", "leaks", "given_delay", "further")
 DRAWN = "drawn"
 LEAST_GAP = {"medium": 1.0, "strong": 3.0}  # points of VAF that the best linear person misses
 LEAST_COHERENT = 45.0  # percent of u that the person's own answer must explain
@@ -126,7 +127,7 @@ def idle(world: World, rng: np.random.Generator, share: float) -> None:
 
 def hidden(suite: str, element: str, seed: int, rng: np.random.Generator) -> Case:
     """One effect, by turns; drawn anew until it matters and the loop holds."""
-    forms = all_forms()
+    forms = FURTHER if suite == "further" else all_forms()
     if element != DRAWN:
         given = elements.draw(element, np.random.default_rng(0))
         forms = [f for f in forms if f.fits(given)]
@@ -147,7 +148,15 @@ def hidden(suite: str, element: str, seed: int, rng: np.random.Generator) -> Cas
         size = rng.uniform(0.3, 0.6) if strength == "medium" else rng.uniform(0.7, 1.0)
         chosen.hide(world, float(size * 1.03 ** max(0, attempt - 6)), rng)
         case = finished(suite, element, seed, world, chosen, strength)
-        if _holds(case) and matters(case, LEAST_GAP[strength]):
+        least = LEAST_GAP[strength]
+        if not (_holds(case) and matters(case, least)):
+            continue
+        for part in chosen.parts:
+            alone = linear.clean()
+            part(alone, float(size), rng)
+            if not matters(finished(suite, element, seed, alone, chosen, strength), least):
+                break
+        else:
             return case
     raise RuntimeError(f"{effect} on {element}, seed {seed}: no case in which it matters")
 

@@ -31,6 +31,7 @@ class Form:
     orders: tuple[int, ...] = (1, 2)
     not_on: tuple[str, ...] = ()
     dist: bool = False
+    parts: tuple[Hide, ...] = ()  # of a pair, each of which must matter alone
     plain: bool = False  # only for a person without lead (a coarse display has no rate to be seen)
 
     def fits(self, element: Element) -> bool:
@@ -40,13 +41,22 @@ class Form:
     @property
     def accepted(self) -> tuple[str, ...]:
         """The right names: the effect's own, then those that no data can tell from it."""
-        return (self.effect, *ALIKE.get((self.effect, self.name), ALIKE.get((self.effect, ""), ())))
+        return tuple(name for names in self.each for name in names)
+
+    @property
+    def each(self) -> list[tuple[str, ...]]:
+        """Right names of each effect; a pair is called by its two ids with a plus between."""
+        return [
+            (one, *ALIKE.get((one, self.name), ALIKE.get((one, ""), ())))
+            for one in self.effect.split("+")
+        ]
 
 
 # (effect, form), or (effect, "") for all its forms: other names as right; README.md says why.
 ALIKE: dict[tuple[str, str], tuple[str, ...]] = {
     ("backlash", ""): ("stiction",),
     ("stiction", ""): ("backlash",),
+    ("stiction", "karnopp"): ("backlash", "friction"),
     ("asym_gain", ""): ("rectified", "absolute_value"),
     ("rectified", "half_wave"): ("asym_gain", "absolute_value"),
     ("rectified", "share"): ("asym_gain", "absolute_value"),
@@ -66,6 +76,7 @@ ALIKE: dict[tuple[str, str], tuple[str, ...]] = {
     ("saturation", "soft"): ("cubic_gain", "hardening_stiffness"),
     ("cubic_gain", "falls"): ("saturation",),
     ("gain_drift", ""): ("tv_gain",),
+    ("friction", ""): ("stiction",),
 }
 
 FORMS: list[Form] = []

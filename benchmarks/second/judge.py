@@ -144,8 +144,17 @@ def name_row(case: Case, names: list[str]) -> dict[str, Any]:
     if case.hidden is not None:
         row["right_any"] = any(n in case.hidden.accepted for n in said)
         row["right"] = row["right_any"] and said[0] in accepted
-        row["exact"] = bool(said) and said[0] == case.hidden.effect
+        each = case.hidden.effect.split("+")
+        row["exact"] = bool(said) and said[0] in each
+        if len(each) > 1:
+            row["both"] = both_named(case.hidden.each, said)
     return row
+
+
+def both_named(each: list[tuple[str, ...]], said: list[str]) -> bool:
+    """Whether two different names serve the two effects of a pair."""
+    one, other = ({i for i, name in enumerate(said) if name in names} for names in each)
+    return any(i != j for i in one for j in other)
 
 
 def stops_reached(case: Case) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 
 def __getattr__(name: str) -> Any:
-    if name in {"arx", "greybox", "inside", "loop", "rls", "trade_off"}:
+    if name in {"arx", "greybox", "inside", "limb", "loop", "rls", "trade_off"}:
         return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -541,3 +541,23 @@ def stuck(x, breakaway, kinetic, slides):
                 value = x[k, j] - moving * kinetic
             out[k, j] = value
     return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def stops_summed(x, gaps, weights):
+    """Sum of how far x is ahead of each of several plays, whose half-widths are ``gaps``, weighted.
+
+    Each follows x as ``stuck(x, gap, gap, True)`` does.
+    """
+    n, runs = x.shape
+    out = np.zeros((n, runs))
+    ahead = np.zeros((runs, gaps.size))
+    for k in range(1, n):
+        for j in range(runs):
+            change = x[k, j] - x[k - 1, j]
+            total = 0.0
+            for i in range(gaps.size):
+                ahead[j, i] = min(max(ahead[j, i] + change, -gaps[i]), gaps[i])
+                total += weights[i] * ahead[j, i]
+            out[k, j] = total
+    return out

@@ -1,4 +1,4 @@
-"""Compiled free runs of ARX systems with forces of the output and its rate inside the recursion."""
+"""Compiled free runs with forces of the output and its rate inside: of ARX systems, and limbs."""
 
 from __future__ import annotations
 
@@ -6,14 +6,19 @@ import numpy as np
 from numba import njit
 
 # Kinds of terms, their first number. SHARP is friction with a line in place of the tanh.
-FRICTION, ROOT, STOPS, SHARP = 0.0, 1.0, 2.0, 3.0
+# TABLE is a force given by its values at equal distances, SPRING one that stiffens.
+FRICTION, ROOT, STOPS, SHARP, TABLE, SPRING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 N_BRACKETED = 60  # steps of Newton's rule or bisection, at most
 N_DOUBLED = 8  # of the bracket
+N_LINES = 8  # steps of Newton's rule along a table, before a bracket
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _resistance(terms, value, rate):
-    """Sum of the forces at an output and its rate, and its slopes by both."""
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _resistance(terms, tables, value, rate):
+    """Sum of the forces at an output and its rate, and its slopes by both.
+
+    A table is linear between its values, and beyond them as in its first and last interval.
+    """
     force = by_value = by_rate = 0.0
     for i in range(terms.shape[0]):
         kind, of_rate, size, width, extra, fall = (
@@ -45,34 +50,58 @@ def _resistance(terms, value, rate):
                 root = np.sqrt(head) if head > width else head / np.sqrt(width)
                 force += size * root
                 by_value += size * (0.5 / root if head > width else 1.0 / np.sqrt(width))
+        elif kind == TABLE:
+            row = int(extra)
+            at = ((rate if of_rate != 0.0 else value) - size) / width
+            i = int(min(max(at, 0.0), tables.shape[1] - 2.0))
+            rise = tables[row, i + 1] - tables[row, i]
+            force += tables[row, i] + (at - i) * rise
+            if of_rate != 0.0:
+                by_rate += rise / width
+            else:
+                by_value += rise / width
+        elif kind == SPRING:
+            force += (size * value * value + width * abs(value)) * value
+            by_value += 3 * size * value * value + 2 * width * abs(value)
     return force, by_value, by_rate
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def resistances(terms, value, rate):
+def resistances(terms, tables, value, rate):
     """Sum of the forces at each of several outputs and their rates."""
     out = np.empty(value.size)
     for k in range(value.size):
-        out[k] = _resistance(terms, value[k], rate[k])[0]
+        out[k] = _resistance(terms, tables, value[k], rate[k])[0]
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _balanced(whole, gain, terms, last, dt):
-    """The output y with y + gain force(y, (y - last) / dt) = whole."""
-    force, _, _ = _resistance(terms, whole, (whole - last) / dt)
+def _balanced(whole, gain, terms, tables, last, before, dt):
+    """The output y with y + gain force(y, (y - last) / dt) = whole, after last and before."""
+    if tables.shape[0] > 0:  # made of lines: Newton's rule ends at once where they are
+        y = 2.0 * last - before
+        for _ in range(N_LINES):
+            force, by_value, by_rate = _resistance(terms, tables, y, (y - last) / dt)
+            slope = 1.0 + gain * (by_value + by_rate / dt)
+            if not slope > 0.0:
+                break
+            step = (y + gain * force - whole) / slope
+            y -= step
+            if abs(step) <= 1e-9 * (abs(whole) + abs(y)):
+                return y
+    force, _, _ = _resistance(terms, tables, whole, (whole - last) / dt)
     if force == 0.0:
         return whole
     other = whole - gain * force
     for _ in range(N_DOUBLED):  # a force that falls with the rate may hold the root farther away
-        at_other, _, _ = _resistance(terms, other, (other - last) / dt)
+        at_other, _, _ = _resistance(terms, tables, other, (other - last) / dt)
         if (other + gain * at_other - whole) * force <= 0.0:
             break
         other = whole - 2.0 * (whole - other)
     low, high = min(whole, other), max(whole, other)
     y = last if low < last < high else 0.5 * (low + high)
     for _ in range(N_BRACKETED):
-        force, by_value, by_rate = _resistance(terms, y, (y - last) / dt)
+        force, by_value, by_rate = _resistance(terms, tables, y, (y - last) / dt)
         away = y + gain * force - whole
         if away == 0.0:
             break
@@ -92,17 +121,18 @@ def _balanced(whole, gain, terms, last, dt):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def arx_inside(x, a, b, against, spring, terms, constant, begun, dt, bound):
+def arx_inside(x, a, b, against, spring, bends, terms, tables, constant, begun, dt, bound):
     """Output of A(q) y = B(q) (x - spring(y)) - G(q) force(y, rate of y) + constant.
 
     ``begun`` of shape (n_first, n_runs) adds to the first samples what led there; without any it
     begins at rest. a and b are of shape (1 or n_samples, n_lags), b and ``against``, the
-    coefficients of G, from lag 0 on; spring(y) = spring[0] y^3 + spring[1] y abs(y). The rows of
+    coefficients of G, from lag 0 on; spring(y) = spring[0] y^3 + spring[1] y abs(y), and the forces
+    of ``bends``, which has rows like those of ``terms``. The rows of
     ``terms`` are forces or stops: (FRICTION or SHARP, of the rate, size, width, excess at rest,
     rate of its fall), (ROOT, 0, size, width of the line at zero, level, 0), (STOPS, 0, low, high,
-    0, 0). The force of now is
-    that of the output of now, so that friction holds what rests; where G begins with a negative
-    number it is that of the output before.
+    0, 0), (TABLE, of the rate, first place, distance of places, row of ``tables``, 0). The force of
+    now is that of the output of now, so that friction holds what rests; where G begins with a
+    negative number it is that of the output before.
     """
     n, runs = x.shape
     na, nb, ng = a.shape[1], b.shape[1], against.size
@@ -117,6 +147,7 @@ def arx_inside(x, a, b, against, spring, terms, constant, begun, dt, bound):
         else:
             forced = True
     cubic, square = spring[0], spring[1]
+    bent = bends.shape[0] > 0
     stiff = cubic != 0.0 or square != 0.0
     varies_a, varies_b = a.shape[0] > 1, b.shape[0] > 1
     for k in range(n):
@@ -135,20 +166,76 @@ def arx_inside(x, a, b, against, spring, terms, constant, begun, dt, bound):
             if stiff and b[kb, 0] != 0.0:
                 value = min(max(value, -bound), bound)
                 value -= b[kb, 0] * (cubic * value**3 + square * value * abs(value))
+            if bent and b[kb, 0] != 0.0:
+                value = min(max(value, -bound), bound)
+                value -= b[kb, 0] * _resistance(bends, tables, value, 0.0)[0]
             if forced:
                 for i in range(1, min(ng, k + 1)):
                     value -= against[i] * forces[k - i, j]
                 value = min(max(value, -bound), bound)
+                before = out[k - 2, j] if k > 1 else 0.0
                 if against[0] > 0.0:
-                    value = _balanced(value, against[0], terms, last, dt)
+                    value = _balanced(value, against[0], terms, tables, last, before, dt)
                 elif against[0] < 0.0:
-                    before = out[k - 2, j] if k > 1 else 0.0
-                    value -= against[0] * _resistance(terms, last, (last - before) / dt)[0]
+                    value -= against[0] * _resistance(terms, tables, last, (last - before) / dt)[0]
             value = min(max(value, low), high)
             if forced:
-                forces[k, j] = _resistance(terms, value, (value - last) / dt)[0]
+                forces[k, j] = _resistance(terms, tables, value, (value - last) / dt)[0]
             if stiff:
                 now -= cubic * value**3 + square * value * abs(value)
+            if bent:
+                now -= _resistance(bends, tables, value, 0.0)[0]
             w[k, j] = now
             out[k, j] = value
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def limb_inside(position, rate, matrices, terms, tables, dt, bound):
+    """``second_order`` with forces of the output and its rate against the position command.
+
+    ``terms`` are as in ``arx_inside``, but without stops, or (SPRING, 0, cubic, square, 0, 0). The
+    rate is that since the sample before. The force at k + 1 is that of the output at k + 1. Between
+    samples forces change in lines, but with one of the rate they are all held as at k + 1, because
+    friction may be so steep that the steps were unstable otherwise.
+    """
+    n, runs = position.shape
+    out = np.zeros((n, runs))
+    z = np.zeros(runs)
+    v = np.zeros(runs)
+    held = np.full(runs, _resistance(terms, tables, 0.0, 0.0)[0])
+    varies = matrices.shape[0] > 1
+    held_late = False
+    for i in range(terms.shape[0]):
+        held_late = held_late or terms[i, 1] != 0.0
+    q = matrices[0]
+    for k in range(n - 1):
+        if varies:
+            q = matrices[k]
+        a, b, c, d = q[0], q[1], q[2], q[3]
+        b0, b1, b2, b3 = q[4], q[5], q[6], q[7]
+        c0, c1, c2, c3 = q[8], q[9], q[10], q[11]
+        for j in range(runs):
+            p0, p1 = position[k, j], position[k + 1, j]
+            if not held_late:
+                p0 -= held[j]
+            r0, r1 = rate[k, j], rate[k + 1, j]
+            new = a * z[j] + b * v[j] + b0 * p0 + b1 * r0 + c0 * p1 + c1 * r1
+            if abs(z[j]) == bound:  # diverged: it stays at the bound
+                out[k + 1, j] = z[j]
+                continue
+            new = min(max(new, -bound), bound)
+            by = b0 + c0 if held_late else c0
+            before = out[k - 1, j] if k > 0 else 0.0
+            new = _balanced(new, by, terms, tables, z[j], before, dt)
+            held[j] = _resistance(terms, tables, new, (new - z[j]) / dt)[0]
+            p1 -= held[j]
+            if held_late:
+                p0 -= held[j]
+            if abs(new) < bound:
+                v[j] = c * z[j] + d * v[j] + b2 * p0 + b3 * r0 + c2 * p1 + c3 * r1
+            else:
+                new = bound if new > 0.0 else -bound
+            z[j] = new
+            out[k + 1, j] = new
     return out

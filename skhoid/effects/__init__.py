@@ -8,6 +8,11 @@ from .core_kind import CoreKind
 from .dimension import Dimension
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .error_scan import ErrorScan
+from .free_form import FreeForm
+from .free_hysteresis import FreeHysteresis
+from .free_map import FreeMap
+from .free_path import FreeDynamics, FreePath
+from .free_variation import FreeDelay, FreeGain, FreeOffset
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
 from .inside import Friction, RootFlow, Stops
 from .intermittent import Intermittent
@@ -41,6 +46,14 @@ __all__ = [
     "ExtraLag",
     "ExtraLead",
     "Feedforward",
+    "FreeDelay",
+    "FreeDynamics",
+    "FreeForm",
+    "FreeGain",
+    "FreeHysteresis",
+    "FreeMap",
+    "FreeOffset",
+    "FreePath",
     "Friction",
     "GainDrift",
     "HardeningStiffness",

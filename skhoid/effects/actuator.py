@@ -189,6 +189,8 @@ class Backlash(Effect):
     source = "Gelb and Vander Velde (1968)"
     parameters = (Parameter("gap", U, 0.01, 2.0, (0.1, 0.3), "half-width of the play"),)
     neutral = {"gap": 0.0}
+    # With a kinetic friction as large as the static one; in a limb that is fast.
+    within = ("stiction", "friction")
 
     def __init__(self, *, gap: float | None = None):
         self.gap = gap

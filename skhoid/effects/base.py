@@ -74,6 +74,11 @@ class Effect(Composable, BaseEstimator):
         and all are tried.
     neutral : dict of str to float
         Values of parameters at which it does nothing, if there are any.
+    free_form : bool
+        Whether its shape is estimated: see :class:`FreeForm`.
+    within : tuple of str
+        Ids of effects of which it is a special case, or nearly one: a search names these only where
+        what they have beyond it counts as well.
 
     See Also
     --------
@@ -125,6 +130,8 @@ class Effect(Composable, BaseEstimator):
     noise: ClassVar[str] = ""
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     neutral: Mapping[str, float] = {}
+    free_form: ClassVar[bool] = False
+    within: ClassVar[tuple[str, ...]] = ()
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """Output of the effect for the input ``signal``, at values of the parameters."""
@@ -198,6 +205,13 @@ class Effect(Composable, BaseEstimator):
         """What a model's residual (n_samples, n_runs) shows of ``noise``; None if nothing."""
         return None
 
+    def noise_part(self, residual: np.ndarray, record: Record) -> np.ndarray | None:
+        """Its ``noise`` in the record's output; None if a residual (n_samples, n_runs) shows none.
+
+        An operator's output is searched without it, since effects would be fitted to it.
+        """
+        return None
+
     def realisation(
         self, values: dict[str, float], t: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -211,6 +225,17 @@ class Effect(Composable, BaseEstimator):
             scale = p.scale_of(record, self.place)
             bounds[p.name] = (p.low * scale, p.high * scale)
         return bounds
+
+    def spreads(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Standard deviations about zero of parameters that are known to be small; none by default.
+
+        ``scales`` has the scale of each parameter, in the units of the data.
+        """
+        return {}
+
+    def with_values(self, values: Mapping[str, float]) -> Any:
+        """A copy with its estimated parameters set."""
+        return self.with_choices(**values)
 
     def derived(self, values: dict[str, float]) -> dict[str, tuple[float, Dimension, str]]:
         """Further results of a fitted effect: value, dimension and meaning by name.

@@ -7,6 +7,11 @@ import pandas as pd
 from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
 from .base import Effect
 from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
+from .free_form import FreeForm
+from .free_hysteresis import FreeHysteresis
+from .free_map import FreeMap
+from .free_path import FreeDynamics, FreePath
+from .free_variation import FreeDelay, FreeGain, FreeOffset
 from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
 from .inside import Friction, RootFlow, Stops
 from .intermittent import Intermittent
@@ -62,6 +67,17 @@ CLASSES: tuple[type[Effect], ...] = (
     Tremor,
 )
 BY_NAME = register(CLASSES)
+# Tried where no effect with a name fits; no search takes them for names.
+FREE_FORMS: tuple[type[FreeForm], ...] = (
+    FreeMap,
+    FreeHysteresis,
+    FreeGain,
+    FreeDelay,
+    FreeOffset,
+    FreePath,
+    FreeDynamics,
+)
+register(FREE_FORMS)
 
 
 def catalogue() -> pd.DataFrame:

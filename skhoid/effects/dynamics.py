@@ -42,6 +42,7 @@ class ExtraLag(Effect):
     source = "McRuer and Krendel (1974)"
     parameters = (Parameter("time", S, 0.0, 20.0, (0.1, 1.0), "lag time constant T_I"),)
     neutral = {"time": 0.0}
+    within = ("higher_order",)  # with a zero and a pole that cancel
 
     def __init__(self, *, time: float | None = None):
         self.time = time
@@ -78,6 +79,7 @@ class ExtraLead(Effect):
     source = "McRuer and Krendel (1974)"
     parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "time constant of the second lead"),)
     neutral = {"time": 0.0}
+    within = ("higher_order",)  # whose other zero and poles are fast
 
     def __init__(self, *, time: float | None = None):
         self.time = time
@@ -125,6 +127,7 @@ class NeuromuscularMode(Effect):
         Parameter("omega", RAD / S, 4.0, 60.0, (15.0, 25.0), "frequency of the mode"),
         Parameter("zeta", ONE, 0.03, 2.0, (0.3,), "its damping ratio"),
     )
+    within = ("higher_order",)  # whose zeros are fast
 
     def __init__(self, *, omega: float | None = None, zeta: float | None = None):
         self.omega = omega

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ SEEN = 0.05  # the same, of a measured speed, which is noisy
 SIZES = np.geomspace(0.03, 10.0, 11)  # of forces, in standard deviations of the input
 N_KEPT = 2  # starts
 LINE = 1e-4  # of the output's size, below which a root is a line
+OF_MACHINES = "for machines: domain='machine'"
 NO_OPERATOR = "for an ARX model: it acts between the lags of the output"
 
 
@@ -27,7 +28,7 @@ class _Inside(Effect):
     """What forces inside the recursion have in common."""
 
     place = "inside"
-    domains = ("machine",)
+    domains: ClassVar[tuple[str, ...]] = ("machine",)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return None if core == CoreKind.ARX else NO_OPERATOR
@@ -53,15 +54,20 @@ class _Inside(Effect):
 class Friction(_Inside):
     """Dry friction opposes the motion: a force that depends on the sign of the speed.
 
-    A(q) y = B(q) (x - F(v)) with v the output (``of="output"``, where that is a speed) or its rate
-    (``"rate"``). ``"coulomb"``: F = coulomb sign(v); ``"smooth"``: F = coulomb tanh(v / width);
-    ``"stribeck"``: F = coulomb sign(v) (1 + excess exp(-(v / fall)^2)), which is greater at rest.
+    In an operator's limb (``of="limb"``) it sticks where command and spring do not exceed it:
+    u'' + 2 zeta_nm omega_nm u' + omega_nm^2 (u + coulomb sign(u')) = omega_nm^2 command.
+
+    In a machine A(q) y = B(q) (x - F(v)) with v the output (``of="output"``, where that is a speed)
+    or its rate (``"rate"``). ``"coulomb"``: F = coulomb sign(v); ``"smooth"``: F = coulomb
+    tanh(v / width); ``"stribeck"``: F = coulomb sign(v) (1 + excess exp(-(v / fall)^2)), which is
+    greater at rest.
     Viscous friction, proportional to v, is already in A(q), and a constant force in the intercept.
 
     Parameters
     ----------
     coulomb : float or None, default=None
-        Force that opposes the motion, in units of the input; None estimates it.
+        Force that opposes the motion, in units of the input, or of the command to the limb; None
+        estimates it.
     width : float or None, default=None
         Speed at which three quarters of the force act (``"smooth"``), in units of v; None estimates
         it.
@@ -70,9 +76,9 @@ class Friction(_Inside):
     fall : float or None, default=None
         Speed over which the excess falls (``"stribeck"``), in units of v; None estimates it.
     form : {"coulomb", "smooth", "stribeck"} or None, default=None
-        None tries all.
-    of : {"output", "rate"} or None, default=None
-        None tries both.
+        None tries all; a limb has ``"coulomb"``.
+    of : {"output", "rate", "limb"} or None, default=None
+        None tries the first two for an ARX model, and takes ``"limb"`` for an operator.
     reference : float or None, default=None
         Speed in units of v; the sign function is a thousandth of it wide. None takes the standard
         deviation of v in the data.
@@ -89,7 +95,9 @@ class Friction(_Inside):
     """
 
     name = "friction"
-    physics = "Dry friction opposes the motion, whatever the speed."
+    domains = ("human", "machine")
+    physics = "Dry friction in limb or stick opposes the motion, whatever the speed."
+    machine_physics = "Dry friction opposes the motion, whatever the speed."
     formula = "A y = B (x - coulomb sign(v) (1 + excess exp(-(v / fall)^2)))"
     tex = (
         r"A\,y = B\,(x - F(v)), \quad F = \begin{cases}"
@@ -102,7 +110,8 @@ class Friction(_Inside):
     source = "Armstrong-Helouvry et al. (1994)"
     shades = True
     neutral = {"coulomb": 0.0}
-    choices = {"form": ("coulomb", "smooth", "stribeck"), "of": ("output", "rate")}
+    choices = {"form": ("coulomb", "smooth", "stribeck"), "of": ("output", "rate", "limb")}
+    within = ("stiction",)  # which has another kinetic friction
 
     def __init__(
         self,
@@ -125,6 +134,8 @@ class Friction(_Inside):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        if self.of == "limb":
+            return (Parameter("coulomb", U, 0.01, 2.0, (0.1, 0.3), "friction in the limb"),)
         speed = U / S if self.of == "rate" else U
         coulomb = Parameter("coulomb", E, 0.0, 5.0, (0.1, 0.4), "force against the motion")
         if self.form == "smooth":
@@ -137,15 +148,29 @@ class Friction(_Inside):
             )
         return (coulomb,)
 
+    def refusal_in(self, record: Record, core: CoreKind) -> str | None:
+        if core == CoreKind.ARX and record.domain == "human":
+            return OF_MACHINES
+        return super().refusal_in(record, core)
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if core == CoreKind.ARX:
+            return "for an operator: of='limb'" if self.of == "limb" else None
+        if self.of in (None, "limb") and self.form in (None, "coulomb"):
+            return None
+        return "an operator has of='limb' and form='coulomb'"
+
     def variants(self, record: Record) -> list[Effect]:
-        made: list[Any] = super().variants(record)
+        if record.core != CoreKind.ARX:
+            return [self.with_choices(of="limb", form="coulomb")]
+        made: list[Any] = [v for v in super().variants(record) if v.of != "limb"]
         if self.reference is not None:
             return made
         speed = {"output": record.sd("u"), "rate": rate_size(record)}
         return [v.with_choices(reference=speed[v.of]) for v in made]
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
-        if record.y is None:
+        if record.y is None or self.of == "limb":
             return []
         v = record.y
         if self.of == "rate":
@@ -158,7 +183,7 @@ class Friction(_Inside):
         """Viscous friction, of an ARX model whose output is a speed."""
         a = sum(v for n, v in values.items() if n[0] == "a" and n[1:].isdigit())
         b = sum(v for n, v in values.items() if n[0] == "b" and n[1:].isdigit())
-        if self.of == "rate" or b == 0.0:
+        if self.of != "output" or b == 0.0:
             return {}
         return {"viscous": ((1 + a) / b, E / U, "force by speed")}
 
@@ -173,7 +198,7 @@ class Friction(_Inside):
     ) -> Spring:
         if coulomb == 0.0:
             return signal
-        of_rate = self.of == "rate"
+        of_rate = self.of != "output"
         kind = _kernels.inside.FRICTION
         if self.form != "smooth":
             kind, width = _kernels.inside.SHARP, SHARP * (self.reference or 1.0)

@@ -41,6 +41,7 @@ class Bias(Effect):
     source = "Ljung (1999)"
     parameters = (Parameter("level", U, -20.0, 20.0, (0.1,), "offset"),)
     neutral = {"level": 0.0}
+    within = ("drift",)  # that has settled
 
     def __init__(self, *, level: float | None = None):
         self.level = level
@@ -178,6 +179,7 @@ class Integral(Effect):
     tex = r"c' = c + \mathrm{gain} \int e(t - \tau_e)\,\mathrm{d}t"
     source = "McRuer and Krendel (1974)"
     neutral = {"gain": 0.0}
+    within = ("higher_order",)  # with a slow pole and a zero; its other pair cancels
     choices = {"form": ("pure", "leaky")}
 
     def __init__(

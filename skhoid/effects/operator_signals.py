@@ -8,7 +8,8 @@ import numpy as np
 
 from .. import _kernels
 
-STOPS = 2.0  # kind of a term, as the kernel ``arx_inside`` has it
+STOPS, SHARP, TABLE, SPRING = 2.0, 3.0, 4.0, 5.0  # kinds of terms, as ``arx_inside`` has them
+N_PLACES = 513  # at which a force of any shape is given
 
 
 class Gains(NamedTuple):
@@ -41,13 +42,17 @@ class Spring(NamedTuple):
     cubic, square : float
         In units of the command per unit of the output to the power 3 and 2.
     terms : tuple of (float, ...)
-        Further forces of the output and its rate, and stops: the rows of numbers that the kernel
-        ``arx_inside`` takes. Operators have none.
+        Further forces of the output and its rate, and stops: the rows of numbers that the kernels
+        ``arx_inside`` and ``limb_inside`` take. Operators have dry friction in the limb, and forces
+        of any shape.
+    curves : tuple of ndarray of shape (N_PLACES,)
+        Forces given as tables, by their values at equal distances; terms refer to them.
     """
 
     cubic: float = 0.0
     square: float = 0.0
     terms: tuple[tuple[float, ...], ...] = ()
+    curves: tuple[np.ndarray, ...] = ()
 
     def stiffer(self, cubic: float = 0.0, square: float = 0.0) -> Spring:
         """The spring with a further one in parallel."""
@@ -57,10 +62,29 @@ class Spring(NamedTuple):
         """With a further force or stop: kind, of the rate or not, and four numbers."""
         return self._replace(terms=(*self.terms, tuple(float(number) for number in term)))
 
+    def bent(self, values: np.ndarray, low: float, high: float, *, of_rate: bool = False) -> Spring:
+        """With a force of the output, or of its rate, by its values from ``low`` to ``high``.
+
+        It is linear between its N_PLACES values, and beyond them.
+        """
+        step = (high - low) / (N_PLACES - 1)
+        term = self.resisted(TABLE, of_rate, low, step, len(self.curves), 0.0)
+        return term._replace(curves=(*self.curves, values))
+
+    @property
+    def tables(self) -> np.ndarray:
+        """The curves as rows of an array of shape (n_curves, N_PLACES)."""
+        return np.array(self.curves, dtype=float).reshape(-1, N_PLACES)
+
     @property
     def table(self) -> np.ndarray:
         """The terms as rows of an array of shape (n_terms, 6)."""
         return np.array(self.terms, dtype=float).reshape(-1, 6)
+
+    @property
+    def whole_table(self) -> np.ndarray:
+        """``table`` with the cubic and square spring as one of its rows."""
+        return self.resisted(SPRING, 0.0, self.cubic, self.square, 0.0, 0.0).table
 
     def force(self, output: np.ndarray, rate: np.ndarray | None = None) -> np.ndarray:
         """Force at an output and its rate (None: zero), beyond that of the linear spring."""
@@ -69,7 +93,14 @@ class Spring(NamedTuple):
             return held
         rate = np.zeros_like(output) if rate is None else rate
         gate = _kernels.gate
-        return held + _kernels.inside.resistances(gate(self.table), gate(output), gate(rate))
+        return held + _kernels.inside.resistances(
+            gate(self.table), self.tables, gate(output), gate(rate)
+        )
+
+    @property
+    def friction(self) -> float:
+        """Dry friction against the motion of the limb, in units of the command."""
+        return sum((t[2] for t in self.terms if t[0] == SHARP and t[1] != 0.0), 0.0)
 
     @property
     def stops(self) -> tuple[float, float]:

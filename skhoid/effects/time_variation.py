@@ -147,18 +147,27 @@ class TimeVaryingGain(Effect):
 
 
 class GainDrift(Effect):
-    """Both gains drift steadily during the run: fatigue, or learning.
+    """Both gains drift during the run, steadily or on a curve: fatigue, or learning.
+
+    ``"linear"``: K (1 + rate (t - reference)); ``"curved"``: K (1 + rate (1 - exp(-curve (t -
+    reference))) / curve), which settles where ``curve`` is positive, and comes late where it is
+    negative.
 
     Parameters
     ----------
     rate : float or None, default=None
-        Relative change per second; None estimates it.
+        Relative change per second, at the reference; None estimates it.
+    curve : float or None, default=None
+        One over the time constant of ``"curved"``, in 1/s; None estimates it.
     reference : float or None, default=None
         Time in the run at which the gains are nominal, in seconds; None takes the middle.
+    form : {"linear", "curved"} or None, default=None
+        None tries both.
 
     References
     ----------
-    Thesis, Section II: slow variation.
+    Thesis, Section II: slow variation. Heathcote et al., The power law repealed: the case for an
+    exponential law of practice (2000).
 
     Examples
     --------
@@ -169,25 +178,52 @@ class GainDrift(Effect):
 
     name = "gain_drift"
     place = "gain"
-    physics = "The operator's gain falls (fatigue) or grows steadily."
-    machine_physics = "The gain falls or grows steadily, as with temperature or wear."
-    formula = "K (1 + rate (t - reference))"
-    tex = r"K(t) = K\,\bigl(1 + \mathrm{rate}\,(t - \mathrm{reference})\bigr)"
-    source = "Thesis, Section II"
-    parameters = (
-        Parameter("rate", ONE / S, -1.9, 1.9, (0.4, -0.4), "relative change per second", ONE / T),
+    physics = "The operator's gain falls (fatigue) or grows through the run."
+    machine_physics = "The gain falls or grows through the run, as with temperature or wear."
+    formula = "K (1 + rate (t - reference)), or 1 - exp(-curve (t - reference)) over curve in place"
+    tex = (
+        r"K(t) = K\,(1 + \mathrm{rate}\; s), \quad s = \begin{cases}"
+        r" t - \mathrm{reference} & \text{linear} \\"
+        r" \bigl(1 - e^{-\mathrm{curve}\,(t - \mathrm{reference})}\bigr) / \mathrm{curve}"
+        r" & \text{curved} \end{cases}"
     )
+    source = "Thesis, Section II; Heathcote et al. (2000)"
     neutral = {"rate": 0.0}
+    within = ("tv_gain",)  # whose slow sigmoid is a line, and whose end is a curve
+    shades = True
+    choices = {"form": ("linear", "curved")}
 
-    def __init__(self, *, rate: float | None = None, reference: float | None = None):
+    def __init__(
+        self,
+        *,
+        rate: float | None = None,
+        curve: float | None = None,
+        reference: float | None = None,
+        form: str | None = None,
+    ):
         self.rate = rate
+        self.curve = curve
         self.reference = reference
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        starts = (0.4, -0.4)
+        rate = Parameter("rate", ONE / S, -1.9, 1.9, starts, "relative change per second", ONE / T)
+        if self.form != "curved":
+            return (rate,)
+        curves = (2.0, -2.0)
+        return (rate, Parameter("curve", ONE / S, -8.0, 8.0, curves, "rate of settling", ONE / T))
 
     def variants(self, record: Record) -> list[Effect]:
-        return [with_middle(self, record)]
+        formed: list[Any] = super().variants(record)
+        return [with_middle(variant, record) for variant in formed]
 
-    def apply(self, signal: Gains, record: Record, rate: float) -> Gains:
-        return signal.times(np.maximum(1 + rate * (record.t - self.reference), 0.0))
+    def apply(self, signal: Gains, record: Record, rate: float, curve: float = 0.0) -> Gains:
+        away = record.t - self.reference
+        if curve != 0.0:
+            away = -np.expm1(-curve * away) / curve
+        return signal.times(np.maximum(1 + rate * away, 0.0))
 
 
 class ScheduledGain(Effect):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import fft
 from scipy.special import chdtrc
@@ -16,6 +18,8 @@ TREMBLING = (6.5, 14.0)  # Hz
 UNLIKELY = 1e-4  # probability that chance makes such a line anywhere in the band
 HIGH = 2.5  # times the neighbouring spectrum
 LEAST_TREMOR = 2e-3  # of the output's variance
+SKIRT = 1.0  # Hz to either side, in which the ends of a run smear a line
+BESIDE = 2.0  # Hz to either side of that, whose level is no line's
 PERIODS, N_SHOWN = 4.0, 800  # of a realisation
 
 
@@ -71,7 +75,31 @@ class Tremor(Effect):
         return signal
 
     def signature(self, residual: np.ndarray, record: Record) -> Signature | None:
-        return _line(record, residual)
+        found = _line(record, residual)
+        return None if found is None else found.signature
+
+    def noise_part(self, residual: np.ndarray, record: Record) -> np.ndarray | None:
+        found = _line(record, residual)
+        if found is None:
+            return None
+        assert record.y is not None
+        part, generator = np.zeros_like(residual), np.random.default_rng(0)
+        for j in range(record.n_runs):  # each has a phase of its own
+            rows = np.flatnonzero(record.known[:, j])
+            # Of the output, since the model may already follow the line that comes back in e.
+            spectrum = fft.rfft(record.y[rows, j])
+            off = np.abs(fft.rfftfreq(rows.size, record.dt) - found.frequency)
+            reach = max(SKIRT, found.reach)
+            beside = spectrum[(off > reach) & (off < reach + BESIDE)]
+            band = off <= reach
+            # Noise as beside it stays: a noise model would take a hole for certainty, and a
+            # resonance would follow what has the phase of the line.
+            level = np.sqrt(np.median(np.abs(beside) ** 2) / (2 * np.log(2)))
+            real, imaginary = level * generator.standard_normal((2, int(band.sum())))
+            spectrum[~band] = 0.0
+            spectrum[band] -= real + 1j * imaginary
+            part[rows, j] = fft.irfft(spectrum, rows.size)
+        return part
 
     def realisation(
         self, values: dict[str, float], t: np.ndarray | None = None
@@ -81,7 +109,16 @@ class Tremor(Effect):
         return t, values["amplitude"] * np.sin(2 * np.pi * values["frequency"] * t)
 
 
-def _line(record: Record, residual: np.ndarray) -> Signature | None:
+@dataclass(frozen=True)
+class _Line:
+    """A line of a spectrum: its frequency, how far it reaches to either side (Hz), what is seen."""
+
+    frequency: float
+    reach: float
+    signature: Signature
+
+
+def _line(record: Record, residual: np.ndarray) -> _Line | None:
     """A narrow line of a trembling hand in the residual's spectrum."""
     assert record.y is not None
     if 0.5 / record.dt < TREMBLING[1] + 1:
@@ -98,7 +135,7 @@ def _line(record: Record, residual: np.ndarray) -> Signature | None:
     power = np.mean(spectra, axis=0)
     hertz = fft.rfftfreq(n, record.dt)
     band = (hertz >= TREMBLING[0]) & (hertz <= TREMBLING[1])
-    best: Signature | None = None
+    best: _Line | None = None
     for width in (0.1, 0.4):  # Hz: steady, and wandering
         bins = max(1, round(width * n * record.dt))
         smooth = np.convolve(power, np.ones(bins) / bins, mode="same")
@@ -112,17 +149,19 @@ def _line(record: Record, residual: np.ndarray) -> Signature | None:
         at = int(np.argmax(ratio))
         degrees = 2 * bins * record.n_runs / 1.5  # a Hann window correlates neighbours
         chance = float(chdtrc(degrees, ratio[at] * degrees)) * band.sum()
-        near = np.abs(hertz - hertz[band][at]) < max(2 * width, 3.0 / (n * record.dt))
+        reach = max(2 * width, 3.0 / (n * record.dt))
+        near = np.abs(hertz - hertz[band][at]) < reach
         excess = float(np.sum(power[near] - floor[at])) * 2 / n
         share = excess / float(np.var(record.y[record.known]))
         clear = chance < UNLIKELY and share > LEAST_TREMOR and ratio[at] > HIGH
-        if clear and (best is None or share > best.share):
+        if clear and (best is None or share > best.signature.share):
             frequency = float(hertz[band][at])
             amplitude = float(np.sqrt(2 * max(excess, 0.0)))
-            best = Signature(
+            seen = Signature(
                 "frequency",
                 share,
                 f"a line at {frequency:.1f} Hz, {100 * share:.1f} % of the output",
                 f"frequency = {frequency:.2f} Hz, amplitude = {amplitude:.3g}",
             )
+            best = _Line(frequency, reach, seen)
     return best

@@ -23,7 +23,8 @@ def inside_response(
     """Output of shape (n_samples, n_runs) for an input of that shape.
 
     ``polynomials`` are the coefficients a and b, the first ``n_late`` of b being dead time, and the
-    constant; forces pass through b without the dead time, as a machine's friction acts at once.
+    constant; forces pass through b without the dead time, as a machine's friction acts at once, but
+    springs pass through all of it.
     ``omega`` of shape (1 or n_samples, 1 or n_runs) multiplies the natural frequencies. ``begun``
     adds the effect of what came before to the first samples of the recursion; None begins at rest.
     """
@@ -31,7 +32,9 @@ def inside_response(
     a, b, constant = polynomials
     force = _kernels.gate(b[n_late:])
     stiff = np.array([spring.cubic, spring.square])
-    terms = _kernels.gate(spring.table)
+    tables, rows = spring.tables, spring.table
+    springs = (rows[:, 0] == _kernels.inside.TABLE) & (rows[:, 1] == 0.0)
+    bends, terms = _kernels.gate(rows[springs]), _kernels.gate(rows[~springs])
 
     def run(x: np.ndarray, factor: np.ndarray, first: np.ndarray) -> np.ndarray:
         shifted, gain = with_frequencies(a, factor)
@@ -41,7 +44,9 @@ def inside_response(
             _kernels.gate(gain[:, None] * b),
             force,
             stiff,
+            bends,
             terms,
+            tables,
             constant,
             _kernels.gate(first),
             dt,

@@ -190,10 +190,28 @@ class OperatorCore:
         omega, zeta = values["omega_nm"] * gains.omega[:, 0], values["zeta_nm"] * gains.zeta[:, 0]
         if omega.size != zeta.size:
             omega, zeta = np.broadcast_arrays(omega, zeta)
-        matrices = _kernels.greybox.held_linearly(_kernels.gate(omega), _kernels.gate(zeta), dt)
+        omega, zeta = _kernels.gate(omega), _kernels.gate(zeta)
+        matrices = _kernels.greybox.held_linearly(omega, zeta, dt)
+        position, rate = _kernels.gate(command.position), _kernels.gate(command.rate)
+        if spring.curves:
+            table = _kernels.gate(spring.whole_table)
+            return _kernels.inside.limb_inside(
+                position, rate, matrices, table, spring.tables, dt, BOUND
+            )
+        if spring.terms:
+            return _kernels.limb.rubbing(
+                position,
+                rate,
+                matrices,
+                omega,
+                zeta,
+                spring.friction,
+                np.array([spring.cubic, spring.square], dtype=float),
+                BOUND,
+            )
         return _kernels.greybox.second_order(
-            _kernels.gate(command.position),
-            _kernels.gate(command.rate),
+            position,
+            rate,
             matrices,
             float(spring.cubic),
             float(spring.square),

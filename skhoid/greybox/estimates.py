@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from sklearn.base import clone
 
 from ..effects.composition import Effects
 from ..effects.dimension import Dimension, S, checked
@@ -46,7 +45,10 @@ def parameter_table(
     ) -> None:
         rows.append((name, value, np.nan, *span, dimension.label(units), meaning))
 
+    curves = tuple(f"{name}__" for name, effect in simulator.effects if effect.free_form)
     for i, p in enumerate(simulator.parameters):
+        if p.name.startswith(curves):
+            continue  # coefficients of a curve, which ``effects_`` has
         if lost[i]:
             add_lost(p.name, float(theta[i]), p.dimension, p.spec.meaning, (p.low, p.high))
         else:
@@ -135,7 +137,7 @@ def effects_with_values(model: Model) -> Effects:
     done = []
     for name, effect in model.effects:
         found = {p.name: values[f"{name}__{p.name}"] for p in effect.free}
-        done.append((name, clone(effect).set_params(**found)))
+        done.append((name, effect.with_values(found)))
     return Effects(done)
 
 

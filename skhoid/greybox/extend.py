@@ -10,12 +10,14 @@ import numpy as np
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.dimension import Dimension
+from ..effects.free_form import FreeForm
 from ..effects.record import Record
 from .fitting import Criterion, Fit, minimise
 from .jumps import searched
 from .model import Model, best_of, halved, in_order, scaled_sse, start_beside, without
 from .scan import Scan
 from .simulator import Simulator
+from .smoothing import smoothed
 
 HIDDEN = 0.5  # share of the output's power about its mean that a hopeless parent leaves
 N_VARIANTS_KEPT = 2  # variants that are followed to the end
@@ -74,7 +76,14 @@ def extended(
         if effect.place == "output" and before > HIDDEN * coarse.power_about_mean:
             # It hides the output from least squares, so the parent is far off.
             spread = core.spread(coarse.record, coarse.record.input)
-            blind = [np.r_[own, starts[0][len(own) :]] for own in spread]
+            if variant.free_form and spread:  # the curve waits until its core is found
+                held = with_(variant.with_values(variant.starts(record)[0]), coarse.record)
+                own = parent.theta.size
+                kept = [np.r_[one, parent.theta[one.size : own]] for one in spread]
+                found = halved(held, coarse, kept).fit.theta
+                blind = [np.r_[found, starts[-1][own:]]]
+            else:
+                blind = [np.r_[own, starts[0][len(own) :]] for own in spread]
             fit = halved(simulator, coarse, [fit.theta, *blind]).fit
         if not variant.smooth and fit.sse < HOPEFUL * before:
             fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
@@ -99,6 +108,8 @@ def extended(
             break
         full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)
         model = Model(simulator, full, parent.other_cores)
+        if isinstance(variant, FreeForm) and variant.spread is None:
+            model = smoothed(model, [name]).refined(criterion)
         if promising and not variant.smooth:
             model = searched(model, name, criterion, FINE_SIZES)
         finished.append((number, model))

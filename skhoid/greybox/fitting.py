@@ -206,10 +206,9 @@ def minimise(
 
     Stops when a step lowers the sum of squares by less than ``tol`` of itself. Where the response
     is not smooth, its scale is solved for at the start, whatever is ``fixed``. The cost of a
-    ``prior`` adds to the sum of squares that is minimised, not to that of the fit. ``at_start`` is
-    for a start whose sums are known, where the response is smooth.
+    ``prior``, by default that of the effects, adds to the sum of squares that is minimised, not to
+    that of the fit. ``at_start`` is for a start whose sums are known, where the response is smooth.
     """
-    prior = prior or NO_PRIOR
     low, high = simulator.low, simulator.high
     theta = np.clip(theta, low, high)
     held = np.zeros(theta.size, dtype=bool) if fixed is None else fixed
@@ -218,6 +217,8 @@ def minimise(
     normal, gradient = np.eye(theta.size), np.zeros(theta.size)
     if not np.isfinite(sse):
         return Fit(theta, np.inf, criterion.n, normal, gradient)
+    if prior is None:
+        prior = simulator.prior.weighing(sse / max(criterion.n, 1))
     if not simulator.smooth:
         theta, sse = rescaled(simulator, criterion, theta, sse)
     better = True

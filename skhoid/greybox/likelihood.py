@@ -109,8 +109,8 @@ def _power(signal: np.ndarray) -> float:
 
 
 def prior_of(simulator: Simulator) -> Prior:
-    """What is known of the parameters of a core before any data."""
-    return Prior.of(simulator.names, simulator.core.usual)
+    """What is known of the parameters of a core and its effects before any data."""
+    return Prior.of(simulator.names, simulator.core.usual) + simulator.prior
 
 
 def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:

@@ -85,7 +85,7 @@ class LoopSimulator:
         self.parameters: list[FreeParameter] = open_loop.parameters
         self.names, self.scale = open_loop.names, open_loop.scale
         self.low, self.high, self.smooth = open_loop.low, open_loop.high, open_loop.smooth
-        self.size = open_loop.size
+        self.size, self.prior = open_loop.size, open_loop.prior
         self._open_loop = open_loop
         self._spread = record.sd("e")
         self._theta: np.ndarray | None = None

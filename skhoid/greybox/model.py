@@ -17,6 +17,7 @@ from .fitting import (
     minimise,
     normal_equations,
     power_and_product,
+    scaled_inverse,
     sse_at,
 )
 from .simulator import Simulator
@@ -59,9 +60,18 @@ class Model:
         return self.simulator.run(self.theta)
 
     @property
-    def n_parameters(self) -> int:
-        """Number of estimated parameters, including numbers that effects found in the data."""
-        return self.theta.size + sum(effect.n_hidden for _, effect in self.effects)
+    def n_parameters(self) -> float:
+        """Number of estimated parameters, including numbers that effects found in the data.
+
+        Those that are known beforehand count by as much as the data decide them.
+        """
+        count = self.theta.size + sum(effect.n_hidden for _, effect in self.effects)
+        known = self.simulator.prior.weighing(self.sse / max(self.fit.n, 1))
+        if not known.usual:
+            return count
+        curvature, _ = known.normal_equations(self.theta)
+        decided = np.diag(scaled_inverse(self.fit.normal) @ curvature)
+        return float(count - np.clip(decided, 0.0, 1.0).sum())
 
     def values(self) -> dict[str, float]:
         return dict(zip(self.simulator.names, self.theta.tolist(), strict=True))
@@ -102,9 +112,11 @@ class Model:
 
     def under(self, criterion: Criterion) -> Model:
         """The same parameters, with squares and normal equations of another criterion."""
-        normal = normal_equations(self.simulator, criterion, self.theta)
+        normal, gradient = normal_equations(self.simulator, criterion, self.theta)
         sse = sse_at(self.simulator, criterion, self.theta)
-        fit = Fit(self.theta, sse, criterion.n, *normal)
+        known = self.simulator.prior.weighing(sse / max(criterion.n, 1))
+        curvature, slope = known.normal_equations(self.theta)
+        fit = Fit(self.theta, sse, criterion.n, normal + curvature, gradient + slope)
         return Model(self.simulator, fit, self.other_cores)
 
     def refined(self, criterion: Criterion, max_iter: int = 12, tol: float = 1e-5) -> Model:

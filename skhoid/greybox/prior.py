@@ -39,6 +39,10 @@ class Prior:
     def of(cls, names: Sequence[str], usual: Mapping[str, Usual]) -> Prior:
         return cls(tuple((names.index(name), one) for name, one in usual.items() if name in names))
 
+    def __add__(self, other: Prior) -> Prior:
+        """What both know, with the weight of the first."""
+        return replace(self, usual=(*self.usual, *other.usual))
+
     def weighing(self, weight: float) -> Prior:
         """The prior for residuals of a given variance."""
         return replace(self, weight=weight)

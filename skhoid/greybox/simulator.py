@@ -17,6 +17,7 @@ from ..effects.parameter import Parameter
 from ..effects.record import Record
 from .cores import ARXCore, Core, neutral_gains
 from .initial import HELD, REST, free_responses, horizon, with_fitted_pulses, with_fitted_start
+from .prior import Prior, Usual
 
 
 class StageSignals(NamedTuple):
@@ -79,6 +80,7 @@ class Simulator:
         self.high = np.array([p.high for p in self.parameters])
         self.scale = np.array([p.scale for p in self.parameters])
         self.smooth = all(effect.smooth for _, effect in effects)
+        self.prior = self._prior()
         self._stages = self._build()
         self._begins = [
             min((i for i, s in enumerate(self._stages) if j in s.positions), default=0)
@@ -87,6 +89,15 @@ class Simulator:
         self._theta: np.ndarray | None = None
         self._states: list[StageSignals] = []
         self._whole: np.ndarray | None = None
+
+    def _prior(self) -> Prior:
+        """What effects know of their parameters before any data."""
+        known: list[tuple[int, Usual]] = []
+        for name, effect in self.effects:
+            own = {p.name: self.names.index(f"{name}__{p.name}") for p in effect.free}
+            spreads = effect.spreads({n: float(self.scale[i]) for n, i in own.items()})
+            known += [(own[n], Usual(0.0, spread)) for n, spread in spreads.items()]
+        return Prior(tuple(known))
 
     @cached_property
     def _parts(self) -> list[tuple[slice, Any]]:

@@ -374,7 +374,8 @@ def _holding(bench: Bench, theta: np.ndarray) -> float:
 def inside(bench: Bench) -> Response:
     """Force over the output or its rate, or the stops of the output."""
     record = bench.made_up(np.arange(2.0))
-    of_rate = getattr(bench.effect, "of", None) == "rate"
+    limb = getattr(bench.effect, "of", None) == "limb"
+    of_rate = limb or getattr(bench.effect, "of", None) == "rate"
     size = bench.amplitude("u")
     if of_rate:
         size = LARGEST * float(getattr(bench.effect, "reference", None) or size)
@@ -393,6 +394,8 @@ def inside(bench: Bench) -> Response:
     name, unit = bench.model._output_name, bench.unit("u")
     without = np.zeros(N_WAVE) if of_rate else x if has_stops else _holding(bench, bench.theta) * x
     what = "force against the input" if of_rate else "input that holds it"
+    if limb:
+        what = "force against the command"
     return Response(
         "map" if has_stops else "spring",
         x,
@@ -402,7 +405,7 @@ def inside(bench: Bench) -> Response:
         else with_unit(f"rate of {name}", unit and f"{unit}/s"),
         with_unit(f"output {name} between stops", unit)
         if has_stops
-        else with_unit(what, bench.unit(bench.error)),
+        else with_unit(what, unit if limb else bench.unit(bench.error)),
         without=Curve(x, without),
         measured=None if of_rate else bench.met("u"),
     )

@@ -1,5 +1,6 @@
 """The search for physical effects that a model is missing: ``EffectSearchCV`` and its parts."""
 
 from .effect_search import EffectSearchCV
+from .shape import Shape
 
-__all__ = ["EffectSearchCV"]
+__all__ = ["EffectSearchCV", "Shape"]

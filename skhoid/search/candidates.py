@@ -11,6 +11,7 @@ import numpy as np
 from ..diagnosis.leaks import SLOPE, LeakTest
 from ..effects.base import Effect
 from ..greybox.model import AT_BOUND, Model
+from .in_loop import LEAST_DELTA_BIC as LEAST_DELTA_BIC_IN_LOOP
 from .in_loop import LEAST_GAIN as LEAST_IN_LOOP
 from .in_loop import LEAST_IF_BETTER, InLoop, LoopParent
 from .leak import leak_of
@@ -40,7 +41,7 @@ class Candidate:
     reason: str = ""
     delta_bic: float = -np.inf
     loglik: float = -np.inf
-    n_parameters: int = 0
+    n_parameters: float = 0
     vaf: float = -np.inf
     gain: float = -np.inf
     p_value: float = 1.0
@@ -162,7 +163,8 @@ class SearchStep:
     def _likeliest_in_loop(self) -> None:
         """Of the linear effects that pass, the one with the largest ΔBIC in the closed loop.
 
-        Outside the loop, the remnant also influences which of them fits best.
+        Outside the loop, the remnant also influences which of them fits best. What the loop does
+        not tell apart, by less than counts there, is left in its order.
         """
         first = self.best
         if first is None or not first.linear_in_loop:
@@ -170,7 +172,13 @@ class SearchStep:
         least = RIVAL * first.weight
         rivals = [c for c in self.candidates[1:] if c.passes and not c.trace and c.weight > least]
         near = [c for c in rivals[:N_RIVALS] if self.judge(c) and c.linear_in_loop]
-        best = max([first, *near], key=lambda c: c.in_loop.delta_bic if c.in_loop else -np.inf)
+
+        def in_loop(c: Candidate) -> float:
+            assert c.in_loop is not None
+            return c.in_loop.delta_bic
+
+        least = max(in_loop(c) for c in [first, *near]) - LEAST_DELTA_BIC_IN_LOOP
+        best = next(c for c in [first, *near] if in_loop(c) >= least)
         self.candidates.remove(best)
         self.candidates.insert(0, best)
 

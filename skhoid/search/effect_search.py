@@ -41,6 +41,7 @@ from .explanations import (
     changes_sentences,
     experiments,
     headline_of,
+    shape_note,
     summary_of,
     unexplained_by,
     untried_notes,
@@ -49,10 +50,13 @@ from .forward import Path, Search, forward, output_error_fit
 from .given_delay import GivenDelay, with_given_delay
 from .held_out import HeldOutRows
 from .left_out import control_of, without_rows
+from .pairs import pair_of
 from .progress import Progress
 from .results import error_path, held_out_table, ranking_table, short_ranking, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
-from .verdict import Verdict, decided
+from .shape import fitted_shape
+from .shapes import shaped
+from .verdict import Verdict
 
 GUARD = 5.0  # s beside held-out blocks of a single run
 MOST_FOLDS = 20  # of a search in some of very many runs
@@ -134,6 +138,10 @@ class EffectSearchCV(
     stand_ins_ : list of str
         Ids of effects in ``best_estimator_`` that explain part of what is missing, but too little
         to name it; otherwise empty.
+    shape_ : Shape or None
+        What the data show of an effect without a name: place, curve with a band, what it explains,
+        and the named effects that are nearest. None where nothing is missing, all has a name, or no
+        free form explains it.
     verdict_ : str
         "nothing is missing", "effects found", or what ``"unknown"`` at the end of ``best_effects_``
         means: "something is missing, not in the catalogue" if all of the catalogue was tried; "...,
@@ -297,11 +305,11 @@ class EffectSearchCV(
             measured = as_output(y)
             kept = np.where(known, measured, np.nan)
             found, verdict, best = self._searched(search, model, prepared, kept, held)
+            self._conclude(verdict)
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
             self.baseline_ = _estimator(model, prepared, found.path.steps[0].plain)
-            self._conclude(verdict)
             self.left_out_ = control.table
             self._tell_searched(prepared, some)
             self._tabulate(found, prepared)
@@ -330,27 +338,44 @@ class EffectSearchCV(
 
         With a delay that was given, names and what is left are those of a free one.
         """
+        recorded = search.record.y
+        assert recorded is not None
+        fitted = model.first_fit(replace(prepared, record=search.record))
+        most = int(self.max_effects)
+        quiet = search.quiet(fitted) if most else None
+        if quiet is not None:
+            held = held or [held_columns(fold.test) for fold in search.folds]
+            search, fitted = quiet, model.first_fit(replace(prepared, record=quiet.record))
         of_all = search.record is prepared.record
 
         def numbers(search: Search, prepared: Prepared, path: Path) -> tuple[SearchNumbers, Any]:
             best = _estimator(model, prepared, path.model if path.added else path.steps[0].plain)
             all_runs = None if of_all else AllRuns(prepared.record, held)
-            return numbers_of(search, path, best, prepared, measured, all_runs), best
+            return numbers_of(search, path, best, prepared, measured, recorded, all_runs), best
 
-        fitted = model.first_fit(replace(prepared, record=search.record))
-        most = int(self.max_effects)
         given = GivenDelay.of(search, fitted) if most else None
         if given is None:
             found, best = numbers(search, prepared, forward(search, fitted, most))
-            return found, decided(found, tries_all=self._tries_all()), best
+            ended = shaped(search, found, tries_all=self._tries_all())
+            alone = ended.verdict.best_effects == ["unknown"] and ended.shape is None
+            both = pair_of(search, found.path, most) if alone else None
+            if both is not None:
+                together, of_both = numbers(search, prepared, both)
+                again = shaped(search, together, tries_all=self._tries_all())
+                if again.verdict.named:
+                    ended, best = again, of_both
+            self.shape_ = fitted_shape(ended, model, prepared, measured)
+            return ended.found, ended.verdict, best
         freed, beside, baseline = given.freed(prepared, model)
         most += len(baseline.effects) - len(fitted.effects)
         free, _ = numbers(beside, freed, forward(beside, baseline, most))
+        ended = shaped(beside, free, tries_all=self._tries_all())
+        free = ended.found
+        self.shape_ = fitted_shape(ended, model, freed, measured)
         path = given.tested(free.path)
         found, best = numbers(search, prepared, path)
         found = replace(found, left=free.left, noises=free.noises, changes=free.changes)
-        verdict = decided(free, tries_all=self._tries_all())
-        return found, with_given_delay(verdict, free.path, path), best
+        return found, with_given_delay(ended.verdict, free.path, path), best
 
     def _conclude(self, verdict: Verdict) -> None:
         self.best_effects_ = verdict.best_effects
@@ -379,6 +404,9 @@ class EffectSearchCV(
         self.notes_ = self._where_searched + changes_sentences(found.changes)
         if self.max_effects:
             self.notes_ += untried_notes(self._candidates(), self.ranking_)
+        if self.shape_ is not None:
+            shape = self.shape_
+            self.notes_.append(shape_note(shape.sentence, shape.gain, shape.closed))
         best = self.best_estimator_
         self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
         if hasattr(best, "simulation_parameters_"):  # an operator
@@ -526,7 +554,7 @@ class EffectSearchCV(
 
 def _estimator(model: SimulatedModel, prepared: Prepared, fitted: Model) -> Any:
     """The model as an estimator, at its largest likelihood."""
-    if fitted.simulator.record.n_runs < prepared.record.n_runs:
+    if fitted.simulator.record.y is not prepared.record.y:
         fitted = on_all_runs(fitted, prepared.record)
     found = likelihood_fit(_start_of(fitted), Criterion(prepared.record))
     return model.with_fit(prepared, *found)

@@ -53,8 +53,8 @@ EXPERIMENTS = {
     frozenset({"bias", "integral"}): "record a constant disturbance of 30 s",
     frozenset({"friction", "dead_zone"}): "record slow reversals at several amplitudes: friction "
     "holds the output at each turn; a dead zone only does so around zero input",
-    frozenset({"friction", "backlash"}): "let the machine coast from speed: friction stops it in "
-    "finite time; play does not",
+    frozenset({"friction", "backlash"}): "let the limb or machine coast from speed: friction stops "
+    "it in finite time; play does not",
     frozenset({"friction", "stiction"}): "record reversals at several speeds of the input",
     frozenset({"root_flow", "hardening_stiffness"}): "record steady states at several levels",
     frozenset({"stops", "saturation"}): "drive it into the stop and reverse at once: from its own "
@@ -149,6 +149,14 @@ def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str
     if n_tried == 1:
         return "the only effect tried does not explain"
     return f"none of the {n_tried} effects tried explains"
+
+
+def shape_note(sentence: str, gain: float, closed: float) -> str:
+    """What a free form shows of an effect without a name."""
+    return (
+        f"what has no name has a shape: {sentence}; a curve that the data choose gains {gain:.1f} "
+        f"points of held-out VAF, {100 * closed:.0f} % of what is left to explain (see shape_)"
+    )
 
 
 def untried_notes(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[str]:

@@ -35,7 +35,8 @@ from .held_out import HeldOutRows, held_out, refitted_prediction, without_folds
 from .in_loop import LIKELY_IF_FIRST, LoopJudge
 from .joint import JointParent
 from .progress import Progress
-from .signatures import traces_of
+from .signatures import traces_of, without_noise
+from .special_cases import special_first
 
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
@@ -76,6 +77,16 @@ class Search:
         self._refits: dict[tuple, np.ndarray] = {}
         self._parts: dict[tuple, list[Model]] = {}
         self._parents: dict[frozenset[str], Model] = {}
+
+    def quiet(self, baseline: Model) -> Search | None:
+        """The same search without noise that a model's residual shows; None where there is none."""
+        if not self.core.kind.is_operator:
+            return None
+        record = without_noise(self.record, baseline.output, self.noises)
+        if record is None:
+            return None
+        effects = [*self.effects, *self.noises]
+        return Search(self.core, record, effects, self.folds, self.n_jobs, self.progress)
 
     def _each(self, function: Callable[..., Any], items: Sequence[Any], *args: Any) -> list[Any]:
         """``function(item, *args)`` of each item, in ``n_jobs`` processes."""
@@ -169,6 +180,7 @@ class Search:
         loop = None if self.loop is None else self.loop.around(base)
         step = SearchStep(base, parent, base_vaf, base_prediction, candidates, loop, self.refit)
         step.rank()
+        special_first(step)
         return step
 
     def _joint(self, found: tuple[Effects, Fit], beside: JointParent) -> float:

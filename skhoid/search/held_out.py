@@ -33,6 +33,8 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -
     prediction = output.copy()
     table = whitened_derivatives(simulator, criterion, model.theta)
     by_row = table.reshape(len(table), *criterion.y.shape)
+    variance = float(table[-1] @ table[-1]) / max(criterion.n, 1)
+    curvature, slope = simulator.prior.weighing(variance).normal_equations(model.theta)
     inside = (model.theta > simulator.low) & (model.theta < simulator.high)
     if not inside.any():
         return prediction
@@ -40,7 +42,7 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -
         train = fold.train[:: criterion.thin]
         rows = by_row[:, train]
         gram = rows @ rows.T
-        normal, gradient = gram[:-1, :-1], gram[:-1, -1]
+        normal, gradient = gram[:-1, :-1] + curvature, gram[:-1, -1] + slope
         block = normal[np.ix_(inside, inside)]
         ridge = 1e-9 * np.diag(block).max() if block.size else 0.0
         step = np.zeros_like(model.theta)

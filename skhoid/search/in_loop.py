@@ -175,6 +175,8 @@ class LoopParent:
         """What a model has over the parent at a rate, under the noise model of the better one."""
         criterion = Criterion(self.judge.record, rate=rate)
         best = min(self.fit, fitted, key=lambda m: m.sse)
+        if not np.isfinite(best.output).all():  # beyond the rows that count it may run away
+            return np.nan
         criterion.set_noise(criterion.remnant_model(best.output))
         parent, refined = (
             m.refined(criterion, max_iter=ITERATIONS, tol=TOLERANCE) for m in (self.fit, fitted)

@@ -95,7 +95,7 @@ class Ranked:
     vaf_before: float = np.nan
     vaf_after: float = np.nan
     delta_loglik: float = np.nan
-    n_parameters: int = 0
+    n_parameters: float = 0
 
 
 def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None) -> pd.DataFrame:

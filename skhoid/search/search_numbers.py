@@ -31,7 +31,8 @@ class SearchNumbers:
     (names); ``left`` is structure that remains, ``noises`` effects that are noise and show in it.
     ``ceiling`` is the VAF that a model can reach, NaN where it is not known, for the reason
     ``no_ceiling``. ``share`` is the part of the output's power that is not its mean. ``changes``
-    are those of further parameters where gains change.
+    are those of further parameters where gains change. With ``one_cause`` one free form explains
+    as much as all of the effects together, and is likelier.
     """
 
     path: Path
@@ -43,6 +44,7 @@ class SearchNumbers:
     no_ceiling: str
     share: float
     changes: dict[str, tuple[float, float, float]]
+    one_cause: bool = False
 
     @property
     def ids(self) -> list[str]:
@@ -72,17 +74,18 @@ def numbers_of(
     best: SimulatedModel,
     prepared: Prepared,
     measured: np.ndarray,
+    recorded: np.ndarray,
     all_runs: AllRuns | None = None,
 ) -> SearchNumbers:
     """Walk the path again, and look for what is left; ``measured`` has every row of y.
 
-    Where the search looked at some of the runs, steps are judged on ``all_runs`` of ``prepared``.
+    ``recorded`` is the output of the search's runs with the noise that the search took out. Where
+    it did, or looked at some of the runs, steps are judged on ``all_runs`` of ``prepared``.
     """
-    record = search.record
-    assert record.y is not None
+    record = replace(search.record, y=recorded)
     steps = walked(search, path, all_runs)
     left = leftovers(path.model, search.folds, search.loop)
-    noises, others = noises_in(record.y - path.model.output, record, search.noises)
+    noises, others = noises_in(recorded - path.model.output, record, search.noises)
     left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
     rest, rest_sd, vaf, unknown = gap_of(best, prepared, measured)
     noted = NOTED * search.share

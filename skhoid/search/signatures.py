@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,3 +48,18 @@ def noises_in(
             if found is not None:
                 others.append(found)
     return named, others
+
+
+def without_noise(record: Record, output: np.ndarray, tried: Sequence[Effect]) -> Record | None:
+    """A record whose output lacks what effects of ``tried`` that are noise show in a residual.
+
+    The residual is that of a model's ``output``. None where nothing shows. A tremor bends the fit
+    of simulations, which has no noise model, and a resonance or a map that follows the error round
+    the loop could take up some of it.
+    """
+    assert record.y is not None
+    parts = [effect.noise_part(record.y - output, record) for effect in tried]
+    shown = [part for part in parts if part is not None]
+    if not shown:
+        return None
+    return replace(record, y=record.y - np.sum(shown, axis=0), _derived={})

@@ -48,14 +48,22 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
     limits = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
     least, small = limits[:2]
     large = largest_left(limits, found.gained, found)
-    if not (worst >= least * found.share and share > small):
+    left = worst >= least * found.share and share > small
+    if not (left or found.one_cause):
         return Verdict(Outcome.FOUND if ids else Outcome.NOTHING, ids, [])
-    if share > large:
+    if found.one_cause:
+        ids, stand_ins = [], ids
+    elif share > large:
         kept = 1 if len(found.added) > 1 and first_explains(found) else 0
         ids, stand_ins = ids[:kept], ids[kept:]
     if found.path.steps[-1].best is not None:
         return Verdict(Outcome.CUT_SHORT, ids, stand_ins)
-    return Verdict(Outcome.NOT_IN_CATALOGUE if tries_all else Outcome.NOT_TRIED, ids, stand_ins)
+    return Verdict(unnamed(tries_all), ids, stand_ins)
+
+
+def unnamed(tries_all: bool) -> Outcome:
+    """The outcome of a search that leaves something without a name."""
+    return Outcome.NOT_IN_CATALOGUE if tries_all else Outcome.NOT_TRIED
 
 
 def first_explains(found: SearchNumbers) -> bool:

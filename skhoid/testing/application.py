@@ -91,7 +91,7 @@ def _check_kind(out: Any, place: str, record: Record, at: str) -> None:
         which = f"{at}, {name}," if name else at
         needed: tuple[int, ...] | None = shape
         if place in ("spring", "inside"):
-            needed = values.shape if name == "terms" else ()
+            needed = values.shape if name in ("terms", "curves") else ()
         elif place == "delay" or kind is Gains or name == "delay":
             needed = None  # anything that broadcasts over samples and runs
         if needed is None:

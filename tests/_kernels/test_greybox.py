@@ -370,6 +370,13 @@ def test_stuck_at_equal_friction_is_play():
     np.testing.assert_allclose(out, [0.0, 0.5, 1.5, 1.5, 1.0, 0.5, -0.5, -0.5])
 
 
+def test_weighted_plays_are_the_sum_of_single_ones():
+    x, gaps, weights = noise(), np.array([0.2, 0.5, 1.1]), np.array([0.5, -0.3, 1.2])
+    ahead = [x - by_run(naive.stuck, x, gap, gap) for gap in gaps]
+    out = greybox.stops_summed(x, gaps, weights)
+    np.testing.assert_allclose(out, np.tensordot(weights, ahead, 1), atol=1e-12)
+
+
 def test_no_friction_and_no_limit_change_nothing():
     x = noise()
     assert np.array_equal(greybox.stuck(x, 0.0, 0.0, True), x)
@@ -388,5 +395,6 @@ def test_kernels_leave_their_inputs_alone():
     greybox.held(x, x, 4.0, 0.2, 0.0)
     greybox.rate_limited(x, 0.1)
     greybox.stuck(x, 0.3, 0.1, True)
+    greybox.stops_summed(x, np.ones(2), np.ones(2))
     assert np.array_equal(x, kept)
     assert np.all(ones == 1)

@@ -28,6 +28,20 @@ def noise(n, runs=2, seed=0):
     return np.random.default_rng(seed).standard_normal((n, runs))
 
 
+NONE = np.zeros((0, 6)), np.zeros((0, 9))
+PLACES = np.linspace(-0.4, 0.4, 9)
+TABLES = np.array([0.4 * np.tanh(PLACES / 0.1), 3 * PLACES**3 + PLACES**2])
+TABLED = {
+    "of the rate": [(4.0, 1.0, -0.4, 0.1, 0.0, 0.0)],
+    "of the output": [(4.0, 0.0, -0.4, 0.1, 1.0, 0.0)],
+    "both, and friction": [
+        (4.0, 0.0, -0.4, 0.1, 0.0, 0.0),
+        (4.0, 1.0, -0.4, 0.1, 1.0, 0.0),
+        (3.0, 0.0, 0.1, 1e-2, 0.0, 1.0),
+    ],
+}
+
+
 def run(x, a, b, against, terms, spring=(0.0, 0.0), constant=0.0, bound=1e9, begun=None):
     return inside.arx_inside(
         x,
@@ -35,7 +49,9 @@ def run(x, a, b, against, terms, spring=(0.0, 0.0), constant=0.0, bound=1e9, beg
         np.atleast_2d(np.asarray(b, float)),
         np.asarray(against, float),
         np.array(spring, float),
+        NONE[0],
         np.array(terms, float).reshape(-1, 6),
+        NONE[1],
         constant,
         np.zeros((0, x.shape[1])) if begun is None else begun,
         DT,
@@ -74,7 +90,7 @@ def test_without_forces_it_is_the_linear_response():
 def test_coefficients_may_follow_time():
     x = noise(50)
     a, b = -0.5 + 0.3 * noise(50, 1, 1), 0.2 + 0.1 * noise(50, 2, 2)
-    nothing = np.zeros((0, 6)), 0.0, np.zeros((0, 2))
+    nothing = NONE[0], *NONE, 0.0, np.zeros((0, 2))
     out = inside.arx_inside(x, a, b, np.zeros(1), np.zeros(2), *nothing, DT, 1e9)
     for j in range(2):
         expected = naive.arx_inside(x[:, j], a, b, [0.0], (0.0, 0.0), [], 0.0, DT, 1e9)
@@ -117,3 +133,56 @@ def test_what_diverges_stays_within_the_bound():
     x = noise(300)
     out = run(x, [-1.5], [1.0], [1.0], TERMS["coulomb"], bound=1e6)
     assert 0.99e6 < np.abs(out).max() <= 1e6
+
+
+@pytest.mark.parametrize("terms", TABLED.values(), ids=TABLED)
+@pytest.mark.parametrize("against", [[0.4, 0.1], [-0.05, 0.2], [0.0, 0.1]], ids=str)
+def test_forces_by_tables_are_their_twin(terms, against):
+    x, a, b, bends = noise(60), [-0.9, 0.2], [0.2, 0.4], [(4.0, 0.0, -0.4, 0.1, 1.0, 0.0)]
+    rows, springs = np.array(terms), np.array(bends)
+    tables = TABLES if against[0] > 0 else 0.1 * TABLES  # without a balance it runs away
+    rest = (tables, 0.05, np.zeros((0, 2)), DT, 1e9)
+    matrices = np.atleast_2d(a), np.atleast_2d(b), np.array(against)
+    out = inside.arx_inside(x, *matrices, np.zeros(2), springs, rows, *rest)
+    for j in range(2):
+        plain = (x[:, j], [a], [b], against, (0.0, 0.0), terms, 0.05, DT, 1e9)
+        expected = naive.arx_inside(*plain, bends=bends, tables=tables)
+        np.testing.assert_allclose(out[:, j], expected, rtol=1e-7, atol=1e-8)
+
+
+@pytest.mark.parametrize("varies", [False, True])
+@pytest.mark.parametrize("terms", TABLED.values(), ids=TABLED)
+def test_a_limb_against_forces_is_its_twin(terms, varies):
+    rows = 60 if varies else 1
+    omega = np.random.default_rng(3).uniform(8, 12, rows)
+    matrices = greybox.held_linearly(omega, np.full(rows, 0.4), DT)
+    position, rate = 0.5 * noise(60), 0.02 * noise(60, seed=1)
+    terms = [*terms, (5.0, 0.0, 2.0, 1.0, 0.0, 0.0)]
+    out = inside.limb_inside(position, rate, matrices, np.array(terms), TABLES, DT, 1e9)
+    of_sample = list(np.broadcast_to(matrices, (60, 12)).reshape(60, 3, 2, 2))
+    for j in range(2):
+        expected = naive.limb_inside(position[:, j], rate[:, j], of_sample, terms, TABLES, DT)
+        np.testing.assert_allclose(out[:, j], expected, rtol=1e-7, atol=1e-9)
+
+
+def test_a_limb_with_a_stiffening_spring_is_that_of_the_other_kernel():
+    matrices = greybox.held_linearly(np.array([10.0]), np.array([0.3]), DT)
+    position, rate = 2 * noise(200), 0.02 * noise(200, seed=1)
+    terms = np.array([(5.0, 0.0, 3.0, 2.0, 0.0, 0.0)])
+    out = inside.limb_inside(position, rate, matrices, terms, NONE[1], DT, 1e9)
+    expected = greybox.second_order(position, rate, matrices, 3.0, 2.0, 1e9)
+    np.testing.assert_allclose(out, expected, rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("slope", [20.0, -0.5, -30.0])
+def test_a_limb_stays_finite_against_any_slope(slope):
+    """Very stiff, softer than it is, and pushing away, where it ends at the bound."""
+    matrices = greybox.held_linearly(np.array([10.0]), np.array([0.3]), DT)
+    for of_rate in (0.0, 1.0):
+        term, table = [[4.0, of_rate, -1.0, 0.25, 0.0, 0.0]], slope * np.linspace(-1, 1, 9)[None]
+        out = inside.limb_inside(
+            noise(300), np.zeros((300, 2)), matrices, np.array(term), table, DT, 1e9
+        )
+        assert (np.abs(out) <= 1e9).all()
+        if slope > 0:
+            assert np.abs(out).max() < 1.0

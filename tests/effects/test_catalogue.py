@@ -85,6 +85,7 @@ RECOVERED = [
         {"K_e_change": 0.6, "K_edot_change": -0.5, "rate": 1.0, "time": 12.0},
     ),
     (GainDrift(), {"rate": 0.02}),
+    (GainDrift(form="curved"), {"rate": 0.02, "curve": 0.15}),
     (Lapses(intervals=[(6.0, 8.0), (14.0, 16.0)]), {"depth": 0.8, "shift": 0.1}),
     (Lapses(intervals=[(6.0, 8.0), (14.0, 16.0)], form="gain"), {"depth": 0.8, "shift": 0.1}),
     (Lapses(intervals=[(6.0, 8.0), (14.0, 16.0)], form="hold"), {"depth": 0.8, "shift": 0.1}),
@@ -132,6 +133,7 @@ RECOVERED = [
     (CrossAxis(form="command"), {"gain": 0.1}),
     (ExtraLag(), {"time": 0.5}),
     (ExtraLead(), {"time": 0.1}),
+    (Friction(), {"coulomb": 0.15}),
     (NeuromuscularMode(), {"omega": 15.0, "zeta": 0.2}),
     (
         HigherOrder(),

@@ -176,9 +176,9 @@ def signal_in_other_units(signal, place):
     return signal * (e if place == "input" else u)
 
 
-def same_force(found, expected):
+def same_force(found, expected, limb):
     """Forces and stops inside, of the output and its rate in other units."""
-    u, e = FACTORS["u"], FACTORS["e"]
+    u, e = FACTORS["u"], FACTORS["u" if limb else "e"]
     y, rate = np.linspace(-3, 3, 61), np.linspace(5, -5, 61)
     np.testing.assert_allclose(found.force(u * y, u * rate), e * expected.force(y, rate))
     np.testing.assert_allclose(np.clip(u * y, *found.stops), u * np.clip(y, *expected.stops))
@@ -199,7 +199,11 @@ def test_dimensions_of_the_catalogue_are_right(name):
             changed[p.name] = values[p.name] * np.prod([FACTORS[n] ** k for n, k in powers.items()])
         signal = signal_at(one.place, record)
         if one.place == "inside":
-            same_force(same.apply(signal, other, **changed), one.apply(signal, record, **values))
+            found, expected = (
+                same.apply(signal, other, **changed),
+                one.apply(signal, record, **values),
+            )
+            same_force(found, expected, getattr(one, "of", None) == "limb")
             continue
         expected = signal_in_other_units(one.apply(signal, record, **values), one.place)
         found = same.apply(signal_in_other_units(signal, one.place), other, **changed)

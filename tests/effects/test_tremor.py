@@ -10,7 +10,7 @@ from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias, Dimension, Effect, Parameter, Signature, Tremor
 from skhoid.effects.catalogue import CLASSES
 from skhoid.plotting import IdentifiedEffectDisplay
-from skhoid.search.signatures import noises_in
+from skhoid.search.signatures import noises_in, without_noise
 from skhoid.testing import check_effect, synthetic_record
 
 
@@ -129,3 +129,23 @@ def test_noise_of_a_user_is_drawn_and_not_simulated(humming):
     display = IdentifiedEffectDisplay.from_estimator(model, "hum").plot()
     wave = display.ax_.get_lines()
     assert any(np.abs(line.get_ydata()).max() == pytest.approx(0.1, rel=1e-3) for line in wave)
+
+
+def test_the_tremor_of_each_run_is_taken_out_whatever_its_phase():
+    record, residual, _ = toned(9.3, 0.3)
+    record = replace(record, y=residual)
+    quiet = without_noise(record, np.zeros_like(residual), [Tremor()])
+    assert Tremor().signature(quiet.y, record) is None
+    left, before = quiet.y[record.known].std(), residual[record.known].std()
+    assert left == pytest.approx(before / np.sqrt(5.5), rel=0.1)  # 0.3^2 / 2 beside 0.1^2
+    noise = toned(9.3, 0.0)[1]
+    assert without_noise(record, residual - noise, [Tremor()]) is None  # a model explains it
+
+
+def test_what_is_no_tremor_stays_in_the_output():
+    record, residual, _ = toned(9.3, 0.3)
+    slow = record.sd("u") * np.sin(2 * np.pi * 1.1 * record.t) * record.known
+    record = replace(record, y=residual + slow)
+    quiet = without_noise(record, slow, [Tremor()])
+    taken = (record.y - quiet.y)[record.known]
+    assert abs(np.corrcoef(taken, slow[record.known])[0, 1]) < 0.02

@@ -401,6 +401,15 @@ def test_of_an_arx_model():
     assert "beside nk" in IdentifiedEffectDisplay.from_estimator(delayed).ax_.get_ylabel()
 
 
+def test_friction_in_the_limb_is_a_force_over_the_rate(baseline):
+    model = with_found(baseline, Friction(of="limb", form="coulomb", coulomb=0.02))
+    display = IdentifiedEffectDisplay.from_estimator(model)
+    rate, force = display.lines_["with the effect"].get_data()
+    far = np.abs(rate) > 0.01
+    np.testing.assert_allclose(force[far], 0.02 * np.sign(rate[far]))
+    assert display.ax_.get_ylabel().startswith("force against the command")
+
+
 IN_MACHINES = {
     Friction(coulomb=0.4, form="smooth", width=0.2, of="output"): (
         "spring",

@@ -179,7 +179,7 @@ def stuck(x, breakaway, kinetic):
     return out
 
 
-def resistance(terms, y, rate):
+def resistance(terms, y, rate, tables=()):
     """Sum of forces (kind, of the rate, size, width, extra, fall) at an output and its rate."""
     total = 0.0
     for kind, of_rate, size, width, extra, fall in terms:
@@ -191,10 +191,20 @@ def resistance(terms, y, rate):
         elif kind == 1.0 and y > extra:
             head = y - extra
             total += size * (np.sqrt(head) if head > width else head / np.sqrt(width))
+        elif kind == 4.0:
+            values = np.asarray(tables[int(extra)])
+            places = size + width * np.arange(values.size)
+            ends = [0, 1] if v < places[1] else [-2, -1]
+            line = np.polyval(np.polyfit(places[ends], values[ends], 1), v)
+            total += np.interp(v, places, values) if places[0] <= v <= places[-1] else line
+        elif kind == 5.0:
+            total += spring(y, size, width)
     return total
 
 
-def arx_inside(x, a, b, against, spring_sizes, terms, constant, dt, bound, begun=()):
+def arx_inside(
+    x, a, b, against, spring_sizes, terms, constant, dt, bound, begun=(), bends=(), tables=()
+):
     """A(q) y = B(q) (x - spring(y)) - G(q) force(y, rate) + constant, within stops.
 
     ``a`` and ``b`` have a row for all samples, or one each. The force of now is that of the output
@@ -212,19 +222,73 @@ def arx_inside(x, a, b, against, spring_sizes, terms, constant, dt, bound, begun
         value += b_now[0] * x[k]
         if b_now[0] != 0:
             value -= b_now[0] * spring(value, *spring_sizes)
+        if b_now[0] != 0 and bends:
+            value -= b_now[0] * resistance(bends, value, 0.0, tables)
         value -= sum(against[i] * forces[k - i] for i in range(1, len(against)) if k >= i)
         last = y[k - 1] if k > 0 else 0.0
 
         def away(new, value=value, last=last):
-            return new + against[0] * resistance(terms, new, (new - last) / dt) - value
+            return new + against[0] * resistance(terms, new, (new - last) / dt, tables) - value
 
         if against[0] > 0 and away(value) != 0.0:
             reach = 2 * against[0] * sum(abs(t[2]) * (1 + abs(t[4])) for t in terms) + abs(value)
+            reach += sum(np.abs(row).max() for row in tables)
             value = brentq(away, value - reach - 1, value + reach + 1, xtol=1e-15, maxiter=1000)
         elif against[0] < 0:
             before = y[k - 2] if k > 1 else 0.0
-            value -= against[0] * resistance(terms, last, (last - before) / dt)
+            value -= against[0] * resistance(terms, last, (last - before) / dt, tables)
         y.append(min(max(value, low), high))
-        held.append(spring(y[-1], *spring_sizes))
-        forces.append(resistance(terms, y[-1], (y[-1] - last) / dt))
+        held.append(spring(y[-1], *spring_sizes) + resistance(bends, y[-1], 0.0, tables))
+        forces.append(resistance(terms, y[-1], (y[-1] - last) / dt, tables))
     return y
+
+
+def limb_inside(position, rate, matrices, terms, tables, dt):
+    """``second_order`` with forces of the output and of its rate since the sample before.
+
+    With one of the rate, all are as after a step throughout the step.
+    """
+    s, out, last = np.zeros(2), [0.0], 0.0
+    late = any(t[1] for t in terms)
+    for k in range(len(position) - 1):
+        phi, before, after = matrices[k]
+        force = resistance(terms, s[0], (s[0] - last) / dt, tables)
+        now = np.array([position[k] - (0.0 if late else force), rate[k]])
+        to = after[:, 0] + (before[:, 0] if late else 0.0)
+        rest = phi @ s + before @ now + after @ np.array([position[k + 1], rate[k + 1]])
+        last = s[0]
+
+        def away(y, rest=rest[0], by=to[0], last=last):
+            return y + by * resistance(terms, y, (y - last) / dt, tables) - rest
+
+        reach = 1.0
+        while away(rest[0] - reach) * away(rest[0] + reach) > 0:
+            reach *= 2
+        y = brentq(away, rest[0] - reach, rest[0] + reach, xtol=1e-15, maxiter=1000)
+        s = rest - to * resistance(terms, y, (y - last) / dt, tables)
+        s[0] = y
+        out.append(y)
+    return out
+
+
+def rubbing(position, rate, matrices, omega, zeta, friction, stiffness, bound):
+    """As ``second_order`` with an explicit spring, and a force that is held over each step.
+
+    The force brings the rate y' = companion - 2 zeta omega y + omega^2 r at the end of the step to
+    zero, or as near as ``friction`` allows.
+    """
+    s, out = np.zeros(2), [0.0]
+    for k in range(len(position) - 1):
+        phi, before, after = matrices[k]
+        force = spring(s[0], *stiffness)
+        now = np.array([position[k] - force, rate[k]])
+        then = np.array([position[k + 1] - force, rate[k + 1]])
+        free = phi @ s + before @ now + after @ then
+        of_force = (before + after) @ np.array([1.0, 0.0])
+        to_rate = np.array([-2 * zeta[k] * omega[k], 1.0])
+        speed = to_rate @ free + omega[k] ** 2 * rate[k + 1]
+        held = np.clip(speed / (to_rate @ of_force), -friction, friction)
+        s = free - held * of_force
+        s[0] = np.clip(s[0], -bound, bound)
+        out.append(s[0])
+    return out

@@ -1,0 +1,199 @@
+"""True curves of hidden effects, and how near a curve of the answer comes to one.
+
+Constant and straight parts of a map are the linear operator's, so they do not count, nor does the
+mean of a gain or of a delay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from effects import N_CURVE, Effect, Wiring
+from loop import (
+    AT_COMMAND,
+    AT_INPUT,
+    AT_RATE,
+    AT_SPRING,
+    CLIP,
+    CUBIC,
+    K_E,
+    K_EDOT,
+    QUADRATIC,
+    TANH,
+    TAU,
+    U_EXTRA,
+    E,
+    _curve,
+    _seen,
+)
+from signals import KEPT, TIME
+
+QUANTILES = np.linspace(0.025, 0.975, 191)  # the central 95 % of the data
+POINTS = 2001
+BY_CHANNEL = {"scheduled_gain", "airspeed_gain", "workload_delay"}  # of the speed
+DEVIATION = 0.2  # a map of less slope is not the map but its deviation from a straight line
+JUMP = 0.1
+OFFSETS = {"bias", "drift", "wandering_offset"}
+
+
+@dataclass(frozen=True)
+class TrueCurve:
+    """A curve and where the data lie.
+
+    Parameters
+    ----------
+    x, value : ndarray
+        The curve, x rising.
+    data : ndarray
+        Abscissas of the training runs, at their 2.5 to 97.5 % quantiles.
+    """
+
+    x: np.ndarray
+    value: np.ndarray
+    data: np.ndarray
+
+
+def true_curves(
+    effect: Effect, wirings: list[Wiring], outs: list[np.ndarray], known: np.ndarray
+) -> dict[str, TrueCurve]:
+    """Curves of a case with one effect, by ``id place`` of the shape that would show them.
+
+    Parameters
+    ----------
+    effect : Effect
+    wirings : list of Wiring
+        Of the training runs.
+    outs : list of ndarray
+        Their signals.
+    known : ndarray of shape (n_runs, n_samples)
+        What the operator does in them without remnant: that is what passes through a map.
+
+    Returns
+    -------
+    curves : dict
+        ``id place``: TrueCurve.
+    """
+    w = wirings[0]
+    e, u = np.concatenate([out[E, KEPT] for out in outs]), known.ravel()
+    maps = _maps(w, np.abs(e).max(), np.abs(u).max())
+    data = {"input": e, "rate": np.gradient(known, TIME, axis=1).ravel()}
+    curves = {
+        f"free_map {place}": TrueCurve(x, y, np.quantile(data.get(place, u), QUANTILES))
+        for place, (x, y) in maps.items()
+    }
+    over = TIME
+    if effect.name in BY_CHANNEL:
+        over = np.concatenate([each.given.speed[KEPT] for each in wirings])
+        each_run = wirings
+    else:
+        each_run = wirings[:1]
+
+    def table(column: int) -> np.ndarray:
+        return np.concatenate([each.table[KEPT, column] for each in each_run])
+
+    gain, rate_gain = table(K_E) / w.operator.K_e, table(K_EDOT) / w.operator.K_edot
+    found = {}
+    if np.ptp(gain) > 0 and np.allclose(gain, rate_gain):
+        found["free_gain gain"] = gain
+    if np.ptp(table(TAU)) > 0:
+        found["free_delay delay"] = table(TAU)
+    if effect.name in OFFSETS:
+        found |= dict.fromkeys(("free_offset sum", "free_offset output"), table(U_EXTRA))
+    order = np.argsort(over, kind="stable")
+    for key, value in found.items():
+        curves[key] = TrueCurve(over[order], value[order], np.quantile(over, QUANTILES))
+    return curves
+
+
+def _maps(w: Wiring, e_max: float, u_max: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Static maps by place; of those behind the limb's bandwidth, all that are one."""
+    maps = {}
+    x = np.linspace(-e_max, e_max, POINTS)
+    rows = np.reshape(w.curves, (-1, 3 + N_CURVE))
+    if w.maps or any(row[0] == AT_INPUT for row in rows):
+        kinds = np.array([[*row, *[0.0] * (4 - len(row))] for row in w.maps]).reshape(-1, 4)
+        curves = rows if len(rows) else None
+        maps["input"] = x, np.array([_seen(one, kinds, curves) for one in x])
+    v = np.linspace(-4 * u_max, 4 * u_max, POINTS)
+    force = w.muscle[CUBIC] * v**3 + w.muscle[QUADRATIC] * v * np.abs(v)
+    for row in rows:
+        tabled = np.array([_curve(one, row) for one in v])
+        if row[0] == AT_SPRING:
+            force = force + tabled
+        elif row[0] == AT_COMMAND:
+            maps |= {"command": (v, tabled), "output": (v, tabled), "spring": (tabled, v)}
+        elif row[0] == AT_RATE:
+            speed = row[1] + row[2] * np.arange(len(row) - 3)
+            maps["rate"] = speed, row[3:]
+    if np.any(force):
+        maps |= {"spring": (v, v + force), "output": (v + force, v), "command": (v + force, v)}
+    for operation in w.outputs:
+        if operation[0] == CLIP:
+            maps |= dict.fromkeys(("command", "output"), (v, np.clip(v, *operation[2:4])))
+        elif operation[0] == TANH:
+            limited = operation[2] * np.tanh(v / operation[2])
+            maps |= dict.fromkeys(("command", "output"), (v, limited))
+    return maps
+
+
+def compare(curve: pd.DataFrame, true: TrueCurve, form: str, place: str) -> dict[str, Any]:
+    """How near a curve with its band comes to the truth, in the central 95 % of the data.
+
+    A map's straight part is taken from the answer. The truth is scaled to the answer's gain where
+    that is free (a map of slope two behind a gain of one half is the same): both are taken as of
+    slope one. A curve without slope is a deviation from one and is taken as it is, and forces over
+    the rate have a scale of their own.
+
+    Parameters
+    ----------
+    curve : DataFrame
+        Indexed by the abscissa: value, low, high.
+    true : TrueCurve
+    form, place : str
+        Of the shape.
+
+    Returns
+    -------
+    grade : dict
+        inside: whether the band holds the truth everywhere but at its jumps, where no smooth curve
+        can; share: of the data where it does; rms: distance over the size of what is not straight
+        (or not constant), jumps and all.
+    """
+    curve = curve.sort_index()
+    at = curve.index.to_numpy(dtype=float)
+    x = true.data[(true.data >= at[0]) & (true.data <= at[-1])]
+    if len(x) < len(true.data) / 2:
+        return {"inside": False, "share": 0.0, "rms": np.inf}  # a curve of something else
+    said, low, high = (np.interp(x, at, curve[name]) for name in ("value", "low", "high"))
+    value = np.interp(x, true.x, true.value)
+    if form == "free_map":
+        straight = np.column_stack([np.ones_like(x), x])
+        of_truth, of_answer = (np.linalg.lstsq(straight, z, rcond=None)[0] for z in (value, said))
+        bent = value - straight @ of_truth
+        if place != "rate":
+            bent = bent / of_truth[1]
+            bent = bent * (of_answer[1] if abs(of_answer[1]) > DEVIATION else 1.0)
+        expected = straight @ of_answer + bent
+    elif form == "free_gain":
+        expected = value * np.mean(said) / np.mean(value)
+        bent = expected - np.mean(expected)
+    elif form == "free_delay":
+        bent = value - np.mean(value)
+        expected = bent + np.mean(said)
+    else:
+        expected = bent = value
+    smooth = ~_at_a_jump(value)
+    held = ((low <= expected) & (expected <= high))[smooth]
+    size = float(np.sqrt(np.mean(bent**2)))
+    distance = float(np.sqrt(np.mean((said - expected) ** 2)))
+    share = float(held.mean()) * len(x) / len(true.data)
+    return {"inside": bool(held.all()), "share": share, "rms": distance / max(size, 1e-12)}
+
+
+def _at_a_jump(value: np.ndarray) -> np.ndarray:
+    """Where half a percent of the data sees a tenth of the curve's range, and two points beside."""
+    jumps = np.abs(np.diff(value)) > JUMP * np.ptp(value)
+    return np.convolve(jumps, np.ones(5), "full")[1 : 1 + len(value)] > 0

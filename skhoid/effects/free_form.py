@@ -1,0 +1,187 @@
+"""The base of free forms: effects whose shape is estimated, for physics that has no name yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .base import Effect
+from .dimension import Dimension
+from .parameter import Parameter
+from .record import Record
+from .smooth_curve import LEVEL, SLOPE, SmoothCurve
+
+N_KNOTS = 11
+TAIL = 0.005  # share of a signal beyond the outermost knots
+USUAL = 0.3  # size of a curve, relative to the scale of its parameters, before data say more
+
+
+class FreeForm(Effect):
+    """Base of effects that are a smooth curve, whose coefficients are estimated with a penalty.
+
+    The curve is a natural cubic spline. Its roughness has a prior variance, ``spread`` squared,
+    that is chosen by marginal likelihood: a straight line if the data show no more. A subclass says
+    what the curve is over (``watched``), in what units (``abscissa``, ``ordinate``), and what it
+    does (``shaped``, in place of ``apply``).
+
+    Attributes
+    ----------
+    free_form : bool
+        True: no search takes it for a name.
+    kept : tuple of int
+        Which of level (0) and slope (1) are part of the curve; others are the model's own.
+    over : str
+        What the curve is a function of, for people.
+    y_word : str
+        What the curve gives, for people.
+    abscissa, ordinate : Dimension
+        Units of the curve.
+    largest, usual : float
+        Greatest coefficients, and the size of a curve before data say more, relative to the scale
+        of its unit.
+    at_rest : float
+        What to add to the curve where people see it: 1 for a factor.
+    shrinks : bool
+        Whether level and slope are known to be small too.
+
+    See Also
+    --------
+    Effect : The base class of all effects.
+
+    Examples
+    --------
+    >>> from skhoid.effects import FreeGain
+    >>> form = FreeGain(knots=(0.0, 10.0, 20.0, 30.0), values=(0.0, 0.1, 0.3, 0.2))
+    >>> float(form.curve(form.values, 10.0).round(3))
+    0.1
+    """
+
+    free_form: ClassVar[bool] = True
+    y_word: ClassVar[str] = "departure"
+    largest: ClassVar[float] = 50.0
+    usual: ClassVar[float] = USUAL
+    at_rest: ClassVar[float] = 0.0
+    shrinks: ClassVar[bool] = False
+    kept: ClassVar[tuple[int, ...]] = (LEVEL, SLOPE)
+    knots: tuple[float, ...] | None
+    values: tuple[float, ...] | None
+    spread: float | None
+
+    @property
+    def over(self) -> str:
+        """What the curve is a function of: ``"e"``, ``"time"``, the name of a channel ..."""
+        raise NotImplementedError
+
+    @property
+    def abscissa(self) -> Dimension:
+        """Unit of what the curve is a function of."""
+        raise NotImplementedError
+
+    @property
+    def ordinate(self) -> Dimension:
+        """Unit of the curve."""
+        raise NotImplementedError
+
+    @property
+    def sentence(self) -> str:
+        """Where it acts and on what it depends, in words."""
+        raise NotImplementedError
+
+    def watched(self, record: Record) -> np.ndarray:
+        """Samples of what the curve is a function of, for its knots."""
+        raise NotImplementedError
+
+    def shaped(self, signal: Any, record: Record, curve: Any) -> Any:
+        """What becomes of the signal, with the curve as a function of arrays."""
+        raise NotImplementedError
+
+    @property
+    def curve(self) -> SmoothCurve:
+        """The family of curves."""
+        assert self.knots is not None
+        return _smooth_curve(tuple(self.knots), self.kept)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        if self.values is not None or self.knots is None:
+            return ()
+        count = self.curve.basis.shape[1]
+        unit = self.ordinate
+        return tuple(
+            Parameter(f"c{i}", unit, -self.largest, self.largest, (0.0,), f"curve {i} of the basis")
+            for i in range(count)
+        )
+
+    @property
+    def free(self) -> list[Parameter]:
+        return list(self.parameters)
+
+    @property
+    def fixed(self) -> dict[str, float]:
+        return {}
+
+    @property
+    def neutral(self) -> Mapping[str, float]:  # type: ignore[override]
+        return {p.name: 0.0 for p in self.parameters}
+
+    def spreads(self, scales: Mapping[str, float]) -> dict[str, float]:
+        if self.values is not None or self.knots is None:
+            return {}
+        roughness = self.curve.roughness
+        if self.shrinks:
+            roughness = np.maximum(roughness, 1.0)
+        rough = [(p.name, r) for p, r in zip(self.parameters, roughness, strict=True) if r > 0.0]
+        return {
+            name: (self.usual * scales[name] if self.spread is None else self.spread)
+            / float(np.sqrt(r))
+            for name, r in rough
+        }
+
+    def variants(self, record: Record) -> list[Effect]:
+        return [self.with_knots(record)]
+
+    def with_knots(self, record: Record) -> Any:
+        """The form with knots at quantiles of what the curve is a function of."""
+        if self.knots is not None:
+            return self
+        return self.with_choices(knots=quantile_knots(self.watched(record)))
+
+    def with_values(self, values: Mapping[str, float]) -> Any:
+        if self.values is not None:  # given, so nothing was estimated
+            return self
+        coefficients = np.array([values[p.name] for p in self.parameters])
+        return self.with_choices(values=tuple((self.curve.basis @ coefficients).tolist()))
+
+    def apply(self, signal: Any, record: Record, **values: float) -> Any:
+        curve = self.curve
+        if self.values is None:
+            coefficients = np.array([values[p.name] for p in self.parameters])
+            at_knots = curve.basis @ coefficients
+        else:
+            at_knots = np.asarray(self.values)
+        return self.shaped(signal, record, lambda at: curve(at_knots, at))
+
+    def design(self, at: np.ndarray) -> np.ndarray:
+        """Values at points by each coefficient, of shape (n_points, n_coefficients)."""
+        return self.curve(self.curve.basis, at)
+
+
+@lru_cache(maxsize=64)
+def _smooth_curve(knots: tuple[float, ...], kept: tuple[int, ...]) -> SmoothCurve:
+    """One object for the same knots, whose basis is found once."""
+    return SmoothCurve(knots, kept)
+
+
+def quantile_knots(signal: np.ndarray, n_knots: int = N_KNOTS) -> tuple[float, ...]:
+    """Knots at quantiles of a signal, none closer than a hundredth of their range."""
+    levels = np.linspace(TAIL, 1 - TAIL, n_knots)
+    found = np.quantile(signal, levels)
+    least = 0.01 * (found[-1] - found[0])
+    kept = [found[0]]
+    for value in found[1:]:
+        if value - kept[-1] >= least:
+            kept.append(value)
+    return tuple(float(value) for value in kept)

@@ -1,0 +1,105 @@
+"""How smooth free forms are: the prior variance of their curves by marginal likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+import numpy as np
+
+from ..effects.composition import Effects
+from ..effects.free_form import FreeForm
+from .fitting import Criterion, normal_equations, scaled_inverse, sse_at
+from .model import Model
+from .simulator import Simulator
+
+ROUNDS = 8  # of fit and choice, at most
+SETTLED = 0.05  # change of the logarithm of the spread, below which it ends
+NOTHING = 0.5  # effective degrees of freedom, below which a curve is not there
+WORSE = 1.02  # times the squares, at most, by which a smoother curve may simulate worse
+SMALLEST = 1e-3  # of the scale of the parameters: a straight line
+FACTOR = 10.0  # by which a round may change the spread, at most
+
+
+class Posterior(NamedTuple):
+    """Of parameters at a fit: covariance, and effective degrees of freedom of each."""
+
+    covariance: np.ndarray
+    dof: np.ndarray
+
+
+def posterior_of(model: Model, criterion: Criterion) -> Posterior:
+    """Covariance under data and prior, and how much of each parameter the data decide."""
+    normal, _ = normal_equations(model.simulator, criterion, model.theta)
+    sigma2 = sse_at(model.simulator, criterion, model.theta) / max(criterion.n, 1)
+    curvature, _ = model.simulator.prior.weighing(sigma2).normal_equations(model.theta)
+    inverse = scaled_inverse(normal + curvature)
+    return Posterior(sigma2 * inverse, np.diag(inverse @ normal).copy())
+
+
+def smoothed(model: Model, names: Collection[str]) -> Model:
+    """A model with free forms that are as smooth as is most likely, at the minimum of that.
+
+    By the generalised Fellner-Schall iteration: the variance of a curve's coefficients is the sum
+    of their squares, in units of the prior's, over their effective degrees of freedom. Residuals
+    are whitened: remnant is not taken for roughness.
+
+    References
+    ----------
+    Wood and Fasiolo, A generalized Fellner-Schall method for smoothing parameter optimization
+    (2017).
+    """
+    criterion = Criterion(model.simulator.record)
+    given, plain = model, Criterion(model.simulator.record)
+    most = WORSE * sse_at(model.simulator, plain, model.theta)
+    for _ in range(ROUNDS):
+        criterion.set_noise(criterion.remnant_model(model.output))
+        model = model.refined(criterion, max_iter=4)
+        if sse_at(model.simulator, plain, model.theta) > most:
+            return given  # what whitening favours may be no simulation
+        spreads = chosen_spreads(model, names, criterion)
+        if not spreads:
+            return model
+        before = model
+        model = with_spreads(model, spreads)
+        moved = [abs(np.log(new / old)) for new, old in spreads.values()]
+        if max(moved) < SETTLED:
+            return before
+    return model.refined(criterion, max_iter=4)
+
+
+def chosen_spreads(
+    model: Model, names: Collection[str], criterion: Criterion
+) -> dict[str, tuple[float, float]]:
+    """New and old spread of free forms by their names; none where there is no curve."""
+    simulator, values = model.simulator, model.values()
+    dof = posterior_of(model, criterion).dof
+    found = {}
+    for name, effect in model.effects:
+        if name not in names or not isinstance(effect, FreeForm) or not effect.free:
+            continue
+        scales = {
+            p.name: simulator.scale[simulator.names.index(f"{name}__{p.name}")] for p in effect.free
+        }
+        prior = effect.spreads(scales)
+        if not prior:
+            continue
+        old = max(prior.values())
+        at = [simulator.names.index(f"{name}__{key}") for key in prior]
+        if dof[at].sum() < NOTHING:
+            continue
+        squares = sum((values[f"{name}__{key}"] / sd) ** 2 for key, sd in prior.items())
+        factor = np.sqrt(squares / float(dof[at].sum()))
+        new = old * float(np.clip(factor, 1 / FACTOR, FACTOR))
+        found[name] = (max(new, SMALLEST * max(scales.values())), old)
+    return found
+
+
+def with_spreads(model: Model, spreads: dict[str, tuple[float, float]]) -> Model:
+    """The same parameters, with other spreads of free forms."""
+    steps = [
+        (name, effect.with_choices(spread=float(spreads[name][0])) if name in spreads else effect)
+        for name, effect in model.effects
+    ]
+    simulator = Simulator(model.simulator.core, Effects(steps), model.simulator.record)
+    return Model(simulator, model.fit, model.other_cores)

@@ -1,0 +1,232 @@
+"""Free forms tried where no name fits: which place, and what shape, explain what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..effects.catalogue import FREE_FORMS
+from ..effects.composition import Effects
+from ..effects.free_form import FreeForm
+from ..greybox.extend import extended
+from ..greybox.fitting import Criterion, derivatives, scaled_inverse
+from ..greybox.model import Model
+from ..greybox.simulator import Simulator
+from .candidates import LEAST_DELTA_BIC, Candidate, SearchStep
+from .forward import Search, better
+from .held_out import HeldOutRows
+from .leftover import Leftover
+from .search_numbers import SearchNumbers
+from .verdict import BESIDE_ONE, BESIDE_SEVERAL, Outcome, Verdict, decided, unnamed
+
+NO_NAME = (Outcome.NOT_IN_CATALOGUE, Outcome.NOT_TRIED, Outcome.CUT_SHORT)
+FOLLOWED = 4  # forms whose curves are fitted to the end
+AS_GOOD = 0.1  # points
+SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the prior, times the usual one
+NAME = "free"
+ONE_FORM = "one free form explains more than all the effects named"
+
+
+@dataclass(frozen=True)
+class Hint:
+    """A form on probation: what its curves explain of a residual, linearised."""
+
+    effect: FreeForm
+    points: float
+    delta_bic: float
+
+
+def shape_step(search: Search, parent: Model, forms: Sequence[FreeForm]) -> SearchStep:
+    """Free forms for a parent, judged as effects with names are, the best first.
+
+    ``parent`` is at the least error of simulation.
+    """
+    hints = hints_of(search, parent, forms)[:FOLLOWED]
+    candidates = []
+    for number, hint in enumerate(hints):
+        name = f"{NAME}_{number}"
+        model = extended(parent, name, hint.effect, search.criterion, search.coarse)
+        candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
+    return search.judged(parent, candidates)
+
+
+def hints_of(search: Search, parent: Model, forms: Sequence[FreeForm]) -> list[Hint]:
+    """Forms at every place where they apply, those first that explain most of held-out rows."""
+    record = replace(search.record, prediction=parent.output)
+    criterion = Criterion(search.record)
+    criterion.set_noise(criterion.remnant_model(parent.output))
+    own = derivatives(parent.simulator, criterion, parent.theta)
+    found = []
+    for form in forms:
+        if form.refusal_in(record, search.core.kind):
+            continue
+        for one in form.alternatives(record):
+            for variant in one.variants(record):
+                effects = Effects([*parent.effects.steps, (NAME, variant)])
+                simulator = Simulator(search.core, effects, search.record)
+                values = parent.values()
+                theta = np.array([values.get(name, 0.0) for name in simulator.names])
+                at = [i for i, name in enumerate(simulator.names) if name not in values]
+                columns = derivatives(simulator, criterion, theta)[at]
+                prior = curvature_of(simulator, theta)[np.ix_(at, at)]
+                result = hinted(own, columns, prior, criterion, search.folds)
+                if result is not None:
+                    found.append(Hint(variant, *result))
+                search.record.forget()  # one channel after the other
+    return sorted(found, key=lambda hint: -hint.points)
+
+
+def curvature_of(simulator: Simulator, theta: np.ndarray) -> np.ndarray:
+    """Second derivatives of the squares of the prior, for residuals of variance one."""
+    curvature, _ = simulator.prior.normal_equations(theta)
+    return np.asarray(curvature)
+
+
+def hinted(
+    own: np.ndarray,
+    columns: np.ndarray,
+    prior: np.ndarray,
+    criterion: Criterion,
+    folds: Sequence[HeldOutRows],
+) -> tuple[float, float] | None:
+    """Points that curves gain on held-out rows beside a model's derivatives, and their ΔBIC.
+
+    At the size of the prior, of some, with which the ΔBIC is largest; what counts as parameters are
+    the effective degrees of freedom. The last of ``own`` is the residual.
+    """
+    n_own = len(own) - 1
+    plain = np.concatenate([own[:-1], columns])
+    residual = own[-1]
+    white = criterion.whitened(np.concatenate([plain, residual[None]]))
+    gram = white @ white.T
+    n = criterion.n
+    before = gram[-1, -1] - gram[:n_own, -1] @ _solve(gram[:n_own, :n_own], gram[:n_own, -1])
+    known = np.zeros_like(gram[:-1, :-1])
+    best: tuple[float, np.ndarray] = (-np.inf, known)
+    for size in SIZES:
+        known = known.copy()
+        known[n_own:, n_own:] = before / n * prior / size**2
+        inverse = scaled_inverse(gram[:-1, :-1] + known)
+        theta = inverse @ gram[:-1, -1]
+        after = gram[-1, -1] - 2 * theta @ gram[:-1, -1] + theta @ gram[:-1, :-1] @ theta
+        dof = np.trace(inverse @ gram[:-1, :-1]) - n_own
+        delta_bic = n * np.log(max(before, 1e-300) / max(after, 1e-300)) - dof * np.log(n)
+        best = max(best, (float(delta_bic), known), key=lambda one: one[0])
+    delta_bic, known = best
+    if delta_bic < LEAST_DELTA_BIC:
+        return None
+    by_row = white.reshape(len(white), *residual.shape)
+    gained = total = 0.0
+    for fold in folds:
+        train, test = fold.train[:: criterion.thin], fold.test[:: criterion.thin]
+        rows = by_row[:, train]
+        g = rows @ rows.T
+        full = _solve(g[:-1, :-1] + known, g[:-1, -1])
+        fewer = _solve(g[:n_own, :n_own], g[:n_own, -1])
+        left = residual[test]
+        e0 = left - fewer @ plain[:n_own, test]
+        e1 = left - full @ plain[:, test]
+        # Own parameters that move beyond their linearisation would make any curve look good.
+        gained += min(float(e0 @ e0), float(left @ left)) - float(e1 @ e1)
+        total += float((criterion.y[test] ** 2).sum())
+    points = 100 * gained / max(total, 1e-300)
+    return (points, delta_bic) if points > 0 else None
+
+
+def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
+    return np.asarray(scaled_inverse(gram) @ product)
+
+
+@dataclass(frozen=True)
+class FoundShape:
+    """The best free form for a parent, and the step in which it was judged."""
+
+    step: SearchStep
+    candidate: Candidate
+
+    @property
+    def model(self) -> Model:
+        assert self.candidate.model is not None
+        return self.candidate.model
+
+
+def found_shape(search: Search, parent: Model, forms: Sequence[FreeForm]) -> FoundShape | None:
+    """The free form that explains most of what a parent leaves; None where none passes."""
+    step = shape_step(search, parent, forms)
+    return None if step.best is None else FoundShape(step, step.best)
+
+
+@dataclass(frozen=True)
+class Shaped:
+    """Numbers and verdict of a search, and the free form that explains what has no name."""
+
+    search: Search
+    found: SearchNumbers
+    verdict: Verdict
+    shape: FoundShape | None
+
+
+def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
+    """The verdict, with the shape of what has no name.
+
+    One free form in place of all the effects that were named, which explains more, is structure
+    that these leave: they may stand in for something else together.
+    """
+    verdict = decided(found, tries_all=tries_all)
+    if verdict.outcome == Outcome.FOUND and found.added:
+        found = beside_one_form(search, found)
+        verdict = decided(found, tries_all=tries_all)
+    elif verdict.outcome == Outcome.NOTHING and found.left:
+        shape = found_shape(search, found.steps[0].plain, forms())
+        if shape is None or shape.candidate.gain < BESIDE_ONE[0] * found.share:
+            return Shaped(search, found, verdict, None)
+        verdict = Verdict(unnamed(tries_all), [], [])
+        return Shaped(search, found, verdict, shape)
+    if verdict.outcome not in NO_NAME:
+        return Shaped(search, found, verdict, None)
+    return Shaped(
+        search, found, verdict, found_shape(search, unnamed_parent(found, verdict), forms())
+    )
+
+
+def beside_one_form(search: Search, found: SearchNumbers) -> SearchNumbers:
+    """The numbers, with what one free form in place of all effects explains beyond them.
+
+    Where it explains as much as several and is likelier, none of these explains its part.
+    """
+    several = len(found.added) > 1
+    least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
+    baseline = found.steps[0].plain
+    most = max([hint.points for hint in hints_of(search, baseline, forms())], default=0.0)
+    if most < found.gained + (-AS_GOOD if several else max(least * found.share, share * most)):
+        return found
+    rival = found_shape(search, baseline, forms())
+    if rival is None:
+        return found
+    excess = rival.candidate.gain - found.gained
+    likelier = (
+        several and excess > -AS_GOOD and better(search, baseline, rival.model, found.path.model)
+    )
+    if not likelier and not excess > 0.0:
+        return found
+    effect: Any = rival.candidate.effect
+    more = Leftover("shape", effect.over, ONE_FORM, excess, rival.candidate.delta_bic)
+    left = [*found.left, more] if excess >= least * found.share else found.left
+    left = sorted(left, key=lambda item: -item.points)
+    return replace(found, left=left, one_cause=likelier)
+
+
+def forms() -> list[FreeForm]:
+    """All free forms, with nothing chosen."""
+    return [form() for form in FREE_FORMS]
+
+
+def unnamed_parent(found: SearchNumbers, verdict: Verdict) -> Model:
+    """The model with the effects that are named, without those that stand in for others."""
+    model = found.path.model
+    ids = [dict(model.effects.steps)[name].name for name in found.added]
+    kept = sum(1 for name in ids if name in verdict.named)
+    return found.steps[kept].plain

@@ -1,0 +1,70 @@
+"""Responses of any smooth memory to a channel and to the error."""
+
+import numpy as np
+
+from skhoid import OperatorRegressor, make_tracking_runs
+from skhoid.effects import FreeDynamics, FreePath
+from skhoid.effects.free_path import convolved
+from skhoid.effects.smooth_curve import SmoothCurve
+
+
+def test_a_convolution_is_the_sum_over_lags_and_holds_at_the_ends():
+    rng = np.random.default_rng(0)
+    signal = rng.normal(size=(60, 2))
+    knots = (-0.05, 0.0, 0.1, 0.2)
+    values = np.array([0.5, 1.0, -0.4, 0.2])
+    dt = 0.01
+    curve = SmoothCurve(knots)
+    got = convolved(signal, lambda at: curve(values, at), knots, dt)
+    lags = np.arange(-5, 21)
+    weights = curve(values, lags * dt) * dt
+    weights[[0, -1]] /= 2
+    expected = np.zeros_like(signal)
+    for k in range(60):
+        for lag, weight in zip(lags, weights, strict=True):
+            expected[k] += weight * signal[np.clip(k - lag, 0, 59)]
+    np.testing.assert_allclose(got, expected, atol=1e-12)
+
+
+def with_response(seed, gain, lag):
+    """Runs in which the output also follows a channel, a while later and smeared over 0.1 s."""
+    X, y = make_tracking_runs(condition="C1", n_runs=4, remnant_intensity=0.1, random_state=seed)
+    rng = np.random.default_rng(seed)
+    other = np.concatenate(
+        [np.convolve(rng.normal(size=len(run)), np.ones(40) / 40, "same")
+         for _, run in X.groupby(level="run")]
+    )  # fmt: skip
+    late = np.roll(other, round(lag / 0.01))
+    spread = np.convolve(late, np.ones(10) / 10, "same")
+    return X.assign(other=other), y + gain * spread
+
+
+def test_a_response_to_a_channel_is_found_with_its_lag():
+    X, y = with_response(0, 0.3, 0.4)
+    model = OperatorRegressor(effects=FreePath(channel="other")).fit(X, y)
+    effect = dict(model.effects_.steps)["free_path"]
+    at = np.linspace(effect.knots[0], effect.knots[-1], 200)
+    response = effect.curve(np.asarray(effect.values), at)
+    without = OperatorRegressor().fit(X, y)
+    assert model.vaf_ > without.vaf_ + 5.0
+    peak = at[np.argmax(response)]
+    assert abs(peak - 0.4) < 0.16  # the limb and distances of knots of 0.15 s
+    assert abs(np.trapezoid(response, at) - 0.3) < 0.08
+
+
+def test_dynamics_that_are_there_already_stay_away():
+    X, y = make_tracking_runs(condition="C1", n_runs=4, remnant_intensity=0.1, random_state=1)
+    model, plain = (OperatorRegressor(effects=e).fit(X, y) for e in (FreeDynamics(), None))
+    assert model.vaf_ < plain.vaf_ + 0.5
+
+
+def test_each_channel_is_tried_and_a_target_ahead_too():
+    X, y = make_tracking_runs(condition="C1", n_runs=1, remnant_intensity=0.1, random_state=1)
+    X = X.assign(f_t=X["e"].cumsum(), x=X["e"].cumsum() - X["e"])
+    record = OperatorRegressor().prepare(X, y).record
+    tried = [(one.channel, one.ahead) for one in FreePath().alternatives(record)]
+    others = [name for name in record.channels if name not in record.inputs]
+    assert {name for name, _ in tried} == set(others)
+    assert ("f_t", 1.0) in tried
+    assert FreePath(channel="f_t", ahead=1.0).first_lag(record) == -1.0
+    assert FreePath(channel="x").first_lag(record) == record.least_delay

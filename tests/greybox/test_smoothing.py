@@ -1,0 +1,48 @@
+"""How smooth a free form is, chosen by marginal likelihood."""
+
+import numpy as np
+
+from skhoid import OperatorRegressor, make_tracking_runs
+from skhoid.effects import CubicGain, FreeMap
+from skhoid.greybox.extend import extended
+from skhoid.greybox.fitting import Criterion
+from skhoid.greybox.smoothing import posterior_of
+
+
+def with_map(effects, spread=None, seed=0):
+    X, y = make_tracking_runs(
+        condition="C1", n_runs=3, remnant_intensity=0.1, random_state=seed, effects=effects
+    )
+    estimator = OperatorRegressor()
+    prepared = estimator.prepare(X, y)
+    criterion = Criterion(prepared.record)
+    base = estimator.first_fit(prepared)
+    return extended(base, "map", FreeMap(spread=spread), criterion, criterion.coarse())
+
+
+def dof_of(model):
+    criterion = Criterion(model.simulator.record)
+    criterion.set_noise(criterion.remnant_model(model.output))
+    own = [i for i, name in enumerate(model.simulator.names) if name.startswith("map__")]
+    return float(posterior_of(model, criterion).dof[own].sum())
+
+
+def test_the_data_decide_how_smooth_a_curve_is():
+    bent, straight = with_map(CubicGain(hardening=0.3, form="cubic")), with_map(None)
+    assert dof_of(straight) < 4.0 < dof_of(bent)
+    spreads = [dict(m.effects.steps)["map"].spread for m in (bent, straight)]
+    assert spreads[0] > 3 * spreads[1]
+
+
+def test_a_given_spread_is_kept():
+    model = with_map(CubicGain(hardening=0.3, form="cubic"), spread=0.01)
+    assert dict(model.effects.steps)["map"].spread == 0.01
+
+
+def test_a_large_spread_is_least_squares_and_a_small_one_a_line():
+    free, line = with_map(None, spread=1e4), with_map(None, spread=1e-5)
+    assert abs(dof_of(free) - 10.0) < 0.2
+    assert dof_of(line) < 1.1  # the level has no roughness
+    assert free.n_parameters > line.n_parameters + 8
+    values = np.array([v for k, v in line.values().items() if k.startswith("map__")])
+    assert np.abs(values[1:]).max() < 1e-4

@@ -1,0 +1,65 @@
+"""The shape of what has no name: found where it acts, with a band, and not where nothing is."""
+
+import numpy as np
+import pytest
+
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import Dimension, Effect, Parameter
+
+
+class Fechner(Effect):
+    """A response that grows with the logarithm of the error, which no catalogue has."""
+
+    name = "fechner"
+    place = "input"
+    parameters = (Parameter("knee", Dimension(e=1), 0.01, 10.0, (0.3,)),)
+
+    def __init__(self, *, knee=None):
+        self.knee = knee
+
+    def apply(self, signal, record, knee):
+        return np.sign(signal) * knee * np.log1p(np.abs(signal) / knee)
+
+
+def searched(hidden_effect, seed=0, **options):
+    X, y = make_tracking_runs(
+        condition="C1", n_runs=4, remnant_intensity=0.1, random_state=seed, effects=hidden_effect
+    )
+    return EffectSearchCV(OperatorRegressor(), **options).fit(X, y), X, y
+
+
+@pytest.fixture(scope="module")
+def hidden():
+    # Names that come near it are left out: a soft map of the error is all that remains.
+    return searched(Fechner(knee=0.15), effects=["bias", "tv_gain", "rate_limit"])
+
+
+def test_a_map_without_a_name_is_shown_where_it_acts(hidden):
+    search, X, y = hidden
+    shape = search.shape_
+    assert search.best_effects_[-1] == "unknown"
+    assert (shape.id, shape.place, shape.over) == ("free_map", "input", "e")
+    assert shape.closed > 0.9
+    assert shape.gain > 1.0
+    assert shape.estimator.score(X, y) > search.baseline_.score(X, y) + 1.0
+    assert "error" in shape.sentence
+
+
+def test_its_curve_is_the_true_one_and_lies_in_its_band(hidden):
+    shape = hidden[0].shape_
+    # Where nearly all data are: the outermost knots are quantiles of the error.
+    middle = shape.curve.iloc[20:-20]
+    at, value = middle.index.to_numpy(), middle["value"].to_numpy()
+    # Gain, level and slope are the model's own.
+    table = np.stack([Fechner().apply(at, None, 0.15), np.ones_like(at), at], axis=1)
+    left = value - table @ np.linalg.lstsq(table, value)[0]
+    assert np.std(left) < 0.15 * np.std(value)
+    # A band that is right holds nearly all of the curve; its straight part was fitted here.
+    assert np.mean(np.abs(left) < middle["high"] - value) > 0.9
+    assert 1.0 < shape.dof < 11.0
+
+
+def test_nothing_has_no_shape():
+    search, _, _ = searched(None, seed=1, effects=["bias", "dead_zone"])
+    assert search.best_effects_ == []
+    assert search.shape_ is None
