@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from sklearn.callback import ProgressBar
 
 from .._version import __version__
 from ..diagnosis import Comparison
@@ -73,6 +75,8 @@ def show_search(
         domain=getattr(options, "domain", None),
         lost_control=options.lost_control,
     )
+    if shows_progress(options):
+        search.set_callbacks(ProgressBar())
     story = Story(search, X, y)
     aloud = aloud and not options.json
     if aloud:
@@ -81,6 +85,11 @@ def show_search(
         if aloud:
             print_block(block, options, truth)
     return story
+
+
+def shows_progress(options: argparse.Namespace) -> bool:
+    """Whether somebody looks: bars are drawn on the output, which a pipe or a file keeps clean."""
+    return not options.json and sys.stderr.isatty() and sys.stdout.isatty()
 
 
 def print_source(options: argparse.Namespace, source: str) -> None:

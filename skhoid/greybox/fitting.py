@@ -38,6 +38,14 @@ class RemnantModel:
         return cls(np.zeros(0), np.ones(n_runs))
 
 
+class Sums(NamedTuple):
+    """Sum of squares at some parameters, J'J and J'r there."""
+
+    sse: float
+    normal: np.ndarray
+    gradient: np.ndarray
+
+
 class Criterion:
     """Squares of whitened residuals on every ``thin``-th row, and their derivatives.
 
@@ -192,18 +200,19 @@ def minimise(
     tol: float = 1e-5,
     fixed: np.ndarray | None = None,
     prior: Prior | None = None,
+    at_start: Sums | None = None,
 ) -> Fit:
     """Levenberg-Marquardt with bounds by projection and finite differences.
 
     Stops when a step lowers the sum of squares by less than ``tol`` of itself. Where the response
     is not smooth, its scale is solved for at the start, whatever is ``fixed``. The cost of a
     ``prior``, by default that of the effects, adds to the sum of squares that is minimised, not to
-    that of the fit.
+    that of the fit. ``at_start`` is for a start whose sums are known, where the response is smooth.
     """
     low, high = simulator.low, simulator.high
     theta = np.clip(theta, low, high)
     held = np.zeros(theta.size, dtype=bool) if fixed is None else fixed
-    sse = sse_at(simulator, criterion, theta)
+    sse = sse_at(simulator, criterion, theta) if at_start is None else at_start.sse
     damping = 1e-3
     normal, gradient = np.eye(theta.size), np.zeros(theta.size)
     if not np.isfinite(sse):
@@ -213,8 +222,11 @@ def minimise(
     if not simulator.smooth:
         theta, sse = rescaled(simulator, criterion, theta, sse)
     better = True
-    for _ in range(max_iter):
-        normal, gradient = normal_equations(simulator, criterion, theta)
+    for i in range(max_iter):
+        if i or at_start is None:
+            normal, gradient = normal_equations(simulator, criterion, theta)
+        else:
+            _, normal, gradient = at_start
         curvature, slope = prior.normal_equations(theta)
         normal, gradient = normal + curvature, gradient + slope
         at_low = (theta <= low) & (gradient < 0)
@@ -288,6 +300,13 @@ def normal_equations(
         table = criterion.whitened(_derivatives(part, criterion, theta, runs), runs)
         gram += table @ table.T
     return gram[:-1, :-1], gram[:-1, -1]
+
+
+def sums_of(criterion: Criterion, rows: np.ndarray) -> Sums:
+    """Sums of a criterion, from :func:`derivatives` of one on the same or on more rows."""
+    table = criterion.whitened(rows)
+    gram = table @ table.T
+    return Sums(float(gram[-1, -1]), gram[:-1, :-1], gram[:-1, -1])
 
 
 def whitened_derivatives(

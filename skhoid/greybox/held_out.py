@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .fitting import Criterion, minimise
+from .fitting import Criterion, derivatives, minimise, sums_of
 from .initial import ESTIMATE
 from .jumps import searched
 from .model import Model
@@ -23,6 +23,7 @@ def refitted(
     train: np.ndarray,
     *,
     starts: Iterable[dict[str, float]] = (),
+    rows: np.ndarray | None = None,
 ) -> Model:
     """A model refitted to some of the rows, to convergence.
 
@@ -40,6 +41,8 @@ def refitted(
     starts : iterable of dict of str to float
         Further starting points, by parameter name, such as ``values()`` of the model without the
         last effect; parameters not named start at the model's values.
+    rows : ndarray or None, default=None
+        What :func:`shared_derivatives` returned for the model; None: each fit computes its own.
 
     Returns
     -------
@@ -54,12 +57,32 @@ def refitted(
     known = model.values()
     points = [model.theta]
     points += [np.array([{**known, **start}[n] for n in simulator.names]) for start in starts]
+    known_sums = [None if rows is None else sums_of(inside, rows), *(None for _ in points[1:])]
     fits = [
-        minimise(simulator, inside, point, max_iter=MOST_ITERATIONS, tol=TOLERANCE)
-        for point in points
+        minimise(
+            simulator, inside, point, max_iter=MOST_ITERATIONS, tol=TOLERANCE, at_start=at_start
+        )
+        for point, at_start in zip(points, known_sums, strict=True)
     ]
     best = Model(simulator, min(fits, key=lambda fit: fit.sse), model.other_cores)
     for name, effect in simulator.effects:
         if not effect.smooth:
             best = min([best, searched(best, name, inside, SIZES)], key=lambda m: m.sse)
     return Model(whole, best.fit, model.other_cores)
+
+
+def shared_derivatives(model: Model, criterion: Criterion) -> np.ndarray | None:
+    """Derivatives at a model's parameters, which are the same whatever rows are left out.
+
+    None where fits do not begin with them: initial states are estimated from the rows fitted, an
+    output that jumps is scaled at first, the derivatives of a large record are not kept.
+    """
+    simulator = model.simulator
+    record = simulator.record
+    if record.initial == ESTIMATE or not simulator.smooth or record.few_runs():
+        return None
+    within = np.clip(model.theta, simulator.low, simulator.high)
+    if not np.array_equal(within, model.theta):
+        return None
+    rows = derivatives(simulator, criterion, model.theta)
+    return rows if np.isfinite(rows).all() else None

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
 
+from .. import _kernels
 from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.record import Record, differentiated
@@ -40,6 +41,7 @@ CURVED = 0.02  # of the output, by which the answer to a remnant and to its oppo
 FOLLOWS = 0.7  # share of a channel that x may leave, at most, if it moves with x
 ROUGH = 3  # differences that tell a rough signal from a smooth one
 SMOOTHED = 0.07  # s, over which averages are taken: between samples a sensor's error is rougher
+SECOND_ORDER = 3  # coefficients
 MISSING = 0.005  # share of the output, at most
 
 
@@ -62,7 +64,10 @@ class Loop:
         """Change of the controlled output caused by a change of the output."""
         change = change.copy()
         change[: self.begin] = 0.0
-        return lfilter(self.b, self.a, change, axis=0)
+        if max(len(self.b), len(self.a)) > SECOND_ORDER:
+            return lfilter(self.b, self.a, change, axis=0)
+        b, a = (np.pad(c / self.a[0], (0, SECOND_ORDER - len(c))) for c in (self.b, self.a))
+        return _kernels.greybox.filtered(_kernels.gate(change), b, a[1:])
 
 
 class LoopSimulator:
@@ -81,6 +86,7 @@ class LoopSimulator:
         self.names, self.scale = open_loop.names, open_loop.scale
         self.low, self.high, self.smooth = open_loop.low, open_loop.high, open_loop.smooth
         self.size, self.prior = open_loop.size, open_loop.prior
+        self._open_loop = open_loop
         self._spread = record.sd("e")
         self._theta: np.ndarray | None = None
         self._pulse: tuple[np.ndarray, np.ndarray | None] | None = None
@@ -113,7 +119,7 @@ class LoopSimulator:
         return moved_with(self._columns, error, self._follow)
 
     def _open(self, error: np.ndarray) -> Simulator:
-        return Simulator(self.core, self.effects, self._with_error(error))
+        return self._open_loop.beside(self._with_error(error))
 
     def run(self, theta: np.ndarray) -> np.ndarray:
         """Output in the loop, the mean over draws of the remnant; NaN where none is found."""
@@ -204,10 +210,8 @@ class LoopSimulator:
         size = 0.3 * self._spread / max(float(np.std(remnant)), 1e-300)
         error = self.record.input
         both = [
-            Simulator(
-                self.core,
-                self.effects,
-                moved_with(self.record, error + s * size * remnant, self._follow),
+            self._open_loop.beside(
+                moved_with(self.record, error + s * size * remnant, self._follow)
             ).run(theta)
             for s in (0, 1, -1)
         ]

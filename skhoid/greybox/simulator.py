@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -105,12 +104,14 @@ class Simulator:
         if not all(effect.runs_apart for _, effect in self.effects):
             return []
         few_at_a_time = self.record.few_runs()
-        return [(columns, self._part(self.record.columns(columns))) for columns in few_at_a_time]
+        return [(columns, self.beside(self.record.columns(columns))) for columns in few_at_a_time]
 
-    def _part(self, few: Record) -> Any:
-        """The same simulator, with the same bounds, on a few of the runs."""
-        part = copy.copy(self)
-        part.record, part._theta, part._states, part._whole = few, None, [], None
+    def beside(self, record: Record) -> Any:
+        """The same simulator, with the same bounds, on a few of the runs or with other signals."""
+        part = Simulator.__new__(Simulator)  # copy.copy would work out all bounds anew
+        part.__dict__.update(self.__dict__)
+        part.__dict__.pop("_parts", None)
+        part.record, part._theta, part._states, part._whole = record, None, [], None
         part._stages = part._build()
         return part
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..greybox.fitting import Criterion, whitened_derivatives
-from ..greybox.held_out import refitted
+from ..greybox.held_out import refitted, shared_derivatives
 from ..greybox.model import Model
 
 TAKEN_BACK = (0.9, 0.8, 0.5)  # shares of the way
@@ -77,8 +77,9 @@ def without_folds(
     model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]
 ) -> Iterator[tuple[HeldOutRows, Model]]:
     """Each fold and the model of :func:`refitted_prediction` that was fitted without its rows."""
+    rows = shared_derivatives(model, criterion)
     for fold in folds:
-        fitted = refitted(model, criterion, fold.train)
+        fitted = refitted(model, criterion, fold.train, rows=rows)
         theta = fitted.theta
         for share in TAKEN_BACK:
             if np.isfinite(fitted.output).all():

@@ -1,5 +1,6 @@
 """The command ``skhoid report``, and the reports of others."""
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pandas as pd
 import pytest
 
 from skhoid.cli import main
+from skhoid.cli.search_output import shows_progress
 
 FEW = ["--effects", "bias", "drift"]
 
@@ -146,3 +148,34 @@ def test_tables_are_checked_before_the_work(capsys, monkeypatch, biased_file):
         said = capsys.readouterr()
         assert said.out == ""
         assert 'pip install "skhoid[io]"' in said.err
+
+
+@pytest.mark.parametrize(
+    ("terminals", "json", "shown"),
+    [
+        (("stdout", "stderr"), False, True),
+        (("stderr",), False, False),
+        (("stdout",), False, False),
+        (("stdout", "stderr"), True, False),
+    ],
+)
+def test_a_search_shows_its_progress_where_somebody_looks(monkeypatch, terminals, json, shown):
+    for stream in terminals:
+        monkeypatch.setattr(f"sys.{stream}.isatty", lambda: True)
+    assert shows_progress(argparse.Namespace(json=json)) == shown
+
+
+@pytest.mark.slow
+def test_the_search_of_a_report_has_its_progress(monkeypatch, calls, biased_file):
+    monkeypatch.setattr("skhoid.cli.search_output.shows_progress", lambda options: True)
+    begun = []
+    monkeypatch.setattr(
+        "skhoid.cli.search_output.ProgressBar.setup",
+        lambda self, estimator, context: begun.append(type(estimator).__name__),
+    )
+    for event in ("teardown", "on_fit_task_begin", "on_fit_task_end"):
+        monkeypatch.setattr(
+            f"skhoid.cli.search_output.ProgressBar.{event}", lambda *args, **kwargs: None
+        )
+    assert main(["report", *biased_file, *FEW]) == 0
+    assert begun == ["EffectSearchCV"]

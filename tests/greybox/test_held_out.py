@@ -1,11 +1,15 @@
 """Fits without some of the rows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.greybox.fitting import Criterion, minimise
-from skhoid.greybox.held_out import refitted
+from skhoid.greybox.held_out import refitted, shared_derivatives
+from skhoid.greybox.initial import ESTIMATE
+from skhoid.greybox.model import Model
 
 
 @pytest.fixture(scope="module")
@@ -54,3 +58,20 @@ def test_starts_from_the_parent_too(fitted):
     alone = refitted(model, criterion, train)
     both = refitted(model, criterion, train, starts=[parent])
     assert both.sse <= alone.sse
+
+
+def test_derivatives_that_folds_share_change_nothing(fitted):
+    model, criterion = fitted
+    rows = shared_derivatives(model, criterion)
+    for run in range(3):
+        train = without_run(criterion, run)
+        alone, shared = (refitted(model, criterion, train, rows=r) for r in (None, rows))
+        np.testing.assert_allclose(shared.theta, alone.theta, rtol=1e-7)
+        assert shared.sse == pytest.approx(alone.sse, rel=1e-10)
+
+
+def test_initial_states_are_of_the_rows_fitted_and_share_no_derivatives(fitted):
+    model, criterion = fitted
+    simulator = model.simulator
+    begun = simulator.on(replace(simulator.record, initial=ESTIMATE, _derived={}))
+    assert shared_derivatives(Model(begun, model.fit), criterion) is None

@@ -330,3 +330,13 @@ def test_remnant_does_not_bias_the_fit_in_the_loop():
     assert abs(inside[4]) < 0.15
     assert abs(outside[0]) > abs(inside[0])
     assert np.abs(inside[[0, 4]]).max() < np.abs(outside[[0, 4]]).max()
+
+
+@pytest.mark.parametrize("text", ["2", "1/s", "90/(s(s+6))", "3/((s+1)(s+2)(s+3))"])
+def test_the_way_back_is_the_filter_of_the_element(text):
+    b, a = LinearElement.of(text).discrete(0.02)
+    change = np.random.default_rng(0).normal(size=(500, 3))
+    later = np.where(np.arange(500)[:, None] < 40, 0.0, change)
+    expected = lfilter(b, a, later, axis=0)
+    found = Loop(b, a, 40).moved(change)
+    np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
