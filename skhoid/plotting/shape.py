@@ -87,8 +87,8 @@ class ShapeDisplay(Display):
     ...     nearest=pd.Series(0.35 * np.sin(1.9 * e.to_numpy()), e),
     ...     nearest_title="dead zone",
     ... ).plot()
-    >>> display.line_.get_ydata()[50].round(2)
-    0.0
+    >>> display.ax_.get_xlabel()
+    'error e, deg'
     """
 
     curve: pd.DataFrame

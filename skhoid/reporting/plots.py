@@ -162,6 +162,17 @@ class Gallery:
                 plots.append(self._plot(drawn[0], caption, drawn[1]))
         return plots
 
+    def shape(self, shape: Any) -> Plot:
+        """The curve of what has no name."""
+        from ..plotting import ShapeDisplay
+
+        with self._drawing() as new:
+            panel = new(TILE)
+            ShapeDisplay.from_shape(shape, ax=panel.axes[0])
+            panel.axes[0].set_title("")
+            _legend_below(panel)
+            return self._plot(panel, "Its curve")
+
     def effects(self, model: Any, X: Any, y: Any) -> list[Plot]:
         """Each identified effect itself."""
         from ..plotting import IdentifiedEffectDisplay

@@ -36,6 +36,7 @@ AXES = {  # what a curve is a function of, on an axis; others are names of chann
     "time": "time in the run",
 }
 BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
+LEAD = "The shape of what has no name: "
 NO_FORM = "No free form explains it at any place either"
 
 
@@ -141,20 +142,21 @@ class Shape:
         if np.isfinite(self.gain_loop):
             loop = f" (in the closed loop by {self.gain_loop:.1f})"
         told = [
-            f"The shape of what has no name: {self.sentence}; a curve with {self.dof:.1f} effective degrees of freedom "
-            f"raises the held-out VAF by {self.gain:.1f} points{loop}, "
-            f"{100 * self.closed:.0f} % of what is left to explain."
+            f"{LEAD}{self.sentence}; a curve with {self.dof:.1f} "
+            f"effective degrees of freedom raises the held-out VAF by {self.gain:.1f} points"
+            f"{loop}, {100 * self.closed:.0f} % of what is left to explain."
         ]
         if len(self.nearest):
             near = self.nearest.head(SHOWN)
             words = [
-                f"{row['title']} (distance {row['distance']:.2f}, {_band_words(row)})"
+                f"{row['title']} (distance {row['distance']:.2f}"
+                f"{', within the band' if row['within_band'] else ''})"
                 for _, row in near.iterrows()
             ]
             several = "s" if len(near) > 1 else ""
             told.append(f"Nearest name{several}: {', '.join(words)}.")
         told += self.recordings
-        told.append(f"To make it an effect of your own: {BY_HAND}.")
+        told.append(f"To make it an effect of your own, in Python: {BY_HAND}.")
         return told
 
     def summary(self) -> Summary:
@@ -187,8 +189,9 @@ class Shape:
         for name, row in self.nearest.iterrows():
             form = f", {row['form']}" if row["form"] else ""
             called = f"{row['title']} ({name}{form})"
-            cells.append([called, f"{row['distance']:.2f}", _band_words(row), row["parameters"]])
-        return TextTable("Nearest names", ["", "distance", "the band", "at"], cells)
+            within = "within" if row["within_band"] else "not within"
+            cells.append([called, f"{row['distance']:.2f}", within, row["parameters"]])
+        return TextTable("Nearest names", ["", "distance", "band", "its numbers"], cells)
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the curve with its band.
@@ -213,8 +216,8 @@ class Shape:
         -------
         found : dict
         """
-        told = ("id", "place", "over", "channel", "sentence", "x_label", "y_label")
-        told += ("dof", "gain", "gain_loop", "delta_bic", "closed", "recordings")
+        told = ["id", "place", "over", "channel", "sentence", "x_label", "y_label"]
+        told += ["dof", "gain", "gain_loop", "delta_bic", "closed", "recordings"]
         return {
             **{key: getattr(self, key) for key in told},
             "curve": self.curve.rename_axis("at").reset_index().to_dict("records"),
@@ -226,10 +229,6 @@ class Shape:
 
     def _repr_html_(self) -> str:
         return self.summary()._repr_html_()
-
-
-def _band_words(row: pd.Series) -> str:
-    return "within the band" if row["within_band"] else "outside the band"
 
 
 def told_shape(ids: Sequence[str], shape: Shape | None) -> list[str]:
