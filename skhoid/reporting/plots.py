@@ -167,11 +167,15 @@ class Gallery:
         from ..plotting import ShapeDisplay
 
         with self._drawing() as new:
-            panel = new(TILE)
-            ShapeDisplay.from_shape(shape, ax=panel.axes[0])
-            panel.axes[0].set_title("")
-            _legend_below(panel)
-            return self._plot(panel, "Its curve")
+            drawn = []
+            for size in (WIDE, TILE):
+                figure = new(size)
+                ShapeDisplay.from_shape(shape, ax=figure.axes[0])
+                figure.axes[0].set(title="", ylabel="")
+                _legend_below(figure)
+                drawn.append(figure)
+            what = shape.y_label[:1].upper() + shape.y_label[1:]
+            return self._plot(drawn[0], f"{what}, over {shape.x_label}", drawn[1])
 
     def effects(self, model: Any, X: Any, y: Any) -> list[Plot]:
         """Each identified effect itself."""

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
+from ..effects.registry import titles_of
 from ..greybox.fitting import Criterion
 from ..greybox.likelihood import settled
 from ..greybox.model import Model
@@ -144,7 +145,7 @@ class Shape:
         told = [
             f"{LEAD}{self.sentence}; a curve with {self.dof:.1f} "
             f"effective degrees of freedom raises the held-out VAF by {self.gain:.1f} points"
-            f"{loop}, {100 * self.closed:.0f} % of what is left to explain."
+            f"{loop}, {100 * self.closed:.0f} % of what {self._beside} leaves to explain."
         ]
         if len(self.nearest):
             near = self.nearest.head(SHOWN)
@@ -158,6 +159,12 @@ class Shape:
         told += self.recordings
         told.append(f"To make it an effect of your own, in Python: {BY_HAND}.")
         return told
+
+    @property
+    def _beside(self) -> str:
+        """The model to which it was added, in words."""
+        others = [effect.name for own, effect in self.estimator.effects_ if own != self.name]
+        return f"the model with {titles_of(others)}" if others else "the baseline"
 
     def summary(self) -> Summary:
         """All of it in plain sentences and two tables.
