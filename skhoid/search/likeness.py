@@ -60,9 +60,11 @@ class Likeness:
     grid : ndarray
         Abscissa of the curve and its band.
     value : ndarray
-        The curve there.
+        The curve there, without what it is at rest.
     points : ndarray
         Where curves are compared: as dense as the data.
+    there : ndarray
+        The curve at the points.
     operator : bool
         Whether the model is an operator, whose limb divides by its stiffness.
     """
@@ -71,6 +73,7 @@ class Likeness:
     grid: np.ndarray
     value: np.ndarray
     points: np.ndarray
+    there: np.ndarray
     operator: bool
 
     @classmethod
@@ -88,9 +91,13 @@ class Likeness:
         if form.over not in ("lag", "time"):
             levels = np.linspace(TAIL, 1 - TAIL, N_POINTS)
             points = np.clip(np.quantile(form.watched(record), levels), low, high)
+        value = value - form.at_rest
         if form.over == "lag":
-            value = departure_of(form, form, {}, record, gains)(grid)
-        return cls(form, grid, value, points, record.core != CoreKind.ARX)
+            answer = departure_of(form, form, {}, record, gains)
+            value, there = answer(grid), answer(points)
+        else:
+            there = form.curve(np.asarray(form.values), points)
+        return cls(form, grid, value, points, there, record.core != CoreKind.ARX)
 
     @property
     def removed(self) -> tuple[int, ...]:
@@ -150,14 +157,14 @@ class Likeness:
         def beyond(curve: np.ndarray) -> np.ndarray:
             return curve - basis @ (basis.T @ curve)
 
-        target = beyond(np.interp(self.points, self.grid, self.value))
+        target = beyond(self.there)
         size = float(np.sqrt(np.mean(target**2))) or 1.0
 
         def left(values: np.ndarray) -> np.ndarray:
             found = (target - beyond(self.reduced(departure(values))[0])) / size
             return np.nan_to_num(found, nan=1e3, posinf=1e3, neginf=-1e3)
 
-        starts = np.clip(starts, low, high)
+        starts = np.clip(np.concatenate([starts, moved_off_zero(starts, low, high)]), low, high)
         errors = np.array([left(start) for start in starts])
         if np.abs(errors - target / size).max() < SAME:
             return None
@@ -174,14 +181,18 @@ class Likeness:
             )
             best, acts = found.x, np.abs(found.jac).max(axis=0) > SAME
         points, grid = self.reduced(departure(best))
-        refit = np.linalg.lstsq(own, self.value_at_points - points, rcond=None)[0]
+        refit = np.linalg.lstsq(own, self.there - points, rcond=None)[0]
         distance = float(np.sqrt(np.mean(left(best) ** 2)))
         return Fit(best, acts, distance, grid + self.beside(self.grid) @ refit)
 
-    @property
-    def value_at_points(self) -> np.ndarray:
-        """The shape's curve at the points."""
-        return np.interp(self.points, self.grid, self.value)
+
+def moved_off_zero(starts: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Starts with half as much as is possible, up to one half, where they are zero.
+
+    An effect of size zero has no curve that could lead elsewhere.
+    """
+    up, down = np.minimum(high / 2, 0.5), np.maximum(low / 2, -0.5)
+    return np.concatenate([np.where(starts == 0.0, size, starts) for size in (up, down)])
 
 
 def bare(record: Record, t: np.ndarray, **channels: np.ndarray) -> Record:
@@ -279,10 +290,8 @@ def _sorted_departure(
         return mapped(effect, at, bare(record, ticks), values) - at
     if form.place == "spring":
         force = effect.apply(Spring(), bare(record, ticks), **values)
-        rest = np.zeros((at.size, 1))
-        one = at[:, None]
-        moving = form.over == "du/dt"
-        return (force.force(rest, one) if moving else force.force(one, rest))[:, 0]
+        rest = np.zeros(at.size)
+        return force.force(rest, at) if form.over == "du/dt" else force.force(at, rest)
     alone = bare(record, at) if form.over == "time" else bare(record, ticks, **{form.over: at})
     return _along(form, effect, values, alone, at.size)
 

@@ -23,6 +23,8 @@ PLACES = {
     "gain": ("gain", "command"),
     "path": ("path", "command"),
 }
+LEAST_SHARE = 0.1  # of the band's half-width, below which no recording of use shows a difference
+N_TIMES = 401
 APART = 0.25  # of the greatest difference, from which two curves differ
 
 
@@ -105,7 +107,9 @@ def candidates(form: FreeForm, record: Record) -> Iterator[Effect]:
         for one in effect.alternatives(record):
             if one.place in places and _alike(form, one):
                 variants: list[Any] = one.variants(record)
-                yield from (v for v in variants if _follows(form, v))
+                yield from (
+                    _timed(form, v) for v in variants if v.place in places and _follows(form, v)
+                )
 
 
 def _alike(form: FreeForm, effect: Effect) -> bool:
@@ -126,6 +130,18 @@ def _follows(form: FreeForm, effect: Any) -> bool:
     if form.place == "path":
         return True
     return own == channel
+
+
+def _timed(form: Any, effect: Any) -> Effect:
+    """A variant; lapses are where the gains of a shape are less than half of the usual."""
+    if effect.name != "lapses":
+        return effect
+    t = np.linspace(form.knots[0], form.knots[-1], N_TIMES)
+    gains = form.at_rest + form.curve(np.asarray(form.values), t)
+    away = np.r_[False, gains < np.median(gains) / 2, False].astype(int)
+    ends = zip(np.flatnonzero(np.diff(away) == 1), np.flatnonzero(np.diff(away) == -1), strict=True)
+    stretches = [(float(t[a]), float(t[np.minimum(b, N_TIMES - 1)])) for a, b in ends]
+    return effect.with_choices(intervals=stretches)
 
 
 def remembers(effect: Effect) -> bool:
@@ -162,12 +178,15 @@ def _fitted(
             texts.append(f"{parameter.name} = {value:.4g}{'' if unit == '-' else f' {unit}'}")
     within = bool((np.abs(fit.curve - like.value) <= half).all())
     form = str(getattr(effect, "form", None) or "")
-    return Near(effect.name, form, fit.distance, within, ", ".join(texts), fit.curve)
+    shown = fit.curve + like.form.at_rest
+    return Near(effect.name, form, fit.distance, within, ", ".join(texts), shown)
 
 
 def nearest_table(found: Sequence[Near]) -> pd.DataFrame:
     """The nearest effects as a table, by id."""
-    rows = [(title_of(n.name), n.form, n.distance, n.within_band, n.parameters) for n in found]
+    rows: list[Any] = [
+        (title_of(n.name), n.form, n.distance, n.within_band, n.parameters) for n in found
+    ]
     index = pd.Index([near.name for near in found], name="effect", dtype=object)
     return pd.DataFrame(rows, columns=list(COLUMNS), index=index)
 
@@ -185,7 +204,7 @@ def recordings_for(
     if form.over != "lag":
         apart = np.abs(value - first.curve)
         title = title_of(first.name)
-        if first.within_band:
+        if first.within_band and (apart > LEAST_SHARE * half).any():
             lines.append(
                 f"To tell the shape from {title}, {_where(form, grid, apart, half, unit)}."
             )
@@ -204,7 +223,7 @@ def _where(form: FreeForm, grid: np.ndarray, apart: np.ndarray, half: np.ndarray
     at = float(grid[np.argmax(np.where(there, apart / np.maximum(half, 1e-300), 0.0))])
     label = "" if unit == "-" else f" {unit}"
     share = float(np.max(apart / np.maximum(half, 1e-300)))
-    more = max(int(np.ceil(1 / max(share, 0.1) ** 2)), 2)
+    more = max(int(np.ceil(1 / max(share, LEAST_SHARE) ** 2)), 2)
     what = {
         "e": "errors",
         "u": "outputs",
@@ -212,7 +231,7 @@ def _where(form: FreeForm, grid: np.ndarray, apart: np.ndarray, half: np.ndarray
         "command": "commands",
         "time": "runs",
     }.get(form.over, f"values of {form.over}")
-    times = f"some {more} times as much data" if share > 0.1 else "many times as much data"
+    times = f"some {more} times as much data" if share > LEAST_SHARE else "many times as much data"
     if form.over == "time":
         return f"record {times} of the same task: they differ most at {at:.3g}{label}"
     return f"record {times} with {what} near {at:.3g}{label}, where the two differ most"

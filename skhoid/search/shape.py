@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from ..greybox.some_runs import on_all_runs
 from ..summaries import Summary, TextTable, number
 from .forward import output_error_fit
 from .leftover import leftovers
+from .nearest import nearest_effects, nearest_table, recordings_for
 from .search_numbers import gap_of
 from .shapes import FoundShape, Shaped
 
@@ -308,6 +309,10 @@ def shape_of(
     effect: Any = dict(effects.steps)[candidate.name]
     curve, dof = curve_with_band(model, candidate.name)
     x_label, y_label = labels_of(model, candidate.name, units)
+    values = model.values()
+    gains = values.get("K_e", 1.0), values.get("K_edot", 0.0)
+    record = replace(model.simulator.record, prediction=model.output)
+    near = nearest_effects(effect, curve, record, units, gains)
     loop = candidate.in_loop
     return Shape(
         id=effect.name,
@@ -326,11 +331,9 @@ def shape_of(
         effect=effect,
         name=candidate.name,
         estimator=estimator,
-        nearest=pd.DataFrame(
-            columns=["title", "form", "distance", "within_band", "parameters"],
-            index=pd.Index([], name="effect"),
-        ),
-        recordings=[],
+        nearest=nearest_table(near),
+        recordings=recordings_for(effect, curve, near, effect.abscissa.label(units)),
+        nearest_curve=pd.Series(near[0].curve, curve.index) if near else None,
     )
 
 
