@@ -55,6 +55,7 @@ from .results import error_path, held_out_table, ranking_table, short_ranking, u
 from .search_numbers import SearchNumbers, numbers_of
 from .shape import fitted_shape, told_shape
 from .shapes import shaped
+from .sketch import SketchesEffects
 from .verdict import Verdict
 
 GUARD = 5.0  # s beside held-out blocks of a single run
@@ -62,6 +63,7 @@ MOST_FOLDS = 20  # of a search in some of very many runs
 
 
 class EffectSearchCV(
+    SketchesEffects,
     SplitsRuns,
     FittedDisplay,
     CallbackSupportMixin,

@@ -20,6 +20,7 @@ from ..greybox.protocol import SimulatedModel
 from ..greybox.smoothing import posterior_of
 from ..greybox.some_runs import on_all_runs
 from ..summaries import Summary, TextTable, number
+from .formulas import Fitted, formula_of
 from .forward import output_error_fit
 from .leftover import leftovers
 from .nearest import nearest_effects, nearest_table, recordings_for
@@ -88,6 +89,8 @@ class Shape:
         What to record to tell them apart.
     nearest_curve : Series or None
         Of the nearest of them, over the abscissa; None where there is none.
+    formula : Fitted or None
+        A short formula that lies within the band, of what the effect adds; None where none does.
 
     See Also
     --------
@@ -130,6 +133,7 @@ class Shape:
     nearest: pd.DataFrame = field(repr=False)
     recordings: list[str] = field(repr=False)
     nearest_curve: pd.Series | None = field(default=None, repr=False)
+    formula: Fitted | None = field(default=None, repr=False)
 
     def sentences(self) -> list[str]:
         """What is known of it, without the curve.
@@ -334,6 +338,7 @@ def shape_of(
         nearest=nearest_table(near),
         recordings=recordings_for(effect, curve, near, effect.abscissa.label(units)),
         nearest_curve=pd.Series(near[0].curve, curve.index) if near else None,
+        formula=formula_of(effect, curve, dof, record),
     )
 
 
