@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,15 @@ from .likeness import Likeness
 LEVEL = 0.95
 SIZES = (0.1, 0.3, 1.0, 3.0, 10.0)  # starts of a formula's size, relative to the signal
 SCALES = (0.05, 0.15, 0.4, 1.0)  # starts of its other numbers, relative to the range
+NAMES = (
+    "size of what is added",
+    "knee",
+    "tau",
+    "middle",
+    "length",
+    "period",
+    "begin",
+)  # in the order of values
 MAPPED = ("input", "output", "command")
 LARGEST = 30.0  # size of a formula, relative to the signal
 
@@ -57,13 +67,14 @@ class Formula:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the parameters, as ``code`` has them."""
-        return ("knee",) if self.whole else ("size", "knee", "phase")[: len(self.powers)]
+        found = [name for name in NAMES if re.search(rf"\b{name}\b", self.code)]
+        return tuple(found)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return formula, (self.code,)  # by its code: functions without a name cannot be pickled
 
 
-_WIDE = ("size", "where it bends")
+_WIDE = ("size of what is added", "where it bends")
 OF_SIGNALS = (
     Formula("size * x**3", "size x^3", lambda x, a: a * x**3, (3,), ("size",)),
     Formula("size * x * np.abs(x)", "size x |x|", lambda x, a: a * x * np.abs(x), (2,), ("size",)),
@@ -74,14 +85,14 @@ OF_SIGNALS = (
         "size max(x, 0)^2",
         lambda x, a: a * np.maximum(x, 0.0) ** 2,
         (2,),
-        ("size",),
+        ("size of what is added",),
     ),
     Formula(
         "size * np.minimum(x, 0.0) ** 2",
         "size min(x, 0)^2",
         lambda x, a: a * np.minimum(x, 0.0) ** 2,
         (2,),
-        ("size",),
+        ("size of what is added",),
     ),
     Formula(
         "size * np.sign(x) * np.maximum(np.abs(x) - knee, 0.0)",
@@ -109,7 +120,7 @@ OF_SIGNALS = (
         "size x exp(-(x / knee)^2)",
         lambda x, a, b: a * x * np.exp(-((x / b) ** 2)),
         (1, 1),
-        ("size", "where it fades"),
+        ("size of what is added", "where it fades"),
     ),
     Formula(
         "size * np.maximum(x - knee, 0.0)",
@@ -157,32 +168,32 @@ WHOLE = (  # in place of the error, the command or the output
 OF_TIME = (
     Formula("size * t", "size t", lambda t, a: a * t, (1,), ("size",)),
     Formula(
-        "size * np.exp(-t / knee)",
-        "size exp(-t / knee)",
+        "size * np.exp(-t / tau)",
+        "size exp(-t / tau)",
         lambda t, a, b: a * np.exp(-t / b),
         (0, 1),
-        ("size", "time constant"),
+        ("size of what is added", "time constant"),
     ),
     Formula(
-        "size * np.clip((t - knee) / 0.1, 0.0, 1.0)",
-        "a step of size at knee",
+        "size * np.clip((t - begin) / 0.1, 0.0, 1.0)",
+        "a step of size at begin",
         lambda t, a, b: a * np.clip((t - b) / 0.1, 0.0, 1.0),
         (0, 1),
-        ("size", "time of the step"),
+        ("size of what is added", "time of the step"),
     ),
     Formula(
-        "size * expit((t - knee) / phase)",
-        "size / (1 + exp(-(t - knee) / phase))",
+        "size * expit((t - middle) / length)",
+        "size / (1 + exp(-(t - middle) / length))",
         lambda t, a, b, c: a * expit((t - b) / c),
         (0, 1, 1),
-        ("size", "middle of the change", "a quarter of its length"),
+        ("size of what is added", "middle of the change", "a quarter of its length"),
     ),
     Formula(
-        "size * np.sin(2 * np.pi * (t - phase) / knee)",
-        "size sin(2 pi (t - phase) / knee)",
+        "size * np.sin(2 * np.pi * (t - begin) / period)",
+        "size sin(2 pi (t - begin) / period)",
         lambda t, a, b, c: a * np.sin(2 * np.pi * (t - c) / b),
         (0, 1, 1),
-        ("size", "period", "time at which it rises through zero"),
+        ("size of what is added", "period", "time at which it rises through zero"),
     ),
 )
 
@@ -291,5 +302,7 @@ def starts_of(formula: Formula, like: Likeness) -> tuple[np.ndarray, np.ndarray,
     more: list[list[float]] = [[]] if not n_more else [[s] for s in scales]
     for _ in range(n_more - 1):
         more = [[*m, s] for m in more for s in scales]
-    starts = [[sign * a * size, *m] for a in SIZES for sign in (1.0, -1.0) for m in more]
+    signs = (1.0,) if "period" in formula.names else (1.0, -1.0)  # begin has the sign of a wave
+    low[0] = 0.0 if len(signs) == 1 else low[0]
+    starts = [[sign * a * size, *m] for a in SIZES for sign in signs for m in more]
     return low, high, np.array(starts)

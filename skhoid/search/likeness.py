@@ -1,8 +1,8 @@
 """How alike the curve of a free form and that of an effect are, with what a model refits left out.
 
-Both are compared as the model sees them. What it refits beside a curve (a gain, a level) is left
-out of both: a gain on a map of the error, so that ``e' = e + delta(e)`` and a gain K are the same
-as ``e' = e + curve(e)`` and a gain K (1 + slope), where the curve has no slope.
+Both are compared as the model sees them, which refits a gain or a level beside a curve. An effect
+``e' = e + delta(e)`` with a gain K is the same as ``e' = e + curve(e)`` with a gain K / factor if
+``e + curve(e) = factor (e + delta(e))``; so is one of the gains, with 1 in place of e.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from ..effects.record import Record, differentiated
 from ..effects.smooth_curve import LEVEL, SLOPE
 
 N_POINTS = 60
-LEAST_GAIN = 0.05  # of what a model refits, relative to what it was
 MOST_STEPS = 25
+NOTHING = 1e-6  # of the curve's size, by which an effect that has none may differ
+BEYOND = 1e6  # in place of numbers that are not finite
 SAME = 1e-9  # of the curve's size
 Departure = Callable[[np.ndarray], np.ndarray]  # over any points, of what passes through
 
@@ -113,9 +114,8 @@ class Likeness:
 
     @property
     def at(self) -> np.ndarray:
-        """Where a departure is needed: at points, at knots and over the grid."""
-        assert self.form.knots is not None
-        return np.concatenate([self.points, self.form.knots, self.grid])
+        """Where a departure is needed: at the points and over the grid."""
+        return np.concatenate([self.points, self.grid])
 
     def beside(self, at: np.ndarray) -> np.ndarray:
         """What the model refits beside the curve, as columns."""
@@ -124,21 +124,22 @@ class Likeness:
             return np.stack([pulse, np.gradient(pulse, at)], axis=1)
         return np.polynomial.polynomial.polyvander(at, 1)[:, list(self.removed)]
 
-    def reduced(self, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """At the points and over the grid, a departure ``delta`` as a free form would show it."""
-        at = self.at
-        knots = np.asarray(self.form.knots)
-        middle = slice(self.points.size, self.points.size + knots.size)
-        if self.removed:
-            both = np.polynomial.polynomial.polyvander(knots, 1)
-            found = np.linalg.lstsq(both, delta[middle], rcond=None)[0]
-            if self.removed == (LEVEL,):
-                found[LEVEL] = delta[middle].mean()
-            own = np.zeros(2)
-            own[list(self.removed)] = found[list(self.removed)]
-            factor = 1.0 if self.divides is None else 1.0 + own[self.divides]
-            delta = (delta - own[LEVEL] - own[SLOPE] * at) / max(factor, LEAST_GAIN)
-        return delta[: self.points.size], delta[middle.stop :]
+    def refitted(self, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """At the points and over the grid, a departure with what the model refits beside it."""
+        n, at = self.points.size, self.at
+        beside = self.beside(at)
+        if self.divides is None:
+            factor = np.linalg.lstsq(beside[:n], self.there - delta[:n], rcond=None)[0]
+            found = delta + beside @ factor
+            return found[:n], found[n:]
+        unit = at**self.divides
+        others = [k for k, degree in enumerate(self.removed) if degree != self.divides]
+        columns = np.column_stack([unit + delta, beside[:, others]])
+        factors = np.linalg.lstsq(columns[:n], unit[:n] + self.there, rcond=None)[0]
+        if not factors[0] > 0.0:  # no response is turned round
+            return np.zeros(n), np.zeros(at.size - n)
+        found = columns @ factors - unit
+        return found[:n], found[n:]
 
     def fitted(
         self,
@@ -151,22 +152,17 @@ class Likeness:
 
         ``departure(values)`` is its departure ``at`` all places.
         """
-        own = self.beside(self.points)
-        basis = np.linalg.qr(own)[0]
-
-        def beyond(curve: np.ndarray) -> np.ndarray:
-            return curve - basis @ (basis.T @ curve)
-
-        target = beyond(self.there)
+        basis = np.linalg.qr(self.beside(self.points))[0]
+        target = self.there - basis @ (basis.T @ self.there)
         size = float(np.sqrt(np.mean(target**2))) or 1.0
 
         def left(values: np.ndarray) -> np.ndarray:
-            found = (target - beyond(self.reduced(departure(values))[0])) / size
-            return np.nan_to_num(found, nan=1e3, posinf=1e3, neginf=-1e3)
+            added = np.nan_to_num(departure(values), nan=BEYOND, posinf=BEYOND, neginf=-BEYOND)
+            return (self.there - self.refitted(added)[0]) / size
 
         starts = np.clip(np.concatenate([starts, moved_off_zero(starts, low, high)]), low, high)
         errors = np.array([left(start) for start in starts])
-        if np.abs(errors - target / size).max() < SAME:
+        if np.abs(errors - target / size).max() < NOTHING:
             return None
         best = starts[np.argmin((errors**2).sum(axis=1))]
         acts = np.zeros(best.size, dtype=bool)
@@ -180,10 +176,8 @@ class Likeness:
                 max_nfev=MOST_STEPS,
             )
             best, acts = found.x, np.abs(found.jac).max(axis=0) > SAME
-        points, grid = self.reduced(departure(best))
-        refit = np.linalg.lstsq(own, self.there - points, rcond=None)[0]
         distance = float(np.sqrt(np.mean(left(best) ** 2)))
-        return Fit(best, acts, distance, grid + self.beside(self.grid) @ refit)
+        return Fit(best, acts, distance, self.refitted(departure(best))[1])
 
 
 def moved_off_zero(starts: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
