@@ -76,10 +76,18 @@ class Formula:
 
 _WIDE = ("size of what is added", "where it bends")
 OF_SIGNALS = (
-    Formula("size * x**3", "size x^3", lambda x, a: a * x**3, (3,), ("size",)),
-    Formula("size * x * np.abs(x)", "size x |x|", lambda x, a: a * x * np.abs(x), (2,), ("size",)),
-    Formula("size * np.abs(x)", "size |x|", lambda x, a: a * np.abs(x), (1,), ("size",)),
-    Formula("size * x**2", "size x^2", lambda x, a: a * x**2, (2,), ("size",)),
+    Formula("size * x**3", "size x^3", lambda x, a: a * x**3, (3,), ("size of what is added",)),
+    Formula(
+        "size * x * np.abs(x)",
+        "size x |x|",
+        lambda x, a: a * x * np.abs(x),
+        (2,),
+        ("size of what is added",),
+    ),
+    Formula(
+        "size * np.abs(x)", "size |x|", lambda x, a: a * np.abs(x), (1,), ("size of what is added",)
+    ),
+    Formula("size * x**2", "size x^2", lambda x, a: a * x**2, (2,), ("size of what is added",)),
     Formula(
         "size * np.maximum(x, 0.0) ** 2",
         "size max(x, 0)^2",
@@ -166,7 +174,7 @@ WHOLE = (  # in place of the error, the command or the output
     ),
 )
 OF_TIME = (
-    Formula("size * t", "size t", lambda t, a: a * t, (1,), ("size",)),
+    Formula("size * t", "size t", lambda t, a: a * t, (1,), ("size of what is added",)),
     Formula(
         "size * np.exp(-t / tau)",
         "size exp(-t / tau)",
