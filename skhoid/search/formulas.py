@@ -21,7 +21,7 @@ LEVEL = 0.95
 SIZES = (0.1, 0.3, 1.0, 3.0, 10.0)  # starts of a formula's size, relative to the signal
 SCALES = (0.05, 0.15, 0.4, 1.0)  # starts of its other numbers, relative to the range
 NAMES = (
-    "size of what is added",
+    "size",
     "knee",
     "tau",
     "middle",
@@ -29,6 +29,7 @@ NAMES = (
     "period",
     "begin",
 )  # in the order of values
+SIZE = "size of what is added"
 MAPPED = ("input", "output", "command")
 LARGEST = 30.0  # size of a formula, relative to the signal
 
@@ -74,33 +75,31 @@ class Formula:
         return formula, (self.code,)  # by its code: functions without a name cannot be pickled
 
 
-_WIDE = ("size of what is added", "where it bends")
+_WIDE = (SIZE, "where it bends")
 OF_SIGNALS = (
-    Formula("size * x**3", "size x^3", lambda x, a: a * x**3, (3,), ("size of what is added",)),
+    Formula("size * x**3", "size x^3", lambda x, a: a * x**3, (3,), (SIZE,)),
     Formula(
         "size * x * np.abs(x)",
         "size x |x|",
         lambda x, a: a * x * np.abs(x),
         (2,),
-        ("size of what is added",),
+        (SIZE,),
     ),
-    Formula(
-        "size * np.abs(x)", "size |x|", lambda x, a: a * np.abs(x), (1,), ("size of what is added",)
-    ),
-    Formula("size * x**2", "size x^2", lambda x, a: a * x**2, (2,), ("size of what is added",)),
+    Formula("size * np.abs(x)", "size |x|", lambda x, a: a * np.abs(x), (1,), (SIZE,)),
+    Formula("size * x**2", "size x^2", lambda x, a: a * x**2, (2,), (SIZE,)),
     Formula(
         "size * np.maximum(x, 0.0) ** 2",
         "size max(x, 0)^2",
         lambda x, a: a * np.maximum(x, 0.0) ** 2,
         (2,),
-        ("size of what is added",),
+        (SIZE,),
     ),
     Formula(
         "size * np.minimum(x, 0.0) ** 2",
         "size min(x, 0)^2",
         lambda x, a: a * np.minimum(x, 0.0) ** 2,
         (2,),
-        ("size of what is added",),
+        (SIZE,),
     ),
     Formula(
         "size * np.sign(x) * np.maximum(np.abs(x) - knee, 0.0)",
@@ -128,7 +127,7 @@ OF_SIGNALS = (
         "size x exp(-(x / knee)^2)",
         lambda x, a, b: a * x * np.exp(-((x / b) ** 2)),
         (1, 1),
-        ("size of what is added", "where it fades"),
+        (SIZE, "where it fades"),
     ),
     Formula(
         "size * np.maximum(x - knee, 0.0)",
@@ -174,34 +173,34 @@ WHOLE = (  # in place of the error, the command or the output
     ),
 )
 OF_TIME = (
-    Formula("size * t", "size t", lambda t, a: a * t, (1,), ("size of what is added",)),
+    Formula("size * t", "size t", lambda t, a: a * t, (1,), (SIZE,)),
     Formula(
         "size * np.exp(-t / tau)",
         "size exp(-t / tau)",
         lambda t, a, b: a * np.exp(-t / b),
         (0, 1),
-        ("size of what is added", "time constant"),
+        (SIZE, "time constant"),
     ),
     Formula(
         "size * np.clip((t - begin) / 0.1, 0.0, 1.0)",
         "a step of size at begin",
         lambda t, a, b: a * np.clip((t - b) / 0.1, 0.0, 1.0),
         (0, 1),
-        ("size of what is added", "time of the step"),
+        (SIZE, "time of the step"),
     ),
     Formula(
         "size * expit((t - middle) / length)",
         "size / (1 + exp(-(t - middle) / length))",
         lambda t, a, b, c: a * expit((t - b) / c),
         (0, 1, 1),
-        ("size of what is added", "middle of the change", "a quarter of its length"),
+        (SIZE, "middle of the change", "a quarter of its length"),
     ),
     Formula(
         "size * np.sin(2 * np.pi * (t - begin) / period)",
         "size sin(2 pi (t - begin) / period)",
         lambda t, a, b, c: a * np.sin(2 * np.pi * (t - c) / b),
         (0, 1, 1),
-        ("size of what is added", "period", "time at which it rises through zero"),
+        (SIZE, "period", "time at which it rises through zero"),
     ),
 )
 
