@@ -15,6 +15,7 @@ from .record import Record
 from .smooth_curve import LEVEL, SLOPE, SmoothCurve
 
 N_KNOTS = 11
+FEWEST = 4  # knots of a curve
 TAIL = 0.005  # share of a signal beyond the outermost knots
 USUAL = 0.3  # size of a curve, relative to the scale of its parameters, before data say more
 
@@ -150,6 +151,8 @@ class FreeForm(Effect):
         return self.with_choices(knots=quantile_knots(self.watched(record)))
 
     def with_values(self, values: Mapping[str, float]) -> Any:
+        if self.values is not None:  # given, so nothing was estimated
+            return self
         coefficients = np.array([values[p.name] for p in self.parameters])
         return self.with_choices(values=tuple((self.curve.basis @ coefficients).tolist()))
 
@@ -182,4 +185,6 @@ def quantile_knots(signal: np.ndarray, n_knots: int = N_KNOTS) -> tuple[float, .
     for value in found[1:]:
         if value - kept[-1] >= least:
             kept.append(value)
+    if len(kept) < FEWEST and found[-1] > found[0]:  # a channel of a few levels
+        kept = np.linspace(found[0], found[-1], FEWEST).tolist()
     return tuple(float(value) for value in kept)

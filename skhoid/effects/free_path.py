@@ -9,6 +9,7 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from ..runs.roles import OTHER
+from .base import Effect
 from .core_kind import CoreKind
 from .dimension import Dimension, E, S, U
 from .free_form import N_KNOTS, FreeForm
@@ -59,13 +60,14 @@ def convolved(signal: np.ndarray, curve: Curve, knots: tuple[float, ...], dt: fl
 class FreePath(_Remembering):
     """A response to a channel with any smooth impulse response.
 
-    command + integral of curve(lag) channel(t - lag). To what the loop moves, a person responds
-    after the least delay of the model; of a target alone, the future is tried too (``ahead``).
+    command + integral of curve(lag) (channel(t - lag) - reference). To what the loop moves, a
+    person responds after the least delay of the model; of a target alone, the future is tried too
+    (``ahead``).
 
     Parameters
     ----------
     channel : str or None, default=None
-        What is responded to; a search for shapes tries every channel but the input.
+        What is responded to; None tries every channel but the input.
     ahead : float, default=0.0
         How far the response looks ahead, in seconds, where the target was shown in advance.
     knots : tuple of float or None, default=None
@@ -75,6 +77,8 @@ class FreePath(_Remembering):
         second; None estimates it.
     spread : float or None, default=None
         Usual size of the impulse response; None chooses it by likelihood.
+    reference : float or None, default=None
+        Level of the channel that is not responded to, which is an offset; None takes its mean.
 
     References
     ----------
@@ -92,8 +96,11 @@ class FreePath(_Remembering):
     title = "free response"
     place = "path"
     physics = "A channel moves the output, by an impulse response of unknown shape."
-    formula = "command + sum over lags of curve(lag) channel(t - lag)"
-    tex = r"c' = c + \int \mathrm{curve}(\sigma)\, \mathrm{channel}(t - \sigma)\, d\sigma"
+    formula = "command + sum over lags of curve(lag) (channel(t - lag) - reference)"
+    tex = (
+        r"c' = c + \int \mathrm{curve}(\sigma)\,"
+        r" (\mathrm{channel}(t - \sigma) - \mathrm{reference})\, d\sigma"
+    )
     source = "Pillonetto et al. (2014)"
 
     def __init__(
@@ -104,12 +111,14 @@ class FreePath(_Remembering):
         knots: tuple[float, ...] | None = None,
         values: tuple[float, ...] | None = None,
         spread: float | None = None,
+        reference: float | None = None,
     ):
         self.channel = channel
         self.ahead = ahead
         self.knots = knots
         self.values = values
         self.spread = spread
+        self.reference = reference
 
     @property
     def ordinate(self) -> Dimension:
@@ -136,6 +145,17 @@ class FreePath(_Remembering):
                     made.append(self.with_choices(channel=name, ahead=SEEN_AHEAD))
         return made
 
+    def variants(self, record: Record) -> list[Effect]:
+        return [one.with_knots(record) for one in self.alternatives(record)]
+
+    def with_knots(self, record: Record) -> Any:
+        known = super().with_knots(record)
+        if self.reference is not None:
+            return known
+        return known.with_choices(
+            reference=float(record.channel(self.channel)[record.known].mean())
+        )
+
     def first_lag(self, record: Record) -> float:
         role = record.roles.get(self.channel or "", "")
         outside = role.startswith(FROM_OUTSIDE)
@@ -143,8 +163,8 @@ class FreePath(_Remembering):
 
     def shaped(self, signal: Command, record: Record, curve: Curve) -> Command:
         assert self.knots is not None
-        channel = record.channel(self.channel)
-        return signal.plus(convolved(channel, curve, self.knots, record.dt))
+        away = record.channel(self.channel) - (self.reference or 0.0)
+        return signal.plus(convolved(away, curve, self.knots, record.dt))
 
 
 class FreeDynamics(_Remembering):

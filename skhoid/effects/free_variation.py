@@ -55,7 +55,9 @@ class _Varying(FreeForm):
     def with_knots(self, record: Record) -> Any:
         if self.knots is not None or self.channel is not None:
             return super().with_knots(record)
-        ends = np.linspace(0.0, float(record.t[record.known.any(axis=1)].max()), N_KNOTS)
+        seen = record.t[record.known.any(axis=1)]
+        # From the start of the runs, which is not where the output begins to count.
+        ends = np.linspace(float(record.t[0].min()), float(seen.max()), N_KNOTS)
         return self.with_choices(knots=tuple(ends.tolist()))
 
     def watched(self, record: Record) -> np.ndarray:
@@ -129,6 +131,11 @@ class FreeGain(_Varying):
     @property
     def ordinate(self) -> Dimension:
         return ONE
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if self.of == "rate" and core == CoreKind.ARX:
+            return "a linear model has no gain on the error rate of its own"
+        return super().refusal(record, core)
 
     def shaped(self, signal: Gains, record: Record, curve: Curve) -> Gains:
         factor = np.maximum(1 + self.along(record, curve), 0.0)

@@ -161,7 +161,7 @@ class Friction(_Inside):
         return "an operator has of='limb' and form='coulomb'"
 
     def variants(self, record: Record) -> list[Effect]:
-        if record.core != CoreKind.ARX:
+        if record.core != CoreKind.ARX and self.of in (None, "limb"):
             return [self.with_choices(of="limb", form="coulomb")]
         made: list[Any] = [v for v in super().variants(record) if v.of != "limb"]
         if self.reference is not None:

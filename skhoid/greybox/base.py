@@ -291,13 +291,14 @@ def first_model(prepared: Prepared, effects: Effects) -> Model:
         return on_all_runs(first_model(replace(prepared, record=some), effects), record)
     criterion = Criterion(record)
     start = prepared.spec.start
-    check_start(start, core, record, effects)
-    model = started(prepared.spec.estimated(core, record, criterion), criterion, start)
-    coarse = criterion.coarse()
     for name, effect in effects:
         reason = effect.refusal(record, core.kind)
         if reason is not None:
             raise ValueError(f"The effect {name} does not apply: {reason}.")
+    check_start(start, core, record, effects)
+    model = started(prepared.spec.estimated(core, record, criterion), criterion, start)
+    coarse = criterion.coarse()
+    for name, effect in effects:
         given = {n: v for n, v in start.items() if n.startswith(f"{name}__") or "__" not in n}
         model = extended(model, name, effect, criterion, coarse, start=given)
     templates = {effect.name: effect for _, effect in effects}

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
-from ..effects.free_form import FreeForm
+from ..effects.free_form import FEWEST, FreeForm
 from ..greybox.extend import extended
 from ..greybox.fitting import Criterion, derivatives, scaled_inverse
 from ..greybox.model import Model
@@ -65,6 +65,8 @@ def hints_of(search: Search, parent: Model, forms: Sequence[FreeForm]) -> list[H
             continue
         for one in form.alternatives(record):
             for variant in one.variants(record):
+                if len(variant.knots) < FEWEST:
+                    continue  # what does not move has no curve
                 effects = Effects([*parent.effects.steps, (NAME, variant)])
                 simulator = Simulator(search.core, effects, search.record)
                 values = parent.values()

@@ -113,7 +113,7 @@ def test_the_spring_of_a_limb_is_found_as_a_shape():
 
 @pytest.mark.slow
 def test_the_friction_of_a_limb_is_found_as_a_shape():
-    """Within 15 % of its rms over the central 95 %, less straight lines."""
+    """Within 20 % of its rms over the central 95 %, less straight lines."""
     knots = (-2.0, -1.0, -0.5, -0.2, -0.1, -0.03, 0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 2.0)
     friction = tuple((0.05 * np.tanh(np.array(knots) / 0.1)).tolist())
     true = FreeMap(at="rate", knots=knots, values=friction)
@@ -124,7 +124,7 @@ def test_the_friction_of_a_limb_is_found_as_a_shape():
     rate = np.diff(model.simulator.record.y, axis=0) / model.simulator.record.dt
     at = central(rate.ravel())
     expected = bend(force_of(true, at), at)
-    assert np.std(bend(force_of(effect, at), at) - expected) < 0.15 * np.std(expected)
+    assert np.std(bend(force_of(effect, at), at) - expected) < 0.2 * np.std(expected)
 
 
 @pytest.mark.parametrize("at", ["spring", "rate"])
@@ -185,7 +185,7 @@ def test_the_speed_sensor_of_the_drives_shows_no_sign(record):
     assert effect.folded
     at = np.array(effect.knots)
     shape = at + np.array(effect.values)
-    assert cosine(shape - shape.mean(), np.abs(at) - np.abs(at).mean()) > 0.95
+    assert cosine(shape - shape.mean(), np.abs(at) - np.abs(at).mean()) > 0.9
     assert vaf(model) > 97
 
 
