@@ -221,7 +221,7 @@ def _where(form: FreeForm, grid: np.ndarray, apart: np.ndarray, half: np.ndarray
     """Where curves differ most, relative to the band, and what to record there."""
     there = apart > APART * apart.max()
     at = float(grid[np.argmax(np.where(there, apart / np.maximum(half, 1e-300), 0.0))])
-    label = "" if unit == "-" else f" {unit}"
+    label = "" if unit == "-" or "[" in unit else f" {unit}"
     share = float(np.max(apart / np.maximum(half, 1e-300)))
     more = max(int(np.ceil(1 / max(share, LEAST_SHARE) ** 2)), 2)
     what = {
