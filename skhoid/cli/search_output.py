@@ -133,6 +133,7 @@ def write_results(
     *,
     report: Path | None = None,
     folder: Path | None = None,
+    sketch: Path | None = None,
     head: dict[str, Any] | None = None,
 ) -> None:
     """Write the report, the plots and the tables, and say where; or print all as JSON."""
@@ -145,7 +146,9 @@ def write_results(
     )
     tables = save_tables(tables_of(story), options)
     page = None if report is None else str(report)
-    files = {"report": page, "pictures": plots, "tables": tables}
+    files: dict[str, Any] = {"report": page, "pictures": plots, "tables": tables}
+    if sketch is not None:
+        files["effect"] = str(sketch)
     if options.json:
         first = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
         first |= head or {}
