@@ -234,13 +234,14 @@ class ShapeDisplay(Display):
         panel.set_xlabel(self.x_label)
         height = panel.get_window_extent().height / panel.figure.dpi
         panel.set_ylabel(wrapped(self.y_label, letters_across(height)))
-        panel.set_title(wrapped(self._title_text(), letters_above(panel)), fontsize="medium")
+        panel.set_title(self._title_text(letters_above(panel)), fontsize="medium")
         panel.grid(alpha=0.3)
         self._legend_of_panels()
         return self
 
-    def _title_text(self) -> str:
-        text = self.sentence[:1].upper() + self.sentence[1:]
+    def _title_text(self, width: int) -> str:
+        """Where it acts, and below it what it gains."""
+        lines = [self.sentence[:1].upper() + self.sentence[1:]]
         if np.isfinite(self.gain):
-            text += f": {self.gain:+.1f}\xa0points of held-out VAF"
-        return text
+            lines.append(f"{self.gain:+.1f} points of held-out VAF")
+        return "\n".join(wrapped(line, width) for line in lines if line)

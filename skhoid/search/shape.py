@@ -279,7 +279,17 @@ def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[st
     effect: Any = dict(model.effects.steps)[name]
     first = next(p for p in model.simulator.parameters if p.name.startswith(f"{name}__"))
     x, y = effect.abscissa.label(units), first.dimension.label(units)
-    return _with_unit(AXES.get(effect.over, effect.over), x), _with_unit(effect.y_word, y)
+    over = AXES.get(effect.over, effect.over)
+    if effect.over == "e" and model.simulator.record.domain == "machine":
+        over = str(model.simulator.record.inputs[0])
+    return _with_unit(over, x), _with_unit(effect.y_word, y)
+
+
+def sentence_of(effect: FreeForm, domain: str) -> str:
+    """Where a free form acts; a machine has no error that it sees, and no command."""
+    if domain != "machine":
+        return effect.sentence
+    return effect.sentence.replace("the error", "the input").replace("the command", "the input")
 
 
 def _with_unit(quantity: str, unit: str) -> str:
@@ -314,7 +324,7 @@ def shape_of(
         place="rate" if effect.over == "du/dt" else effect.place,
         over=effect.over,
         channel=getattr(effect, "channel", None),
-        sentence=effect.sentence,
+        sentence=sentence_of(effect, model.simulator.record.domain),
         curve=curve,
         x_label=x_label,
         y_label=y_label,
