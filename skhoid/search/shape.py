@@ -181,7 +181,17 @@ class Shape:
         return Summary("\n".join([*lines, *others]))
 
     def curve_table(self, n_points: int = POINTS) -> TextTable:
-        """The curve at a few points as text, with its band."""
+        """The curve at a few points as text, with its band.
+
+        Parameters
+        ----------
+        n_points : int, default=9
+            At equal distances.
+
+        Returns
+        -------
+        table : TextTable
+        """
         rows = np.linspace(0, len(self.curve) - 1, n_points).round().astype(int)
         cells = []
         for at, row in self.curve.iloc[rows].iterrows():
@@ -191,7 +201,12 @@ class Shape:
         return TextTable("Curve", [self.x_label, self.y_label, "95 % band"], cells)
 
     def nearest_table(self) -> TextTable:
-        """The nearest effects of the catalogue as text."""
+        """The nearest effects of the catalogue as text.
+
+        Returns
+        -------
+        table : TextTable
+        """
         cells = []
         for name, row in self.nearest.iterrows():
             form = f", {row['form']}" if row["form"] else ""
