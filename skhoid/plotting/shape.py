@@ -27,7 +27,7 @@ class ShapeDisplay(Display):
     The band holds the whole curve with a probability of 95 %. Ticks at the bottom are the knots,
     most of which are at quantiles of the data: between two of them lie as many rows as between two
     others. A thin line is where the curve does nothing. The dashed curve is the named effect that
-    comes nearest, where one does.
+    comes nearest, where one has half of its power in common.
 
     Make it with :meth:`from_estimator`, from a search.
 
@@ -150,7 +150,7 @@ class ShapeDisplay(Display):
         -------
         display : ShapeDisplay
         """
-        named = shape.nearest_curve is not None and len(shape.nearest) > 0
+        named = shape.nearest_curve is not None and shape.is_near
         display = cls(
             curve=shape.curve,
             x_label=shape.x_label,

@@ -29,6 +29,7 @@ N_POINTS = 101
 N_DRAWS = 4000
 LEVEL = 0.95
 SHOWN = 3  # nearest names in a sentence
+NEAR = 0.7  # distance of a curve that has half of the power in common
 POINTS = 9  # of a curve in a table
 AXES = {  # what a curve is a function of, on an axis; others are names of channels
     "e": "error e",
@@ -36,6 +37,7 @@ AXES = {  # what a curve is a function of, on an axis; others are names of chann
     "du/dt": "rate of u",
     "time": "time in the run",
 }
+NAMES_AHEAD = "Nearest names, by distance (0: the same curve; 1: nothing in common):"
 BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
 LEAD = "The shape of what has no name: "
 NO_FORM = "No free form explains it at any place either"
@@ -147,18 +149,27 @@ class Shape:
             f"effective degrees of freedom raises the held-out VAF by {self.gain:.1f} points"
             f"{loop}, {100 * self.closed:.0f} % of what {self._beside} leaves to explain."
         ]
-        if len(self.nearest):
-            near = self.nearest.head(SHOWN)
-            words = [
-                f"{row['title']} (distance {row['distance']:.2f}"
-                f"{', within the band' if row['within_band'] else ''})"
-                for _, row in near.iterrows()
-            ]
-            several = "s" if len(near) > 1 else ""
-            told.append(f"Nearest name{several}: {', '.join(words)}.")
+        told += [self._names()] * bool(len(self.nearest))
         told += self.recordings
         told.append(f"To make it an effect of your own, in Python: {BY_HAND}.")
         return told
+
+    @property
+    def is_near(self) -> bool:
+        """Whether an effect of the catalogue has more than half of the curve's power in common."""
+        return bool((self.nearest["distance"] < NEAR).any())
+
+    def _names(self) -> str:
+        """The nearest effects of the catalogue in a sentence."""
+        near = self.nearest[self.nearest["distance"] < NEAR].head(SHOWN)
+        words = [
+            f"{row['title']} (distance {row['distance']:.2f}"
+            f"{', within the band' if row['within_band'] else ''})"
+            for _, row in (near if len(near) else self.nearest.head(1)).iterrows()
+        ]
+        if near.empty:
+            return f"No effect of the catalogue comes near its curve; the nearest is {words[0]}."
+        return f"Nearest name{'s' if len(near) > 1 else ''}: {', '.join(words)}."
 
     @property
     def _beside(self) -> str:
@@ -167,7 +178,7 @@ class Shape:
         return f"the model with {titles_of(others)}" if others else "the baseline"
 
     def summary(self) -> Summary:
-        """All of it in plain sentences and two tables.
+        """All of it in plain sentences, and the curve as a table.
 
         Returns
         -------
@@ -177,7 +188,11 @@ class Shape:
         first, *others = self.sentences()
         lines = [first, "", *self.curve_table().lines(), ""]
         if len(self.nearest):
-            lines += [*self.nearest_table().lines(), ""]
+            others.remove(self._names())
+            lines.append(NAMES_AHEAD)
+            for row in self.nearest_table().rows:
+                lines.append(f"  - {row[0]}: {row[1]}, {row[2]} the band; {row[3]}".rstrip("; "))
+            lines.append("")
         return Summary("\n".join([*lines, *others]))
 
     def curve_table(self, n_points: int = POINTS) -> TextTable:
@@ -208,9 +223,8 @@ class Shape:
         table : TextTable
         """
         cells = []
-        for name, row in self.nearest.iterrows():
-            form = f", {row['form']}" if row["form"] else ""
-            called = f"{row['title']} ({name}{form})"
+        for _, row in self.nearest.iterrows():
+            called = row["title"] + (f" ({row['form']})" if row["form"] else "")
             within = "within" if row["within_band"] else "not within"
             cells.append([called, f"{row['distance']:.2f}", within, row["parameters"]])
         return TextTable("Nearest names", ["", "distance", "band", "its numbers"], cells)

@@ -54,6 +54,11 @@ def test_without_a_name_near_it_there_is_no_dashed_curve():
     assert "nearest" not in " ".join(legend_texts(display))
 
 
+def test_a_name_that_is_far_is_not_drawn():
+    far = a_shape().nearest.assign(distance=[0.75, 0.9])
+    assert ShapeDisplay.from_shape(a_shape(nearest=far)).nearest_ is None
+
+
 def test_a_factor_does_nothing_where_it_is_one():
     display = ShapeDisplay.from_shape(a_shape(effect=FreeGain(knots=(0.0, 1.0), values=(0.0, 0.0))))
     neutral = [line for line in display.ax_.lines if len(line.get_xdata()) == 2]

@@ -37,6 +37,18 @@ def test_where_no_name_is_near_none_is_said():
     assert "earest" not in shape.summary()
 
 
+def test_far_names_are_not_called_near():
+    nearest = a_shape().nearest.assign(distance=[0.71, 0.9])
+    shape = a_shape(nearest=nearest)
+    assert not shape.is_near
+    assert shape.sentences()[1] == (
+        "No effect of the catalogue comes near its curve; the nearest is cubic gain (distance "
+        "0.71, within the band)."
+    )
+    some = a_shape(nearest=nearest.assign(distance=[0.69, 0.9]))
+    assert some.sentences()[1] == "Nearest name: cubic gain (distance 0.69, within the band)."
+
+
 def test_one_name_is_no_plural():
     shape = a_shape(nearest=a_shape().nearest.iloc[:1])
     assert shape.sentences()[1].startswith("Nearest name: cubic gain (")
@@ -49,7 +61,8 @@ def test_the_summary_has_the_curve_and_the_names_in_tables():
     assert max(map(len, told.splitlines()[1:-4])) <= 88
     cells = [re.split(r"\s{2,}", line.strip()) for line in told.splitlines()]
     assert ["-2", "0.227", "0.177 to 0.277"] in cells
-    assert ["dead zone (dead_zone, gap)", "0.44", "not within", "width = 0.3 deg"] in cells
+    assert "  - dead zone (gap): 0.44, not within the band; width = 0.3 deg" in told.splitlines()
+    assert "Nearest names: " not in told  # said once
     assert "<pre" in shape._repr_html_()
 
 

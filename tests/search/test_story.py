@@ -91,7 +91,7 @@ def test_what_has_no_name_is_told_with_its_curve_and_the_names_near_it():
     assert len(curve.rows) == 9
     assert nearest.ids == ["cubic_gain", "dead_zone"]
     assert nearest.rows[1] == [
-        "dead zone (dead_zone, gap)",
+        "dead zone (gap)",
         "0.44",
         "not within",
         "width = 0.3 deg",
