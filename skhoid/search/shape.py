@@ -149,7 +149,8 @@ class Shape:
             f"effective degrees of freedom raises the held-out VAF by {self.gain:.1f} points"
             f"{loop}, {100 * self.closed:.0f} % of what {self._beside} leaves to explain."
         ]
-        told += [self._names()] * bool(len(self.nearest))
+        if len(self.nearest):
+            told.append(self._names())
         told += self.recordings
         told.append(f"To make it an effect of your own, in Python: {BY_HAND}.")
         return told
