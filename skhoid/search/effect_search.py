@@ -491,9 +491,8 @@ class EffectSearchCV(
             as_fitted(self).max_effects,
             self.ceiling_note_,
             self.unexplained_,
-            self.experiments_,
-            self.notes_,
             told_shape(self.best_effects_, self.shape_),
+            self.experiments_ + self.notes_,
         )
         return Summary(text)
 

@@ -32,6 +32,7 @@ N_POINTS = 101
 N_DRAWS = 4000
 LEVEL = 0.95
 SHOWN = 3  # nearest names in a sentence
+NEAR = 0.7  # distance of a curve that has half of the power in common
 POINTS = 9  # of a curve in a table
 AXES = {  # what a curve is a function of, on an axis; others are names of channels
     "e": "error e",
@@ -39,6 +40,7 @@ AXES = {  # what a curve is a function of, on an axis; others are names of chann
     "du/dt": "rate of u",
     "time": "time in the run",
 }
+NAMES_AHEAD = "Nearest names, by distance (0: the same curve; 1: nothing in common):"
 BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
 LEAD = "The shape of what has no name: "
 NO_FORM = "No free form explains it at any place either"
@@ -154,19 +156,29 @@ class Shape:
             f"{loop}, {100 * self.closed:.0f} % of what {self._beside} leaves to explain."
         ]
         if len(self.nearest):
-            near = self.nearest.head(SHOWN)
-            words = [
-                f"{row['title']} (distance {row['distance']:.2f}"
-                f"{', within the band' if row['within_band'] else ''})"
-                for _, row in near.iterrows()
-            ]
-            several = "s" if len(near) > 1 else ""
-            told.append(f"Nearest name{several}: {', '.join(words)}.")
+            told.append(self._names())
         if self.formula is not None:
             told.append(self.formula.sentence)
         told += self.recordings
         told.append(f"To make it an effect of your own, in Python: {BY_HAND}.")
         return told
+
+    @property
+    def is_near(self) -> bool:
+        """Whether an effect of the catalogue has more than half of the curve's power in common."""
+        return bool((self.nearest["distance"] < NEAR).any())
+
+    def _names(self) -> str:
+        """The nearest effects of the catalogue in a sentence."""
+        near = self.nearest[self.nearest["distance"] < NEAR].head(SHOWN)
+        words = [
+            f"{row['title']} (distance {row['distance']:.2f}"
+            f"{', within the band' if row['within_band'] else ''})"
+            for _, row in (near if len(near) else self.nearest.head(1)).iterrows()
+        ]
+        if near.empty:
+            return f"No effect of the catalogue comes near its curve; the nearest is {words[0]}."
+        return f"Nearest name{'s' if len(near) > 1 else ''}: {', '.join(words)}."
 
     @property
     def _beside(self) -> str:
@@ -175,7 +187,7 @@ class Shape:
         return f"the model with {titles_of(others)}" if others else "the baseline"
 
     def summary(self) -> Summary:
-        """All of it in plain sentences and two tables.
+        """All of it in plain sentences, and the curve as a table.
 
         Returns
         -------
@@ -185,7 +197,11 @@ class Shape:
         first, *others = self.sentences()
         lines = [first, "", *self.curve_table().lines(), ""]
         if len(self.nearest):
-            lines += [*self.nearest_table().lines(), ""]
+            others.remove(self._names())
+            lines.append(NAMES_AHEAD)
+            for row in self.nearest_table().rows:
+                lines.append(f"  - {row[0]}: {row[1]}, {row[2]} the band; {row[3]}".rstrip("; "))
+            lines.append("")
         return Summary("\n".join([*lines, *others]))
 
     def curve_table(self, n_points: int = POINTS) -> TextTable:
@@ -194,7 +210,7 @@ class Shape:
         Parameters
         ----------
         n_points : int, default=9
-            How many, evenly spaced.
+            How many, at equal distances.
 
         Returns
         -------
@@ -216,9 +232,8 @@ class Shape:
         table : TextTable
         """
         cells = []
-        for name, row in self.nearest.iterrows():
-            form = f", {row['form']}" if row["form"] else ""
-            called = f"{row['title']} ({name}{form})"
+        for _, row in self.nearest.iterrows():
+            called = row["title"] + (f" ({row['form']})" if row["form"] else "")
             within = "within" if row["within_band"] else "not within"
             cells.append([called, f"{row['distance']:.2f}", within, row["parameters"]])
         return TextTable("Nearest names", ["", "distance", "band", "its numbers"], cells)
@@ -304,7 +319,17 @@ def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[st
     effect: Any = dict(model.effects.steps)[name]
     first = next(p for p in model.simulator.parameters if p.name.startswith(f"{name}__"))
     x, y = effect.abscissa.label(units), first.dimension.label(units)
-    return _with_unit(AXES.get(effect.over, effect.over), x), _with_unit(effect.y_word, y)
+    over = AXES.get(effect.over, effect.over)
+    if effect.over == "e" and model.simulator.record.domain == "machine":
+        over = str(model.simulator.record.inputs[0])
+    return _with_unit(over, x), _with_unit(effect.y_word, y)
+
+
+def sentence_of(effect: FreeForm, domain: str) -> str:
+    """Where a free form acts; a machine has no error that it sees, and no command."""
+    if domain != "machine":
+        return effect.sentence
+    return effect.sentence.replace("the error", "the input").replace("the command", "the input")
 
 
 def _with_unit(quantity: str, unit: str) -> str:
@@ -331,7 +356,7 @@ def shape_of(
         place="rate" if effect.over == "du/dt" else effect.place,
         over=effect.over,
         channel=getattr(effect, "channel", None),
-        sentence=effect.sentence,
+        sentence=sentence_of(effect, model.simulator.record.domain),
         curve=curve,
         x_label=x_label,
         y_label=y_label,

@@ -2,30 +2,7 @@
 
 import numpy as np
 import pytest
-
-from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.effects import Dimension, Effect, Parameter
-
-
-class Fechner(Effect):
-    """A response that grows with the logarithm of the error, which no catalogue has."""
-
-    name = "fechner"
-    place = "input"
-    parameters = (Parameter("knee", Dimension(e=1), 0.01, 10.0, (0.3,)),)
-
-    def __init__(self, *, knee=None):
-        self.knee = knee
-
-    def apply(self, signal, record, knee):
-        return np.sign(signal) * knee * np.log1p(np.abs(signal) / knee)
-
-
-def searched(hidden_effect, seed=0, **options):
-    X, y = make_tracking_runs(
-        condition="C1", n_runs=4, remnant_intensity=0.1, random_state=seed, effects=hidden_effect
-    )
-    return EffectSearchCV(OperatorRegressor(), **options).fit(X, y), X, y
+from support.shapes import Fechner, searched
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +36,17 @@ def test_its_curve_is_the_true_one_and_lies_in_its_band(hidden):
     assert 1.0 < shape.dof < 11.0
 
 
+def test_the_summary_tells_it(hidden):
+    search = hidden[0]
+    told = search.summary()
+    assert all(line in told.splitlines() for line in search.shape_.sentences())
+    labels = (search.shape_.x_label, search.shape_.y_label)
+    assert labels == ("error e, deg", "departure from a straight line, deg")
+
+
 def test_nothing_has_no_shape():
     search, _, _ = searched(None, seed=1, effects=["bias", "dead_zone"])
     assert search.best_effects_ == []
     assert search.shape_ is None
+    assert "shape" not in search.summary()
+    assert "free form" not in search.summary()
