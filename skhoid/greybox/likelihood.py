@@ -71,7 +71,7 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     residual = residual_at(found.simulator, criterion, theta)
     criterion.set_noise(remnant_model(residual, criterion.known))
     found = found.under(criterion)
-    found.fit.beside = beside
+    found.fit.beside, found.fit.jointly = beside, True
     return found, criterion.noise
 
 
@@ -260,12 +260,12 @@ def likeliest(
     """
     held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
     criterion = Criterion(simulator.record, rate=rate)
-    found = [_joint(simulator, start, criterion, held) for start in starts]
+    found = [joint_loss(simulator, start, criterion, held) for start in starts]
     known = [one for one in found if one is not None]
     return min(known, key=lambda one: one[0]) if known else None
 
 
-def _joint(
+def joint_loss(
     simulator: Simulator, theta: np.ndarray, criterion: Criterion, held: np.ndarray
 ) -> tuple[float, np.ndarray] | None:
     """From one start: n log(SSE / n), the cost of the prior, and the parameters."""
