@@ -153,7 +153,8 @@ def remnant_model(residual: np.ndarray, known: np.ndarray) -> RemnantModel:
 class Fit:
     """Parameters at a minimum, and the normal equations there.
 
-    ``beside`` is the part of the covariance due to choices that could have been made differently.
+    ``beside`` is the part of the covariance due to choices that could have been made differently,
+    ``jointly`` whether the noise model was estimated along with the parameters.
     """
 
     theta: np.ndarray
@@ -162,6 +163,7 @@ class Fit:
     normal: np.ndarray
     gradient: np.ndarray
     beside: np.ndarray | None = None
+    jointly: bool = False
 
     def covariance(self, free: np.ndarray) -> np.ndarray:
         """Covariance of the parameters; those not ``free`` (at a bound) have none."""

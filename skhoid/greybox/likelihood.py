@@ -19,6 +19,7 @@ from .fitting import (
     residual_at,
     sse_at,
 )
+from .jumps import SOFT, evolved
 from .loop import LoopSimulator, loop_of
 from .model import Model
 from .prior import Prior
@@ -44,8 +45,9 @@ STEADY = 0.02  # of n log(SSE), by which a round must be better to go on
 DELAYS = (0.15, 0.25, 0.35)  # s, to start from
 NEAR_BY = (0.3, 0.7, 0.85, 1.2, 1.4, 3.0)  # times the numbers of an effect with kinks
 ROUNDS_AMONG_KINKS = 4
+ROUNDS_AMONG_JUMPS = 3
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
-NEEDED = 8.0  # of n log(SSE), that a gain on the error rate must save
+NEEDED = 8.0  # of n log(SSE), that a gain on the error rate or another minimum must save
 
 Likeliest = tuple[float, np.ndarray] | None  # loss and parameters; None where no fit has led
 
@@ -61,8 +63,10 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     """
     kind = model.simulator.record.core
     model, noise = settled(model, criterion)
-    if kind == CoreKind.ARX or not model.simulator.smooth:
+    if kind == CoreKind.ARX:
         return model, noise
+    if not model.simulator.smooth:
+        return among_jumps(model, noise, criterion)
     joint = joint_fit(model)
     if joint is None:
         return model, noise
@@ -71,7 +75,7 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     residual = residual_at(found.simulator, criterion, theta)
     criterion.set_noise(remnant_model(residual, criterion.known))
     found = found.under(criterion)
-    found.fit.beside = beside
+    found.fit.beside, found.fit.jointly = beside, True
     return found, criterion.noise
 
 
@@ -102,6 +106,32 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
         if criterion.n * (moved @ model.fit.normal @ moved) < SETTLED * model.sse:
             break
     return model, criterion.noise
+
+
+def among_jumps(
+    model: Model, noise: RemnantModel, criterion: Criterion
+) -> tuple[Model, RemnantModel]:
+    """The likeliest minimum where effects jump, sought again under each new noise model.
+
+    Its fit has the covariance of others that are about as likely.
+    """
+    jumping = [
+        name
+        for name, effect in model.effects
+        if not effect.smooth and effect.free and effect.softened(SOFT[0]) is None
+    ]
+    for _ in range(ROUNDS_AMONG_JUMPS if jumping else 0):
+        here = found = model.under(criterion)
+        apart = np.zeros((here.theta.size, here.theta.size))
+        for name in jumping:
+            found, spread = evolved(found, name, criterion)
+            apart += spread
+        here.fit.beside = found.fit.beside = apart
+        if not criterion.n * np.log(here.sse / found.sse) > NEEDED:
+            return here, noise
+        model, noise = settled(found, criterion)
+        model.fit.beside = apart
+    return model, noise
 
 
 def _power(signal: np.ndarray) -> float:
@@ -260,12 +290,12 @@ def likeliest(
     """
     held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
     criterion = Criterion(simulator.record, rate=rate)
-    found = [_joint(simulator, start, criterion, held) for start in starts]
+    found = [joint_loss(simulator, start, criterion, held) for start in starts]
     known = [one for one in found if one is not None]
     return min(known, key=lambda one: one[0]) if known else None
 
 
-def _joint(
+def joint_loss(
     simulator: Simulator, theta: np.ndarray, criterion: Criterion, held: np.ndarray
 ) -> tuple[float, np.ndarray] | None:
     """From one start: n log(SSE / n), the cost of the prior, and the parameters."""
