@@ -31,7 +31,7 @@ from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
 from .fitting import Criterion, RemnantModel, covariance_of, minimise
 from .initial import ESTIMATE, HELD, REST, begun_where_it_pays, error_of, pays
-from .likelihood import likelihood_fit, prior_of
+from .likelihood import criterion_of, likelihood_fit, prior_of
 from .model import Model
 from .operator_summary import simulated_summary
 from .prepared import Prepared, SimulatedCore, prepared_for
@@ -341,7 +341,8 @@ def simulation_of(
     record = model.simulator.record
     criterion = Criterion(record, noise)
     if record.core != CoreKind.ARX:
-        covariance = covariance_of(model.simulator, criterion, model.fit, prior_of(model.simulator))
+        own = criterion_of(model, noise)
+        covariance = covariance_of(model.simulator, own, model.fit, prior_of(model.simulator))
     else:
         covariance = model.covariance()
     n, output = criterion.n, model.output

@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm, t
 
 from ..effects.core_kind import CoreKind
 from .fitting import (
     AR_ORDER,
+    NOISE_FLOOR,
     Criterion,
     RemnantModel,
     minimise,
@@ -38,7 +38,6 @@ SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go 
 JOINT_RATE = 12.5  # Hz: faster, errors of the simulation count more than the remnant
 OTHER_RATES = (JOINT_RATE / 2, 2 * JOINT_RATE)  # at which a good estimate is about the same
 LOOP_RATE = 6.25  # Hz, at which errors of sensors do not count in the closed loop
-JOINT_FLOOR = 1e-5  # least share of the residual's variance that is white
 TOLERATED = 1.25  # times the squares of the simulation error, at most, of an unbiased estimate
 STEADY = 0.02  # of n log(SSE), by which a round must be better to go on
 DELAYS = (0.15, 0.25, 0.35)  # s, to start from
@@ -63,16 +62,30 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     model, noise = settled(model, criterion)
     if kind == CoreKind.ARX or not model.simulator.smooth:
         return model, noise
-    joint = joint_fit(model)
-    if joint is None:
+    theta, beside = joint_fit(model)
+    if theta is None:
+        model.fit.beside = beside
         return model, noise
-    theta, beside = joint
     found = Model(model.simulator, replace(model.fit, theta=theta), model.other_cores)
     residual = residual_at(found.simulator, criterion, theta)
     criterion.set_noise(remnant_model(residual, criterion.known))
     found = found.under(criterion)
-    found.fit.beside = beside
+    found.fit.beside, found.fit.jointly = beside, True
     return found, criterion.noise
+
+
+def criterion_of(model: Model, noise: RemnantModel) -> Criterion:
+    """The criterion that a model's parameters minimise, for a noise model at the usual rate.
+
+    A fit along with the noise model is on other rows, which decide how exact it is.
+    """
+    record = model.simulator.record
+    if not model.fit.jointly:
+        return Criterion(record, noise)
+    criterion = Criterion(record, rate=JOINT_RATE)
+    found = autoregression(residual_at(model.simulator, criterion, model.theta), criterion.known)
+    criterion.set_noise(found or noise)
+    return criterion
 
 
 def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
@@ -113,15 +126,17 @@ def prior_of(simulator: Simulator) -> Prior:
     return Prior.of(simulator.names, simulator.core.usual) + simulator.prior
 
 
-def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
-    """Parameters and noise model that are most probable jointly; None where the fit fails.
+def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Parameters that are most probable jointly with a noise model; None where the fit fails.
 
     Their joint likelihood takes a person's remnant as an AR process; what is usual for people
     decides where the likelihood is flat, as between a delay and the lag of a limb. A gain on the
     error rate that is not needed is left out.
 
-    The covariance due to choices is returned too: rows at half and at twice the rate and, where it
-    is known, the closed loop, weighted by their number; the gain that was left out, by its odds.
+    The covariance due to choices is returned too: rows at half and at twice the rate, the mean of
+    both, and the closed loop where it is known; the gain that was left out, by its odds. By chance
+    alone estimates from other rows differ too, so these differences are not enlarged for being few.
+    Where the simulation error forbids what is most probable, all of that difference counts.
 
     Of a large number of runs, some are fitted from all starting points, and then all from where
     that led; what the closed loop would change is found on those same runs.
@@ -138,7 +153,7 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     starts = [model.theta, *usual_starts(simulator, model.theta)]
     best = best_from(starts)
     if best is None:
-        return None
+        return None, None
     extra = [simulator.names.index(name) for name in core.gains[1:]]
     held = np.zeros(model.theta.size, dtype=bool)
     beside = np.zeros((held.size, held.size))
@@ -158,16 +173,14 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     simulation = Criterion(simulator.record)
     least = sse_at(simulator, simulation, model.theta)
     if sse_at(simulator, simulation, theta) > TOLERATED * least:
-        return None
+        return None, _outer(theta - model.theta)
     others = [likeliest(simulator, [theta], rate, held) for rate in OTHER_RATES]
     apart = [_outer(one[1] - theta) / len(OTHER_RATES) for one in others if one is not None]
     open_loop = (None, theta) if some is simulator else likeliest(some, [theta], held=held)
     in_loop = likeliest_in_loop(some, theta, held)
     if in_loop is not None and open_loop is not None:
         apart.append(_outer(in_loop - open_loop[1]))
-    if apart:
-        beside += _of_few(len(apart)) * np.sum(apart, axis=0)
-    return theta, beside
+    return theta, beside + sum(apart)
 
 
 def among_kinks(
@@ -198,11 +211,6 @@ def among_kinks(
     odds = np.exp([(best[0] - loss) / 2 for loss, _ in found])
     apart = [share * _outer(theta - best[1]) for share, (_, theta) in zip(odds, found, strict=True)]
     return best, np.sum(apart, axis=0) / odds.sum()
-
-
-def _of_few(n: int) -> float:
-    """By how much to enlarge a variance known from n numbers for 95 % intervals to hold."""
-    return float((t.ppf(0.975, n) / norm.ppf(0.975)) ** 2)
 
 
 def likeliest_in_loop(
@@ -309,7 +317,7 @@ def autoregression(residual: np.ndarray, known: np.ndarray) -> RemnantModel | No
         gram += windows.T @ windows
     gram = gram[::-1, ::-1]
     past = gram[1:, 1:]
-    white = JOINT_FLOOR * np.trace(past) / order
+    white = NOISE_FLOOR * np.trace(past) / order
     if not white > 0:
         return None
     ar = -np.linalg.solve(past + white * np.eye(order), gram[1:, 0])
