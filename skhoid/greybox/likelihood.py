@@ -45,6 +45,8 @@ NEAR_BY = (0.3, 0.7, 0.85, 1.2, 1.4, 3.0)  # times the numbers of an effect with
 ROUNDS_AMONG_KINKS = 4
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
 NEEDED = 8.0  # of n log(SSE), that a gain on the error rate must save
+SHORT_LEAD = 0.05  # s, from which to seek how large a gain may be that was left out
+SOUGHT, CLOSE, FARTHER = 4, 0.2, 3.0  # tries; relative accuracy; times as far, at most
 
 Likeliest = tuple[float, np.ndarray] | None  # loss and parameters; None where no fit has led
 
@@ -134,8 +136,9 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     error rate that is not needed is left out.
 
     The covariance due to choices is returned too: rows at half and at twice the rate, the mean of
-    both, and the closed loop where it is known; the gain that was left out, by its odds. By chance
-    alone estimates from other rows differ too, so these differences are not enlarged for being few.
+    both, and the closed loop where it is known; how large the gain may be that was left out. By
+    chance alone estimates from other rows differ too, so these differences are not enlarged for
+    being few.
     Where the simulation error forbids what is most probable, all of that difference counts.
 
     Of a large number of runs, some are fitted from all starting points, and then all from where
@@ -162,8 +165,7 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
         plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
         without = best_from(plain, held)
         if without is not None and without[0] < best[0] + NEEDED:
-            odds = float(np.exp((without[0] - best[0] - NEEDED) / 2))
-            beside += odds / (1 + odds) * _outer(best[1] - without[1])
+            beside += sum(_outer(high_gain(simulator, best, i) - without[1]) for i in extra)
             best = without
         else:
             held[:] = False
@@ -181,6 +183,29 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     if in_loop is not None and open_loop is not None:
         apart.append(_outer(in_loop - open_loop[1]))
     return theta, beside + sum(apart)
+
+
+def high_gain(simulator: Simulator, best: tuple[float, np.ndarray], position: int) -> np.ndarray:
+    """Parameters that are likeliest with a gain one standard error above its likeliest value.
+
+    What was left out is not known to be zero. Near zero a small gain on the error rate is nothing
+    but a shorter delay, so that no tangent there says how large it may be.
+    """
+    least, theta = best
+    held = np.zeros(theta.size, dtype=bool)
+    held[position] = True
+    step = max(SHORT_LEAD * abs(theta[simulator.names.index(simulator.core.gains[0])]), 1e-9)
+    for _ in range(SOUGHT):
+        start = theta.copy()
+        start[position] = best[1][position] + step
+        end = likeliest(simulator, [start], held=held)
+        if end is None:
+            break
+        theta, away = end[1], np.sqrt(max(end[0] - least, 0.0))
+        if abs(away - 1.0) < CLOSE:
+            break
+        step /= np.clip(away, 1 / FARTHER, FARTHER)
+    return theta
 
 
 def among_kinks(
