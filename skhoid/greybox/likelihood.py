@@ -15,8 +15,10 @@ from .fitting import (
     Criterion,
     RemnantModel,
     minimise,
+    normal_equations,
     remnant_model,
     residual_at,
+    scaled_inverse,
     sse_at,
 )
 from .loop import LoopSimulator, loop_of
@@ -136,10 +138,9 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     error rate that is not needed is left out.
 
     The covariance due to choices is returned too: rows at half and at twice the rate, the mean of
-    both, and the closed loop where it is known; how large the gain may be that was left out. By
-    chance alone estimates from other rows differ too, so these differences are not enlarged for
-    being few.
-    Where the simulation error forbids what is most probable, all of that difference counts.
+    both; the closed loop where it is known (:func:`beyond_chance`); how large the gain may be that
+    was left out (:func:`high_gain`). Where the simulation error forbids what is most probable, all
+    of that difference counts.
 
     Of a large number of runs, some are fitted from all starting points, and then all from where
     that led; what the closed loop would change is found on those same runs.
@@ -179,10 +180,40 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     others = [likeliest(simulator, [theta], rate, held) for rate in OTHER_RATES]
     apart = [_outer(one[1] - theta) / len(OTHER_RATES) for one in others if one is not None]
     open_loop = (None, theta) if some is simulator else likeliest(some, [theta], held=held)
-    in_loop = likeliest_in_loop(some, theta, held)
-    if in_loop is not None and open_loop is not None:
-        apart.append(_outer(in_loop - open_loop[1]))
+    if open_loop is not None:
+        apart.append(beyond_chance(some, open_loop[1], held))
     return theta, beside + sum(apart)
+
+
+def beyond_chance(simulator: Simulator, theta: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Covariance due to how far the likeliest parameters in the closed loop are, beyond chance.
+
+    The loop tells little of an offset or of what is slow. If both models are right, the difference
+    of an estimate from a better one has the difference of their variances (Hausman, Specification
+    tests in econometrics, 1978); what exceeds that is taken for a bias.
+    """
+    in_loop = likeliest_in_loop(simulator, theta, held)
+    criterion = Criterion(simulator.record, rate=JOINT_RATE)
+    noise = autoregression(residual_at(simulator, criterion, theta), criterion.known)
+    if in_loop is None or noise is None:
+        return np.zeros((theta.size, theta.size))
+    criterion.set_noise(noise)
+    change = in_loop[0] - theta
+    chance = np.abs(in_loop[1] - variances(simulator, criterion, theta, held))
+    return _outer(np.sign(change) * np.sqrt(np.maximum(change**2 - chance, 0.0)))
+
+
+def variances(
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray, held: np.ndarray
+) -> np.ndarray:
+    """Variances of parameters at their likeliest values; zero for those held or at a bound."""
+    normal, _ = normal_equations(simulator, criterion, theta)
+    variance = sse_at(simulator, criterion, theta) / criterion.n
+    known, _ = prior_of(simulator).weighing(variance).normal_equations(theta)
+    free = ~held & (theta > simulator.low) & (theta < simulator.high)
+    found = np.zeros(theta.size)
+    found[free] = variance * np.diag(scaled_inverse((normal + known)[np.ix_(free, free)]))
+    return found
 
 
 def high_gain(simulator: Simulator, best: tuple[float, np.ndarray], position: int) -> np.ndarray:
@@ -240,8 +271,10 @@ def among_kinks(
 
 def likeliest_in_loop(
     simulator: Simulator, theta: np.ndarray, held: np.ndarray
-) -> np.ndarray | None:
-    """Likeliest parameters of a linear model in the closed loop; None where the loop is not known.
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Likeliest parameters of a linear model in the closed loop, and their variances.
+
+    None where the loop is not known.
 
     The remnant in the error does not affect them: another way to the same parameters.
     """
@@ -259,7 +292,9 @@ def likeliest_in_loop(
         criterion.set_noise(criterion.remnant_model(output))
         prior = prior_of(simulator).weighing(criterion.sse(output) / criterion.n)
         found = minimise(closed, criterion, found, max_iter=10, fixed=held, prior=prior).theta
-    return found if np.isfinite(closed.run(found)).all() else None
+    if not np.isfinite(closed.run(found)).all():
+        return None
+    return found, variances(closed, criterion, found, held)
 
 
 def _outer(change: np.ndarray) -> np.ndarray:
