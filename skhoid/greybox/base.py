@@ -31,7 +31,7 @@ from .estimates import covariance_frame, effects_with_values, parameter_table
 from .extend import beside_each_other, extended
 from .fitting import Criterion, RemnantModel, covariance_of, minimise
 from .initial import ESTIMATE, HELD, REST, begun_where_it_pays, error_of, pays
-from .likelihood import likelihood_fit, prior_of
+from .likelihood import criterion_of, likelihood_fit, prior_of
 from .model import Model
 from .operator_summary import simulated_summary
 from .prepared import Prepared, SimulatedCore, prepared_for
@@ -343,8 +343,9 @@ def simulation_of(
     criterion = Criterion(record, noise)
     intervals = {}
     if record.core != CoreKind.ARX:
-        covariance = covariance_of(model.simulator, criterion, model.fit, prior_of(model.simulator))
-        intervals = profile_intervals(model, criterion, covariance)
+        own = criterion_of(model, noise)
+        covariance = covariance_of(model.simulator, own, model.fit, prior_of(model.simulator))
+        intervals = profile_intervals(model, own, covariance)
     else:
         covariance = model.covariance()
     n, output = criterion.n, model.output

@@ -7,16 +7,18 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm, t
 
 from ..effects.core_kind import CoreKind
 from .fitting import (
     AR_ORDER,
+    NOISE_FLOOR,
     Criterion,
     RemnantModel,
     minimise,
+    normal_equations,
     remnant_model,
     residual_at,
+    scaled_inverse,
     sse_at,
 )
 from .jumps import SOFT, evolved
@@ -39,7 +41,6 @@ SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go 
 JOINT_RATE = 12.5  # Hz: faster, errors of the simulation count more than the remnant
 OTHER_RATES = (JOINT_RATE / 2, 2 * JOINT_RATE)  # at which a good estimate is about the same
 LOOP_RATE = 6.25  # Hz, at which errors of sensors do not count in the closed loop
-JOINT_FLOOR = 1e-5  # least share of the residual's variance that is white
 TOLERATED = 1.25  # times the squares of the simulation error, at most, of an unbiased estimate
 STEADY = 0.02  # of n log(SSE), by which a round must be better to go on
 DELAYS = (0.15, 0.25, 0.35)  # s, to start from
@@ -48,6 +49,8 @@ ROUNDS_AMONG_KINKS = 4
 ROUNDS_AMONG_JUMPS = 3
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
 NEEDED = 8.0  # of n log(SSE), that a gain on the error rate or another minimum must save
+SHORT_LEAD = 0.05  # s, from which to seek how large a gain may be that was left out
+SOUGHT, CLOSE, FARTHER = 4, 0.2, 3.0  # tries; relative accuracy; times as far, at most
 
 Likeliest = tuple[float, np.ndarray] | None  # loss and parameters; None where no fit has led
 
@@ -67,16 +70,30 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
         return model, noise
     if not model.simulator.smooth:
         return among_jumps(model, noise, criterion)
-    joint = joint_fit(model)
-    if joint is None:
+    theta, beside = joint_fit(model)
+    if theta is None:
+        model.fit.beside = beside
         return model, noise
-    theta, beside = joint
     found = Model(model.simulator, replace(model.fit, theta=theta), model.other_cores)
     residual = residual_at(found.simulator, criterion, theta)
     criterion.set_noise(remnant_model(residual, criterion.known))
     found = found.under(criterion)
     found.fit.beside, found.fit.jointly = beside, True
     return found, criterion.noise
+
+
+def criterion_of(model: Model, noise: RemnantModel) -> Criterion:
+    """The criterion that a model's parameters minimise, for a noise model at the usual rate.
+
+    A fit along with the noise model is on other rows, which decide how exact it is.
+    """
+    record = model.simulator.record
+    if not model.fit.jointly:
+        return Criterion(record, noise)
+    criterion = Criterion(record, rate=JOINT_RATE)
+    found = autoregression(residual_at(model.simulator, criterion, model.theta), criterion.known)
+    criterion.set_noise(found or noise)
+    return criterion
 
 
 def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
@@ -143,15 +160,17 @@ def prior_of(simulator: Simulator) -> Prior:
     return Prior.of(simulator.names, simulator.core.usual) + simulator.prior
 
 
-def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
-    """Parameters and noise model that are most probable jointly; None where the fit fails.
+def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Parameters that are most probable jointly with a noise model; None where the fit fails.
 
     Their joint likelihood takes a person's remnant as an AR process; what is usual for people
     decides where the likelihood is flat, as between a delay and the lag of a limb. A gain on the
     error rate that is not needed is left out.
 
-    The covariance due to choices is returned too: rows at half and at twice the rate and, where it
-    is known, the closed loop, weighted by their number; the gain that was left out, by its odds.
+    The covariance due to choices is returned too: rows at half and at twice the rate, the mean of
+    both; the closed loop where it is known (:func:`beyond_chance`); how large the gain may be that
+    was left out (:func:`high_gain`). Where the simulation error forbids what is most probable, all
+    of that difference counts.
 
     Of a large number of runs, some are fitted from all starting points, and then all from where
     that led; what the closed loop would change is found on those same runs.
@@ -168,7 +187,7 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     starts = [model.theta, *usual_starts(simulator, model.theta)]
     best = best_from(starts)
     if best is None:
-        return None
+        return None, None
     extra = [simulator.names.index(name) for name in core.gains[1:]]
     held = np.zeros(model.theta.size, dtype=bool)
     beside = np.zeros((held.size, held.size))
@@ -177,8 +196,7 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
         plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
         without = best_from(plain, held)
         if without is not None and without[0] < best[0] + NEEDED:
-            odds = float(np.exp((without[0] - best[0] - NEEDED) / 2))
-            beside += odds / (1 + odds) * _outer(best[1] - without[1])
+            beside += sum(_outer(high_gain(simulator, best, i) - without[1]) for i in extra)
             best = without
         else:
             held[:] = False
@@ -188,16 +206,67 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     simulation = Criterion(simulator.record)
     least = sse_at(simulator, simulation, model.theta)
     if sse_at(simulator, simulation, theta) > TOLERATED * least:
-        return None
+        return None, _outer(theta - model.theta)
     others = [likeliest(simulator, [theta], rate, held) for rate in OTHER_RATES]
     apart = [_outer(one[1] - theta) / len(OTHER_RATES) for one in others if one is not None]
     open_loop = (None, theta) if some is simulator else likeliest(some, [theta], held=held)
-    in_loop = likeliest_in_loop(some, theta, held)
-    if in_loop is not None and open_loop is not None:
-        apart.append(_outer(in_loop - open_loop[1]))
-    if apart:
-        beside += _of_few(len(apart)) * np.sum(apart, axis=0)
-    return theta, beside
+    if open_loop is not None:
+        apart.append(beyond_chance(some, open_loop[1], held))
+    return theta, beside + sum(apart)
+
+
+def beyond_chance(simulator: Simulator, theta: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Covariance due to how far the likeliest parameters in the closed loop are, beyond chance.
+
+    The loop tells little of an offset or of what is slow. If both models are right, the difference
+    of an estimate from a better one has the difference of their variances (Hausman, Specification
+    tests in econometrics, 1978); what exceeds that is taken for a bias.
+    """
+    in_loop = likeliest_in_loop(simulator, theta, held)
+    criterion = Criterion(simulator.record, rate=JOINT_RATE)
+    noise = autoregression(residual_at(simulator, criterion, theta), criterion.known)
+    if in_loop is None or noise is None:
+        return np.zeros((theta.size, theta.size))
+    criterion.set_noise(noise)
+    change = in_loop[0] - theta
+    chance = np.abs(in_loop[1] - variances(simulator, criterion, theta, held))
+    return _outer(np.sign(change) * np.sqrt(np.maximum(change**2 - chance, 0.0)))
+
+
+def variances(
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray, held: np.ndarray
+) -> np.ndarray:
+    """Variances of parameters at their likeliest values; zero for those held or at a bound."""
+    normal, _ = normal_equations(simulator, criterion, theta)
+    variance = sse_at(simulator, criterion, theta) / criterion.n
+    known, _ = prior_of(simulator).weighing(variance).normal_equations(theta)
+    free = ~held & (theta > simulator.low) & (theta < simulator.high)
+    found = np.zeros(theta.size)
+    found[free] = variance * np.diag(scaled_inverse((normal + known)[np.ix_(free, free)]))
+    return found
+
+
+def high_gain(simulator: Simulator, best: tuple[float, np.ndarray], position: int) -> np.ndarray:
+    """Parameters that are likeliest with a gain one standard error above its likeliest value.
+
+    What was left out is not known to be zero. Near zero a small gain on the error rate is nothing
+    but a shorter delay, so that no tangent there says how large it may be.
+    """
+    least, theta = best
+    held = np.zeros(theta.size, dtype=bool)
+    held[position] = True
+    step = max(SHORT_LEAD * abs(theta[simulator.names.index(simulator.core.gains[0])]), 1e-9)
+    for _ in range(SOUGHT):
+        start = theta.copy()
+        start[position] = best[1][position] + step
+        end = likeliest(simulator, [start], held=held)
+        if end is None:
+            break
+        theta, away = end[1], np.sqrt(max(end[0] - least, 0.0))
+        if abs(away - 1.0) < CLOSE:
+            break
+        step /= np.clip(away, 1 / FARTHER, FARTHER)
+    return theta
 
 
 def among_kinks(
@@ -230,15 +299,12 @@ def among_kinks(
     return best, np.sum(apart, axis=0) / odds.sum()
 
 
-def _of_few(n: int) -> float:
-    """By how much to enlarge a variance known from n numbers for 95 % intervals to hold."""
-    return float((t.ppf(0.975, n) / norm.ppf(0.975)) ** 2)
-
-
 def likeliest_in_loop(
     simulator: Simulator, theta: np.ndarray, held: np.ndarray
-) -> np.ndarray | None:
-    """Likeliest parameters of a linear model in the closed loop; None where the loop is not known.
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Likeliest parameters of a linear model in the closed loop, and their variances.
+
+    None where the loop is not known.
 
     The remnant in the error does not affect them: another way to the same parameters.
     """
@@ -256,7 +322,9 @@ def likeliest_in_loop(
         criterion.set_noise(criterion.remnant_model(output))
         prior = prior_of(simulator).weighing(criterion.sse(output) / criterion.n)
         found = minimise(closed, criterion, found, max_iter=10, fixed=held, prior=prior).theta
-    return found if np.isfinite(closed.run(found)).all() else None
+    if not np.isfinite(closed.run(found)).all():
+        return None
+    return found, variances(closed, criterion, found, held)
 
 
 def _outer(change: np.ndarray) -> np.ndarray:
@@ -339,7 +407,7 @@ def autoregression(residual: np.ndarray, known: np.ndarray) -> RemnantModel | No
         gram += windows.T @ windows
     gram = gram[::-1, ::-1]
     past = gram[1:, 1:]
-    white = JOINT_FLOOR * np.trace(past) / order
+    white = NOISE_FLOOR * np.trace(past) / order
     if not white > 0:
         return None
     ar = -np.linalg.solve(past + white * np.eye(order), gram[1:, 0])

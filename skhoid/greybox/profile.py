@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from .fitting import Criterion, minimise, scaled_inverse
+from .fitting import Criterion, minimise, normal_equations, scaled_inverse, sse_at
 from .likelihood import JOINT_RATE, joint_loss, prior_of
 from .model import Model
 from .some_runs import record_of_some
@@ -61,9 +61,9 @@ class _Profile:
         simulator = self.simulator = model.simulator
         self.theta, self.criterion = model.theta, criterion
         self.prior = prior_of(simulator)
-        self.variance = model.sse / max(criterion.n, 1)
+        self.variance = sse_at(simulator, criterion, self.theta) / max(criterion.n, 1)
         known, _ = self.prior.weighing(self.variance).normal_equations(self.theta)
-        normal = model.fit.normal + known
+        normal = normal_equations(simulator, criterion, self.theta)[0] + known
         self.alone = self.variance * scaled_inverse(normal)  # also of what is at a bound
         self.free = (self.theta > simulator.low) & (self.theta < simulator.high)
         block = np.ix_(self.free, self.free)
