@@ -171,7 +171,16 @@ class SearchStep:
             return
         least = RIVAL * first.weight
         rivals = [c for c in self.candidates[1:] if c.passes and not c.trace and c.weight > least]
-        near = [c for c in rivals[:N_RIVALS] if self.judge(c) and c.linear_in_loop]
+        rivals = rivals[:N_RIVALS]
+        assert self.loop is not None
+        assert first.in_loop is not None
+        enough = first.in_loop.delta_bic + LEAST_DELTA_BIC_IN_LOOP
+        if not any(self._likely_in_loop(c, enough) for c in rivals):  # whatever rows held out say
+            for c in rivals:
+                if abs(c.weight - first.weight) < CONFUSED:
+                    self.judge(c)
+            return
+        near = [c for c in rivals if self.judge(c) and c.linear_in_loop]
 
         def in_loop(c: Candidate) -> float:
             assert c.in_loop is not None
@@ -181,6 +190,13 @@ class SearchStep:
         best = next(c for c in [first, *near] if in_loop(c) >= least)
         self.candidates.remove(best)
         self.candidates.insert(0, best)
+
+    def _likely_in_loop(self, candidate: Candidate, enough: float) -> bool:
+        """Whether a linear effect's ΔBIC in the closed loop is more than enough."""
+        assert self.loop is not None
+        assert candidate.model is not None
+        found, _ = self.loop.compared(candidate.model)
+        return not found.bends and bool(found.delta_bic > enough)
 
     def judge(self, candidate: Candidate) -> bool:
         """Whether a candidate passes in the closed loop too, and refitted without each fold."""

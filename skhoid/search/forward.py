@@ -177,7 +177,7 @@ class Search:
             for c, found in zip(gaining, self._each(self._joint, models, beside), strict=True):
                 c.joint = found
         candidates = likeliest_alternatives(candidates)
-        loop = None if self.loop is None else self.loop.around(base)
+        loop = None if self.loop is None else self.loop.around(base, parent)
         step = SearchStep(base, parent, base_vaf, base_prediction, candidates, loop, self.refit)
         step.rank()
         special_first(step)
