@@ -26,6 +26,7 @@ LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a pla
 AS_GOOD = 0.05  # points
 SURE = 3.0  # standard errors, by which an effect's numbers are off those at which it does nothing
 AT_ZERO = 1e-9  # rounding of a bound
+MOST_UNBIASED = 1.5  # times ΔBIC, of a weight that is 1 times it usually
 RIVAL = 0.3  # of the weight of the best, at least, of another that may be it
 N_RIVALS = 3  # which the closed loop compares with the best
 CONFUSED = 12.0  # of ΔBIC, within which two effects are not told apart
@@ -52,6 +53,7 @@ class Candidate:
     in_loop: InLoop | None = None
     least_gain: float = LEAST_GAIN
     refused: str = ""
+    unweighed: bool = False
 
     @property
     def id(self) -> str:
@@ -115,6 +117,13 @@ class Candidate:
         return self.delta_bic / 2 + unbiased - against
 
     @property
+    def at_most(self) -> float:
+        """What its weight may be once the unbiased ΔBIC, usually half the other, is known."""
+        if not self.unweighed:
+            return self.weight
+        return MOST_UNBIASED * max(self.delta_bic, 0.0) + LEAST_DELTA_BIC
+
+    @property
     def follows(self) -> bool:
         """Whether it follows the measured error better, by likelihood and on held-out rows."""
         return self.delta_bic > LEAST_DELTA_BIC and self.gain >= self.least_gain
@@ -125,12 +134,16 @@ class Candidate:
         return self.follows or (self.joint > LEAST_DELTA_BIC and self.gain >= self.least_gain)
 
 
+Weigh = Callable[[list[Candidate]], None]
+
+
 @dataclass
 class SearchStep:
     """A parent, and all candidates for it, best first.
 
     ``parent`` is at the largest likelihood under the noise model of the step, ``plain`` at the
-    least error of the simulation; ``refit`` is the held-out VAF of a model refitted for each fold.
+    least error of the simulation; ``refit`` is the held-out VAF of a model refitted for each fold,
+    and ``weigh`` finds the unbiased ΔBIC of candidates.
     """
 
     parent: Model
@@ -140,6 +153,7 @@ class SearchStep:
     candidates: list[Candidate]
     loop: LoopParent | None
     refit: Callable[[Model], float]
+    weigh: Weigh | None = None
 
     @property
     def refitted_vaf(self) -> float:
@@ -150,6 +164,7 @@ class SearchStep:
         """Put the best first; it has also passed in the closed loop, where that is known."""
         judged: list[Candidate] = []
         while True:
+            weigh_likely(self.candidates, self.weigh)
             self.candidates.sort(key=place_of)
             plainest_first(self.candidates)
             first = self.candidates[0] if self.candidates else None
@@ -200,6 +215,8 @@ class SearchStep:
 
     def judge(self, candidate: Candidate) -> bool:
         """Whether a candidate passes in the closed loop too, and refitted without each fold."""
+        if candidate.unweighed and self.weigh is not None:
+            self.weigh([candidate])
         if candidate.in_loop is None and not candidate.trace:
             assert candidate.model is not None
             loop = self.loop
@@ -231,6 +248,24 @@ class SearchStep:
     def best(self) -> Candidate | None:
         first = self.candidates[0] if self.candidates else None
         return first if first is not None and first.passes else None
+
+
+def weigh_likely(candidates: list[Candidate], weigh: Weigh | None) -> None:
+    """Find the unbiased ΔBIC of those that may be the best, or a rival of it.
+
+    Of alternatives of an effect, it is known for all or for none.
+    """
+    while weigh is not None:
+        most = [c.at_most for c in candidates if c.passes and not c.unweighed]
+        left = [c for c in candidates if c.unweighed]
+        known = {c.name for c in candidates if np.isfinite(c.joint)}
+        if not most:  # the likeliest shows how much others have to be
+            left = sorted(left, key=lambda c: -c.at_most)[:1]
+        else:
+            left = [c for c in left if c.at_most > RIVAL * max(most) or c.name in known]
+        if not left:
+            return
+        weigh(left)
 
 
 def likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
