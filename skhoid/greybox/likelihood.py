@@ -45,6 +45,7 @@ DELAYS = (0.15, 0.25, 0.35)  # s, to start from
 NEAR_BY = (0.3, 0.7, 0.85, 1.2, 1.4, 3.0)  # times the numbers of an effect with kinks
 ROUNDS_AMONG_KINKS = 4
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
+SAME = 0.1  # of n log(SSE), from a minimum, where a fit will end there too
 NEEDED = 8.0  # of n log(SSE), that a gain on the error rate must save
 
 Likeliest = tuple[float, np.ndarray] | None  # loss and parameters; None where no fit has led
@@ -253,22 +254,33 @@ def likeliest(
     starts: Iterable[np.ndarray],
     rate: float = JOINT_RATE,
     held: np.ndarray | None = None,
+    known: Likeliest = None,
 ) -> Likeliest:
     """Least n log(SSE / n) of model and noise model, with the cost of the prior; its parameters.
 
-    On rows at a ``rate`` (Hz). None where no start succeeds.
+    On rows at a ``rate`` (Hz). ``known`` is what other starts have led to. None where no start
+    succeeds.
     """
     held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
     criterion = Criterion(simulator.record, rate=rate)
-    found = [_joint(simulator, start, criterion, held) for start in starts]
-    known = [one for one in found if one is not None]
-    return min(known, key=lambda one: one[0]) if known else None
+    for start in starts:
+        found = _joint(simulator, start, criterion, held, known)
+        if found is not None and (known is None or found[0] < known[0]):
+            known = found
+    return known
 
 
 def _joint(
-    simulator: Simulator, theta: np.ndarray, criterion: Criterion, held: np.ndarray
-) -> tuple[float, np.ndarray] | None:
-    """From one start: n log(SSE / n), the cost of the prior, and the parameters."""
+    simulator: Simulator,
+    theta: np.ndarray,
+    criterion: Criterion,
+    held: np.ndarray,
+    known: Likeliest,
+) -> Likeliest:
+    """From one start: n log(SSE / n), the cost of the prior, and the parameters.
+
+    None where it leads to what is known.
+    """
     prior = prior_of(simulator)
     last = np.inf
     theta = np.clip(theta, simulator.low, simulator.high)
@@ -294,6 +306,10 @@ def _joint(
             prior=prior.weighing(sse / criterion.n),
         )
         theta = fit.theta
+        if known is not None:
+            apart = theta - known[1]
+            if criterion.n * (apart @ fit.normal @ apart) < SAME * fit.sse:
+                return None
     return last, best
 
 

@@ -160,7 +160,8 @@ class Search:
         return effects, minimise(simulator, self.criterion, start)
 
     def _extended(self, added: tuple[str, Effect], parent: Model) -> tuple[Effects, Fit]:
-        model = extended(parent, *added, self.criterion, self.coarse)
+        least = HOPELESS / 2 * self.share
+        model = extended(parent, *added, self.criterion, self.coarse, least=least)
         return model.effects, model.fit
 
     def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
