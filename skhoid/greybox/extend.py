@@ -26,7 +26,7 @@ ALIKE = 0.9  # share of the gain of the best variant
 HOPEFUL = 1.0  # times the parent's squares, at most, before a search
 COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
 FINE_SIZES = (0.04, 0.013, 0.004)
-BEGUN = 4  # iterations, of 20, of a fit that may come to nothing
+BEGUN = 4  # iterations of a fit that may come to nothing
 LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
@@ -113,7 +113,7 @@ def extended(
         gained = criterion.sse(parent.output) - full.sse > least * criterion.power
         followed = promising and (gained or before - sse > 2 * least * coarse.power)
         if followed:
-            full = minimise(simulator, criterion, full.theta, max_iter=20 - BEGUN)
+            full = minimise(simulator, criterion, full.theta, max_iter=20)
         model = Model(simulator, full, parent.other_cores)
         if isinstance(variant, FreeForm) and variant.spread is None:
             model = smoothed(model, [name]).refined(criterion)

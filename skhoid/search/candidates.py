@@ -26,7 +26,8 @@ LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a pla
 AS_GOOD = 0.05  # points
 SURE = 3.0  # standard errors, by which an effect's numbers are off those at which it does nothing
 AT_ZERO = 1e-9  # rounding of a bound
-MOST_UNBIASED = 1.5  # times ΔBIC, of a weight that is 1 times it usually
+MOST_UNBIASED = 1.5  # times ΔBIC, of a weight that is about as large usually
+MAY_BE_BEST = 0.5  # of the weight of the best, for another that may be it once it is known
 RIVAL = 0.3  # of the weight of the best, at least, of another that may be it
 N_RIVALS = 3  # which the closed loop compares with the best
 CONFUSED = 12.0  # of ΔBIC, within which two effects are not told apart
@@ -184,9 +185,7 @@ class SearchStep:
         first = self.best
         if first is None or not first.linear_in_loop:
             return
-        least = RIVAL * first.weight
-        rivals = [c for c in self.candidates[1:] if c.passes and not c.trace and c.weight > least]
-        rivals = rivals[:N_RIVALS]
+        rivals = [c for c in self.rivals() if not c.trace][:N_RIVALS]
         assert self.loop is not None
         assert first.in_loop is not None
         enough = first.in_loop.delta_bic + LEAST_DELTA_BIC_IN_LOOP
@@ -205,6 +204,13 @@ class SearchStep:
         best = next(c for c in [first, *near] if in_loop(c) >= least)
         self.candidates.remove(best)
         self.candidates.insert(0, best)
+
+    def rivals(self) -> list[Candidate]:
+        """Candidates that pass and have much of the weight of the first."""
+        weigh_likely(self.candidates, self.weigh, RIVAL)
+        self.candidates[1:] = sorted(self.candidates[1:], key=place_of)
+        least = RIVAL * self.candidates[0].weight
+        return [c for c in self.candidates[1:] if c.passes and c.weight > least]
 
     def _likely_in_loop(self, candidate: Candidate, enough: float) -> bool:
         """Whether a linear effect's ΔBIC in the closed loop is more than enough."""
@@ -250,19 +256,25 @@ class SearchStep:
         return first if first is not None and first.passes else None
 
 
-def weigh_likely(candidates: list[Candidate], weigh: Weigh | None) -> None:
-    """Find the unbiased ΔBIC of those that may be the best, or a rival of it.
+def weigh_likely(
+    candidates: list[Candidate], weigh: Weigh | None, share: float = MAY_BE_BEST
+) -> None:
+    """Find the unbiased ΔBIC of those that may be the best, or have a ``share`` of its weight.
 
-    Of alternatives of an effect, it is known for all or for none.
+    Of alternatives of an effect, also of those that may be likelier than one of which it is known.
     """
     while weigh is not None:
         most = [c.at_most for c in candidates if c.passes and not c.unweighed]
         left = [c for c in candidates if c.unweighed]
-        known = {c.name for c in candidates if np.isfinite(c.joint)}
+        known: dict[str, float] = {}
+        for c in candidates:
+            if not c.unweighed and np.isfinite(c.joint):
+                known[c.name] = max(c.weight, known.get(c.name, -np.inf))
         if not most:  # the likeliest shows how much others have to be
             left = sorted(left, key=lambda c: -c.at_most)[:1]
         else:
-            left = [c for c in left if c.at_most > RIVAL * max(most) or c.name in known]
+            least = share * max(most)
+            left = [c for c in left if c.at_most > min(least, known.get(c.name, np.inf))]
         if not left:
             return
         weigh(left)

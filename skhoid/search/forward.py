@@ -26,7 +26,6 @@ from .candidates import (
     AS_GOOD,
     LEAST_GAIN,
     LITTLE_NOISE,
-    RIVAL,
     Candidate,
     SearchStep,
     Weigh,
@@ -42,6 +41,7 @@ from .signatures import traces_of, without_noise
 from .special_cases import special_first
 
 PARTS = 3  # of the work for each process
+N_RIVALS = 2  # effects that may be the first instead
 HOPELESS = 0.002  # of the output's power
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
@@ -331,10 +331,8 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     """Add the best effect as long as one pays; try the second best first effect too."""
     first = search.step(baseline)
     greedy = follow(search, first, first.best if most else None, most)
-    least = RIVAL * first.candidates[0].weight if first.candidates else 0.0
-    rivals = [c for c in first.candidates[1:3] if c.passes and c.weight > least]
     if len(greedy.steps) > 1 and len(greedy.ids) > 1:
-        for rival in rivals:
+        for rival in first.rivals()[:N_RIVALS]:
             if rival.id in greedy.ids[:1] or not first.judge(rival):
                 continue
             other = follow(search, first, rival, 2)
