@@ -109,7 +109,8 @@ def extended(
         promising = before - sse > enough
         if finished and (not promising or before - sse < ALIKE * gain):
             break
-        full = minimise(simulator, criterion, fit.theta, max_iter=BEGUN if promising else 1)
+        most = BEGUN if promising else int(least == 0.0)  # a search refines all once more
+        full = minimise(simulator, criterion, fit.theta, max_iter=most)
         gained = criterion.sse(parent.output) - full.sse > least * criterion.power
         followed = promising and (gained or before - sse > 2 * least * coarse.power)
         if followed:

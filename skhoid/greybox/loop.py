@@ -31,7 +31,7 @@ from .simulator import FreeParameter, Simulator
 SWEEPS = 20
 SLOW, PATIENCE = 0.8, 3  # sweeps that leave more than this share, and how many end the search
 SMALL_STEP = 0.4
-SAME = 1e-5  # of the error's standard deviation
+SAME = 1e-4  # of the error's standard deviation
 SOLVED = 0.02  # of it, above which a loop counts as not solved
 LARGEST = 300.0  # times it, of an error
 MEMORY = 12.0  # s, of the loop's answer to a short pulse
