@@ -48,6 +48,7 @@ NEAR_BY = (0.3, 0.7, 0.85, 1.2, 1.4, 3.0)  # times the numbers of an effect with
 ROUNDS_AMONG_KINKS = 4
 ROUNDS_AMONG_JUMPS = 3
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
+SAME = 0.1  # of n log(SSE), from a minimum, where a fit will end there too
 NEEDED = 8.0  # of n log(SSE), that a gain on the error rate or another minimum must save
 SHORT_LEAD = 0.05  # s, from which to seek how large a gain may be that was left out
 SOUGHT, CLOSE, FARTHER = 4, 0.2, 3.0  # tries; relative accuracy; times as far, at most
@@ -351,22 +352,33 @@ def likeliest(
     starts: Iterable[np.ndarray],
     rate: float = JOINT_RATE,
     held: np.ndarray | None = None,
+    known: Likeliest = None,
 ) -> Likeliest:
     """Least n log(SSE / n) of model and noise model, with the cost of the prior; its parameters.
 
-    On rows at a ``rate`` (Hz). None where no start succeeds.
+    On rows at a ``rate`` (Hz). ``known`` is what other starts have led to. None where no start
+    succeeds.
     """
     held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
     criterion = Criterion(simulator.record, rate=rate)
-    found = [joint_loss(simulator, start, criterion, held) for start in starts]
-    known = [one for one in found if one is not None]
-    return min(known, key=lambda one: one[0]) if known else None
+    for start in starts:
+        found = joint_loss(simulator, start, criterion, held, known)
+        if found is not None and (known is None or found[0] < known[0]):
+            known = found
+    return known
 
 
 def joint_loss(
-    simulator: Simulator, theta: np.ndarray, criterion: Criterion, held: np.ndarray
-) -> tuple[float, np.ndarray] | None:
-    """From one start: n log(SSE / n), the cost of the prior, and the parameters."""
+    simulator: Simulator,
+    theta: np.ndarray,
+    criterion: Criterion,
+    held: np.ndarray,
+    known: Likeliest = None,
+) -> Likeliest:
+    """From one start: n log(SSE / n), the cost of the prior, and the parameters.
+
+    None where no fit leads on, or it leads to what is known.
+    """
     prior = prior_of(simulator)
     last = np.inf
     theta = np.clip(theta, simulator.low, simulator.high)
@@ -392,6 +404,10 @@ def joint_loss(
             prior=prior.weighing(sse / criterion.n),
         )
         theta = fit.theta
+        if known is not None:
+            apart = theta - known[1]
+            if criterion.n * (apart @ fit.normal @ apart) < SAME * fit.sse:
+                return None
     return last, best
 
 
