@@ -50,21 +50,21 @@ def smoothed(model: Model, names: Collection[str]) -> Model:
     (2017).
     """
     criterion = Criterion(model.simulator.record)
-    given, plain = model, Criterion(model.simulator.record)
+    plain = Criterion(model.simulator.record)
     most = WORSE * sse_at(model.simulator, plain, model.theta)
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         criterion.set_noise(criterion.remnant_model(model.output))
-        model = model.refined(criterion, max_iter=4)
-        if sse_at(model.simulator, plain, model.theta) > most:
-            return given  # what whitening favours may be no simulation
-        spreads = chosen_spreads(model, names, criterion)
+        found = model.refined(criterion, max_iter=4)
+        if sse_at(found.simulator, plain, found.theta) > most:
+            # What whitening favours may be no simulation, as long as the curve is too smooth.
+            found = model if number == 0 else model.refined(plain, max_iter=4)
+        spreads = chosen_spreads(found, names, criterion)
         if not spreads:
-            return model
-        before = model
-        model = with_spreads(model, spreads)
+            return found
+        model = with_spreads(found, spreads)
         moved = [abs(np.log(new / old)) for new, old in spreads.values()]
         if max(moved) < SETTLED:
-            return before
+            return found
     return model.refined(criterion, max_iter=4)
 
 
@@ -86,10 +86,10 @@ def chosen_spreads(
             continue
         old = max(prior.values())
         at = [simulator.names.index(f"{name}__{key}") for key in prior]
-        if dof[at].sum() < NOTHING:
-            continue
         squares = sum((values[f"{name}__{key}"] / sd) ** 2 for key, sd in prior.items())
-        factor = np.sqrt(squares / float(dof[at].sum()))
+        factor = np.sqrt(squares / max(float(dof[at].sum()), 1e-300))
+        if dof[at].sum() < NOTHING and not factor > 1.0:
+            continue
         new = old * float(np.clip(factor, 1 / FACTOR, FACTOR))
         found[name] = (max(new, SMALLEST * max(scales.values())), old)
     return found
