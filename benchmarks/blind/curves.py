@@ -30,6 +30,7 @@ from loop import (
     _curve,
     _seen,
 )
+from scipy.optimize import minimize_scalar
 from signals import KEPT, TIME
 
 QUANTILES = np.linspace(0.025, 0.975, 191)  # the central 95 % of the data
@@ -162,7 +163,8 @@ def compare(curve: pd.DataFrame, true: TrueCurve, form: str, place: str) -> dict
     A map's straight part is taken from the answer, and with it the gain: twice the map of the error
     behind half the gain is the same. So the truth's map is scaled until its slope is one and that
     of the answer's curve. Twice the command before the same output is the same too: there the
-    argument is scaled. Forces over the rate have a scale of their own.
+    argument is scaled, to where both maps are nearest. Forces over the rate have a scale of
+    their own.
 
     Parameters
     ----------
@@ -213,17 +215,18 @@ def compare(curve: pd.DataFrame, true: TrueCurve, form: str, place: str) -> dict
 
 
 def _stretched(curve: pd.DataFrame, true: TrueCurve) -> float:
-    """By how much the argument of the answer's map is larger than the truth's."""
-    slope = np.polyfit(true.data, np.interp(true.data, true.x, true.value), 1)[0]
-    scale = 1.0
-    for _ in range(20):
-        at = curve.index.to_numpy(dtype=float)
-        x = np.clip(true.data * scale, at[0], at[-1])
-        of_answer = 1 + np.polyfit(x, np.interp(x, at, curve["value"]), 1)[0]
-        if not of_answer > 0.0 < slope:
-            return 1.0
-        scale = float(np.sqrt(scale * slope / of_answer))  # halfway, so that it settles
-    return scale
+    """By how much the argument of the answer's map is larger than the truth's: the nearest maps."""
+    at, value = curve.index.to_numpy(dtype=float), np.interp(true.data, true.x, true.value)
+    whole = at + curve["value"].to_numpy()
+
+    def apart(log_scale: float) -> float:
+        said = np.interp(np.exp(log_scale) * true.data, at, whole)
+        return float(np.var(said - value))
+
+    tried = np.linspace(-3, 3, 121)
+    best = tried[np.argmin([apart(one) for one in tried])]
+    near = minimize_scalar(apart, bounds=(best - 0.05, best + 0.05), method="bounded")
+    return float(np.exp(near.x))
 
 
 def _at_a_jump(value: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
-from .fitting import Criterion, normal_equations, scaled_inverse, sse_at
+from .fitting import Criterion, minimise, normal_equations, scaled_inverse, sse_at
 from .model import Model
 from .simulator import Simulator
 
@@ -64,8 +64,34 @@ def smoothed(model: Model, names: Collection[str]) -> Model:
         model = with_spreads(found, spreads)
         moved = [abs(np.log(new / old)) for new, old in spreads.values()]
         if max(moved) < SETTLED:
-            return found
+            return found if number else model
     return model.refined(criterion, max_iter=4)
+
+
+def in_detail(model: Model, name: str) -> Model:
+    """A model at the least error of simulation, with more knots of a free form that has a curve.
+
+    Between few knots a curve cannot bend: what it misses there is no error that its posterior
+    knows. With many its smoothness is chosen by the likelihood alone.
+    """
+    effect = dict(model.effects.steps)[name]
+    if not isinstance(effect, FreeForm) or not effect.free or effect.spread is None:
+        return model
+    finer = effect.with_more_knots()
+    if finer.knots == effect.knots:
+        return model
+    values = model.values()
+    own = np.array([values[f"{name}__{p.name}"] for p in effect.free])
+    at_knots = effect.curve(effect.curve.basis @ own, np.asarray(finer.knots))
+    found = finer.coefficients(at_knots)
+    values |= {f"{name}__{key}": value for key, value in found.items()}
+    steps = [(one, finer if one == name else other) for one, other in model.effects]
+    core, record = model.simulator.core, model.simulator.record
+    simulator = Simulator(core, Effects(steps), record)
+    plain = Criterion(record)
+    start = np.array([values[one] for one in simulator.names])
+    fit = minimise(simulator, plain, start, max_iter=8)
+    return smoothed(Model(simulator, fit, model.other_cores), [name]).refined(plain)
 
 
 def chosen_spreads(

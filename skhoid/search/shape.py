@@ -10,7 +10,7 @@ import pandas as pd
 
 from ..effects.free_form import FreeForm
 from ..greybox.estimates import effects_with_values
-from ..greybox.fitting import Criterion
+from ..greybox.fitting import Criterion, covariance_of
 from ..greybox.likelihood import settled
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared
@@ -124,13 +124,14 @@ def curve_with_band(
     Carroll, Semiparametric regression (2003), section 6.5.
     """
     effect: Any = dict(model.effects.steps)[name]
-    criterion = Criterion(model.simulator.record)
+    simulator = model.simulator
+    criterion = Criterion(simulator.record)
     criterion.set_noise(criterion.remnant_model(model.output))
-    posterior = posterior_of(model, criterion)
-    own = [i for i, n in enumerate(model.simulator.names) if n.startswith(f"{name}__")]
+    own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
     at = np.linspace(effect.knots[0], effect.knots[-1], n_points)
     design = effect.design(at)
-    covariance = posterior.covariance[np.ix_(own, own)]
+    covariance = np.nan_to_num(covariance_of(simulator, criterion, model.fit, simulator.prior))
+    covariance = covariance[np.ix_(own, own)]
     value = effect.at_rest + design @ model.theta[own]
     sd = np.sqrt(np.einsum("ij,jk,ik->i", design, covariance, design))
     rng = np.random.default_rng(0)
@@ -141,7 +142,7 @@ def curve_with_band(
         {"value": value, "low": value - half, "high": value + half},
         index=pd.Index(at, name=effect.over),
     )
-    return curve, float(posterior.dof[own].sum())
+    return curve, float(posterior_of(model, criterion).dof[own].sum())
 
 
 def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[str, str]:
