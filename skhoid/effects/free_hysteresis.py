@@ -96,6 +96,7 @@ class FreeHysteresis(FreeForm):
     formula = "signal - sum of weight_i (signal - play_i(signal))"
     tex = r"s' = s - \sum_i w_i\,(s - \mathrm{play}_i(s))"
     source = "Brokate and Sprekels (1996)"
+    y_word = "what play takes"
 
     def __init__(
         self,

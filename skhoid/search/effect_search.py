@@ -41,7 +41,6 @@ from .explanations import (
     changes_sentences,
     experiments,
     headline_of,
-    shape_note,
     summary_of,
     unexplained_by,
     untried_notes,
@@ -54,8 +53,9 @@ from .pairs import pair_of
 from .progress import Progress
 from .results import error_path, held_out_table, ranking_table, short_ranking, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
-from .shape import fitted_shape
+from .shape import fitted_shape, told_shape
 from .shapes import shaped
+from .sketch import SketchesEffects
 from .verdict import Verdict
 
 GUARD = 5.0  # s beside held-out blocks of a single run
@@ -63,6 +63,7 @@ MOST_FOLDS = 20  # of a search in some of very many runs
 
 
 class EffectSearchCV(
+    SketchesEffects,
     SplitsRuns,
     FittedDisplay,
     CallbackSupportMixin,
@@ -404,9 +405,6 @@ class EffectSearchCV(
         self.notes_ = self._where_searched + changes_sentences(found.changes)
         if self.max_effects:
             self.notes_ += untried_notes(self._candidates(), self.ranking_)
-        if self.shape_ is not None:
-            shape = self.shape_
-            self.notes_.append(shape_note(shape.sentence, shape.gain, shape.closed))
         best = self.best_estimator_
         self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
         if hasattr(best, "simulation_parameters_"):  # an operator
@@ -495,6 +493,7 @@ class EffectSearchCV(
             self.unexplained_,
             self.experiments_,
             self.notes_,
+            told_shape(self.best_effects_, self.shape_),
         )
         return Summary(text)
 

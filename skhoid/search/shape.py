@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ..effects.free_form import FreeForm
+from ..effects.registry import titles_of
 from ..greybox.estimates import effects_with_values
 from ..greybox.fitting import Criterion, covariance_of
 from ..greybox.likelihood import settled
@@ -16,19 +18,33 @@ from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
 from ..greybox.smoothing import posterior_of
+from ..summaries import Summary, TextTable, number
 from .all_runs import on_rows_of
 from .candidates import Candidate
+from .formulas import Fitted, formula_of
 from .forward import output_error_fit
 from .leftover import leftovers
+from .nearest import nearest_effects, nearest_table, recordings_for
 from .search_numbers import gap_of
 from .shapes import Shaped
 
 N_POINTS = 101
 N_DRAWS = 4000
 LEVEL = 0.95
+SHOWN = 3  # nearest names in a sentence
+POINTS = 9  # of a curve in a table
+AXES = {  # what a curve is a function of, on an axis; others are names of channels
+    "e": "error e",
+    "u": "output u",
+    "du/dt": "rate of u",
+    "time": "time in the run",
+}
+BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
+LEAD = "The shape of what has no name: "
+NO_FORM = "No free form explains it at any place either"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Shape:
     """An effect without a name: where it acts, its curve, and what it explains.
 
@@ -72,6 +88,10 @@ class Shape:
         nothing in common), within_band, parameters.
     recordings : list of str
         What to record to tell them apart.
+    nearest_curve : Series or None
+        Of the nearest of them, over the abscissa; None where there is none.
+    formula : Fitted or None
+        A short formula that lies within the band, of what the effect adds; None where none does.
 
     See Also
     --------
@@ -113,6 +133,141 @@ class Shape:
     estimator: Any = field(repr=False)
     nearest: pd.DataFrame = field(repr=False)
     recordings: list[str] = field(repr=False)
+    nearest_curve: pd.Series | None = field(default=None, repr=False)
+    formula: Fitted | None = field(default=None, repr=False)
+
+    def sentences(self) -> list[str]:
+        """What is known of it, without the curve.
+
+        Returns
+        -------
+        sentences : list of str
+            Where it acts and what it explains, the nearest names, a formula if one fits, what to
+            record, and how to make it an effect of your own.
+        """
+        loop = ""
+        if np.isfinite(self.gain_loop):
+            loop = f" (in the closed loop by {self.gain_loop:.1f})"
+        told = [
+            f"{LEAD}{self.sentence}; a curve with {self.dof:.1f} "
+            f"effective degrees of freedom raises the held-out VAF by {self.gain:.1f} points"
+            f"{loop}, {100 * self.closed:.0f} % of what {self._beside} leaves to explain."
+        ]
+        if len(self.nearest):
+            near = self.nearest.head(SHOWN)
+            words = [
+                f"{row['title']} (distance {row['distance']:.2f}"
+                f"{', within the band' if row['within_band'] else ''})"
+                for _, row in near.iterrows()
+            ]
+            several = "s" if len(near) > 1 else ""
+            told.append(f"Nearest name{several}: {', '.join(words)}.")
+        if self.formula is not None:
+            told.append(self.formula.sentence)
+        told += self.recordings
+        told.append(f"To make it an effect of your own, in Python: {BY_HAND}.")
+        return told
+
+    @property
+    def _beside(self) -> str:
+        """The model to which it was added, in words."""
+        others = [effect.name for own, effect in self.estimator.effects_ if own != self.name]
+        return f"the model with {titles_of(others)}" if others else "the baseline"
+
+    def summary(self) -> Summary:
+        """All of it in plain sentences and two tables.
+
+        Returns
+        -------
+        text : Summary
+            A string that notebooks show line by line.
+        """
+        first, *others = self.sentences()
+        lines = [first, "", *self.curve_table().lines(), ""]
+        if len(self.nearest):
+            lines += [*self.nearest_table().lines(), ""]
+        return Summary("\n".join([*lines, *others]))
+
+    def curve_table(self, n_points: int = POINTS) -> TextTable:
+        """The curve at a few points as text, with its band.
+
+        Parameters
+        ----------
+        n_points : int, default=9
+            How many, evenly spaced.
+
+        Returns
+        -------
+        table : TextTable
+        """
+        rows = np.linspace(0, len(self.curve) - 1, n_points).round().astype(int)
+        cells = []
+        for at, row in self.curve.iloc[rows].iterrows():
+            half = float(row["high"] - row["low"]) / 2
+            value, low, high = (number(float(row[key]), half) for key in ("value", "low", "high"))
+            cells.append([f"{float(str(at)):.3g}", value, f"{low} to {high}"])
+        return TextTable("Curve", [self.x_label, self.y_label, "95 % band"], cells)
+
+    def nearest_table(self) -> TextTable:
+        """The nearest effects of the catalogue as text.
+
+        Returns
+        -------
+        table : TextTable
+        """
+        cells = []
+        for name, row in self.nearest.iterrows():
+            form = f", {row['form']}" if row["form"] else ""
+            called = f"{row['title']} ({name}{form})"
+            within = "within" if row["within_band"] else "not within"
+            cells.append([called, f"{row['distance']:.2f}", within, row["parameters"]])
+        return TextTable("Nearest names", ["", "distance", "band", "its numbers"], cells)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the curve with its band.
+
+        Parameters
+        ----------
+        ax : Axes or None, default=None
+            Where to draw. None makes a figure.
+
+        Returns
+        -------
+        display : ShapeDisplay
+        """
+        from ..plotting import ShapeDisplay
+
+        return ShapeDisplay.from_shape(self, ax=ax)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as numbers and names, for JSON.
+
+        Returns
+        -------
+        found : dict
+        """
+        told = ["id", "place", "over", "channel", "sentence", "x_label", "y_label"]
+        told += ["dof", "gain", "gain_loop", "delta_bic", "closed", "recordings"]
+        return {
+            **{key: getattr(self, key) for key in told},
+            "curve": self.curve.rename_axis("at").reset_index().to_dict("records"),
+            "nearest": self.nearest.reset_index().to_dict("records"),
+            "formula": self.formula
+            and {"text": self.formula.formula.text, "numbers": self.formula.numbers},
+        }
+
+    def __repr__(self) -> str:
+        return str(self.summary())
+
+    def _repr_html_(self) -> str:
+        return self.summary()._repr_html_()
+
+
+def told_shape(ids: Sequence[str], shape: Shape | None) -> list[str]:
+    """What a search says of the shape of what has no name, or that there is none; by ids found."""
+    if list(ids)[-1:] != ["unknown"]:
+        return []
+    return [f"{NO_FORM}."] if shape is None else shape.sentences()
 
 
 def curve_with_band(
@@ -150,7 +305,12 @@ def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[st
     effect: Any = dict(model.effects.steps)[name]
     first = next(p for p in model.simulator.parameters if p.name.startswith(f"{name}__"))
     x, y = effect.abscissa.label(units), first.dimension.label(units)
-    return f"{effect.over} ({x})", f"{effect.y_word} ({y})"
+    return _with_unit(AXES.get(effect.over, effect.over), x), _with_unit(effect.y_word, y)
+
+
+def _with_unit(quantity: str, unit: str) -> str:
+    """A quantity and its unit, where it has one that is known."""
+    return quantity if unit == "-" or "[" in unit else f"{quantity}, {unit}"
 
 
 def shape_of(
@@ -162,6 +322,10 @@ def shape_of(
     effect: Any = dict(effects_with_values(model).steps)[candidate.name]
     curve, dof = curve_with_band(model, candidate.name)
     x_label, y_label = labels_of(model, candidate.name, units)
+    values = model.values()
+    gains = values.get("K_e", 1.0), values.get("K_edot", 0.0)
+    record = replace(model.simulator.record, prediction=model.output)
+    near = nearest_effects(effect, curve, record, units, gains)
     loop = candidate.in_loop
     return Shape(
         id=effect.name,
@@ -180,11 +344,10 @@ def shape_of(
         effect=effect,
         name=candidate.name,
         estimator=estimator,
-        nearest=pd.DataFrame(
-            columns=["title", "form", "distance", "within_band", "parameters"],
-            index=pd.Index([], name="effect"),
-        ),
-        recordings=[],
+        nearest=nearest_table(near),
+        recordings=recordings_for(effect, curve, near, effect.abscissa.label(units)),
+        nearest_curve=pd.Series(near[0].curve, curve.index) if near else None,
+        formula=formula_of(effect, curve, dof, record),
     )
 
 

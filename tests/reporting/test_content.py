@@ -48,6 +48,7 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
         "ranking_": pd.DataFrame(
             {"step": 1, "status": ["not better", "not better", "does not apply"]}
         ),
+        "shape_": None,
         "unexplained_": pd.DataFrame(columns=["description", "where", "points"]),
         "best_effects_": list(added),
         "stand_ins_": [],
