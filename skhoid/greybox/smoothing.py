@@ -18,6 +18,7 @@ SETTLED = 0.05  # change of the logarithm of the spread, below which it ends
 NOTHING = 0.5  # effective degrees of freedom, below which a curve is not there
 WORSE = 1.02  # times the squares, at most, by which a smoother curve may simulate worse
 SMALLEST = 1e-3  # of the scale of the parameters: a straight line
+ROUGHER = 10.0  # times the spread, of a curve that smoothing takes little from
 FACTOR = 10.0  # by which a round may change the spread, at most
 
 
@@ -35,6 +36,23 @@ def posterior_of(model: Model, criterion: Criterion) -> Posterior:
     curvature, _ = model.simulator.prior.weighing(sigma2).normal_equations(model.theta)
     inverse = scaled_inverse(normal + curvature)
     return Posterior(sigma2 * inverse, np.diag(inverse @ normal).copy())
+
+
+def change_if_rougher(model: Model, name: str, criterion: Criterion) -> np.ndarray:
+    """Change of parameters at a fit, linearised, if the spread of a curve were much greater."""
+    simulator, theta = model.simulator, model.theta
+    normal, _ = normal_equations(simulator, criterion, theta)
+    sigma2 = sse_at(simulator, criterion, theta) / max(criterion.n, 1)
+    curvature, slope = simulator.prior.weighing(sigma2).normal_equations(theta)
+    own = np.array([one.startswith(f"{name}__") for one in simulator.names])
+    weaker = np.where(own, 1 / ROUGHER**2, 1.0)
+    free = np.flatnonzero((theta > simulator.low) & (theta < simulator.high))
+    # At the fit the data's gradient balances the prior's slope, of which a part is taken away.
+    released = (weaker - 1.0) * slope
+    change = np.zeros(theta.size)
+    inverse = scaled_inverse((normal + curvature * weaker)[np.ix_(free, free)])
+    change[free] = inverse @ released[free]
+    return change
 
 
 def smoothed(model: Model, names: Collection[str]) -> Model:
