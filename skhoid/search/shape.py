@@ -11,26 +11,26 @@ import pandas as pd
 
 from ..effects.free_form import FreeForm
 from ..effects.registry import titles_of
+from ..greybox.base import vaf_of_output
 from ..greybox.estimates import effects_with_values
 from ..greybox.fitting import Criterion
 from ..greybox.likelihood import settled
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
-from ..greybox.smoothing import posterior_of
+from ..greybox.smoothing import in_detail
 from ..summaries import Summary, TextTable, number
 from .all_runs import on_rows_of
-from .candidates import Candidate
+from .band import curve_with_band
+from .candidates import AS_GOOD, Candidate
 from .formulas import Fitted, formula_of
-from .forward import output_error_fit
+from .forward import Search, output_error_fit
+from .held_out import held_out
 from .leftover import leftovers
 from .nearest import nearest_effects, nearest_table, recordings_for
 from .search_numbers import gap_of
 from .shapes import Shaped
 
-N_POINTS = 101
-N_DRAWS = 4000
-LEVEL = 0.95
 SHOWN = 3  # nearest names in a sentence
 NEAR = 0.7  # distance of a curve that has half of the power in common
 POINTS = 9  # of a curve in a table
@@ -285,35 +285,6 @@ def told_shape(ids: Sequence[str], shape: Shape | None) -> list[str]:
     return [f"{NO_FORM}."] if shape is None else shape.sentences()
 
 
-def curve_with_band(
-    model: Model, name: str, n_points: int = N_POINTS
-) -> tuple[pd.DataFrame, float]:
-    """Curve of a free form of a model with a simultaneous band, and its degrees of freedom.
-
-    The band is that of the posterior, enlarged so that it holds the whole curve: Ruppert, Wand and
-    Carroll, Semiparametric regression (2003), section 6.5.
-    """
-    effect: Any = dict(model.effects.steps)[name]
-    criterion = Criterion(model.simulator.record)
-    criterion.set_noise(criterion.remnant_model(model.output))
-    posterior = posterior_of(model, criterion)
-    own = [i for i, n in enumerate(model.simulator.names) if n.startswith(f"{name}__")]
-    at = np.linspace(effect.knots[0], effect.knots[-1], n_points)
-    design = effect.design(at)
-    covariance = posterior.covariance[np.ix_(own, own)]
-    value = effect.at_rest + design @ model.theta[own]
-    sd = np.sqrt(np.einsum("ij,jk,ik->i", design, covariance, design))
-    rng = np.random.default_rng(0)
-    draws = rng.multivariate_normal(np.zeros(len(own)), covariance, N_DRAWS, method="eigh")
-    widest = np.abs(draws @ design.T / np.maximum(sd, 1e-300)).max(axis=1)
-    half = float(np.quantile(widest, LEVEL)) * sd
-    curve = pd.DataFrame(
-        {"value": value, "low": value - half, "high": value + half},
-        index=pd.Index(at, name=effect.over),
-    )
-    return curve, float(posterior.dof[own].sum())
-
-
 def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[str, str]:
     """Names and units of both axes."""
     effect: Any = dict(model.effects.steps)[name]
@@ -375,13 +346,35 @@ def shape_of(
     )
 
 
+def detailed(search: Search, found: Candidate) -> Candidate:
+    """The best form with knots enough for its details, unless held-out rows speak against them."""
+    assert found.model is not None
+    before = output_error_fit(found.model)
+    plain = in_detail(before, found.name)
+    if plain is before:
+        return found
+    vafs = [
+        vaf_of_output(search.record, held_out(one, search.criterion, search.folds))
+        for one in (before, plain)
+    ]
+    more = vafs[1] - vafs[0]
+    if not more > -AS_GOOD:
+        return found
+    criterion = Criterion(search.record)
+    criterion.set_noise(criterion.remnant_model(plain.output))
+    model = plain.refined(criterion)
+    effect = dict(model.effects.steps)[found.name]
+    return replace(found, model=model, effect=effect, vaf=found.vaf + more, gain=found.gain + more)
+
+
 def fitted_shape(
     shaped: Shaped, model: SimulatedModel, prepared: Prepared, measured: np.ndarray
 ) -> Shape | None:
     """The shape of a search on all rows; None where there is none."""
-    found = shaped.shape
-    if found is None or found.model is None:
+    if shaped.shape is None:
         return None
+    found = detailed(shaped.search, shaped.shape)
+    assert found.model is not None
     fitted = on_rows_of(prepared.record, output_error_fit(found.model))
     best = model.with_fit(prepared, *settled(fitted, Criterion(prepared.record)))
     best.set_params(effects=found.model.effects)
