@@ -28,6 +28,7 @@ PIECES = 9  # of a run
 MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
 LAGGED = 0.2  # s, by which an output of limited rate stays behind
 LEAST_DELTA_BIC = 25.0
+RUN_AWAY = 100.0  # times the squares of the output: a loop that does not settle
 IN_LOOP = ("channel", "frequency")  # families that may follow the remnant round the loop
 REPEATS = "part of the residual repeats from run to run, or follows the target"
 
@@ -74,7 +75,7 @@ def leftovers(
     found = _found(model, folds)
     if judge is not None and any(item.where in IN_LOOP for item in found):
         inside = judge.around(model).fit
-        if not np.isfinite(inside.output).all():
+        if not inside.sse < RUN_AWAY * judge.plain.power:
             return sorted(found, key=lambda item: -item.points)
         for rate in (None, RATES[0]):
             of_rate = _found(inside, judge.folds, rate)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects.base import Effect
 from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
 from ..effects.free_form import FEWEST, FreeForm
@@ -15,8 +16,8 @@ from ..greybox.extend import extended
 from ..greybox.fitting import Criterion, derivatives, scaled_inverse
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
-from .candidates import LEAST_DELTA_BIC, Candidate
-from .forward import Search, better
+from .candidates import LEAST_DELTA_BIC, LEAST_GAIN, Candidate
+from .forward import Search, lead, output_error_fit
 from .held_out import HeldOutRows
 from .leftover import Leftover, points_gained
 from .search_numbers import SearchNumbers
@@ -27,6 +28,18 @@ FOLLOWED = 4  # forms whose curves are fitted to the end
 AS_GOOD = 0.1  # points
 SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the prior, times the usual one
 NAME = "free"
+HOPEFUL = 0.5  # times what the effects found gain: at least what a form explains, linearised
+TRIED = 2  # forms that are fitted before all are judged
+BEHIND, LINEAR = "behind the muscles' delay", "linear"
+# A linear answer may be a delay, dynamics or a path, and a path may answer the size of the error.
+GROUPS = {
+    "delay": frozenset({LINEAR}),
+    "path": frozenset({LINEAR, "input"}),
+    "command": frozenset({LINEAR, BEHIND}),
+    "spring": frozenset({BEHIND}),
+    "output": frozenset({BEHIND}),
+    "inside": frozenset({BEHIND}),
+}
 ONE_FORM = "one free form explains more than all the effects named"
 
 
@@ -133,12 +146,12 @@ class Shaped:
 def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     """The verdict, with the shape of what has no name.
 
-    One free form in place of all the effects that were named, which explains more, is structure
+    One free form in place of all the effects that were found, which explains more, is structure
     that these leave: they may stand in for something else together.
     """
     verdict, baseline = decided(found, tries_all=tries_all), found.steps[0].plain
     rival = None
-    if verdict.outcome == Outcome.FOUND and found.added:
+    if found.added:
         found, rival = beside_one_form(search, found)
         verdict = decided(found, tries_all=tries_all)
     elif verdict.outcome == Outcome.NOTHING and found.left:
@@ -157,29 +170,50 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
 def beside_one_form(search: Search, found: SearchNumbers) -> tuple[SearchNumbers, Candidate | None]:
     """The numbers, with what one free form in place of all effects explains beyond them; the form.
 
-    Where it explains as much as several and is likelier, none of these explains its part.
+    Where it explains as much as several and is likelier, none of these explains its part. The same
+    where it acts elsewhere than a single one, and what it explains beyond that would count as an
+    effect: then the place is wrong.
     """
     several = len(found.added) > 1
-    least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
     baseline = found.steps[0].plain
-    hints = hints_of(search, baseline)
-    most = max([hint.points for hint in hints], default=0.0)
-    if most < found.gained + (-AS_GOOD if several else max(least * found.share, share * most)):
+    hints = [h for h in hints_of(search, baseline) if h.points > HOPEFUL * found.gained]
+    if not hints or not any(simulates_better(search, found, hint) for hint in hints[:TRIED]):
         return found, None
     rival = found_shape(search, baseline, hints)
     if rival is None or rival.model is None:
         return found, None
     excess = rival.gain - found.gained
-    likelier = (
-        several and excess > -AS_GOOD and better(search, baseline, rival.model, found.path.model)
-    )
-    if not likelier and not excess > 0.0:
-        return found, rival
+    counts = -AS_GOOD if several else LEAST_GAIN * found.share
+    one_cause = False
+    if excess > counts and (several or elsewhere(rival.effect, found)):
+        least = 0.0 if several else LEAST_DELTA_BIC
+        one_cause = lead(search, baseline, rival.model, found.path.model) > least
     effect: Any = rival.effect
     more = Leftover("shape", effect.over, ONE_FORM, excess, rival.delta_bic)
-    left = [*found.left, more] if excess >= least * found.share else found.left
+    least_left = (BESIDE_SEVERAL if several else BESIDE_ONE)[0] * found.share
+    left = [*found.left, more] if excess >= least_left else found.left
     left = sorted(left, key=lambda item: -item.points)
-    return replace(found, left=left, one_cause=likelier), rival
+    return replace(found, left=left, one_cause=one_cause), rival
+
+
+def simulates_better(search: Search, found: SearchNumbers, hint: Hint) -> bool:
+    """Whether a form alone follows the output as well as all effects together."""
+    model = extended(found.steps[0].plain, NAME, hint.effect, search.criterion, search.coarse)
+    named = output_error_fit(found.path.model)
+    less = 100 * (named.sse - model.sse) / search.criterion.power
+    return bool(less > -AS_GOOD)
+
+
+def elsewhere(form: Any, found: SearchNumbers) -> bool:
+    """Whether a form acts elsewhere than all effects that were found."""
+    effects = dict(found.path.model.effects.steps)
+    own = group_of(form)
+    return all(not own & group_of(effects[name]) for name in found.added)
+
+
+def group_of(effect: Effect) -> frozenset[str]:
+    """What an effect changes, so far as data tell places apart."""
+    return GROUPS.get(effect.place, frozenset({effect.place}))
 
 
 def unnamed_parent(found: SearchNumbers, verdict: Verdict) -> Model:
