@@ -64,8 +64,10 @@ class _Varying(FreeForm):
         return record.channel(self.channel)[record.known]
 
     def along(self, record: Record, curve: Curve) -> np.ndarray:
-        """The curve at each sample."""
-        return curve(record.t if self.channel is None else record.channel(self.channel))
+        """The curve at each sample; beyond its knots it holds, as no data tell how it goes on."""
+        assert self.knots is not None
+        at = record.t if self.channel is None else record.channel(self.channel)
+        return curve(np.clip(at, self.knots[0], self.knots[-1]))
 
 
 class FreeGain(_Varying):

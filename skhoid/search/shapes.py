@@ -16,7 +16,7 @@ from ..greybox.extend import extended
 from ..greybox.fitting import Criterion, derivatives, scaled_inverse
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
-from .candidates import LEAST_DELTA_BIC, LEAST_GAIN, Candidate
+from .candidates import LEAST_DELTA_BIC, LEAST_GAIN, Candidate, SearchStep
 from .forward import Search, lead, output_error_fit
 from .held_out import HeldOutRows
 from .leftover import Leftover, points_gained
@@ -52,8 +52,8 @@ class Hint:
     delta_bic: float
 
 
-def found_shape(search: Search, parent: Model, hints: Sequence[Hint]) -> Candidate | None:
-    """The best free form for a parent, judged as effects with names are; None where none passes.
+def forms_judged(search: Search, parent: Model, hints: Sequence[Hint]) -> SearchStep:
+    """The most hopeful free forms for a parent, judged as effects with names are.
 
     ``parent`` is at the least error of simulation, and ``hints`` are those of it.
     """
@@ -62,7 +62,12 @@ def found_shape(search: Search, parent: Model, hints: Sequence[Hint]) -> Candida
         name = f"{NAME}_{number}"
         model = extended(parent, name, hint.effect, search.criterion, search.coarse)
         candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
-    return search.judged(parent, candidates).best
+    return search.judged(parent, candidates)
+
+
+def found_shape(search: Search, parent: Model, hints: Sequence[Hint]) -> Candidate | None:
+    """The best free form for a parent; None where none passes."""
+    return forms_judged(search, parent, hints).best
 
 
 def hints_of(search: Search, parent: Model) -> list[Hint]:
@@ -135,12 +140,16 @@ def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Shaped:
-    """Numbers and verdict of a search, and the free form that explains what has no name."""
+    """Numbers and verdict of a search, and the free form that explains what has no name.
+
+    Without one, ``doubtful`` are forms that the closed loop alone speaks against.
+    """
 
     search: Search
     found: SearchNumbers
     verdict: Verdict
     shape: Candidate | None = None
+    doubtful: tuple[Candidate, ...] = ()
 
 
 def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
@@ -163,7 +172,11 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
         return Shaped(search, found, verdict)
     parent = unnamed_parent(found, verdict)
     if rival is None or parent is not baseline:
-        rival = found_shape(search, parent, hints_of(search, parent))
+        step = forms_judged(search, parent, hints_of(search, parent))
+        rival = step.best
+        if rival is None:
+            doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
+            return Shaped(search, found, verdict, None, tuple(doubtful))
     return Shaped(search, found, verdict, rival)
 
 
