@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.effects import Dimension, Effect, Parameter
+from skhoid.effects import Dimension, Effect, FreeMap, Parameter, TimeVaryingDelay
+from skhoid.effects.catalogue import BY_NAME
+from skhoid.search.shapes import group_of
 
 
 class Fechner(Effect):
@@ -63,3 +65,20 @@ def test_nothing_has_no_shape():
     search, _, _ = searched(None, seed=1, effects=["bias", "dead_zone"])
     assert search.best_effects_ == []
     assert search.shape_ is None
+
+
+def test_a_name_at_the_wrong_place_is_a_stand_in():
+    change = TimeVaryingDelay(change=0.15, rate=1.0, time=40.0)
+    search, _, _ = searched(change, seed=2, effects=["tv_gain", "gain_drift"])
+    assert search.best_effects_ == ["unknown"]
+    assert (search.shape_.id, search.shape_.over) == ("free_delay", "time")
+
+
+def test_places_that_data_cannot_tell_apart_are_one():
+    of = {name: group_of(kind()) for name, kind in BY_NAME.items()}
+    assert of["saturation"] & of["hardening_stiffness"] & of["backlash"]
+    assert of["wrong_delay"] & of["higher_order"] & of["output_feedback"]
+    assert not of["tv_gain"] & of["tv_delay"]
+    assert not of["dead_zone"] & of["saturation"]
+    assert of["dead_zone"] == group_of(FreeMap(at="error"))
+    assert of["rate_limit"] == group_of(FreeMap(at="rate"))
