@@ -103,7 +103,8 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     Repeated until neither moves: in a closed loop the first fit is biased, and so is its noise
     model, which keeps the bias for some rounds. A wrong model would leave more and more to the
     noise model, so the free run may become only slightly worse (for an operator, after two rounds).
-    An ARX model gets two rounds.
+    Under a noise model that is nearly an integrator levels are not determined: where the free run
+    is worse than none, the round before is the last. An ARX model gets two rounds.
     """
     core = model.simulator.record.core
     power = 0.0
@@ -116,7 +117,8 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
         model = model.refined(criterion)
         moved = model.theta - before.theta
         after = _power(residual_at(model.simulator, criterion, model.theta))
-        if i >= N_FREELY[core] and after > WORSE[core] * power:
+        worse = i >= N_FREELY[core] and after > WORSE[core] * power
+        if worse or not after <= max(power, criterion.power):
             if not noise.ar.size:
                 return before.under(criterion), criterion.noise
             criterion.set_noise(noise)

@@ -324,11 +324,12 @@ def without_name(candidate: Candidate) -> str:
 def hardly_there(candidate: Candidate) -> str:
     """Why a fitted effect is not named: its numbers may well be those at which it does nothing.
 
-    Not asked of what jumps, nor where a standard error is not known.
+    Not asked of what jumps, nor where a standard error is not known, nor of a curve: each of its
+    coefficients may be zero where all together are not, and that ΔBIC says.
     """
     model, neutral = candidate.model, candidate.effect.neutral
     assert model is not None
-    if not neutral or not model.simulator.smooth:
+    if not neutral or candidate.effect.free_form or not model.simulator.smooth:
         return ""
     free = {p.name for p in dict(model.effects.steps)[candidate.name].free}
     sizes = [name for name in neutral if name in free]

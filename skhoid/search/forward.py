@@ -481,10 +481,15 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
 
 
 def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
-    """Whether one model explains more than the other, by the criterion that ranks candidates.
+    """Whether one model explains more than the other, by the criterion that ranks candidates."""
+    return lead(search, parent, one, other) > 0
+
+
+def lead(search: Search, parent: Model, one: Model, other: Model) -> float:
+    """ΔBIC by which one model leads another, as candidates are ranked.
 
     Under the noise model of the better one, and with noise models estimated along, beside what both
-    have in common.
+    have in common. Infinite where little noise is left and the plainer one is as good.
     """
     criterion = Criterion(search.record)
     both = [output_error_fit(m) for m in (one, other)]
@@ -494,13 +499,13 @@ def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
     n = criterion.n
     vafs = [vaf_of_output(search.record, m.output) for m in both]
     if min(vafs) > LITTLE_NOISE and vafs[0] < vafs[1] + AS_GOOD:
-        return a.n_parameters < b.n_parameters
+        return np.inf if a.n_parameters < b.n_parameters else -np.inf
     delta_bic = n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n)
     if search.core.kind.is_operator:
         beside = JointParent(parent)
         joint = beside.delta_bic(both[0]) - beside.delta_bic(both[1])
         delta_bic = delta_bic / 2 + joint if np.isfinite(joint) else delta_bic
-    return bool(delta_bic > 0)
+    return float(delta_bic)
 
 
 def without_superfluous(search: Search, path: Path) -> Path:

@@ -13,8 +13,8 @@ from ..effects.free_form import FreeForm
 from ..effects.registry import titles_of
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import effects_with_values
-from ..greybox.fitting import Criterion
-from ..greybox.likelihood import settled
+from ..greybox.fitting import Criterion, RemnantModel
+from ..greybox.likelihood import TOLERATED, settled
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
@@ -370,13 +370,49 @@ def detailed(search: Search, found: Candidate) -> Candidate:
 def fitted_shape(
     shaped: Shaped, model: SimulatedModel, prepared: Prepared, measured: np.ndarray
 ) -> Shape | None:
-    """The shape of a search on all rows; None where there is none."""
-    if shaped.shape is None:
+    """The shape of a search on all rows; None where there is none.
+
+    The loop is blind to answers that the target cannot tell from another gain. A form that it alone
+    speaks against is the shape where it explains most of what repeats from run to run, since no
+    remnant does that.
+    """
+    if shaped.shape is not None:
+        return _fitted(shaped, shaped.shape, model, prepared, measured)
+    repeated = max([i.points for i in shaped.found.left if i.where == "repeats"], default=0.0)
+    for one in shaped.doubtful if repeated else ():
+        shape = _fitted(shaped, one, model, prepared, measured)
+        if shape is not None and gap_of(shape.estimator, prepared, measured)[0] < repeated / 2:
+            return shape
+    return None
+
+
+def _unbiased(fitted: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
+    """A model and its noise model, estimated in turn; as it was where its free run gets much worse.
+
+    A noise model that is nearly an integrator leaves slow curves undetermined.
+    """
+    plain = Criterion(fitted.simulator.record)
+    found, noise = settled(fitted, criterion)
+    if plain.sse(found.output) <= TOLERATED * plain.sse(fitted.output):
+        return found, noise
+    criterion.set_noise(criterion.remnant_model(fitted.output))
+    return fitted.under(criterion), criterion.noise
+
+
+def _fitted(
+    shaped: Shaped,
+    found: Candidate,
+    model: SimulatedModel,
+    prepared: Prepared,
+    measured: np.ndarray,
+) -> Shape | None:
+    """The shape of one candidate."""
+    if found.model is None:
         return None
-    found = detailed(shaped.search, shaped.shape)
+    found = detailed(shaped.search, found)
     assert found.model is not None
     fitted = on_rows_of(prepared.record, output_error_fit(found.model))
-    best = model.with_fit(prepared, *settled(fitted, Criterion(prepared.record)))
+    best = model.with_fit(prepared, *_unbiased(fitted, Criterion(prepared.record)))
     best.set_params(effects=found.model.effects)
     rest, _, _, _ = gap_of(best, prepared, measured)
     if not np.isfinite(rest):

@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 from support.shapes import Fechner, searched
 
+from skhoid.effects import FreeMap, TimeVaryingDelay
+from skhoid.effects.catalogue import BY_NAME
+from skhoid.search.shapes import group_of
+
 
 @pytest.fixture(scope="module")
 def hidden():
@@ -50,3 +54,20 @@ def test_nothing_has_no_shape():
     assert search.shape_ is None
     assert "shape" not in search.summary()
     assert "free form" not in search.summary()
+
+
+def test_a_name_at_the_wrong_place_is_a_stand_in():
+    change = TimeVaryingDelay(change=0.15, rate=1.0, time=40.0)
+    search, _, _ = searched(change, seed=2, effects=["tv_gain", "gain_drift"])
+    assert search.best_effects_ == ["unknown"]
+    assert (search.shape_.id, search.shape_.over) == ("free_delay", "time")
+
+
+def test_places_that_data_cannot_tell_apart_are_one():
+    of = {name: group_of(kind()) for name, kind in BY_NAME.items()}
+    assert of["saturation"] & of["hardening_stiffness"] & of["backlash"]
+    assert of["wrong_delay"] & of["higher_order"] & of["output_feedback"]
+    assert not of["tv_gain"] & of["tv_delay"]
+    assert not of["dead_zone"] & of["saturation"]
+    assert of["dead_zone"] == group_of(FreeMap(at="error"))
+    assert of["rate_limit"] == group_of(FreeMap(at="rate"))
