@@ -91,9 +91,7 @@ def drives(data: Path) -> Claims:
     for record in (1, 2, 3):
         x, y = table[f"u{record}"].to_numpy(), table[f"z{record}"].to_numpy()
         X, output = run_of(("u", "z"), x, y, 0.02, ("V", "V"))
-        search = searched(
-            ARXRegressor(3, 3, 1), X[:300], output[:300], effects=all_but("sensor_magnitude")
-        )
+        search = searched(ARXRegressor(3, 3, 1), X, output, effects=all_but("sensor_magnitude"))
         like = 0.0
         if place_of(search) == "free_map of u":
             at = np.linspace(search.shape_.curve.index[0], search.shape_.curve.index[-1], 201)

@@ -18,6 +18,7 @@ from .static_map import PLACE_OF
 
 OVER = {"error": "e", "command": "command", "output": "u", "spring": "u", "rate": "du/dt"}
 NEAR_REST = (-0.2, -0.05, 0.0, 0.05, 0.2)  # knots of a force of the rate, in rms of the rate
+ONE_SIDED = 0.05  # of the range, by which a size may fall below zero
 OPPOSING = ("spring", "rate")  # places of forces against the command
 WORDS = {
     "error": "it acts on the error, as a function of its size and sign",
@@ -198,6 +199,12 @@ def hidden(record: Record) -> bool:
     y = record.y[record.known]
     left = y - record.prediction[record.known]
     return float(left @ left) > 0.5 * float(np.var(y)) * y.size
+
+
+def one_sided(record: Record) -> bool:
+    """Whether the output keeps its sign and comes near zero, as a size does."""
+    y = seen(record)[record.known]
+    return bool(min(abs(y.min()), abs(y.max())) < ONE_SIDED * np.ptp(y))
 
 
 def seen(record: Record) -> np.ndarray:

@@ -160,7 +160,9 @@ def _fitted(
     names = [p.name for p in effect.free]
     limits = effect.limits(record)
     low, high = (np.array([limits[name][end] for name in names]) for end in (0, 1))
-    starts = np.array([[start[name] for name in names] for start in effect.starts(record)])
+    begun = effect.starts(record)
+    starts = np.array([[start[name] for name in names] for start in begun], dtype=float)
+    starts = starts.reshape(len(begun), len(names))
     fixed = effect.fixed
 
     def departure(values: np.ndarray) -> np.ndarray:
@@ -168,7 +170,7 @@ def _fitted(
         with np.errstate(all="ignore"):
             return departure_of(like.form, effect, own, record, gains)(like.at)
 
-    fit = like.fitted(departure, starts.reshape(-1, len(names)), low, high)
+    fit = like.fitted(departure, starts, low, high)
     if fit is None:
         return None
     texts = []

@@ -12,6 +12,7 @@ from ..effects.base import Effect
 from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
 from ..effects.free_form import FEWEST, FreeForm
+from ..effects.free_map import one_sided
 from ..greybox.extend import extended
 from ..greybox.fitting import Criterion, derivatives, scaled_inverse
 from ..greybox.model import Model
@@ -84,6 +85,10 @@ def hints_of(search: Search, parent: Model) -> list[Hint]:
             for variant in one.variants(record):
                 if len(variant.knots) < FEWEST:
                     continue  # what does not move has no curve
+                if any(variant.starts(record)[0].values()):  # far from what is linear
+                    if one_sided(record):
+                        found.append(Hint(variant, np.inf, np.inf))
+                    continue
                 effects = Effects([*parent.effects.steps, (NAME, variant)])
                 simulator = Simulator(search.core, effects, search.record)
                 theta = np.array([values.get(name, 0.0) for name in simulator.names])
@@ -163,7 +168,7 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     if found.added:
         found, rival = beside_one_form(search, found)
         verdict = decided(found, tries_all=tries_all)
-    elif verdict.outcome == Outcome.NOTHING and found.left:
+    elif verdict.outcome == Outcome.NOTHING and (found.left or one_sided(search.record)):
         shape = found_shape(search, baseline, hints_of(search, baseline))
         if shape is None or shape.gain < BESIDE_ONE[0] * found.share:
             return Shaped(search, found, verdict)
