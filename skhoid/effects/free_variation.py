@@ -65,8 +65,11 @@ class _Varying(FreeForm):
         return record.channel(self.channel)[record.known]
 
     def along(self, record: Record, curve: Curve) -> np.ndarray:
-        """The curve at each sample."""
-        return curve(record.t if self.channel is None else record.channel(self.channel))
+        """The curve at each sample; where no data tell how it goes on with a channel, it holds."""
+        assert self.knots is not None
+        if self.channel is None:
+            return curve(record.t)
+        return curve(np.clip(record.channel(self.channel), self.knots[0], self.knots[-1]))
 
 
 class FreeGain(_Varying):

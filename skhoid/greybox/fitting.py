@@ -15,6 +15,8 @@ from .simulator import Simulator
 
 AR_ORDER = 6  # what the kernel is written for
 WHITE_FLOOR = 3e-3  # least share of the residual's variance that is white
+NOISE_FLOOR = 1e-5  # the same where the noise model is estimated along with the parameters
+UNKNOWN_DELAY = 12**-0.5  # of a sample, one standard deviation of anything within a sample
 EXPLORED_RUNS = 3
 EXPLORED_STEP = 0.04  # s
 STEP = 1e-4  # of finite differences, relative
@@ -153,7 +155,8 @@ def remnant_model(residual: np.ndarray, known: np.ndarray) -> RemnantModel:
 class Fit:
     """Parameters at a minimum, and the normal equations there.
 
-    ``beside`` is the part of the covariance due to choices that could have been made differently.
+    ``beside`` is the part of the covariance due to choices that could have been made differently,
+    ``jointly`` whether the noise model was estimated along with the parameters.
     """
 
     theta: np.ndarray
@@ -162,6 +165,7 @@ class Fit:
     normal: np.ndarray
     gradient: np.ndarray
     beside: np.ndarray | None = None
+    jointly: bool = False
 
     def covariance(self, free: np.ndarray) -> np.ndarray:
         """Covariance of the parameters; those not ``free`` (at a bound) have none."""
@@ -355,12 +359,14 @@ def covariance_of(
 ) -> np.ndarray:
     """Covariance of an operator's parameters; NaN for those at a bound or without effect.
 
-    It has five parts. Derivatives are differences over about a standard deviation, which are more
-    meaningful than the tangent of a stepped or jagged response. Where whitened residuals are not
-    white, a long-run covariance of the scores enlarges the variances. How far the estimates would
-    move at twice the sampling time counts as a further standard deviation: the accuracy of the
-    simulation limits them whatever the noise. So do the last step of a search where the response is
-    not smooth, and what other choices in the fit would have changed.
+    It has these parts. Derivatives are differences over about a standard deviation, which are more
+    meaningful than the tangent of a stepped or jagged response. The noise model is estimated from
+    the same rows: in a closed loop the remnant is in the error too, and what one of both takes the
+    other lacks. Where whitened residuals are not white, a long-run covariance of the scores
+    enlarges the variances. How far the estimates would move at twice the sampling time counts as a
+    further standard deviation, and so does what is between samples (:func:`change_if_later`): the
+    accuracy of the simulation limits them whatever the noise. So do the last step of a search where
+    the response is not smooth, and what other choices in the fit would have changed.
     """
     theta = fit.theta
     free = (theta > simulator.low) & (theta < simulator.high)
@@ -372,17 +378,25 @@ def covariance_of(
     if not simulator.smooth:
         diagonal = np.diag(_wide_sums(simulator, criterion, theta, sigma, diagonal).gram)
     sums = _wide_sums(simulator, criterion, theta, sigma, diagonal)
-    free &= felt(simulator, theta, np.diag(sums.gram))
-    both = np.ix_(free, free)
+    free &= felt(simulator, theta, np.diag(sums.gram)[: theta.size])
     known, _ = (prior or NO_PRIOR).weighing(sigma**2).normal_equations(theta)
-    inverse = scaled_inverse(sums.gram[both] + np.broadcast_to(known, 2 * (theta.size,))[both])
-    block = sigma**2 * inverse
-    robust = inverse @ sums.scores[both] @ inverse
+    normal = sums.gram.copy()
+    normal[: theta.size, : theta.size] += known
+    n_noise = len(normal) - theta.size
+    noise = theta.size + np.arange(n_noise)
+    white = sums.gram[noise, noise].sum() / max(n_noise, 1)
+    normal[noise, noise] += NOISE_FLOOR * white
+    kept = np.r_[np.flatnonzero(free), noise]
+    both = np.ix_(kept, kept)
+    inverse = scaled_inverse(normal[both])[: free.sum()]
+    block = sigma**2 * inverse[:, : free.sum()]
+    robust = inverse @ sums.scores[both] @ inverse.T
     more = np.diag(robust) / np.maximum(np.diag(block), 1e-300)
     more = np.sqrt(np.clip(more, 1.0, None))
     block *= np.outer(more, more)
-    moved = inverse @ sums.along[free]
-    block += np.outer(moved, moved)
+    for along in sums.along:
+        moved = inverse @ along[kept]
+        block += np.outer(moved, moved)
     if fit.beside is not None:
         block += fit.beside[np.ix_(free, free)]
     covariance[np.ix_(free, free)] = block
@@ -397,7 +411,7 @@ class _WideSums(NamedTuple):
     """Sums over rows of slopes over about a standard deviation, for all parameters.
 
     Products of pairs, the long-run covariance of scores, and products with what a coarser
-    simulation would change.
+    simulation and later channels would change. Those of the noise model come last.
     """
 
     gram: np.ndarray
@@ -413,18 +427,35 @@ def _wide_sums(
     diagonal: np.ndarray,
 ) -> _WideSums:
     lags = round(MEMORY / (criterion.thin * simulator.record.dt))
-    gram, scores = np.zeros((2, theta.size, theta.size))
-    along = np.zeros(theta.size)
+    size = theta.size + criterion.noise.ar.size
+    gram, scores = np.zeros((2, size, size))
+    along = np.zeros((2, size))
     for runs, part in simulator.parts():
         output = part.run(theta)
         rows = wide_derivatives(part, criterion, theta, output, runs, sigma, diagonal)
         slopes, residual = rows[:-1], rows[-1]
+        slopes = np.concatenate([slopes, by_noise(criterion, output, runs)])
         gram += slopes @ slopes.T
-        by_row = (slopes * residual).reshape(theta.size, *criterion.y[:, runs].shape)
+        by_row = (slopes * residual).reshape(size, *criterion.y[:, runs].shape)
         scores += long_run(by_row, lags)
-        change = change_if_coarser(part, criterion, theta, output, runs)
-        along += slopes @ criterion.whitened(change[None], runs)[0]
+        changes = [
+            change(part, criterion, theta, output, runs)
+            for change in (change_if_coarser, change_if_later)
+        ]
+        along += criterion.whitened(np.stack(changes), runs) @ slopes.T
     return _WideSums(gram, scores, along)
+
+
+def by_noise(criterion: Criterion, output: np.ndarray, runs: slice) -> np.ndarray:
+    """Derivatives of the whitened residual by the noise model, less their sign, as rows.
+
+    Those of the output by its parameters have that sign too.
+    """
+    residual = criterion.residual(output, runs)
+    earlier = np.zeros((criterion.noise.ar.size, *residual.shape))
+    for i in range(len(earlier)):
+        earlier[i, i + 1 :] = -residual[: -i - 1]
+    return (earlier * criterion.weight[:, runs]).reshape(len(earlier), residual.size)
 
 
 def wide_derivatives(
@@ -475,6 +506,23 @@ def change_if_coarser(
     share = (at - before)[:, None]
     change = (1 - share) * change[before] + share * change[after]
     return np.where(criterion.known[:, runs], change, 0.0)
+
+
+def change_if_later(
+    part: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, runs: slice
+) -> np.ndarray:
+    """Change of the output of some runs if all channels came later, on the criterion's rows.
+
+    By one standard deviation of what is not recorded: between two samples a channel may go straight
+    to the next or hold its value, or anything between, which is up to half a sample late.
+    """
+    record = part.record
+    late = record.dt * UNKNOWN_DELAY
+    channels = {name: record.delayed(record.channel(name), late) for name in record.channels}
+    change = part.beside(record.changed(channels)).run(theta) - output
+    if not np.isfinite(change).all():
+        return np.zeros_like(criterion.y[:, runs])
+    return np.where(criterion.known[:, runs], change[:: criterion.thin], 0.0)
 
 
 def scaled_inverse(matrix: np.ndarray) -> np.ndarray:

@@ -7,18 +7,21 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm, t
 
 from ..effects.core_kind import CoreKind
 from .fitting import (
     AR_ORDER,
+    NOISE_FLOOR,
     Criterion,
     RemnantModel,
     minimise,
+    normal_equations,
     remnant_model,
     residual_at,
+    scaled_inverse,
     sse_at,
 )
+from .jumps import SOFT, evolved
 from .loop import LoopSimulator, loop_of
 from .model import Model
 from .prior import Prior
@@ -38,14 +41,17 @@ SETTLED = 1e-3  # of n log(SSE), by which a round must move the estimates to go 
 JOINT_RATE = 12.5  # Hz: faster, errors of the simulation count more than the remnant
 OTHER_RATES = (JOINT_RATE / 2, 2 * JOINT_RATE)  # at which a good estimate is about the same
 LOOP_RATE = 6.25  # Hz, at which errors of sensors do not count in the closed loop
-JOINT_FLOOR = 1e-5  # least share of the residual's variance that is white
 TOLERATED = 1.25  # times the squares of the simulation error, at most, of an unbiased estimate
 STEADY = 0.02  # of n log(SSE), by which a round must be better to go on
 DELAYS = (0.15, 0.25, 0.35)  # s, to start from
 NEAR_BY = (0.3, 0.7, 0.85, 1.2, 1.4, 3.0)  # times the numbers of an effect with kinks
 ROUNDS_AMONG_KINKS = 4
+ROUNDS_AMONG_JUMPS = 3
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
-NEEDED = 8.0  # of n log(SSE), that a gain on the error rate must save
+SAME = 0.1  # of n log(SSE), from a minimum, where a fit will end there too
+NEEDED = 8.0  # of n log(SSE), that a gain on the error rate or another minimum must save
+SHORT_LEAD = 0.05  # s, from which to seek how large a gain may be that was left out
+SOUGHT, CLOSE, FARTHER = 4, 0.2, 3.0  # tries; relative accuracy; times as far, at most
 
 Likeliest = tuple[float, np.ndarray] | None  # loss and parameters; None where no fit has led
 
@@ -61,18 +67,34 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     """
     kind = model.simulator.record.core
     model, noise = settled(model, criterion)
-    if kind == CoreKind.ARX or not model.simulator.smooth:
+    if kind == CoreKind.ARX:
         return model, noise
-    joint = joint_fit(model)
-    if joint is None:
+    if not model.simulator.smooth:
+        return among_jumps(model, noise, criterion)
+    theta, beside = joint_fit(model)
+    if theta is None:
+        model.fit.beside = beside
         return model, noise
-    theta, beside = joint
     found = Model(model.simulator, replace(model.fit, theta=theta), model.other_cores)
     residual = residual_at(found.simulator, criterion, theta)
     criterion.set_noise(remnant_model(residual, criterion.known))
     found = found.under(criterion)
-    found.fit.beside = beside
+    found.fit.beside, found.fit.jointly = beside, True
     return found, criterion.noise
+
+
+def criterion_of(model: Model, noise: RemnantModel) -> Criterion:
+    """The criterion that a model's parameters minimise, for a noise model at the usual rate.
+
+    A fit along with the noise model is on other rows, which decide how exact it is.
+    """
+    record = model.simulator.record
+    if not model.fit.jointly:
+        return Criterion(record, noise)
+    criterion = Criterion(record, rate=JOINT_RATE)
+    found = autoregression(residual_at(model.simulator, criterion, model.theta), criterion.known)
+    criterion.set_noise(found or noise)
+    return criterion
 
 
 def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
@@ -81,7 +103,8 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     Repeated until neither moves: in a closed loop the first fit is biased, and so is its noise
     model, which keeps the bias for some rounds. A wrong model would leave more and more to the
     noise model, so the free run may become only slightly worse (for an operator, after two rounds).
-    An ARX model gets two rounds.
+    Under a noise model that is nearly an integrator levels are not determined: where the free run
+    is worse than none, the round before is the last. An ARX model gets two rounds.
     """
     core = model.simulator.record.core
     power = 0.0
@@ -94,7 +117,8 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
         model = model.refined(criterion)
         moved = model.theta - before.theta
         after = _power(residual_at(model.simulator, criterion, model.theta))
-        if i >= N_FREELY[core] and after > WORSE[core] * power:
+        worse = i >= N_FREELY[core] and after > WORSE[core] * power
+        if worse or not after <= max(power, criterion.power):
             if not noise.ar.size:
                 return before.under(criterion), criterion.noise
             criterion.set_noise(noise)
@@ -102,6 +126,32 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
         if criterion.n * (moved @ model.fit.normal @ moved) < SETTLED * model.sse:
             break
     return model, criterion.noise
+
+
+def among_jumps(
+    model: Model, noise: RemnantModel, criterion: Criterion
+) -> tuple[Model, RemnantModel]:
+    """The likeliest minimum where effects jump, sought again under each new noise model.
+
+    Its fit has the covariance of others that are about as likely.
+    """
+    jumping = [
+        name
+        for name, effect in model.effects
+        if not effect.smooth and effect.free and effect.softened(SOFT[0]) is None
+    ]
+    for _ in range(ROUNDS_AMONG_JUMPS if jumping else 0):
+        here = found = model.under(criterion)
+        apart = np.zeros((here.theta.size, here.theta.size))
+        for name in jumping:
+            found, spread = evolved(found, name, criterion)
+            apart += spread
+        here.fit.beside = found.fit.beside = apart
+        if not criterion.n * np.log(here.sse / found.sse) > NEEDED:
+            return here, noise
+        model, noise = settled(found, criterion)
+        model.fit.beside = apart
+    return model, noise
 
 
 def _power(signal: np.ndarray) -> float:
@@ -113,15 +163,17 @@ def prior_of(simulator: Simulator) -> Prior:
     return Prior.of(simulator.names, simulator.core.usual) + simulator.prior
 
 
-def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
-    """Parameters and noise model that are most probable jointly; None where the fit fails.
+def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Parameters that are most probable jointly with a noise model; None where the fit fails.
 
     Their joint likelihood takes a person's remnant as an AR process; what is usual for people
     decides where the likelihood is flat, as between a delay and the lag of a limb. A gain on the
     error rate that is not needed is left out.
 
-    The covariance due to choices is returned too: rows at half and at twice the rate and, where it
-    is known, the closed loop, weighted by their number; the gain that was left out, by its odds.
+    The covariance due to choices is returned too: rows at half and at twice the rate, the mean of
+    both; the closed loop where it is known (:func:`beyond_chance`); how large the gain may be that
+    was left out (:func:`high_gain`). Where the simulation error forbids what is most probable, all
+    of that difference counts.
 
     Of a large number of runs, some are fitted from all starting points, and then all from where
     that led; what the closed loop would change is found on those same runs.
@@ -138,7 +190,7 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     starts = [model.theta, *usual_starts(simulator, model.theta)]
     best = best_from(starts)
     if best is None:
-        return None
+        return None, None
     extra = [simulator.names.index(name) for name in core.gains[1:]]
     held = np.zeros(model.theta.size, dtype=bool)
     beside = np.zeros((held.size, held.size))
@@ -147,8 +199,7 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
         plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
         without = best_from(plain, held)
         if without is not None and without[0] < best[0] + NEEDED:
-            odds = float(np.exp((without[0] - best[0] - NEEDED) / 2))
-            beside += odds / (1 + odds) * _outer(best[1] - without[1])
+            beside += sum(_outer(high_gain(simulator, best, i) - without[1]) for i in extra)
             best = without
         else:
             held[:] = False
@@ -158,16 +209,67 @@ def joint_fit(model: Model) -> tuple[np.ndarray, np.ndarray] | None:
     simulation = Criterion(simulator.record)
     least = sse_at(simulator, simulation, model.theta)
     if sse_at(simulator, simulation, theta) > TOLERATED * least:
-        return None
+        return None, _outer(theta - model.theta)
     others = [likeliest(simulator, [theta], rate, held) for rate in OTHER_RATES]
     apart = [_outer(one[1] - theta) / len(OTHER_RATES) for one in others if one is not None]
     open_loop = (None, theta) if some is simulator else likeliest(some, [theta], held=held)
-    in_loop = likeliest_in_loop(some, theta, held)
-    if in_loop is not None and open_loop is not None:
-        apart.append(_outer(in_loop - open_loop[1]))
-    if apart:
-        beside += _of_few(len(apart)) * np.sum(apart, axis=0)
-    return theta, beside
+    if open_loop is not None:
+        apart.append(beyond_chance(some, open_loop[1], held))
+    return theta, beside + sum(apart)
+
+
+def beyond_chance(simulator: Simulator, theta: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """Covariance due to how far the likeliest parameters in the closed loop are, beyond chance.
+
+    The loop tells little of an offset or of what is slow. If both models are right, the difference
+    of an estimate from a better one has the difference of their variances (Hausman, Specification
+    tests in econometrics, 1978); what exceeds that is taken for a bias.
+    """
+    in_loop = likeliest_in_loop(simulator, theta, held)
+    criterion = Criterion(simulator.record, rate=JOINT_RATE)
+    noise = autoregression(residual_at(simulator, criterion, theta), criterion.known)
+    if in_loop is None or noise is None:
+        return np.zeros((theta.size, theta.size))
+    criterion.set_noise(noise)
+    change = in_loop[0] - theta
+    chance = np.abs(in_loop[1] - variances(simulator, criterion, theta, held))
+    return _outer(np.sign(change) * np.sqrt(np.maximum(change**2 - chance, 0.0)))
+
+
+def variances(
+    simulator: Simulator, criterion: Criterion, theta: np.ndarray, held: np.ndarray
+) -> np.ndarray:
+    """Variances of parameters at their likeliest values; zero for those held or at a bound."""
+    normal, _ = normal_equations(simulator, criterion, theta)
+    variance = sse_at(simulator, criterion, theta) / criterion.n
+    known, _ = prior_of(simulator).weighing(variance).normal_equations(theta)
+    free = ~held & (theta > simulator.low) & (theta < simulator.high)
+    found = np.zeros(theta.size)
+    found[free] = variance * np.diag(scaled_inverse((normal + known)[np.ix_(free, free)]))
+    return found
+
+
+def high_gain(simulator: Simulator, best: tuple[float, np.ndarray], position: int) -> np.ndarray:
+    """Parameters that are likeliest with a gain one standard error above its likeliest value.
+
+    What was left out is not known to be zero. Near zero a small gain on the error rate is nothing
+    but a shorter delay, so that no tangent there says how large it may be.
+    """
+    least, theta = best
+    held = np.zeros(theta.size, dtype=bool)
+    held[position] = True
+    step = max(SHORT_LEAD * abs(theta[simulator.names.index(simulator.core.gains[0])]), 1e-9)
+    for _ in range(SOUGHT):
+        start = theta.copy()
+        start[position] = best[1][position] + step
+        end = likeliest(simulator, [start], held=held)
+        if end is None:
+            break
+        theta, away = end[1], np.sqrt(max(end[0] - least, 0.0))
+        if abs(away - 1.0) < CLOSE:
+            break
+        step /= np.clip(away, 1 / FARTHER, FARTHER)
+    return theta
 
 
 def among_kinks(
@@ -200,15 +302,12 @@ def among_kinks(
     return best, np.sum(apart, axis=0) / odds.sum()
 
 
-def _of_few(n: int) -> float:
-    """By how much to enlarge a variance known from n numbers for 95 % intervals to hold."""
-    return float((t.ppf(0.975, n) / norm.ppf(0.975)) ** 2)
-
-
 def likeliest_in_loop(
     simulator: Simulator, theta: np.ndarray, held: np.ndarray
-) -> np.ndarray | None:
-    """Likeliest parameters of a linear model in the closed loop; None where the loop is not known.
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Likeliest parameters of a linear model in the closed loop, and their variances.
+
+    None where the loop is not known.
 
     The remnant in the error does not affect them: another way to the same parameters.
     """
@@ -226,7 +325,9 @@ def likeliest_in_loop(
         criterion.set_noise(criterion.remnant_model(output))
         prior = prior_of(simulator).weighing(criterion.sse(output) / criterion.n)
         found = minimise(closed, criterion, found, max_iter=10, fixed=held, prior=prior).theta
-    return found if np.isfinite(closed.run(found)).all() else None
+    if not np.isfinite(closed.run(found)).all():
+        return None
+    return found, variances(closed, criterion, found, held)
 
 
 def _outer(change: np.ndarray) -> np.ndarray:
@@ -253,22 +354,33 @@ def likeliest(
     starts: Iterable[np.ndarray],
     rate: float = JOINT_RATE,
     held: np.ndarray | None = None,
+    known: Likeliest = None,
 ) -> Likeliest:
     """Least n log(SSE / n) of model and noise model, with the cost of the prior; its parameters.
 
-    On rows at a ``rate`` (Hz). None where no start succeeds.
+    On rows at a ``rate`` (Hz). ``known`` is what other starts have led to. None where no start
+    succeeds.
     """
     held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
     criterion = Criterion(simulator.record, rate=rate)
-    found = [_joint(simulator, start, criterion, held) for start in starts]
-    known = [one for one in found if one is not None]
-    return min(known, key=lambda one: one[0]) if known else None
+    for start in starts:
+        found = joint_loss(simulator, start, criterion, held, known)
+        if found is not None and (known is None or found[0] < known[0]):
+            known = found
+    return known
 
 
-def _joint(
-    simulator: Simulator, theta: np.ndarray, criterion: Criterion, held: np.ndarray
-) -> tuple[float, np.ndarray] | None:
-    """From one start: n log(SSE / n), the cost of the prior, and the parameters."""
+def joint_loss(
+    simulator: Simulator,
+    theta: np.ndarray,
+    criterion: Criterion,
+    held: np.ndarray,
+    known: Likeliest = None,
+) -> Likeliest:
+    """From one start: n log(SSE / n), the cost of the prior, and the parameters.
+
+    None where no fit leads on, or it leads to what is known.
+    """
     prior = prior_of(simulator)
     last = np.inf
     theta = np.clip(theta, simulator.low, simulator.high)
@@ -294,6 +406,10 @@ def _joint(
             prior=prior.weighing(sse / criterion.n),
         )
         theta = fit.theta
+        if known is not None:
+            apart = theta - known[1]
+            if criterion.n * (apart @ fit.normal @ apart) < SAME * fit.sse:
+                return None
     return last, best
 
 
@@ -309,7 +425,7 @@ def autoregression(residual: np.ndarray, known: np.ndarray) -> RemnantModel | No
         gram += windows.T @ windows
     gram = gram[::-1, ::-1]
     past = gram[1:, 1:]
-    white = JOINT_FLOOR * np.trace(past) / order
+    white = NOISE_FLOOR * np.trace(past) / order
     if not white > 0:
         return None
     ar = -np.linalg.solve(past + white * np.eye(order), gram[1:, 0])

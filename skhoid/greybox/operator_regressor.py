@@ -113,7 +113,9 @@ class OperatorRegressor(GreyBox):
     the sampling rate. Runs with more remnant weigh less.
 
     Standard errors hold for remnant of any colour. They include how far the estimates would move at
-    twice the sampling time, which dominates where there is little remnant.
+    twice the sampling time, which dominates where there is little remnant. Intervals of effects'
+    parameters are those of the profile likelihood: they may be longer on one side, and one at its
+    bound has an interval that ends there.
 
     References
     ----------

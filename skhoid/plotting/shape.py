@@ -27,7 +27,7 @@ class ShapeDisplay(Display):
     The band holds the whole curve with a probability of 95 %. Ticks at the bottom are the knots,
     most of which are at quantiles of the data: between two of them lie as many rows as between two
     others. A thin line is where the curve does nothing. The dashed curve is the named effect that
-    comes nearest, where one does.
+    comes nearest, where one has half of its power in common.
 
     Make it with :meth:`from_estimator`, from a search.
 
@@ -150,7 +150,7 @@ class ShapeDisplay(Display):
         -------
         display : ShapeDisplay
         """
-        named = shape.nearest_curve is not None and len(shape.nearest) > 0
+        named = shape.nearest_curve is not None and shape.is_near
         display = cls(
             curve=shape.curve,
             x_label=shape.x_label,
@@ -234,13 +234,14 @@ class ShapeDisplay(Display):
         panel.set_xlabel(self.x_label)
         height = panel.get_window_extent().height / panel.figure.dpi
         panel.set_ylabel(wrapped(self.y_label, letters_across(height)))
-        panel.set_title(wrapped(self._title_text(), letters_above(panel)), fontsize="medium")
+        panel.set_title(self._title_text(letters_above(panel)), fontsize="medium")
         panel.grid(alpha=0.3)
         self._legend_of_panels()
         return self
 
-    def _title_text(self) -> str:
-        text = self.sentence[:1].upper() + self.sentence[1:]
+    def _title_text(self, width: int) -> str:
+        """Where it acts, and below it what it gains."""
+        lines = [self.sentence[:1].upper() + self.sentence[1:]]
         if np.isfinite(self.gain):
-            text += f": {self.gain:+.1f}\xa0points of held-out VAF"
-        return text
+            lines.append(f"{self.gain:+.1f} points of held-out VAF")
+        return "\n".join(wrapped(line, width) for line in lines if line)

@@ -472,7 +472,7 @@ def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
                 "name": str(name),
                 "value": found.value,
                 "sd": found.sd,
-                "interval": f"{found.low} to {found.high}" if found.known else DASH,
+                "interval": DASH if found.low == DASH else f"{found.low} to {found.high}",
                 "unit": found.unit,
                 "meaning": row["meaning"],
                 "before": _before(before.loc[name]) if was else DASH,  # type: ignore[union-attr]

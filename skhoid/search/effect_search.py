@@ -128,10 +128,10 @@ class EffectSearchCV(
         better; one noise model for all candidates), p_value (of the likelihood ratio, times the
         number of effects tried), gain_loop and delta_bic_loop (the same in the closed loop; NaN
         where not evaluated), delta_bic_joint (with a jointly estimated noise model; NaN for an ARX
-        model, and for effects without a gain), parameters (with standard errors and units), reason
-        (why it was not added), words, confused_with, vaf_before (held out, refitted for each fold,
-        of the first step as in ``error_path_``), vaf_after (its sum with vaf_gain), delta_loglik,
-        n_parameters. :meth:`ranking_table` is the short form.
+        model, for effects without a gain, and far behind the best), parameters (with standard
+        errors and units), reason (why it was not added), words, confused_with, vaf_before (held
+        out, refitted for each fold, of the first step as in ``error_path_``), vaf_after (its sum
+        with vaf_gain), delta_loglik, n_parameters. :meth:`ranking_table` is the short form.
     best_effects_ : list of str
         Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
         structure that none of the effects tried explains; on its own, it means that the effects
@@ -491,9 +491,8 @@ class EffectSearchCV(
             as_fitted(self).max_effects,
             self.ceiling_note_,
             self.unexplained_,
-            self.experiments_,
-            self.notes_,
             told_shape(self.best_effects_, self.shape_),
+            self.experiments_ + self.notes_,
         )
         return Summary(text)
 

@@ -214,9 +214,8 @@ def summary_of(
     max_effects: int,
     no_ceiling: str,
     unexplained: pd.DataFrame,
-    experiments: Sequence[str],
+    shape: Sequence[str],
     notes: Sequence[str],
-    shape: Sequence[str] = (),
 ) -> str:
     """The whole search in plain sentences; ``path`` has the final parameters of each effect.
 
@@ -261,7 +260,7 @@ def summary_of(
     lines.append(
         f"{VAF_RULE} The points required of an effect are about the mean. ± is one standard error."
     )
-    lines += [f"Note: {e}" for e in (*experiments, *notes)]
+    lines += [f"Note: {note}" for note in notes]
     return "\n".join(lines)
 
 

@@ -13,8 +13,8 @@ from ..effects.free_form import FreeForm
 from ..effects.registry import titles_of
 from ..greybox.base import vaf_of_output
 from ..greybox.estimates import effects_with_values
-from ..greybox.fitting import Criterion
-from ..greybox.likelihood import settled
+from ..greybox.fitting import Criterion, RemnantModel
+from ..greybox.likelihood import TOLERATED, settled
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
@@ -32,6 +32,7 @@ from .search_numbers import gap_of
 from .shapes import Shaped
 
 SHOWN = 3  # nearest names in a sentence
+NEAR = 0.7  # distance of a curve that has half of the power in common
 POINTS = 9  # of a curve in a table
 AXES = {  # what a curve is a function of, on an axis; others are names of channels
     "e": "error e",
@@ -39,6 +40,7 @@ AXES = {  # what a curve is a function of, on an axis; others are names of chann
     "du/dt": "rate of u",
     "time": "time in the run",
 }
+NAMES_AHEAD = "Nearest names, by distance (0: the same curve; 1: nothing in common):"
 BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
 LEAD = "The shape of what has no name: "
 NO_FORM = "No free form explains it at any place either"
@@ -154,19 +156,29 @@ class Shape:
             f"{loop}, {100 * self.closed:.0f} % of what {self._beside} leaves to explain."
         ]
         if len(self.nearest):
-            near = self.nearest.head(SHOWN)
-            words = [
-                f"{row['title']} (distance {row['distance']:.2f}"
-                f"{', within the band' if row['within_band'] else ''})"
-                for _, row in near.iterrows()
-            ]
-            several = "s" if len(near) > 1 else ""
-            told.append(f"Nearest name{several}: {', '.join(words)}.")
+            told.append(self._names())
         if self.formula is not None:
             told.append(self.formula.sentence)
         told += self.recordings
         told.append(f"To make it an effect of your own, in Python: {BY_HAND}.")
         return told
+
+    @property
+    def is_near(self) -> bool:
+        """Whether an effect of the catalogue has more than half of the curve's power in common."""
+        return bool((self.nearest["distance"] < NEAR).any())
+
+    def _names(self) -> str:
+        """The nearest effects of the catalogue in a sentence."""
+        near = self.nearest[self.nearest["distance"] < NEAR].head(SHOWN)
+        words = [
+            f"{row['title']} (distance {row['distance']:.2f}"
+            f"{', within the band' if row['within_band'] else ''})"
+            for _, row in (near if len(near) else self.nearest.head(1)).iterrows()
+        ]
+        if near.empty:
+            return f"No effect of the catalogue comes near its curve; the nearest is {words[0]}."
+        return f"Nearest name{'s' if len(near) > 1 else ''}: {', '.join(words)}."
 
     @property
     def _beside(self) -> str:
@@ -175,7 +187,7 @@ class Shape:
         return f"the model with {titles_of(others)}" if others else "the baseline"
 
     def summary(self) -> Summary:
-        """All of it in plain sentences and two tables.
+        """All of it in plain sentences, and the curve as a table.
 
         Returns
         -------
@@ -185,7 +197,11 @@ class Shape:
         first, *others = self.sentences()
         lines = [first, "", *self.curve_table().lines(), ""]
         if len(self.nearest):
-            lines += [*self.nearest_table().lines(), ""]
+            others.remove(self._names())
+            lines.append(NAMES_AHEAD)
+            for row in self.nearest_table().rows:
+                lines.append(f"  - {row[0]}: {row[1]}, {row[2]} the band; {row[3]}".rstrip("; "))
+            lines.append("")
         return Summary("\n".join([*lines, *others]))
 
     def curve_table(self, n_points: int = POINTS) -> TextTable:
@@ -194,7 +210,7 @@ class Shape:
         Parameters
         ----------
         n_points : int, default=9
-            How many, evenly spaced.
+            How many, at equal distances.
 
         Returns
         -------
@@ -216,9 +232,8 @@ class Shape:
         table : TextTable
         """
         cells = []
-        for name, row in self.nearest.iterrows():
-            form = f", {row['form']}" if row["form"] else ""
-            called = f"{row['title']} ({name}{form})"
+        for _, row in self.nearest.iterrows():
+            called = row["title"] + (f" ({row['form']})" if row["form"] else "")
             within = "within" if row["within_band"] else "not within"
             cells.append([called, f"{row['distance']:.2f}", within, row["parameters"]])
         return TextTable("Nearest names", ["", "distance", "band", "its numbers"], cells)
@@ -275,7 +290,17 @@ def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[st
     effect: Any = dict(model.effects.steps)[name]
     first = next(p for p in model.simulator.parameters if p.name.startswith(f"{name}__"))
     x, y = effect.abscissa.label(units), first.dimension.label(units)
-    return _with_unit(AXES.get(effect.over, effect.over), x), _with_unit(effect.y_word, y)
+    over = AXES.get(effect.over, effect.over)
+    if effect.over == "e" and model.simulator.record.domain == "machine":
+        over = str(model.simulator.record.inputs[0])
+    return _with_unit(over, x), _with_unit(effect.y_word, y)
+
+
+def sentence_of(effect: FreeForm, domain: str) -> str:
+    """Where a free form acts; a machine has no error that it sees, and no command."""
+    if domain != "machine":
+        return effect.sentence
+    return effect.sentence.replace("the error", "the input").replace("the command", "the input")
 
 
 def _with_unit(quantity: str, unit: str) -> str:
@@ -302,7 +327,7 @@ def shape_of(
         place="rate" if effect.over == "du/dt" else effect.place,
         over=effect.over,
         channel=getattr(effect, "channel", None),
-        sentence=effect.sentence,
+        sentence=sentence_of(effect, model.simulator.record.domain),
         curve=curve,
         x_label=x_label,
         y_label=y_label,
@@ -345,13 +370,49 @@ def detailed(search: Search, found: Candidate) -> Candidate:
 def fitted_shape(
     shaped: Shaped, model: SimulatedModel, prepared: Prepared, measured: np.ndarray
 ) -> Shape | None:
-    """The shape of a search on all rows; None where there is none."""
-    if shaped.shape is None:
+    """The shape of a search on all rows; None where there is none.
+
+    The loop is blind to answers that the target cannot tell from another gain. A form that it alone
+    speaks against is the shape where it explains most of what repeats from run to run, since no
+    remnant does that.
+    """
+    if shaped.shape is not None:
+        return _fitted(shaped, shaped.shape, model, prepared, measured)
+    repeated = max([i.points for i in shaped.found.left if i.where == "repeats"], default=0.0)
+    for one in shaped.doubtful if repeated else ():
+        shape = _fitted(shaped, one, model, prepared, measured)
+        if shape is not None and gap_of(shape.estimator, prepared, measured)[0] < repeated / 2:
+            return shape
+    return None
+
+
+def _unbiased(fitted: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
+    """A model and its noise model, estimated in turn; as it was where its free run gets much worse.
+
+    A noise model that is nearly an integrator leaves slow curves undetermined.
+    """
+    plain = Criterion(fitted.simulator.record)
+    found, noise = settled(fitted, criterion)
+    if plain.sse(found.output) <= TOLERATED * plain.sse(fitted.output):
+        return found, noise
+    criterion.set_noise(criterion.remnant_model(fitted.output))
+    return fitted.under(criterion), criterion.noise
+
+
+def _fitted(
+    shaped: Shaped,
+    found: Candidate,
+    model: SimulatedModel,
+    prepared: Prepared,
+    measured: np.ndarray,
+) -> Shape | None:
+    """The shape of one candidate."""
+    if found.model is None:
         return None
-    found = detailed(shaped.search, shaped.shape)
+    found = detailed(shaped.search, found)
     assert found.model is not None
     fitted = on_rows_of(prepared.record, output_error_fit(found.model))
-    best = model.with_fit(prepared, *settled(fitted, Criterion(prepared.record)))
+    best = model.with_fit(prepared, *_unbiased(fitted, Criterion(prepared.record)))
     best.set_params(effects=found.model.effects)
     rest, _, _, _ = gap_of(best, prepared, measured)
     if not np.isfinite(rest):

@@ -26,7 +26,7 @@ from ..summaries import Estimate, counted, p_text
 from .effect_search import EffectSearchCV
 from .explanations import HOW_TO_GO_ON, in_loop_text, stand_ins_sentence, unexplained_by
 from .left_out import control_of, without_output
-from .shape import Shape, told_shape
+from .shape import NAMES_AHEAD, Shape, told_shape
 
 # Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
 HIDDEN: dict[str, Effect] = {
@@ -385,8 +385,7 @@ def shape_tables(shape: Shape) -> Iterator[StoryTable]:
         headings = ["effect", "distance", "band", "its numbers"]
         rows = [[*row[:-1], row[-1].replace(", ", "\n")] for row in nearest.rows]
         ids = [str(name) for name in shape.nearest.index]
-        title = "Nearest names (distance 0: the same curve; 1: nothing in common)"
-        yield StoryTable(title, headings, rows, "nearest", ids)
+        yield StoryTable(NAMES_AHEAD.rstrip(":"), headings, rows, "nearest", ids)
 
 
 def _bare(name: str, candidates: pd.DataFrame) -> pd.Series:

@@ -1,93 +1,88 @@
-"""The picture of what has no name: the curve of the search, its band, knots, nearest name."""
+"""The curve of what has no name, with its band."""
 
-import copy
-from types import SimpleNamespace
-
-import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 import pytest
+from sklearn.exceptions import NotFittedError
+from support.pictures import legend_texts
 from support.plot_checks import covers_nothing
+from support.shapes import a_shape, nothing_near
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.effects import DeadZone
+from skhoid.effects import FreeGain
 from skhoid.plotting import ShapeDisplay
 
-mpl.use("Agg")
 
-
-@pytest.fixture(scope="module")
+@pytest.fixture
 def search():
-    """A search that knows no dead zone."""
-    X, y = make_tracking_runs(
-        "C1",
-        n_runs=3,
-        duration=40.96,
-        sampling_rate=50,
-        remnant_intensity=0.05,
-        effects=DeadZone(width=0.6),
-        random_state=0,
-    )
+    """One that has found nothing, until a test gives it a shape."""
+    X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
     return EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(X, y)
 
 
-@pytest.fixture(autouse=True)
-def _close():
-    yield
-    plt.close("all")
-
-
-def test_it_draws_the_curve_and_band_of_the_search(search):
+def test_curve_band_and_nearest_name_are_those_of_the_search(search):
+    search.shape_ = a_shape()
     display = ShapeDisplay.from_estimator(search)
     curve = search.shape_.curve
     np.testing.assert_array_equal(display.line_.get_xdata(), curve.index)
     np.testing.assert_array_equal(display.line_.get_ydata(), curve["value"])
-    low, high = display.band_.get_datalim(display.ax_.transData).intervaly
-    assert low == pytest.approx(curve["low"].min())
-    assert high == pytest.approx(curve["high"].max())
-    ticks = display.knots_.get_xdata()
-    assert set(ticks) == set(search.shape_.effect.knots)
-    assert display.ax_.get_title().startswith("It acts on the error")
-    assert "of held-out VAF" in display.ax_.get_title().replace("\n", " ").replace("\xa0", " ")
+    (path,) = display.band_.get_paths()
+    assert path.vertices[:, 1].min() == curve["low"].min()
+    assert path.vertices[:, 1].max() == curve["high"].max()
+    np.testing.assert_array_equal(display.nearest_.get_ydata(), search.shape_.nearest_curve)
+    assert legend_texts(display) == [
+        "95 % band, of the whole curve",
+        "nearest name: cubic gain",
+        "curve",
+        "knots",
+    ]
+    assert display.ax_.get_xlabel() == "error e, deg"
+    assert display.ax_.get_title() == (
+        "It acts on the error, as a function of its size and sign\n+9.9 points of held-out VAF"
+    )
 
 
-def test_the_dashed_curve_is_the_nearest_name(search):
-    shape = search.shape_
-    assert shape.nearest.index[0] == "dead_zone"
-    display = ShapeDisplay.from_shape(shape)
-    assert display.nearest_.get_label() == "nearest name: dead zone"
-    np.testing.assert_array_equal(display.nearest_.get_ydata(), shape.nearest_curve)
-    assert display.nearest_.get_linestyle() == "--"
+def test_knots_are_ticks_at_the_bottom():
+    display = ShapeDisplay.from_shape(a_shape())
+    at = display.knots_.get_xdata()
+    np.testing.assert_array_equal(at[::3], a_shape().effect.knots)
+    assert np.nanmax(display.knots_.get_ydata()) < 0.1  # of the height of the panel
 
 
-def test_styles_and_axes_of_ones_own(search):
-    _, ax = plt.subplots()
-    display = search.shape_.plot(ax)
-    assert display.ax_ is ax
-    styled = display.plot(line_kw={"color": "red"}, nearest_kw={"alpha": 0.5})
-    assert styled.line_.get_color() == "red"
-    assert styled.nearest_.get_alpha() == 0.5
-
-
-def test_without_knots_or_a_nearest_name():
-    at = pd.Index(np.linspace(0.0, 80.0, 41), name="time")
-    curve = pd.DataFrame({"value": 1.0, "low": 0.8, "high": 1.2}, at)
-    display = ShapeDisplay(curve=curve, x_label="time in the run, s", y_label="factor").plot()
+def test_without_a_name_near_it_there_is_no_dashed_curve():
+    display = ShapeDisplay.from_shape(a_shape(**nothing_near()))
     assert display.nearest_ is None
-    assert display.knots_.get_xdata().size == 0
+    assert "nearest" not in " ".join(legend_texts(display))
 
 
-@pytest.mark.parametrize("font_size", [8, 10, 13])
-def test_nothing_is_covered(search, font_size):
-    with mpl.rc_context({"font.size": font_size}):
-        covers_nothing(search.shape_.plot())
+def test_a_name_that_is_far_is_not_drawn():
+    far = a_shape().nearest.assign(distance=[0.75, 0.9])
+    assert ShapeDisplay.from_shape(a_shape(nearest=far)).nearest_ is None
+
+
+def test_a_factor_does_nothing_where_it_is_one():
+    display = ShapeDisplay.from_shape(a_shape(effect=FreeGain(knots=(0.0, 1.0), values=(0.0, 0.0))))
+    neutral = [line for line in display.ax_.lines if len(line.get_xdata()) == 2]
+    assert [list(line.get_ydata()) for line in neutral] == [[1.0, 1.0]]
+
+
+def test_it_takes_axes_and_styles():
+    _, panel = plt.subplots()
+    display = ShapeDisplay.from_shape(a_shape(), ax=panel, line_kw={"color": "0.5"})
+    assert display.ax_ is panel
+    assert display.line_.get_color() == "0.5"
 
 
 def test_a_search_without_a_shape_is_refused(search):
-    other = copy.copy(search)
-    other.shape_ = None
-    with pytest.raises(ValueError, match="This search has no shape to draw"):
-        ShapeDisplay.from_estimator(other)
-    with pytest.raises(TypeError, match="EffectSearchCV"):
-        ShapeDisplay.from_estimator(SimpleNamespace())
+    with pytest.raises(ValueError, match="no shape to draw: nothing is missing"):
+        ShapeDisplay.from_estimator(search)
+    with pytest.raises(NotFittedError):
+        ShapeDisplay.from_estimator(EffectSearchCV(OperatorRegressor()))
+    with pytest.raises(TypeError, match="draws a fitted EffectSearchCV"):
+        ShapeDisplay.from_estimator(OperatorRegressor())
+
+
+@pytest.mark.parametrize("font_size", [8, 10, 13])
+def test_nothing_is_covered(font_size):
+    with plt.rc_context({"font.size": font_size}):
+        covers_nothing(a_shape().plot())
