@@ -63,10 +63,10 @@ def test_more_knots_show_what_bends_between_them():
     assert many.sse < 1.001 * few.sse  # a smoother curve may be likelier
     assert in_detail(many, "map") is many
     own = [[m.values()[f"map__{p.name}"] for p in e.free] for m, e in ((few, old), (many, new))]
-    at = np.linspace(old.knots[2], old.knots[-3], 50)
+    at = np.linspace(old.knots[0], old.knots[-1], 50)
     curves = [e.design(at) @ c for e, c in zip((old, new), own, strict=True)]
     curves = [c - np.polyval(np.polyfit(at, c, 1), at) for c in curves]  # which is the gain's
-    assert np.std(curves[0] - curves[1]) < 0.1 * np.std(curves[0])
+    assert np.std(curves[0] - curves[1]) < 0.2 * np.std(curves[0])
 
 
 def test_a_curve_moves_as_said_if_it_may_be_rougher():
