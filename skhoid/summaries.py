@@ -198,7 +198,8 @@ class Estimate(NamedTuple):
     """A parameter as text: value, standard error, ends of its interval, and unit.
 
     A given value has the standard error 0; one at a bound, or not determined by the data, has NaN.
-    All show a dash. A value that is not determined still has an interval: its range.
+    All show a dash. At a bound an interval, if there is one, ends there. A value that is not
+    determined has its range for one, which is not shown.
     """
 
     value: str
@@ -213,9 +214,11 @@ class Estimate(NamedTuple):
         """Make it from a row with the columns value, sd, low, high and unit."""
         value, sd = float(row["value"]), float(row["sd"])
         low, high = (float(row.get(end, np.nan)) for end in ("low", "high"))
-        without = " (at its bound)" if np.isnan(low) else " (not determined)"
+        at_bound = np.isnan(low) or value in (low, high)
+        without = " (at its bound)" if at_bound else " (not determined)"
         if not (np.isfinite(sd) and sd > 0.0):
-            sd = low = high = np.nan
+            one_sided = np.isnan(sd) and at_bound
+            sd, low, high = np.nan, *((low, high) if one_sided else (np.nan, np.nan))
         unit = "" if row["unit"] == "-" else str(row["unit"])
         return cls(
             number(value, sd),

@@ -80,17 +80,19 @@ def facts_of(text: str) -> str:
     return " ".join(text.split("-" * WIDTH)[0].split())
 
 
-def check_numbers(rows, names, values, errors):
+def check_numbers(rows, names, values, errors, intervals=None):
     assert list(rows) == list(names)
-    for cells, value, sd in zip(rows.values(), values, errors, strict=True):
+    values, errors = np.array(values), np.array(errors)
+    if intervals is None:
+        intervals = np.stack([values - 1.96 * errors, values + 1.96 * errors], axis=1)
+    for cells, value, sd, ends in zip(rows.values(), values, errors, intervals, strict=True):
         coef, shown, z, p, low, high = cells[:6]
         assert float(coef) == pytest.approx(value, abs=0.06 * sd)
         assert float(shown) == pytest.approx(sd, rel=0.06)
         assert float(z) == pytest.approx(value / sd, abs=0.006)
         right = 2 * norm.sf(abs(value / sd))
         assert p == "<0.001" if right < 0.001 else float(p) == pytest.approx(right, abs=6e-4)
-        assert float(low) == pytest.approx(value - 1.96 * sd, abs=0.06 * sd)
-        assert float(high) == pytest.approx(value + 1.96 * sd, abs=0.06 * sd)
+        assert (float(low), float(high)) == pytest.approx(tuple(ends), abs=0.06 * sd)
 
 
 def slowly_less(time):
@@ -243,7 +245,9 @@ def test_operator_with_an_effect(operator):
     assert list(rows) == operator.parameters_.index.tolist()
     assert rows["tau_e"] == ["0.28", *"-----", "s"]  # given
     free = operator.parameters_[operator.parameters_["sd"] > 0]
-    check_numbers({n: rows[n] for n in free.index}, free.index, free["value"], free["sd"])
+    shown = {n: rows[n] for n in free.index}
+    intervals = free[["low", "high"]].to_numpy()
+    check_numbers(shown, free.index, free["value"], free["sd"], intervals)
     assert rows["K_e"][-1] == "deg/deg"
     facts = facts_of(text)
     assert "Effects: bias" in facts
@@ -502,3 +506,13 @@ def test_an_estimate_in_a_sentence(value, sd, unit, shown):
     assert str(found) == shown
     assert found.known == bool(sd > 0)
     assert {found.low, found.high} == {"-"} or found.known
+
+
+def test_an_estimate_at_its_bound_has_an_interval_on_one_side():
+    row = pd.Series({"value": 0.0, "sd": np.nan, "low": 0.0, "high": 0.25, "unit": "s"})
+    found = Estimate.of(row)
+    assert str(found) == "0 s (at its bound)"
+    assert (found.low, found.high) == ("0", "0.25")
+    inside = Estimate.of(pd.Series({**row, "value": 0.1}))
+    assert str(inside) == "0.1 s (not determined)"
+    assert {inside.low, inside.high} == {"-"}

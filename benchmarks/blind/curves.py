@@ -1,11 +1,12 @@
 """True curves of hidden effects, and how near a curve of the answer comes to one.
 
 Constant and straight parts of a map are the linear operator's, so they do not count, nor does the
-mean of a gain or of a delay.
+mean of a gain or of a delay. A map's curve is what it adds to its argument.
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,12 +30,13 @@ from loop import (
     _curve,
     _seen,
 )
+from scipy.optimize import minimize_scalar
 from signals import KEPT, TIME
 
 QUANTILES = np.linspace(0.025, 0.975, 191)  # the central 95 % of the data
 POINTS = 2001
 BY_CHANNEL = {"scheduled_gain", "airspeed_gain", "workload_delay"}  # of the speed
-DEVIATION = 0.2  # a map of less slope is not the map but its deviation from a straight line
+STRETCHED = ("command", "output")  # places of maps whose argument is in units of the answer
 JUMP = 0.1
 OFFSETS = {"bias", "drift", "wandering_offset"}
 
@@ -57,7 +59,11 @@ class TrueCurve:
 
 
 def true_curves(
-    effect: Effect, wirings: list[Wiring], outs: list[np.ndarray], known: np.ndarray
+    effect: Effect,
+    wirings: list[Wiring],
+    outs: list[np.ndarray],
+    known: np.ndarray,
+    before: np.ndarray,
 ) -> dict[str, TrueCurve]:
     """Curves of a case with one effect, by ``id place`` of the shape that would show them.
 
@@ -69,7 +75,9 @@ def true_curves(
     outs : list of ndarray
         Their signals.
     known : ndarray of shape (n_runs, n_samples)
-        What the operator does in them without remnant: that is what passes through a map.
+        What the operator does in them without remnant.
+    before : ndarray of shape (n_runs, n_samples)
+        The same without the map behind the error: that is what passes through it.
 
     Returns
     -------
@@ -79,9 +87,9 @@ def true_curves(
     w = wirings[0]
     e, u = np.concatenate([out[E, KEPT] for out in outs]), known.ravel()
     maps = _maps(w, np.abs(e).max(), np.abs(u).max())
-    data = {"input": e, "rate": np.gradient(known, TIME, axis=1).ravel()}
+    data = {"input": e, "spring": u, "rate": np.gradient(known, TIME, axis=1).ravel()}
     curves = {
-        f"free_map {place}": TrueCurve(x, y, np.quantile(data.get(place, u), QUANTILES))
+        f"free_map {place}": TrueCurve(x, y, np.quantile(data.get(place, before), QUANTILES))
         for place, (x, y) in maps.items()
     }
     over = TIME
@@ -106,6 +114,16 @@ def true_curves(
     for key, value in found.items():
         curves[key] = TrueCurve(over[order], value[order], np.quantile(over, QUANTILES))
     return curves
+
+
+def unmapped(w: Wiring) -> Wiring:
+    """The same loop without the static maps behind the error."""
+    plain = copy(w)
+    plain.outputs = [row for row in w.outputs if row[0] not in (CLIP, TANH)]
+    plain.curves = [row for row in w.curves if row[0] not in (AT_COMMAND, AT_SPRING)]
+    plain.muscle = w.muscle.copy()
+    plain.muscle[[CUBIC, QUADRATIC]] = 0.0
+    return plain
 
 
 def _maps(w: Wiring, e_max: float, u_max: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -142,16 +160,18 @@ def _maps(w: Wiring, e_max: float, u_max: float) -> dict[str, tuple[np.ndarray, 
 def compare(curve: pd.DataFrame, true: TrueCurve, form: str, place: str) -> dict[str, Any]:
     """How near a curve with its band comes to the truth, in the central 95 % of the data.
 
-    A map's straight part is taken from the answer. The truth is scaled to the answer's gain where
-    that is free (a map of slope two behind a gain of one half is the same): both are taken as of
-    slope one. A curve without slope is a deviation from one and is taken as it is, and forces over
-    the rate have a scale of their own.
+    A map's straight part is taken from the answer, and with it the gain: twice the map of the error
+    behind half the gain is the same. So the truth's map is scaled until its slope is one and that
+    of the answer's curve. Twice the command before the same output is the same too: there the
+    argument is scaled, to where both maps are nearest. Forces over the rate have a scale of
+    their own.
 
     Parameters
     ----------
     curve : DataFrame
-        Indexed by the abscissa: value, low, high.
+        Indexed by the abscissa: value, low, high; of a map, what it adds to its argument.
     true : TrueCurve
+        Of a map, the whole.
     form, place : str
         Of the shape.
 
@@ -164,18 +184,19 @@ def compare(curve: pd.DataFrame, true: TrueCurve, form: str, place: str) -> dict
     """
     curve = curve.sort_index()
     at = curve.index.to_numpy(dtype=float)
-    x = true.data[(true.data >= at[0]) & (true.data <= at[-1])]
+    scale = _stretched(curve, true) if form == "free_map" and place in STRETCHED else 1.0
+    x = true.data * scale
+    x = x[(x >= at[0]) & (x <= at[-1])]
     if len(x) < len(true.data) / 2:
         return {"inside": False, "share": 0.0, "rms": np.inf}  # a curve of something else
     said, low, high = (np.interp(x, at, curve[name]) for name in ("value", "low", "high"))
-    value = np.interp(x, true.x, true.value)
+    value = np.interp(x / scale, true.x, true.value)
     if form == "free_map":
         straight = np.column_stack([np.ones_like(x), x])
         of_truth, of_answer = (np.linalg.lstsq(straight, z, rcond=None)[0] for z in (value, said))
         bent = value - straight @ of_truth
         if place != "rate":
-            bent = bent / of_truth[1]
-            bent = bent * (of_answer[1] if abs(of_answer[1]) > DEVIATION else 1.0)
+            bent = bent * (1 + of_answer[1]) / of_truth[1]
         expected = straight @ of_answer + bent
     elif form == "free_gain":
         expected = value * np.mean(said) / np.mean(value)
@@ -191,6 +212,21 @@ def compare(curve: pd.DataFrame, true: TrueCurve, form: str, place: str) -> dict
     distance = float(np.sqrt(np.mean((said - expected) ** 2)))
     share = float(held.mean()) * len(x) / len(true.data)
     return {"inside": bool(held.all()), "share": share, "rms": distance / max(size, 1e-12)}
+
+
+def _stretched(curve: pd.DataFrame, true: TrueCurve) -> float:
+    """By how much the argument of the answer's map is larger than the truth's: the nearest maps."""
+    at, value = curve.index.to_numpy(dtype=float), np.interp(true.data, true.x, true.value)
+    whole = at + curve["value"].to_numpy()
+
+    def apart(log_scale: float) -> float:
+        said = np.interp(np.exp(log_scale) * true.data, at, whole)
+        return float(np.var(said - value))
+
+    tried = np.linspace(-3, 3, 121)
+    best = tried[np.argmin([apart(one) for one in tried])]
+    near = minimize_scalar(apart, bounds=(best - 0.05, best + 0.05), method="bounded")
+    return float(np.exp(near.x))
 
 
 def _at_a_jump(value: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from baseline import LinearOperator, vaf
-from curves import true_curves
+from curves import true_curves, unmapped
 from effects import Context, Effect, RunInputs, Wiring
 from effects_beyond import DRAW as DRAW_BEYOND
 from effects_beyond import WIRE as WIRE_BEYOND
@@ -245,8 +245,9 @@ def _attempt(
         "boost": boost,
     }
     if suite in ("left_out", "beyond"):
+        before = np.array([opened(unmapped(w), out) for w, out in nominal[:n_train]])
         truth["curves"] = true_curves(
-            effects[0], wirings[:n_train], outs[:n_train], known[:n_train]
+            effects[0], wirings[:n_train], outs[:n_train], known[:n_train], before
         )
     if suite == "pairs":
         if oracle_vaf - baseline_vaf < SMALLEST:

@@ -31,6 +31,8 @@ FAMILIES: tuple[frozenset[str], ...] = (
     frozenset({"bias", "drift"}),  # an offset that settles holds one that stays
     frozenset({"dead_zone", "cubic_gain"}),  # odd maps of the error whose gain grows with it
     frozenset({"saturation", "hardening_stiffness"}),  # slowly, a stiffening spring limits softly
+    # Behind the delay, a gain of the command that falls with its size: a limit is the hardest.
+    frozenset({"saturation", "cubic_gain"}),
     # A rational function of the error: integrals have a pole, and an inner loop through the
     # controlled element is one with it.
     frozenset({"higher_order", "integral"}),
@@ -138,7 +140,9 @@ RIGHT_SHAPES: dict[str, tuple[Right, ...]] = {
     "feedforward": (FROM_TARGET,),
     "preview": (FROM_TARGET,),
     "output_feedback": (FROM_TARGET, DYNAMICS),
+    # Of a body that is shaken: an answer at once, at the output itself.
     "motion_feedback": (_right("free_path", "path", "motion_acc"),),
+    "motion_feedback, fed through": (_right("free_path", "path sum", "motion_acc"),),
     "motion_feedback, of x": (_right("free_path", "path", "motion_acc x"), DYNAMICS),
     "disturbance": (_right("free_path", "path", "dist"),),
     "cross_axis": (_right("free_path", "path", "e_y"),),
@@ -183,8 +187,9 @@ NEAR: dict[str, frozenset[str]] = {
     "airspeed_gain": frozenset({"scheduled_gain"}),
     "swinging_delay": frozenset({"tv_delay"}),
     "wandering_offset": frozenset({"drift", "bias"}),
-    "many_plays": frozenset({"backlash", "stiction"}),
-    "bristles": frozenset({"backlash", "stiction"}),
+    # Dry friction in the limb is what bristles describe, and what many plays add up to.
+    "many_plays": frozenset({"backlash", "stiction", "friction"}),
+    "bristles": frozenset({"backlash", "stiction", "friction"}),
     "cross_two_lags": frozenset({"cross_axis"}),
     "fractional_lag": frozenset({"higher_order", "extra_lag", "extra_lead", "nm_mode"}),
     "two_notches": frozenset({"higher_order"}),
@@ -200,8 +205,8 @@ def right_shapes(name: str, truth: dict[str, Any]) -> tuple[Right, ...]:
     parameters = truth["parameters"][name]
     if name == "intermittent":
         name += ", event" if "threshold" in parameters else ", clock"
-    elif name == "motion_feedback" and truth["motion"] == "x":
-        name += ", of x"
+    elif name == "motion_feedback" and truth["motion"] != "x and platform":
+        name += ", of x" if truth["motion"] == "x" else ", fed through"
     right = RIGHT_SHAPES[name]
     if ON_ERROR in right and truth["plant"] == "rate":
         right = (*right, _right("free_map", "command"))

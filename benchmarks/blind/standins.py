@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 from curves import TrueCurve
@@ -43,6 +45,8 @@ def true_shape(case: Case) -> Shape | None:
     channel = min(right.of) if right.id == "free_path" else None
     over = "lag" if channel else min(right.of, default="")
     curve = case.truth["curves"].get(f"{right.id} {place}")
+    if curve is not None and right.id == "free_map" and place != "rate":
+        curve = replace(curve, value=curve.value - curve.x)
     return Shape(
         right.id,
         place,

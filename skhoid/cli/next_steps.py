@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..search.shape import BY_HAND
+
 Steps = list[tuple[str, str]]
 # Options that say what is in the files, which the next command needs too.
 OF_FILES = ("output", "time", "run", "subject", "condition", "dt", "run_in", "x", "target")
@@ -48,6 +50,11 @@ def after_diagnose(options: argparse.Namespace, search: Any) -> Steps:
             )
         )
     steps.append((_typed(options, "identify"), "the delay, and a linear model"))
+    if search.shape_ is not None and options.command != "diagnose":
+        steps.append((BY_HAND, "in Python: what has no name as an effect of your own"))
+    elif search.shape_ is not None and options.sketch is None:
+        words = ["skhoid", *options.command_line, "--sketch", _free("my_effect.py")]
+        steps.append((shlex.join(words), "what has no name as an effect of your own, in Python"))
     return steps
 
 

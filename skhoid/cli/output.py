@@ -130,6 +130,8 @@ def say_files(files: dict[str, Any]) -> None:
     """Say what was written where."""
     if files.get("report"):
         print_wrapped(f"Report: {files['report']} (one file; open it in a browser)")
+    if files.get("effect"):
+        print_wrapped(f"Effect of your own: {files['effect']} (Python, to be edited)")
     for what in ("pictures", "tables", "files"):
         paths = [Path(name) for name in files.get(what, [])]
         if paths:

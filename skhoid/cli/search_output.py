@@ -111,8 +111,9 @@ def print_block(block: str, options: argparse.Namespace, truth: dict[str, float]
         headings.insert(1, "truth")
         for row, name in zip(rows, block.ids, strict=True):
             row.insert(1, f"{truth[name]:.4g}" if name in truth else "")
-    left = ("effect", "parameter", "unit", "its numbers", "")
-    print_table(block.caption, headings, rows, left=left, folded=("effect",))
+    left = ("effect", "parameter", "unit", "its numbers", "band", "")
+    folded = headings if block.kind == "shape" else ("effect",)
+    print_table(block.caption, headings, rows, left=left, folded=folded)
 
 
 def element_of(text: str | None) -> Any:
@@ -132,6 +133,7 @@ def write_results(
     *,
     report: Path | None = None,
     folder: Path | None = None,
+    sketch: Path | None = None,
     head: dict[str, Any] | None = None,
 ) -> None:
     """Write the report, the plots and the tables, and say where; or print all as JSON."""
@@ -144,7 +146,9 @@ def write_results(
     )
     tables = save_tables(tables_of(story), options)
     page = None if report is None else str(report)
-    files = {"report": page, "pictures": plots, "tables": tables}
+    files: dict[str, Any] = {"report": page, "pictures": plots, "tables": tables}
+    if sketch is not None:
+        files["effect"] = str(sketch)
     if options.json:
         first = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
         first |= head or {}
@@ -176,7 +180,10 @@ def write_report(
 
 def tables_of(story: Story) -> dict[str, Any]:
     """All tables of a story, by name."""
-    search = story.search_
+    search, shape = story.search_, story.search_.shape_
+    of_shape = {} if shape is None else {"shape": shape.curve}
+    if shape is not None and len(shape.nearest):
+        of_shape["nearest"] = shape.nearest
     return {
         "ranking": search.ranking_,
         "error_path": search.error_path_,
@@ -185,6 +192,7 @@ def tables_of(story: Story) -> dict[str, Any]:
         "predictions": search.predictions_,
         "left_out": search.left_out_,
         "unexplained": search.unexplained_,
+        **of_shape,
         **tables_of_comparison(story.comparison_),
     }
 
@@ -205,6 +213,7 @@ def draw(story: Story, folder: Path, command: str, form: str = "png") -> list[st
         EffectStepsDisplay,
         ErrorPathDisplay,
         IdentifiedEffectDisplay,
+        ShapeDisplay,
     )
 
     search = story.search_
@@ -221,7 +230,14 @@ def draw(story: Story, folder: Path, command: str, form: str = "png") -> list[st
     for name in search.best_estimator_.effects_.names:
         display = IdentifiedEffectDisplay.from_estimator(search, name, story.X, story.y)
         figures[f"{name}.png"] = display.figure_
-    others = ["comparison", *BY_NAME, *(f"ranking-{step}" for step in range(1, len(BY_NAME) + 2))]
+    if search.shape_ is not None:
+        figures["shape.png"] = ShapeDisplay.from_estimator(search).figure_
+    others = [
+        "comparison",
+        "shape",
+        *BY_NAME,
+        *(f"ranking-{step}" for step in range(1, len(BY_NAME) + 2)),
+    ]
     return save_figures(
         figures,
         folder,

@@ -23,6 +23,7 @@ OPTION = {
     r"\bmax_effects\b": "max_effects",
     r"\blost_control=": "lost_control",
     r"\bselect_runs\b": "files",
+    r"\bsketch_effect\b": "sketch",
 }
 
 _POOLED = re.compile(

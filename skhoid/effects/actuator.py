@@ -20,6 +20,8 @@ from .traces import stop_of
 SCANNED_STEPS = np.geomspace(0.25, 3.5, 45)  # in standard deviations of the output
 OFFSETS = (0.0, 0.5)
 KEPT_STEPS = 3
+PLAY = 0.5  # logarithm of the mean distance of jumps from the command, either way
+AMPLITUDE, STEPS = 3.0, 30.0  # standard deviations of the output, and most jumps on the way there
 SHARES, FINER_SHARES = np.linspace(0.0, 0.95, 20), np.linspace(-0.03, 0.03, 7)
 FACTORS, FINER_FACTORS = np.linspace(0.88, 1.12, 25), np.linspace(0.992, 1.008, 9)
 
@@ -274,6 +276,23 @@ class Stiction(Effect):
             shares = np.clip(best["kinetic"] + FINER_SHARES, 0.0, 0.95)
             factors = FINER_FACTORS
         return [best]
+
+    def within_cube(
+        self, values: dict[str, float], at: np.ndarray, record: Record
+    ) -> dict[str, float]:
+        """By the mean distance from the command, and the number of steps in an amplitude.
+
+        Jumps of the same size make the output a staircase with a play of the mean distance.
+        """
+        if self.form != "jump" or self.fixed:
+            return super().within_cube(values, at, record)
+        breakaway, kinetic = values["breakaway"], values["kinetic"]
+        mean = breakaway * (1 + kinetic) / 2 * np.exp(PLAY * (2 * at[0] - 1) ** 3)
+        amplitude = AMPLITUDE * record.sd("u")
+        least = min(amplitude / (2 * mean), STEPS)  # with no kinetic friction
+        jump = min(amplitude / (least * (STEPS / least) ** at[1]), 2 * mean)
+        breakaway = float(mean + jump / 2)
+        return {"breakaway": breakaway, "kinetic": float((mean - jump / 2) / breakaway)}
 
     def apply(
         self, signal: np.ndarray, record: Record, breakaway: float, kinetic: float

@@ -187,6 +187,18 @@ class Effect(Composable, BaseEstimator):
         """Starts near the values found, where the response is not smooth; none by default."""
         return []
 
+    def within_cube(
+        self, values: dict[str, float], at: np.ndarray, record: Record
+    ) -> dict[str, float]:
+        """Parameters at a point of the unit cube, which holds all that may be true.
+
+        ``values`` are those of a local minimum, ``at`` has a number from 0 to 1 for each free
+        parameter. Only for effects that are not smooth: choose coordinates along which the response
+        changes slowly. By default up to four times as small or large, in logarithms.
+        """
+        free = [p.name for p in self.free]
+        return {n: values[n] * 4.0 ** (2 * x - 1) for n, x in zip(free, at, strict=True)}
+
     def adjusted(self, error_of: Callable[[Effect], float], record: Record) -> Effect:
         """The effect with its choices adjusted after a first fit; by default the effect itself.
 

@@ -14,6 +14,7 @@ from .record import Record
 from .smooth_curve import LEVEL, SLOPE, SmoothCurve
 
 N_KNOTS = 11
+N_FINE = 20  # knots, at least, of a curve that is shown
 FEWEST = 4  # knots of a curve
 TAIL = 0.005  # share of a signal beyond the outermost knots
 USUAL = 0.3  # size of a curve, relative to the scale of its parameters, before data say more
@@ -148,6 +149,18 @@ class FreeForm(Effect):
         if self.knots is not None:
             return self
         return self.with_choices(knots=quantile_knots(self.watched(record)))
+
+    def with_more_knots(self) -> Any:
+        """The form with further knots half-way between, until there are enough for its details."""
+        knots = np.asarray(self.knots)
+        while knots.size < N_FINE:
+            knots = np.sort(np.r_[knots, (knots[1:] + knots[:-1]) / 2])
+        return self.with_choices(knots=tuple(knots.tolist()))
+
+    def coefficients(self, at_knots: np.ndarray) -> dict[str, float]:
+        """Those of the curve nearest to values at the knots."""
+        found = np.linalg.lstsq(self.curve.basis, at_knots, rcond=None)[0]
+        return {p.name: float(c) for p, c in zip(self.parameters, found, strict=True)}
 
     def with_values(self, values: Mapping[str, float]) -> Any:
         if self.values is not None:  # given, so nothing was estimated

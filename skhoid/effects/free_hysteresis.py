@@ -96,6 +96,7 @@ class FreeHysteresis(FreeForm):
     formula = "signal - sum of weight_i (signal - play_i(signal))"
     tex = r"s' = s - \sum_i w_i\,(s - \mathrm{play}_i(s))"
     source = "Brokate and Sprekels (1996)"
+    y_word = "what play takes"
 
     def __init__(
         self,
@@ -166,6 +167,10 @@ class FreeHysteresis(FreeForm):
         widest = float(np.quantile(np.abs(watched - watched.mean()), WIDEST))
         widths = widest * np.arange(1, N_PLAYS + 1) / N_PLAYS
         return self.with_choices(knots=tuple(widths.tolist()))
+
+    def with_more_knots(self) -> FreeHysteresis:
+        """The same: its knots are the plays themselves."""
+        return self
 
     def shaped(self, signal: Any, record: Record, curve: Callable[..., np.ndarray]) -> Any:
         """With plays that have the weights of the curve."""

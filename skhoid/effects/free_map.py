@@ -115,6 +115,12 @@ class FreeMap(FreeForm):
         return E if self.where == "error" else U
 
     @property
+    def y_word(self) -> str:  # type: ignore[override]
+        if self.folded:
+            return "change of the output"
+        return "force" if self.where in OPPOSING else "departure from a straight line"
+
+    @property
     def sentence(self) -> str:
         return WORDS[self.where]
 

@@ -20,6 +20,9 @@ from .time_variation import needs_channel
 Curve = Callable[[np.ndarray], np.ndarray]
 LONGEST = 1.5  # s, of a person's memory of what a channel did
 SEEN_AHEAD = 1.0  # s, of a target that may have been shown in advance
+SHAKEN = 0.5  # s, of a body's and a stick's memory of what shakes them
+OF_TARGET = 0.02  # share of a channel by the target, above which the loop moves it
+LAGS_OF_TARGET = 16
 FROM_OUTSIDE = ("f_t", "dist")  # roles of channels that the loop does not move
 
 
@@ -35,11 +38,16 @@ class _Remembering(FreeForm):
         """Of the impulse response, in seconds."""
         raise NotImplementedError
 
+    @property
+    def longest(self) -> float:
+        """Of the impulse response, beyond its first lag; in units of the record's time."""
+        return LONGEST
+
     def with_knots(self, record: Record) -> Any:
         if self.knots is not None:
             return self
         first = self.first_lag(record)
-        ends = np.linspace(first, first + LONGEST * record.time_unit, N_KNOTS)
+        ends = np.linspace(first, first + self.longest * record.time_unit, N_KNOTS)
         return self.with_choices(knots=tuple(ends.tolist()))
 
 
@@ -62,7 +70,8 @@ class FreePath(_Remembering):
 
     command + integral of curve(lag) (channel(t - lag) - reference). To what the loop moves, a
     person responds after the least delay of the model; of a target alone, the future is tried too
-    (``ahead``).
+    (``ahead``). Motion that the loop does not move may shake body and stick: then it adds to the
+    output itself, and without a delay (``at``).
 
     Parameters
     ----------
@@ -70,8 +79,12 @@ class FreePath(_Remembering):
         What is responded to; None tries every channel but the input.
     ahead : float, default=0.0
         How far the response looks ahead, in seconds, where the target was shown in advance.
+    at : {"command", "output"} or None, default=None
+        What it adds to: the command to the limb, or the output, without a delay. None means the
+        command; a search tries the output for motion that does not follow the target.
     knots : tuple of float or None, default=None
-        Lags in seconds; None means equal distances over 1.5 s (for a machine, its own time).
+        Lags in seconds; None means equal distances over 1.5 s (for a machine, its own time), or
+        over 0.5 s at the output.
     values : tuple of float or None, default=None
         The impulse response at the knots, in units of the output per unit of the channel and
         second; None estimates it.
@@ -94,7 +107,6 @@ class FreePath(_Remembering):
 
     name = "free_path"
     title = "free response"
-    place = "path"
     physics = "A channel moves the output, by an impulse response of unknown shape."
     formula = "command + sum over lags of curve(lag) (channel(t - lag) - reference)"
     tex = (
@@ -108,6 +120,7 @@ class FreePath(_Remembering):
         *,
         channel: str | None = None,
         ahead: float = 0.0,
+        at: str | None = None,
         knots: tuple[float, ...] | None = None,
         values: tuple[float, ...] | None = None,
         spread: float | None = None,
@@ -115,10 +128,19 @@ class FreePath(_Remembering):
     ):
         self.channel = channel
         self.ahead = ahead
+        self.at = at
         self.knots = knots
         self.values = values
         self.spread = spread
         self.reference = reference
+
+    @property
+    def place(self) -> str:  # type: ignore[override]
+        return "sum" if self.at == "output" else "path"
+
+    @property
+    def longest(self) -> float:
+        return SHAKEN if self.at == "output" else LONGEST
 
     @property
     def ordinate(self) -> Dimension:
@@ -126,6 +148,8 @@ class FreePath(_Remembering):
 
     @property
     def sentence(self) -> str:
+        if self.at == "output":
+            return f"{self.channel} shakes the output without a delay"
         return f"the output also responds to {self.channel}, as a function of how long ago it was"
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
@@ -134,7 +158,7 @@ class FreePath(_Remembering):
         return needs_channel(self.channel, record, OTHER, "channel besides the input")
 
     def alternatives(self, record: Record) -> list[Any]:
-        """One for each channel that is no input, and one that looks ahead for a target."""
+        """One for each channel that is no input; one ahead for a target, one at once for motion."""
         if self.channel is not None:
             return [self]
         made = []
@@ -143,6 +167,8 @@ class FreePath(_Remembering):
                 made.append(self.with_choices(channel=name))
                 if record.roles.get(name) == "f_t":
                     made.append(self.with_choices(channel=name, ahead=SEEN_AHEAD))
+                if shakes(name, record):
+                    made.append(self.with_choices(channel=name, at="output"))
         return made
 
     def variants(self, record: Record) -> list[Effect]:
@@ -157,14 +183,46 @@ class FreePath(_Remembering):
         )
 
     def first_lag(self, record: Record) -> float:
+        if self.at == "output":
+            return 0.0
         role = record.roles.get(self.channel or "", "")
         outside = role.startswith(FROM_OUTSIDE)
         return -self.ahead if outside else record.least_delay
 
-    def shaped(self, signal: Command, record: Record, curve: Curve) -> Command:
+    def shaped(self, signal: Any, record: Record, curve: Curve) -> Any:
         assert self.knots is not None
         away = record.channel(self.channel) - (self.reference or 0.0)
-        return signal.plus(convolved(away, curve, self.knots, record.dt))
+        more = convolved(away, curve, self.knots, record.dt)
+        return signal + more if self.at == "output" else signal.plus(more)
+
+
+def shakes(name: str, record: Record) -> bool:
+    """Whether a channel is motion that the loop does not move, so that it may act at once.
+
+    What the output moves carries what moves the output: the target. Without a target that is not
+    known, and motion that follows from the output could return it.
+    """
+    if not record.roles.get(name, "").startswith("motion"):
+        return False
+    return record.once(("shakes", name), lambda: not _follows_target(name, record))
+
+
+def _follows_target(name: str, record: Record) -> bool:
+    """Whether answers to the target explain part of a channel in halves of runs left out."""
+    targets = record.with_role("f_t")
+    if not targets:
+        return True
+    target, rows = record.channel(targets[0]), record.known
+    lags = record.time_unit * np.linspace(0.0, 2 * LONGEST, LAGS_OF_TARGET)
+    columns = np.stack([record.delayed(target, lag)[rows] for lag in lags])
+    columns = np.concatenate([columns, np.ones((1, columns.shape[1]))])
+    moved = record.channel(name)[rows]
+    first = np.broadcast_to(np.arange(rows.shape[0])[:, None] < rows.shape[0] // 2, rows.shape)
+    left = 0.0
+    for test in (first[rows], ~first[rows]):
+        fitted = np.linalg.lstsq(columns[:, ~test].T, moved[~test], rcond=None)[0]
+        left += float(np.sum((moved[test] - fitted @ columns[:, test]) ** 2))
+    return left < (1 - OF_TARGET) * float(np.sum((moved - moved.mean()) ** 2))
 
 
 class FreeDynamics(_Remembering):

@@ -10,7 +10,7 @@ import numpy as np
 from ..runs.roles import OTHER
 from .core_kind import CoreKind
 from .dimension import ONE, Dimension, S, U
-from .free_form import N_KNOTS, FreeForm
+from .free_form import FreeForm
 from .operator_signals import Gains
 from .record import Record
 from .smooth_curve import SLOPE
@@ -18,6 +18,7 @@ from .time_variation import needs_channel
 
 Curve = Callable[[np.ndarray], np.ndarray]
 TIME = "time"
+N_IN_TIME = 21  # knots: four seconds of a run of 82 s, so that what swings in twelve is seen
 
 
 class _Varying(FreeForm):
@@ -57,15 +58,18 @@ class _Varying(FreeForm):
             return super().with_knots(record)
         seen = record.t[record.known.any(axis=1)]
         # From the start of the runs, which is not where the output begins to count.
-        ends = np.linspace(float(record.t[0].min()), float(seen.max()), N_KNOTS)
+        ends = np.linspace(float(record.t[0].min()), float(seen.max()), N_IN_TIME)
         return self.with_choices(knots=tuple(ends.tolist()))
 
     def watched(self, record: Record) -> np.ndarray:
         return record.channel(self.channel)[record.known]
 
     def along(self, record: Record, curve: Curve) -> np.ndarray:
-        """The curve at each sample."""
-        return curve(record.t if self.channel is None else record.channel(self.channel))
+        """The curve at each sample; where no data tell how it goes on with a channel, it holds."""
+        assert self.knots is not None
+        if self.channel is None:
+            return curve(record.t)
+        return curve(np.clip(record.channel(self.channel), self.knots[0], self.knots[-1]))
 
 
 class FreeGain(_Varying):

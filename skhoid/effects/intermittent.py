@@ -34,6 +34,8 @@ HOPEFUL_CLOCK = 0.975
 KEPT_EVENTS = (250, 12, 6, 4)
 FINER_EVENT = (0.0, 0.03, 0.015)  # of thresholds and ratios, twice as much of times
 BESIDE = np.array([-1.0, 0.0, 1.0])
+CLOCK_OFF = 0.04  # of the time between ticks
+LONGEST_REST = 0.6  # s, the refractory time
 # Step and number to each side, for the refractory time, the threshold and the ratio.
 BESIDE_EVENT = (((0.1, 2), (0.03, 3), (0.03, 3)), ((0.04, 1), (0.01, 1), (0.01, 1)))
 
@@ -260,6 +262,21 @@ class Intermittent(Effect):
         threshold = threshold / abs(core["K_e"]) if of_error else by * threshold
         found = {**change, "hold_time": hold, "threshold": threshold}
         return [found, {**found, "+tau_e": -early}] if "tau_e" in core else [found]
+
+    def within_cube(
+        self, values: dict[str, float], at: np.ndarray, record: Record
+    ) -> dict[str, float]:
+        """Clocks of any phase, nearly as fast; events of half to twice the change, at any rest."""
+        if self.fixed:
+            return super().within_cube(values, at, record)
+        if self.trigger == "clock":
+            hold = values["hold_time"] * (1 + CLOCK_OFF * (2 * at[0] - 1))
+            return {"hold_time": hold, "phase": hold * at[1]}
+        longest = max(2 * values["hold_time"], LONGEST_REST)
+        return {
+            "hold_time": longest * at[0],
+            "threshold": values["threshold"] * 4.0 ** (at[1] - 0.5),
+        }
 
     def apply(
         self,

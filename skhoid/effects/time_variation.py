@@ -379,10 +379,15 @@ class Lapses(Effect):
             inside = (record.t - begin - shift) / record.dt + 0.5
             until = (end + shift - record.t) / record.dt + 0.5
             lapse = np.clip(np.minimum(inside, until), 0.0, 1.0)
+            rows = np.flatnonzero(lapse.any(axis=1))
+            if not rows.size:
+                continue
+            near = np.s_[rows[0] : rows[-1] + 1]
             if self.form == "hold":
                 first = np.broadcast_to((inside >= 0.5).argmax(axis=0), whole.shape[1:])
-                kept = np.where(lapse > away, np.take_along_axis(whole, first[None], 0), kept)
-            away = np.maximum(away, lapse)
+                held = np.take_along_axis(whole, first[None], 0)
+                kept[near] = np.where(lapse[near] > away[near], held, kept[near])
+            away[near] = np.maximum(away[near], lapse[near])
         left = 1 - depth * away
         if self.form == "gain":
             return signal._replace(position=left * signal.position, rate=left * signal.rate)

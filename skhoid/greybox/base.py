@@ -35,6 +35,7 @@ from .likelihood import criterion_of, likelihood_fit, prior_of
 from .model import Model
 from .operator_summary import simulated_summary
 from .prepared import Prepared, SimulatedCore, prepared_for
+from .profile import profile_intervals
 from .side_by_side import SegmentColumns, build_record, measured
 from .simulator import Simulator
 from .some_runs import on_all_runs, record_of_some
@@ -340,9 +341,11 @@ def simulation_of(
     """Set what an estimator shows of a fit in simulation; return what predictions need."""
     record = model.simulator.record
     criterion = Criterion(record, noise)
+    intervals = {}
     if record.core != CoreKind.ARX:
         own = criterion_of(model, noise)
         covariance = covariance_of(model.simulator, own, model.fit, prior_of(model.simulator))
+        intervals = profile_intervals(model, own, covariance)
     else:
         covariance = model.covariance()
     n, output = criterion.n, model.output
@@ -352,7 +355,12 @@ def simulation_of(
     estimator.n_rows_used_ = int(record.known.sum())
     estimator.vaf_ = vaf_of_output(record, output)
     estimator.parameters_ = parameter_table(
-        model.simulator, model.theta, covariance, prepared.units, dict(prepared.spec.given)
+        model.simulator,
+        model.theta,
+        covariance,
+        prepared.units,
+        dict(prepared.spec.given),
+        intervals,
     )
     estimator.effects_ = effects_with_values(model)
     return Simulation(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 import pandas as pd
 
@@ -12,6 +15,7 @@ from .model import Model
 from .simulator import Simulator
 
 NORMAL_95 = 1.96
+NO_INTERVALS: Mapping[str, tuple[float, float]] = MappingProxyType({})
 
 
 def parameter_table(
@@ -20,11 +24,12 @@ def parameter_table(
     covariance: np.ndarray,
     units: dict[str, str | None],
     fixed: dict[str, float],
+    intervals: Mapping[str, tuple[float, float]] = NO_INTERVALS,
 ) -> pd.DataFrame:
     """Values, standard errors and intervals of all parameters, including derived and fixed ones.
 
     Parameters that the data do not determine have no standard error; their interval is the whole
-    range.
+    range. ``intervals`` replace those of standard errors.
     """
     rows = []
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -53,6 +58,8 @@ def parameter_table(
             add_lost(p.name, float(theta[i]), p.dimension, p.spec.meaning, (p.low, p.high))
         else:
             add(p.name, float(theta[i]), float(sd[i]), p.dimension, p.spec.meaning)
+            if p.name in intervals:
+                rows[-1] = (*rows[-1][:3], *intervals[p.name], *rows[-1][5:])
         ratio = ratios.get(p.name)
         if ratio is not None:
             k = simulator.names.index(ratio.under)

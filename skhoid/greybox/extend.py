@@ -26,6 +26,7 @@ ALIKE = 0.9  # share of the gain of the best variant
 HOPEFUL = 1.0  # times the parent's squares, at most, before a search
 COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
 FINE_SIZES = (0.04, 0.013, 0.004)
+BEGUN = 4  # iterations of a fit that may come to nothing
 LEAST_COARSE_GAIN = 5e-4  # of the power of the output
 
 
@@ -37,12 +38,14 @@ def extended(
     coarse: Criterion,
     *,
     start: Mapping[str, float] | None = None,
+    least: float = 0.0,
 ) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
     ``start`` has a user's values, by full names, that are tried too.
     Variants and starts are explored under the ``coarse`` criterion. The fit is followed
-    to the end only where that shows a gain.
+    to the end only where that shows a gain; after some iterations, only where more than the share
+    ``least`` of the power is gained, or twice that was while exploring.
     """
     record = replace(parent.simulator.record, prediction=parent.output)
     core = parent.simulator.core
@@ -106,11 +109,16 @@ def extended(
         promising = before - sse > enough
         if finished and (not promising or before - sse < ALIKE * gain):
             break
-        full = minimise(simulator, criterion, fit.theta, max_iter=20 if promising else 1)
+        most = BEGUN if promising else int(least == 0.0)  # a search refines all once more
+        full = minimise(simulator, criterion, fit.theta, max_iter=most)
+        gained = criterion.sse(parent.output) - full.sse > least * criterion.power
+        followed = promising and (gained or before - sse > 2 * least * coarse.power)
+        if followed:
+            full = minimise(simulator, criterion, full.theta, max_iter=20)
         model = Model(simulator, full, parent.other_cores)
         if isinstance(variant, FreeForm) and variant.spread is None:
             model = smoothed(model, [name]).refined(criterion)
-        if promising and not variant.smooth:
+        if followed and not variant.smooth:
             model = searched(model, name, criterion, FINE_SIZES)
         finished.append((number, model))
     assert finished

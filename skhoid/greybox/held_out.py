@@ -24,6 +24,8 @@ def refitted(
     *,
     starts: Iterable[dict[str, float]] = (),
     rows: np.ndarray | None = None,
+    max_iter: int = MOST_ITERATIONS,
+    tol: float = TOLERANCE,
 ) -> Model:
     """A model refitted to some of the rows, to convergence.
 
@@ -43,6 +45,8 @@ def refitted(
         last effect; parameters not named start at the model's values.
     rows : ndarray or None, default=None
         What :func:`shared_derivatives` returned for the model; None: each fit computes its own.
+    max_iter, tol : int and float
+        Where fits end, as in :func:`~skhoid.greybox.fitting.minimise`.
 
     Returns
     -------
@@ -59,9 +63,7 @@ def refitted(
     points += [np.array([{**known, **start}[n] for n in simulator.names]) for start in starts]
     known_sums = [None if rows is None else sums_of(inside, rows), *(None for _ in points[1:])]
     fits = [
-        minimise(
-            simulator, inside, point, max_iter=MOST_ITERATIONS, tol=TOLERANCE, at_start=at_start
-        )
+        minimise(simulator, inside, point, max_iter=max_iter, tol=tol, at_start=at_start)
         for point, at_start in zip(points, known_sums, strict=True)
     ]
     best = Model(simulator, min(fits, key=lambda fit: fit.sse), model.other_cores)

@@ -21,6 +21,7 @@ from ..effects.record import Record
 
 REST, HELD, ESTIMATE = "rest", "held", "estimate"
 FORGOTTEN = 2.0  # s of settling, after which an operator has forgotten how a run began
+ROUNDING = 1e-13  # of the largest square, by which others may be off
 WEAK = 1e-6  # share of its squares in the known rows from which a state is estimated in full
 GONE = 1e-9  # of a free response
 MARGIN = 1.3  # times that long, for poles that lie together
@@ -203,7 +204,11 @@ def _by_newton(
                 for one in np.eye(states)
             ]
         )
-        gram = np.einsum("inj,knj->jik", slopes, slopes) + WEAK * np.eye(states)
+        gram = np.einsum("inj,knj->jik", slopes, slopes)
+        if not np.isfinite(gram).all():  # it runs away
+            break
+        ridge = np.maximum(WEAK, ROUNDING * gram.max(axis=(1, 2)))
+        gram += ridge[:, None, None] * np.eye(states)
         right = np.einsum("inj,nj->ji", slopes, residual)
         change = np.linalg.solve(gram, right[:, :, None])[:, :, 0].T
         trial = begun(start + change)

@@ -21,6 +21,7 @@ from .fitting import (
     scaled_inverse,
     sse_at,
 )
+from .jumps import SOFT, evolved
 from .loop import LoopSimulator, loop_of
 from .model import Model
 from .prior import Prior
@@ -45,8 +46,10 @@ STEADY = 0.02  # of n log(SSE), by which a round must be better to go on
 DELAYS = (0.15, 0.25, 0.35)  # s, to start from
 NEAR_BY = (0.3, 0.7, 0.85, 1.2, 1.4, 3.0)  # times the numbers of an effect with kinks
 ROUNDS_AMONG_KINKS = 4
+ROUNDS_AMONG_JUMPS = 3
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
-NEEDED = 8.0  # of n log(SSE), that a gain on the error rate must save
+SAME = 0.1  # of n log(SSE), from a minimum, where a fit will end there too
+NEEDED = 8.0  # of n log(SSE), that a gain on the error rate or another minimum must save
 SHORT_LEAD = 0.05  # s, from which to seek how large a gain may be that was left out
 SOUGHT, CLOSE, FARTHER = 4, 0.2, 3.0  # tries; relative accuracy; times as far, at most
 
@@ -64,8 +67,10 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     """
     kind = model.simulator.record.core
     model, noise = settled(model, criterion)
-    if kind == CoreKind.ARX or not model.simulator.smooth:
+    if kind == CoreKind.ARX:
         return model, noise
+    if not model.simulator.smooth:
+        return among_jumps(model, noise, criterion)
     theta, beside = joint_fit(model)
     if theta is None:
         model.fit.beside = beside
@@ -98,7 +103,8 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     Repeated until neither moves: in a closed loop the first fit is biased, and so is its noise
     model, which keeps the bias for some rounds. A wrong model would leave more and more to the
     noise model, so the free run may become only slightly worse (for an operator, after two rounds).
-    An ARX model gets two rounds.
+    Under a noise model that is nearly an integrator levels are not determined: where the free run
+    is worse than none, the round before is the last. An ARX model gets two rounds.
     """
     core = model.simulator.record.core
     power = 0.0
@@ -111,7 +117,8 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
         model = model.refined(criterion)
         moved = model.theta - before.theta
         after = _power(residual_at(model.simulator, criterion, model.theta))
-        if i >= N_FREELY[core] and after > WORSE[core] * power:
+        worse = i >= N_FREELY[core] and after > WORSE[core] * power
+        if worse or not after <= max(power, criterion.power):
             if not noise.ar.size:
                 return before.under(criterion), criterion.noise
             criterion.set_noise(noise)
@@ -119,6 +126,32 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
         if criterion.n * (moved @ model.fit.normal @ moved) < SETTLED * model.sse:
             break
     return model, criterion.noise
+
+
+def among_jumps(
+    model: Model, noise: RemnantModel, criterion: Criterion
+) -> tuple[Model, RemnantModel]:
+    """The likeliest minimum where effects jump, sought again under each new noise model.
+
+    Its fit has the covariance of others that are about as likely.
+    """
+    jumping = [
+        name
+        for name, effect in model.effects
+        if not effect.smooth and effect.free and effect.softened(SOFT[0]) is None
+    ]
+    for _ in range(ROUNDS_AMONG_JUMPS if jumping else 0):
+        here = found = model.under(criterion)
+        apart = np.zeros((here.theta.size, here.theta.size))
+        for name in jumping:
+            found, spread = evolved(found, name, criterion)
+            apart += spread
+        here.fit.beside = found.fit.beside = apart
+        if not criterion.n * np.log(here.sse / found.sse) > NEEDED:
+            return here, noise
+        model, noise = settled(found, criterion)
+        model.fit.beside = apart
+    return model, noise
 
 
 def _power(signal: np.ndarray) -> float:
@@ -324,22 +357,33 @@ def likeliest(
     starts: Iterable[np.ndarray],
     rate: float = JOINT_RATE,
     held: np.ndarray | None = None,
+    known: Likeliest = None,
 ) -> Likeliest:
     """Least n log(SSE / n) of model and noise model, with the cost of the prior; its parameters.
 
-    On rows at a ``rate`` (Hz). None where no start succeeds.
+    On rows at a ``rate`` (Hz). ``known`` is what other starts have led to. None where no start
+    succeeds.
     """
     held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
     criterion = Criterion(simulator.record, rate=rate)
-    found = [_joint(simulator, start, criterion, held) for start in starts]
-    known = [one for one in found if one is not None]
-    return min(known, key=lambda one: one[0]) if known else None
+    for start in starts:
+        found = joint_loss(simulator, start, criterion, held, known)
+        if found is not None and (known is None or found[0] < known[0]):
+            known = found
+    return known
 
 
-def _joint(
-    simulator: Simulator, theta: np.ndarray, criterion: Criterion, held: np.ndarray
-) -> tuple[float, np.ndarray] | None:
-    """From one start: n log(SSE / n), the cost of the prior, and the parameters."""
+def joint_loss(
+    simulator: Simulator,
+    theta: np.ndarray,
+    criterion: Criterion,
+    held: np.ndarray,
+    known: Likeliest = None,
+) -> Likeliest:
+    """From one start: n log(SSE / n), the cost of the prior, and the parameters.
+
+    None where no fit leads on, or it leads to what is known.
+    """
     prior = prior_of(simulator)
     last = np.inf
     theta = np.clip(theta, simulator.low, simulator.high)
@@ -365,6 +409,10 @@ def _joint(
             prior=prior.weighing(sse / criterion.n),
         )
         theta = fit.theta
+        if known is not None:
+            apart = theta - known[1]
+            if criterion.n * (apart @ fit.normal @ apart) < SAME * fit.sse:
+                return None
     return last, best
 
 

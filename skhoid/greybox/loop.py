@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import fftconvolve, lfilter
 
 from .. import _kernels
@@ -30,7 +31,7 @@ from .simulator import FreeParameter, Simulator
 SWEEPS = 20
 SLOW, PATIENCE = 0.8, 3  # sweeps that leave more than this share, and how many end the search
 SMALL_STEP = 0.4
-SAME = 1e-5  # of the error's standard deviation
+SAME = 1e-4  # of the error's standard deviation
 SOLVED = 0.02  # of it, above which a loop counts as not solved
 LARGEST = 300.0  # times it, of an error
 MEMORY = 12.0  # s, of the loop's answer to a short pulse
@@ -89,7 +90,7 @@ class LoopSimulator:
         self._open_loop = open_loop
         self._spread = record.sd("e")
         self._theta: np.ndarray | None = None
-        self._pulse: tuple[np.ndarray, np.ndarray | None] | None = None
+        self._pulse: tuple[np.ndarray, Response | None] | None = None
         self._follow = record.once("follow", lambda: followers(record))
         self._set_draws(None)
 
@@ -165,7 +166,8 @@ class LoopSimulator:
                 stuck = stuck + 1 if worse else 0
                 if size < SAME or not np.isfinite(size) or stuck == PATIENCE:
                     break
-                error = error + step * filtered(left, sensitivity)
+                change = left if sensitivity is None else sensitivity.of(left)
+                error = error + step * change
                 error = np.clip(error, -LARGEST * self._spread, LARGEST * self._spread)
         assert best is not None
         size, self._inside, self._answer, self._last = best
@@ -181,7 +183,7 @@ class LoopSimulator:
             return signal
         return signal.reshape(len(signal), self._draws, -1).mean(axis=1)
 
-    def _sensitivity(self, theta: np.ndarray, error: np.ndarray) -> np.ndarray | None:
+    def _sensitivity(self, theta: np.ndarray, error: np.ndarray) -> Response | None:
         """Answer of the error to a pulse, (1 + G H)^-1; None where it does not settle."""
         if self._pulse is not None:
             before, found = self._pulse
@@ -198,10 +200,10 @@ class LoopSimulator:
             around = fftconvolve(lfilter(self.loop.b, self.loop.a, unit), answer)[:length]
             around[0] += 1.0
             found = lfilter([1.0], around, unit) if np.isfinite(around).all() else None
-        if found is not None and not np.abs(found[-length // 6 :]).max() < RINGS:
-            found = None
-        self._pulse = theta.copy(), found
-        return found
+        settles = found is not None and np.abs(found[-length // 6 :]).max() < RINGS
+        sensitivity = Response.on(found, n) if found is not None and settles else None
+        self._pulse = theta.copy(), sensitivity
+        return sensitivity
 
     def is_curved(self, theta: np.ndarray) -> bool:
         """Whether open-loop responses to a remnant and its opposite differ from that to none."""
@@ -228,7 +230,8 @@ class LoopSimulator:
         assert self._pulse is not None
         inside = change.copy()
         inside[: self.loop.begin] = 0.0
-        inside = filtered(inside, self._pulse[1])
+        sensitivity = self._pulse[1]
+        inside = inside if sensitivity is None else sensitivity.of(inside)
         inside[: self.loop.begin] = change[: self.loop.begin]
         return inside
 
@@ -282,11 +285,27 @@ def moved_with(record: Record, error: np.ndarray, follow: dict[str, np.ndarray])
     return record.changed(channels)
 
 
-def filtered(signal: np.ndarray, response: np.ndarray | None) -> np.ndarray:
-    """A signal of shape (n_samples, n_runs) through an impulse response; None: unchanged."""
-    if response is None:
-        return signal.copy()
-    return fftconvolve(signal, response[:, None], axes=0)[: len(signal)]
+@dataclass(frozen=True)
+class Response:
+    """An impulse response, for signals of one length: its spectrum with as many zeros as it needs.
+
+    The spectrum is of ``n_padded`` samples.
+    """
+
+    spectrum: np.ndarray
+    n_padded: int
+
+    @classmethod
+    def on(cls, response: np.ndarray, n_samples: int) -> Response:
+        """The response to signals of ``n_samples``."""
+        n_padded = next_fast_len(n_samples + len(response) - 1, real=True)
+        return cls(rfft(response, n_padded)[:, None], n_padded)
+
+    def of(self, signal: np.ndarray) -> np.ndarray:
+        """The answer to a signal of shape (n_samples, n_runs)."""
+        answer = rfft(signal, self.n_padded, axis=0)
+        answer *= self.spectrum
+        return np.asarray(irfft(answer, self.n_padded, axis=0)[: len(signal)])
 
 
 def drawn(residual: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
-from .fitting import Criterion, normal_equations, scaled_inverse, sse_at
+from .fitting import Criterion, minimise, normal_equations, scaled_inverse, sse_at
 from .model import Model
 from .simulator import Simulator
 
@@ -18,6 +18,7 @@ SETTLED = 0.05  # change of the logarithm of the spread, below which it ends
 NOTHING = 0.5  # effective degrees of freedom, below which a curve is not there
 WORSE = 1.02  # times the squares, at most, by which a smoother curve may simulate worse
 SMALLEST = 1e-3  # of the scale of the parameters: a straight line
+ROUGHER = 10.0  # times the spread, of a curve that smoothing takes little from
 FACTOR = 10.0  # by which a round may change the spread, at most
 
 
@@ -37,6 +38,23 @@ def posterior_of(model: Model, criterion: Criterion) -> Posterior:
     return Posterior(sigma2 * inverse, np.diag(inverse @ normal).copy())
 
 
+def change_if_rougher(model: Model, name: str, criterion: Criterion) -> np.ndarray:
+    """Change of parameters at a fit, linearised, if the spread of a curve were much greater."""
+    simulator, theta = model.simulator, model.theta
+    normal, _ = normal_equations(simulator, criterion, theta)
+    sigma2 = sse_at(simulator, criterion, theta) / max(criterion.n, 1)
+    curvature, slope = simulator.prior.weighing(sigma2).normal_equations(theta)
+    own = np.array([one.startswith(f"{name}__") for one in simulator.names])
+    weaker = np.where(own, 1 / ROUGHER**2, 1.0)
+    free = np.flatnonzero((theta > simulator.low) & (theta < simulator.high))
+    # At the fit the data's gradient balances the prior's slope, of which a part is taken away.
+    released = (weaker - 1.0) * slope
+    change = np.zeros(theta.size)
+    inverse = scaled_inverse((normal + curvature * weaker)[np.ix_(free, free)])
+    change[free] = inverse @ released[free]
+    return change
+
+
 def smoothed(model: Model, names: Collection[str]) -> Model:
     """A model with free forms that are as smooth as is most likely, at the minimum of that.
 
@@ -50,22 +68,48 @@ def smoothed(model: Model, names: Collection[str]) -> Model:
     (2017).
     """
     criterion = Criterion(model.simulator.record)
-    given, plain = model, Criterion(model.simulator.record)
+    plain = Criterion(model.simulator.record)
     most = WORSE * sse_at(model.simulator, plain, model.theta)
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         criterion.set_noise(criterion.remnant_model(model.output))
-        model = model.refined(criterion, max_iter=4)
-        if sse_at(model.simulator, plain, model.theta) > most:
-            return given  # what whitening favours may be no simulation
-        spreads = chosen_spreads(model, names, criterion)
+        found = model.refined(criterion, max_iter=4)
+        if sse_at(found.simulator, plain, found.theta) > most:
+            # What whitening favours may be no simulation, as long as the curve is too smooth.
+            found = model if number == 0 else model.refined(plain, max_iter=4)
+        spreads = chosen_spreads(found, names, criterion)
         if not spreads:
-            return model
-        before = model
-        model = with_spreads(model, spreads)
+            return found
+        model = with_spreads(found, spreads)
         moved = [abs(np.log(new / old)) for new, old in spreads.values()]
         if max(moved) < SETTLED:
-            return before
+            return found if number else model
     return model.refined(criterion, max_iter=4)
+
+
+def in_detail(model: Model, name: str) -> Model:
+    """A model at the least error of simulation, with more knots of a free form that has a curve.
+
+    Between few knots a curve cannot bend: what it misses there is no error that its posterior
+    knows. With many its smoothness is chosen by the likelihood alone.
+    """
+    effect = dict(model.effects.steps)[name]
+    if not isinstance(effect, FreeForm) or not effect.free or effect.spread is None:
+        return model
+    finer = effect.with_more_knots()
+    if finer.knots == effect.knots:
+        return model
+    values = model.values()
+    own = np.array([values[f"{name}__{p.name}"] for p in effect.free])
+    at_knots = effect.curve(effect.curve.basis @ own, np.asarray(finer.knots))
+    found = finer.coefficients(at_knots)
+    values |= {f"{name}__{key}": value for key, value in found.items()}
+    steps = [(one, finer if one == name else other) for one, other in model.effects]
+    core, record = model.simulator.core, model.simulator.record
+    simulator = Simulator(core, Effects(steps), record)
+    plain = Criterion(record)
+    start = np.array([values[one] for one in simulator.names])
+    fit = minimise(simulator, plain, start, max_iter=8)
+    return smoothed(Model(simulator, fit, model.other_cores), [name]).refined(plain)
 
 
 def chosen_spreads(
@@ -86,10 +130,10 @@ def chosen_spreads(
             continue
         old = max(prior.values())
         at = [simulator.names.index(f"{name}__{key}") for key in prior]
-        if dof[at].sum() < NOTHING:
-            continue
         squares = sum((values[f"{name}__{key}"] / sd) ** 2 for key, sd in prior.items())
-        factor = np.sqrt(squares / float(dof[at].sum()))
+        factor = np.sqrt(squares / max(float(dof[at].sum()), 1e-300))
+        if dof[at].sum() < NOTHING and not factor > 1.0:
+            continue
         new = old * float(np.clip(factor, 1 / FACTOR, FACTOR))
         found[name] = (max(new, SMALLEST * max(scales.values())), old)
     return found

@@ -24,6 +24,7 @@ from .residual_frequency import ResidualFrequencyDisplay
 from .residual_map import ResidualMapDisplay
 from .residual_time import ResidualTimeDisplay
 from .run_comparison import RunComparisonDisplay
+from .shape import ShapeDisplay
 from .simulation import SimulationDisplay
 from .study_boxes import StudyBoxDisplay
 from .study_paths import StudyPathDisplay
@@ -54,6 +55,7 @@ __all__ = [
     "ResidualMapDisplay",
     "ResidualTimeDisplay",
     "RunComparisonDisplay",
+    "ShapeDisplay",
     "SimulationDisplay",
     "StudyBoxDisplay",
     "StudyPathDisplay",

@@ -33,6 +33,7 @@ from ..search.explanations import (
     unexplained_by,
     with_effects,
 )
+from ..search.shape import BY_HAND, LEAD, NO_FORM, Shape
 from ..summaries import DASH, VAF_RULE, Estimate, counted, gap_text, number, p_text
 from .plots import Gallery, Plot
 from .provenance import provenance
@@ -122,6 +123,7 @@ def content_of(
         "compared": compared,
         "no_comparison": results.no_comparison,
         "steps": [] if search is None else _steps(search, gallery),
+        "shape": None if search is None else _shape(search.shape_, gallery),
         "unit": units.get(str(output.name), ""),
         "rankings": [] if search is None else list(_rankings(search)),
         "no_search": results.no_search,
@@ -185,6 +187,9 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
         sentence += f" {stand_ins_sentence(search.stand_ins_)}."
     if kind == "unknown" and len(search.unexplained_):
         sentence += f" Left: {_unexplained(search)}."
+    if kind == "unknown":
+        shape = search.shape_
+        sentence += f" {NO_FORM}." if shape is None else f" {shape.sentences()[0]}"
     return {"kind": kind, "headline": headline, "sentence": sentence}
 
 
@@ -386,6 +391,20 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
     return steps
 
 
+def _shape(shape: Shape | None, gallery: Gallery) -> dict[str, Any] | None:
+    """What is known of an effect without a name: sentences, its curve, the nearest names."""
+    if shape is None:
+        return None
+    nearest = shape.nearest_table()
+    return {
+        "first": _sentence(shape.sentences()[0].removeprefix(LEAD)),
+        "others": shape.recordings,
+        "picture": gallery.shape(shape),
+        "nearest": nearest.rows,
+        "curve": shape.curve_table(),
+    }
+
+
 def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
     for step, table in search.ranking_.groupby("step"):
         rows = [
@@ -453,7 +472,7 @@ def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
                 "name": str(name),
                 "value": found.value,
                 "sd": found.sd,
-                "interval": f"{found.low} to {found.high}" if found.known else DASH,
+                "interval": DASH if found.low == DASH else f"{found.low} to {found.high}",
                 "unit": found.unit,
                 "meaning": row["meaning"],
                 "before": _before(before.loc[name]) if was else DASH,  # type: ignore[union-attr]
@@ -498,8 +517,16 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
                 "why": f"It is search.best_estimator_{', or by hand:' if known else '.'}",
                 "code": code if known else "",
             }
-        for sentence in search.experiments_:
+        shape = search.shape_
+        recordings = [] if shape is None else shape.recordings
+        for sentence in (*search.experiments_, *recordings):
             yield {"what": "Record what tells effects apart", "why": sentence, "code": ""}
+        if shape is not None:
+            yield {
+                "what": "Make the shape an effect of your own",
+                "why": "A file with its curve, and with a short formula where one fits:",
+                "code": BY_HAND,
+            }
         if search.best_effects_[-1:] == [UNKNOWN]:
             own = (
                 "Record the channel that carries it, or write an effect of your own and add it to "

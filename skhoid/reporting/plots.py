@@ -162,6 +162,21 @@ class Gallery:
                 plots.append(self._plot(drawn[0], caption, drawn[1]))
         return plots
 
+    def shape(self, shape: Any) -> Plot:
+        """The curve of what has no name."""
+        from ..plotting import ShapeDisplay
+
+        with self._drawing() as new:
+            drawn = []
+            for size in (WIDE, TILE):
+                figure = new(size)
+                ShapeDisplay.from_shape(shape, ax=figure.axes[0])
+                figure.axes[0].set(title="", ylabel="")
+                _legend_below(figure)
+                drawn.append(figure)
+            what = shape.y_label[:1].upper() + shape.y_label[1:]
+            return self._plot(drawn[0], f"{what}, over {shape.x_label}", drawn[1])
+
     def effects(self, model: Any, X: Any, y: Any) -> list[Plot]:
         """Each identified effect itself."""
         from ..plotting import IdentifiedEffectDisplay

@@ -26,6 +26,8 @@ LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a pla
 AS_GOOD = 0.05  # points
 SURE = 3.0  # standard errors, by which an effect's numbers are off those at which it does nothing
 AT_ZERO = 1e-9  # rounding of a bound
+MOST_UNBIASED = 1.5  # times ΔBIC, of a weight that is about as large usually
+MAY_BE_BEST = 0.5  # of the weight of the best, for another that may be it once it is known
 RIVAL = 0.3  # of the weight of the best, at least, of another that may be it
 N_RIVALS = 3  # which the closed loop compares with the best
 CONFUSED = 12.0  # of ΔBIC, within which two effects are not told apart
@@ -52,6 +54,7 @@ class Candidate:
     in_loop: InLoop | None = None
     least_gain: float = LEAST_GAIN
     refused: str = ""
+    unweighed: bool = False
 
     @property
     def id(self) -> str:
@@ -115,6 +118,13 @@ class Candidate:
         return self.delta_bic / 2 + unbiased - against
 
     @property
+    def at_most(self) -> float:
+        """What its weight may be once the unbiased ΔBIC, usually half the other, is known."""
+        if not self.unweighed:
+            return self.weight
+        return MOST_UNBIASED * max(self.delta_bic, 0.0) + LEAST_DELTA_BIC
+
+    @property
     def follows(self) -> bool:
         """Whether it follows the measured error better, by likelihood and on held-out rows."""
         return self.delta_bic > LEAST_DELTA_BIC and self.gain >= self.least_gain
@@ -125,12 +135,16 @@ class Candidate:
         return self.follows or (self.joint > LEAST_DELTA_BIC and self.gain >= self.least_gain)
 
 
+Weigh = Callable[[list[Candidate]], None]
+
+
 @dataclass
 class SearchStep:
     """A parent, and all candidates for it, best first.
 
     ``parent`` is at the largest likelihood under the noise model of the step, ``plain`` at the
-    least error of the simulation; ``refit`` is the held-out VAF of a model refitted for each fold.
+    least error of the simulation; ``refit`` is the held-out VAF of a model refitted for each fold,
+    and ``weigh`` finds the unbiased ΔBIC of candidates.
     """
 
     parent: Model
@@ -140,6 +154,7 @@ class SearchStep:
     candidates: list[Candidate]
     loop: LoopParent | None
     refit: Callable[[Model], float]
+    weigh: Weigh | None = None
 
     @property
     def refitted_vaf(self) -> float:
@@ -150,6 +165,7 @@ class SearchStep:
         """Put the best first; it has also passed in the closed loop, where that is known."""
         judged: list[Candidate] = []
         while True:
+            weigh_likely(self.candidates, self.weigh)
             self.candidates.sort(key=place_of)
             plainest_first(self.candidates)
             first = self.candidates[0] if self.candidates else None
@@ -169,9 +185,16 @@ class SearchStep:
         first = self.best
         if first is None or not first.linear_in_loop:
             return
-        least = RIVAL * first.weight
-        rivals = [c for c in self.candidates[1:] if c.passes and not c.trace and c.weight > least]
-        near = [c for c in rivals[:N_RIVALS] if self.judge(c) and c.linear_in_loop]
+        rivals = [c for c in self.rivals() if not c.trace][:N_RIVALS]
+        assert self.loop is not None
+        assert first.in_loop is not None
+        enough = first.in_loop.delta_bic + LEAST_DELTA_BIC_IN_LOOP
+        if not any(self._likely_in_loop(c, enough) for c in rivals):  # whatever rows held out say
+            for c in rivals:
+                if abs(c.weight - first.weight) < CONFUSED:
+                    self.judge(c)
+            return
+        near = [c for c in rivals if self.judge(c) and c.linear_in_loop]
 
         def in_loop(c: Candidate) -> float:
             assert c.in_loop is not None
@@ -182,8 +205,24 @@ class SearchStep:
         self.candidates.remove(best)
         self.candidates.insert(0, best)
 
+    def rivals(self) -> list[Candidate]:
+        """Candidates that pass and have much of the weight of the first."""
+        weigh_likely(self.candidates, self.weigh, RIVAL)
+        self.candidates[1:] = sorted(self.candidates[1:], key=place_of)
+        least = RIVAL * self.candidates[0].weight
+        return [c for c in self.candidates[1:] if c.passes and c.weight > least]
+
+    def _likely_in_loop(self, candidate: Candidate, enough: float) -> bool:
+        """Whether a linear effect's ΔBIC in the closed loop is more than enough."""
+        assert self.loop is not None
+        assert candidate.model is not None
+        found, _ = self.loop.compared(candidate.model)
+        return not found.bends and bool(found.delta_bic > enough)
+
     def judge(self, candidate: Candidate) -> bool:
         """Whether a candidate passes in the closed loop too, and refitted without each fold."""
+        if candidate.unweighed and self.weigh is not None:
+            self.weigh([candidate])
         if candidate.in_loop is None and not candidate.trace:
             assert candidate.model is not None
             loop = self.loop
@@ -215,6 +254,30 @@ class SearchStep:
     def best(self) -> Candidate | None:
         first = self.candidates[0] if self.candidates else None
         return first if first is not None and first.passes else None
+
+
+def weigh_likely(
+    candidates: list[Candidate], weigh: Weigh | None, share: float = MAY_BE_BEST
+) -> None:
+    """Find the unbiased ΔBIC of those that may be the best, or have a ``share`` of its weight.
+
+    Of alternatives of an effect, also of those that may be likelier than one of which it is known.
+    """
+    while weigh is not None:
+        most = [c.at_most for c in candidates if c.passes and not c.unweighed]
+        left = [c for c in candidates if c.unweighed]
+        known: dict[str, float] = {}
+        for c in candidates:
+            if not c.unweighed and np.isfinite(c.joint):
+                known[c.name] = max(c.weight, known.get(c.name, -np.inf))
+        if not most:  # the likeliest shows how much others have to be
+            left = sorted(left, key=lambda c: -c.at_most)[:1]
+        else:
+            least = share * max(most)
+            left = [c for c in left if c.at_most > min(least, known.get(c.name, np.inf))]
+        if not left:
+            return
+        weigh(left)
 
 
 def likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
@@ -261,11 +324,12 @@ def without_name(candidate: Candidate) -> str:
 def hardly_there(candidate: Candidate) -> str:
     """Why a fitted effect is not named: its numbers may well be those at which it does nothing.
 
-    Not asked of what jumps, nor where a standard error is not known.
+    Not asked of what jumps, nor where a standard error is not known, nor of a curve: each of its
+    coefficients may be zero where all together are not, and that ΔBIC says.
     """
     model, neutral = candidate.model, candidate.effect.neutral
     assert model is not None
-    if not neutral or not model.simulator.smooth:
+    if not neutral or candidate.effect.free_form or not model.simulator.smooth:
         return ""
     free = {p.name for p in dict(model.effects.steps)[candidate.name].free}
     sizes = [name for name in neutral if name in free]

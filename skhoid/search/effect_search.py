@@ -41,7 +41,6 @@ from .explanations import (
     changes_sentences,
     experiments,
     headline_of,
-    shape_note,
     summary_of,
     unexplained_by,
     untried_notes,
@@ -54,8 +53,9 @@ from .pairs import pair_of
 from .progress import Progress
 from .results import error_path, held_out_table, ranking_table, short_ranking, unexplained_table
 from .search_numbers import SearchNumbers, numbers_of
-from .shape import fitted_shape
+from .shape import fitted_shape, told_shape
 from .shapes import shaped
+from .sketch import SketchesEffects
 from .verdict import Verdict
 
 GUARD = 5.0  # s beside held-out blocks of a single run
@@ -63,6 +63,7 @@ MOST_FOLDS = 20  # of a search in some of very many runs
 
 
 class EffectSearchCV(
+    SketchesEffects,
     SplitsRuns,
     FittedDisplay,
     CallbackSupportMixin,
@@ -127,10 +128,10 @@ class EffectSearchCV(
         better; one noise model for all candidates), p_value (of the likelihood ratio, times the
         number of effects tried), gain_loop and delta_bic_loop (the same in the closed loop; NaN
         where not evaluated), delta_bic_joint (with a jointly estimated noise model; NaN for an ARX
-        model, and for effects without a gain), parameters (with standard errors and units), reason
-        (why it was not added), words, confused_with, vaf_before (held out, refitted for each fold,
-        of the first step as in ``error_path_``), vaf_after (its sum with vaf_gain), delta_loglik,
-        n_parameters. :meth:`ranking_table` is the short form.
+        model, for effects without a gain, and far behind the best), parameters (with standard
+        errors and units), reason (why it was not added), words, confused_with, vaf_before (held
+        out, refitted for each fold, of the first step as in ``error_path_``), vaf_after (its sum
+        with vaf_gain), delta_loglik, n_parameters. :meth:`ranking_table` is the short form.
     best_effects_ : list of str
         Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
         structure that none of the effects tried explains; on its own, it means that the effects
@@ -404,9 +405,6 @@ class EffectSearchCV(
         self.notes_ = self._where_searched + changes_sentences(found.changes)
         if self.max_effects:
             self.notes_ += untried_notes(self._candidates(), self.ranking_)
-        if self.shape_ is not None:
-            shape = self.shape_
-            self.notes_.append(shape_note(shape.sentence, shape.gain, shape.closed))
         best = self.best_estimator_
         self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
         if hasattr(best, "simulation_parameters_"):  # an operator
@@ -493,8 +491,8 @@ class EffectSearchCV(
             as_fitted(self).max_effects,
             self.ceiling_note_,
             self.unexplained_,
-            self.experiments_,
-            self.notes_,
+            told_shape(self.best_effects_, self.shape_),
+            self.experiments_ + self.notes_,
         )
         return Summary(text)
 

@@ -151,14 +151,6 @@ def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str
     return f"none of the {n_tried} effects tried explains"
 
 
-def shape_note(sentence: str, gain: float, closed: float) -> str:
-    """What a free form shows of an effect without a name."""
-    return (
-        f"what has no name has a shape: {sentence}; a curve that the data choose gains {gain:.1f} "
-        f"points of held-out VAF, {100 * closed:.0f} % of what is left to explain (see shape_)"
-    )
-
-
 def untried_notes(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[str]:
     """Why a search tried nothing, if it did: of each effect, what it needs."""
     if len(ranking) and (ranking["status"] != "does not apply").any():
@@ -222,10 +214,13 @@ def summary_of(
     max_effects: int,
     no_ceiling: str,
     unexplained: pd.DataFrame,
-    experiments: Sequence[str],
+    shape: Sequence[str],
     notes: Sequence[str],
 ) -> str:
-    """The whole search in plain sentences; ``path`` has the final parameters of each effect."""
+    """The whole search in plain sentences; ``path`` has the final parameters of each effect.
+
+    ``shape`` is what is said of the shape of what has no name.
+    """
     first, last = path.iloc[0], path.iloc[-1]
     ceiling = first["ceiling"]
     rest = unexplained_by(verdict, ranking, max_effects)
@@ -255,6 +250,7 @@ def summary_of(
         lines.append(f"What {rest}:")
         for _, row in unexplained.iterrows():
             lines.append(f"  - {row['description']} ({row['where']}): {row['points']:.1f} points")
+    lines += shape
     if verdict in HOW_TO_GO_ON:
         lines.append(HOW_TO_GO_ON[verdict])
     gap = last["explainable_gap"]
@@ -264,7 +260,7 @@ def summary_of(
     lines.append(
         f"{VAF_RULE} The points required of an effect are about the mean. ± is one standard error."
     )
-    lines += [f"Note: {e}" for e in (*experiments, *notes)]
+    lines += [f"Note: {note}" for note in notes]
     return "\n".join(lines)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,17 +19,18 @@ from ..effects.record import Record
 from ..greybox.base import vaf_of_output
 from ..greybox.cores import Core
 from ..greybox.extend import beside_each_other, extended
-from ..greybox.fitting import Criterion, Fit, minimise
+from ..greybox.fitting import Criterion, Fit, minimise, sse_at
 from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
 from .candidates import (
     AS_GOOD,
     LEAST_GAIN,
     LITTLE_NOISE,
-    RIVAL,
     Candidate,
     SearchStep,
+    Weigh,
     likeliest_alternatives,
+    weigh_likely,
     without_name,
 )
 from .held_out import HeldOutRows, held_out, refitted_prediction, without_folds
@@ -39,6 +41,7 @@ from .signatures import traces_of, without_noise
 from .special_cases import special_first
 
 PARTS = 3  # of the work for each process
+N_RIVALS = 2  # effects that may be the first instead
 HOPELESS = 0.002  # of the output's power
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
@@ -128,8 +131,37 @@ class Search:
                 c.model = self._model(found, parent)
             return self.judged(parent, candidates)
 
+    def step_from(self, parent: Model, other: SearchStep, more: Sequence[Candidate]) -> SearchStep:
+        """The candidates of another step for a parent, each fitted from where it ended there.
+
+        Where the other parent has parameters that this one has not. ``more`` are fitted already.
+        """
+        self._parents[frozenset(parent.effects.names)] = parent
+        fitted = {c.name for c in more}
+        again = [c for c in other.candidates if c.name not in fitted]
+        candidates = [Candidate(c.name, c.effect, reason=c.reason) for c in again]
+        ends = [(c.model.effects, c.model.values()) for c in again if c.model]
+        tried = [c for c in candidates if not c.reason]
+        with self.progress.step(2 * len(tried) + len(more)):
+            for c, found in zip(tried, self._each(self._followed, ends, parent), strict=True):
+                c.model = self._model(found, parent)
+            return self.judged(parent, [*candidates, *more])
+
+    def _followed(
+        self, end: tuple[Effects, dict[str, float]], parent: Model
+    ) -> tuple[Effects, Fit]:
+        effects, values = end
+        simulator = Simulator(self.core, effects, self.record)
+        starts = [
+            np.array([known[name] for name in simulator.names])
+            for known in (values, {**values, **parent.values()})
+        ]
+        start = min(starts, key=lambda theta: sse_at(simulator, self.criterion, theta))
+        return effects, minimise(simulator, self.criterion, start)
+
     def _extended(self, added: tuple[str, Effect], parent: Model) -> tuple[Effects, Fit]:
-        model = extended(parent, *added, self.criterion, self.coarse)
+        least = HOPELESS / 2 * self.share
+        model = extended(parent, *added, self.criterion, self.coarse, least=least)
         return model.effects, model.fit
 
     def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
@@ -171,17 +203,28 @@ class Search:
         for c in tried:  # levels may be those at which something else came to rest
             c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
         if self.core.kind.is_operator:
-            gaining = [c for c in tried if c.gain >= c.least_gain and not (c.trace or c.refused)]
-            models = [(c.model.effects, c.model.fit) for c in gaining if c.model]
-            beside = JointParent(base) if gaining else None
-            for c, found in zip(gaining, self._each(self._joint, models, beside), strict=True):
-                c.joint = found
+            for c in tried:
+                c.unweighed = c.gain >= c.least_gain and not (c.trace or c.refused)
+        weigh = self._weighing(base)
+        weigh_likely(candidates, weigh)
         candidates = likeliest_alternatives(candidates)
-        loop = None if self.loop is None else self.loop.around(base)
-        step = SearchStep(base, parent, base_vaf, base_prediction, candidates, loop, self.refit)
+        loop = None if self.loop is None else self.loop.around(base, parent)
+        known = base, parent, base_vaf, base_prediction
+        step = SearchStep(*known, candidates, loop, self.refit, weigh)
         step.rank()
         special_first(step)
         return step
+
+    def _weighing(self, base: Model) -> Weigh:
+        """What finds the unbiased ΔBIC of candidates over a parent."""
+        beside = cache(lambda: JointParent(base))
+
+        def weigh(candidates: list[Candidate]) -> None:
+            models = [(c.model.effects, c.model.fit) for c in candidates if c.model]
+            for c, found in zip(candidates, self._each(self._joint, models, beside()), strict=True):
+                c.joint, c.unweighed = found, False
+
+        return weigh
 
     def _joint(self, found: tuple[Effects, Fit], beside: JointParent) -> float:
         return beside.delta_bic(self._model(found, beside.parent), LIKELY_IF_FIRST)
@@ -288,10 +331,8 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     """Add the best effect as long as one pays; try the second best first effect too."""
     first = search.step(baseline)
     greedy = follow(search, first, first.best if most else None, most)
-    least = RIVAL * first.candidates[0].weight if first.candidates else 0.0
-    rivals = [c for c in first.candidates[1:3] if c.passes and c.weight > least]
     if len(greedy.steps) > 1 and len(greedy.ids) > 1:
-        for rival in rivals:
+        for rival in first.rivals()[:N_RIVALS]:
             if rival.id in greedy.ids[:1] or not first.judge(rival):
                 continue
             other = follow(search, first, rival, 2)
@@ -440,10 +481,15 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
 
 
 def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
-    """Whether one model explains more than the other, by the criterion that ranks candidates.
+    """Whether one model explains more than the other, by the criterion that ranks candidates."""
+    return lead(search, parent, one, other) > 0
+
+
+def lead(search: Search, parent: Model, one: Model, other: Model) -> float:
+    """ΔBIC by which one model leads another, as candidates are ranked.
 
     Under the noise model of the better one, and with noise models estimated along, beside what both
-    have in common.
+    have in common. Infinite where little noise is left and the plainer one is as good.
     """
     criterion = Criterion(search.record)
     both = [output_error_fit(m) for m in (one, other)]
@@ -453,13 +499,13 @@ def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
     n = criterion.n
     vafs = [vaf_of_output(search.record, m.output) for m in both]
     if min(vafs) > LITTLE_NOISE and vafs[0] < vafs[1] + AS_GOOD:
-        return a.n_parameters < b.n_parameters
+        return np.inf if a.n_parameters < b.n_parameters else -np.inf
     delta_bic = n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n)
     if search.core.kind.is_operator:
         beside = JointParent(parent)
         joint = beside.delta_bic(both[0]) - beside.delta_bic(both[1])
         delta_bic = delta_bic / 2 + joint if np.isfinite(joint) else delta_bic
-    return bool(delta_bic > 0)
+    return float(delta_bic)
 
 
 def without_superfluous(search: Search, path: Path) -> Path:

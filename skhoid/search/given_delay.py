@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..greybox.cores import OperatorCore
 from ..greybox.extend import extended
@@ -14,17 +15,32 @@ from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
 from ..greybox.simulator import Simulator
 from .candidates import Candidate, SearchStep
-from .forward import CLAIM, Path, Search, in_gaining_order, ordered, output_error_fit, rises
+from .forward import (
+    CLAIM,
+    Path,
+    Search,
+    in_gaining_order,
+    ordered,
+    output_error_fit,
+    rises,
+    unique_name,
+)
 from .verdict import Outcome, Verdict
 
 
 @dataclass
 class GivenDelay:
-    """The first step of a search whose model has a given delay, and the effect that frees it."""
+    """A search whose model has a given delay, and the effect that frees it, with its name.
+
+    ``first`` is the first step of the search; for an operator, for which a search with a free delay
+    tries the same, it waits for that.
+    """
 
     search: Search
-    first: SearchStep
-    claim: Candidate
+    baseline: Model
+    name: str
+    claim: Effect
+    first: SearchStep | None
 
     @classmethod
     def of(cls, search: Search, baseline: Model) -> GivenDelay | None:
@@ -33,8 +49,9 @@ class GivenDelay:
         known = {effect.name for _, effect in baseline.effects}
         if claim is None or CLAIM in known or claim.refusal_in(search.record, search.core.kind):
             return None
-        first = search.step(baseline)
-        return cls(search, first, next(c for c in first.candidates if c.id == CLAIM))
+        waits = type(search.core) is OperatorCore and bool(claim.free)
+        first = None if waits else search.step(baseline)
+        return cls(search, baseline, unique_name(claim, baseline.effects), claim, first)
 
     def freed(self, prepared: Prepared, model: SimulatedModel) -> tuple[Prepared, Search, Model]:
         """Data, search and baseline of the same model whose delay is free.
@@ -43,9 +60,11 @@ class GivenDelay:
         keep the effect that frees theirs.
         """
         core, search = self.search.core, self.search
-        if type(core) is not OperatorCore or not self.claim.effect.free:
-            assert self.claim.model is not None
-            return prepared, search, output_error_fit(self.claim.model)
+        if self.first is not None:
+            claim = next(c for c in self.first.candidates if c.id == CLAIM)
+            assert claim.model is not None
+            return prepared, search, output_error_fit(claim.model)
+        assert type(core) is OperatorCore
         free = OperatorCore(None, core.least)
         record, searched = (
             free.on(replace(one, _derived={})) for one in (prepared.record, search.record)
@@ -58,14 +77,15 @@ class GivenDelay:
 
     def tested(self, free: Path) -> Path:
         """The result of a search with a free delay; with the given one if the data allow it."""
-        search, first, name = self.search, self.first, self.claim.name
+        search, name = self.search, self.name
+        first = self.first or self._first_beside(free.steps[0])
         steps = [first, *(replace(step, parent=self._told(step.parent)) for step in free.steps)]
         model = output_error_fit(self._told(free.model))
         before = first.parent.effects.names
         added = [n for n in model.effects.names if n not in (name, *before)]
         path = Path(steps, model)
         fixed = self._with_given(model, added, path.core)
-        step = search.judged(fixed, [Candidate(name, self.claim.effect, model=model)])
+        step = search.judged(fixed, [Candidate(name, self.claim, model=model)])
         ways = [(model, [name, *added]), (model, [*added, name])]
         if not step.judge(step.candidates[0]):
             ways.insert(0, (fixed, added))
@@ -75,25 +95,30 @@ class GivenDelay:
                 return path
         return in_gaining_order(search, path, first)
 
+    def _first_beside(self, free: SearchStep) -> SearchStep:
+        """The first step with the given delay, from what that with a free one has found."""
+        claim = Candidate(self.name, self.claim, model=self._told(free.plain))
+        return self.search.step_from(self.baseline, free, [claim])
+
     def _with_given(self, model: Model, added: list[str], core: dict[str, float]) -> Model:
         """The model with the given delay: without what frees it, or built up anew, if better."""
         search, effects = self.search, dict(model.effects.steps)
-        fewer = without(model, self.claim.name, core)
-        again = self.first.parent
+        fewer = without(model, self.name, core)
+        again = self.baseline
         for name in added:
             again = extended(again, name, effects[name], search.criterion, search.coarse)
         return min(fewer, output_error_fit(again), key=lambda one: one.sse)
 
     def _told(self, model: Model) -> Model:
         """A model with a free delay as one with a given delay and the effect that frees it."""
-        name, before = self.claim.name, self.first.parent.effects.names
+        name, before = self.name, self.baseline.effects.names
         if name in model.effects.names:
             return model
         core, steps = self.search.core, model.effects.steps
-        freeing = (name, self.claim.effect)
+        freeing = (name, self.claim)
         effects = Effects([*steps[: len(before)], freeing, *steps[len(before) :]])
         simulator = Simulator(core, effects, self.search.record)
-        extra = f"{name}__{self.claim.effect.free[0].name}"
+        extra = f"{name}__{self.claim.free[0].name}"
         at = [model.simulator.names.index("tau_e" if n == extra else n) for n in simulator.names]
         fit = model.fit.permuted(at)
         theta = fit.theta.copy()

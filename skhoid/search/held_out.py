@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,26 +61,49 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -
 
 
 def refitted_prediction(
-    model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]
+    model: Model, criterion: Criterion, folds: Sequence[HeldOutRows], **ends: Any
 ) -> np.ndarray:
     """Free runs of each fold's rows with parameters fitted anew without them, to the end.
 
-    A fit in a loop may end at the brink of what settles, where the loop is not solved again: it is
-    taken back towards where it began. NaN where that has no solution either.
+    Fits end as those of :func:`~skhoid.greybox.held_out.refitted` do, which ``ends`` may set. A fit
+    in a loop may end at the brink of what settles, where the loop is not solved again: it is taken
+    back towards where it began. NaN where that has no solution either. Curves over a channel hold
+    their last value beyond what the rows that were fitted have of it.
     """
     prediction = model.output.copy()
-    for fold, fitted in without_folds(model, criterion, folds):
-        prediction[fold.test] = fitted.output[fold.test]
+    for fold, fitted in without_folds(model, criterion, folds, **ends):
+        prediction[fold.test] = within_seen(fitted, fold).output[fold.test]
     return prediction
 
 
+def within_seen(fitted: Model, fold: HeldOutRows) -> Model:
+    """A model on the record with channels that curves are over within what the fold was fitted on.
+
+    Beyond, the data say nothing of the curve, and a straight line may lead anywhere.
+    """
+    simulator = fitted.simulator
+    record, changed = simulator.record, {}
+    for _, effect in fitted.effects:
+        name = getattr(effect, "channel", None)
+        if not effect.free_form or name is None or getattr(effect, "over", None) != name:
+            continue
+        channel = record.channel(name)
+        seen = channel[fold.train]
+        bounded = np.clip(channel, seen.min(), seen.max())
+        if (bounded != channel)[fold.test].any():
+            changed[name] = bounded
+    if not changed:
+        return fitted
+    return Model(simulator.on(record.changed(changed)), fitted.fit, fitted.other_cores)
+
+
 def without_folds(
-    model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]
+    model: Model, criterion: Criterion, folds: Sequence[HeldOutRows], **ends: Any
 ) -> Iterator[tuple[HeldOutRows, Model]]:
     """Each fold and the model of :func:`refitted_prediction` that was fitted without its rows."""
     rows = shared_derivatives(model, criterion)
     for fold in folds:
-        fitted = refitted(model, criterion, fold.train, rows=rows)
+        fitted = refitted(model, criterion, fold.train, rows=rows, **ends)
         theta = fitted.theta
         for share in TAKEN_BACK:
             if np.isfinite(fitted.output).all():

@@ -28,6 +28,7 @@ LEAST_RATE = 45.0  # Hz, to which records are thinned
 LIKELY, LIKELY_IF_FIRST, LIKELY_BESIDE_BENT = 25.0, 12.0, 50.0  # with a noise model of its own
 MOSTLY = 0.5  # of the power of a change of the output
 ITERATIONS = 10
+N_TRIED = 2  # iterations from each of several starts
 TOLERANCE = 1e-4
 
 
@@ -95,6 +96,7 @@ class LoopJudge:
     def __init__(self, core: Core, record: Record, loop: Loop, folds: Sequence[HeldOutRows]):
         self.core, self.record, self.loop, self.folds = core, record, loop, folds
         self.plain = Criterion(record)
+        self._around: dict[tuple, LoopParent] = {}
 
     @classmethod
     def of(cls, core: Core, record: Record, folds: Sequence[HeldOutRows]) -> LoopJudge | None:
@@ -108,22 +110,39 @@ class LoopJudge:
         rows = [HeldOutRows(fold.test[::thin], fold.train[::thin]) for fold in folds]
         return cls(core, record, loop, rows)
 
-    def around(self, parent: Model) -> LoopParent:
-        """The loop around a model; a remnant of the kind that it leaves is drawn along."""
+    def around(self, parent: Model, plain: Model | None = None) -> LoopParent:
+        """The loop around a model; a remnant of the kind that it leaves is drawn along.
+
+        ``plain`` is the same model at the least error of simulation, by which it is known again;
+        None: it is that itself.
+        """
+        plain = parent if plain is None else plain
+        key = (tuple(plain.simulator.names), plain.theta.tobytes())
+        if key not in self._around:
+            self._around[key] = self._first_around(parent)
+        return self._around[key]
+
+    def _first_around(self, parent: Model) -> LoopParent:
         assert self.record.y is not None
         open_run = Simulator(self.core, parent.effects, self.record).run(parent.theta)
         remnant = drawn(self.record.y - open_run, self.record.known)
         return LoopParent(self, replace(self.loop, remnant=remnant), parent)
 
     def fitted(self, loop: Loop, effects: Effects, starts: Sequence[np.ndarray]) -> Model:
-        """Effects beside the core, at the smallest error of the loop that some starts lead to."""
+        """Effects beside the core, at the smallest error of the loop that some starts lead to.
+
+        Of several starts the one is followed that some iterations from each lead furthest down.
+        """
         simulator: Any = LoopSimulator(self.core, effects, self.record, loop)
-        fits = [
-            minimise(simulator, self.plain, start, max_iter=ITERATIONS, tol=TOLERANCE)
-            for start in starts
-        ]
-        best = min(fits, key=lambda fit: fit.sse if np.isfinite(fit.sse) else np.inf)
-        return Model(simulator, best)
+        start = starts[0]
+        if len(starts) > 1:
+            begun = [
+                minimise(simulator, self.plain, one, max_iter=N_TRIED, tol=TOLERANCE)
+                for one in starts
+            ]
+            start = min(begun, key=lambda fit: fit.sse).theta
+        fit = minimise(simulator, self.plain, start, max_iter=ITERATIONS, tol=TOLERANCE)
+        return Model(simulator, fit)
 
 
 class LoopParent:
@@ -131,6 +150,8 @@ class LoopParent:
 
     def __init__(self, judge: LoopJudge, loop: Loop, parent: Model):
         self.judge, self.loop, self.parent = judge, loop, parent
+        self._vaf: tuple[Model, float] | None = None
+        self._compared: dict[int, tuple[Model, InLoop, Model | None]] = {}  # models by identity
 
     @cached_property
     def fit(self) -> Model:
@@ -144,32 +165,54 @@ class LoopParent:
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
+        known, fitted = self.compared(model)
+        if fitted is None:
+            return known
+        before, after = self.vaf, self._held_out(fitted)
+        if not np.isfinite(before):
+            return self._not_asked(self._bends(model, self._added(model)))
+        if not np.isfinite(after):
+            return self._unsolved(model)
+        return replace(known, vaf=after, gain=after - before)
+
+    def compared(self, model: Model) -> tuple[InLoop, Model | None]:
+        """The same without the rows held out, which take most of the time, and the fit to judge.
+
+        None where nothing is left to judge.
+        """
+        if id(model) not in self._compared:
+            self._compared[id(model)] = (model, *self._compare(model))
+        return self._compared[id(model)][1:]
+
+    def _compare(self, model: Model) -> tuple[InLoop, Model | None]:
         added = self._added(model)
         effects = [effect for _, effect in added]
         if only_levels(effects, self.parent, model):
-            return self._not_asked(True)
+            return self._not_asked(True), None
         bends = self._bends(model, added)
         if not (model.simulator.smooth and self.solved):
-            return self._not_asked(bends)
+            return self._not_asked(bends), None
         known = self.fit.values()
         names = model.simulator.names
         other = np.array([{**model.values(), **known}[name] for name in names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
-        # A linear path without a solution is a loop that does not settle, or has no delay.
-        paths = all(effect.place in ("path", "sum") for effect in effects)
-        whole = self._bends(model, model.effects.steps)
-        lost = -np.inf if paths and not whole else np.nan
-        without = InLoop(lost, lost, lost, bends)
         if not np.isfinite(fitted.output).all():
-            return without
+            return self._unsolved(model), None
         self._start_from(fitted)
-        before, after = (self._held_out(m) for m in (self.fit, fitted))
-        if not np.isfinite(before):
-            return self._not_asked(bends)
-        if not np.isfinite(after):
-            return without
         delta_bic = min(self.delta_bic(fitted, rate) for rate in RATES)
-        return InLoop(after, delta_bic, after - before, whole and bends, self._beside)
+        bends = bends and self._bends(model, model.effects.steps)
+        return InLoop(delta_bic=delta_bic, bends=bends, beside=self._beside), fitted
+
+    def _unsolved(self, model: Model) -> InLoop:
+        """Of a model without a solution in the loop.
+
+        A linear path without one is a loop that does not settle, or has no delay.
+        """
+        added = self._added(model)
+        paths = all(effect.place in ("path", "sum") for _, effect in added)
+        linear = paths and not self._bends(model, model.effects.steps)
+        lost = -np.inf if linear else np.nan
+        return InLoop(lost, lost, lost, self._bends(model, added))
 
     def delta_bic(self, fitted: Model, rate: float) -> float:
         """What a model has over the parent at a rate, under the noise model of the better one."""
@@ -214,20 +257,24 @@ class LoopParent:
         known = {**self.fit.values(), **other.values()}
         start = np.array([known[name] for name in self.fit.simulator.names])
         again = self.judge.fitted(self.loop, self.parent.effects, [start])
-        if again.sse < self.fit.sse:
+        if again.sse < (1 - TOLERANCE) * self.fit.sse:
             self.fit = again
 
-    @cached_property
+    @property
     def vaf(self) -> float:
         """Held-out VAF of the parent in the loop; NaN where the loop cannot be solved."""
         if not self.solved:
             return np.nan
-        return self._held_out(self.fit)
+        if self._vaf is None or self._vaf[0] is not self.fit:
+            self._vaf = self.fit, self._held_out(self.fit)
+        return self._vaf[1]
 
     def _held_out(self, fitted: Model) -> float:
         """VAF of held-out rows, each fold refitted without them."""
         judge = self.judge
-        predicted = refitted_prediction(fitted, judge.plain, judge.folds)
+        predicted = refitted_prediction(
+            fitted, judge.plain, judge.folds, max_iter=ITERATIONS, tol=TOLERANCE
+        )
         if not np.isfinite(predicted[judge.record.known]).all():
             return np.nan
         return vaf_of_output(judge.record, predicted)

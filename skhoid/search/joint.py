@@ -23,8 +23,13 @@ class JointParent:
 
     def __init__(self, parent: Model):
         self.parent = parent
-        starts = [parent.theta, *usual_starts(parent.simulator, parent.theta)]
-        self.found = [likeliest(parent.simulator, starts, rate) for rate in RATES]
+        simulator = parent.simulator
+        starts = [parent.theta, *usual_starts(simulator, parent.theta)]
+        self.found = [likeliest(simulator, starts, RATES[0])]
+        for rate in RATES[1:]:  # its minimum is near that of the rate before
+            last = self.found[-1]
+            starts = starts if last is None else [last[1], parent.theta]
+            self.found.append(likeliest(simulator, starts, rate))
 
     def delta_bic(self, model: Model, least: float = -np.inf) -> float:
         """Of what a model has beside the parent; NaN where a likelihood has no maximum.
@@ -49,10 +54,9 @@ class JointParent:
         larger = likeliest(simulator, starts, rate)
         if larger is None:
             return np.nan
-        again = likeliest(parent, [larger[1][shared]], rate)
-        losses = [one[0] for one in (found, again) if one is not None]
-        if not losses or min(losses) < larger[0] - LOST:
+        fewer = likeliest(parent, [larger[1][shared]], rate, known=found)
+        if fewer is None or fewer[0] < larger[0] - LOST:
             return np.nan
         n = Criterion(simulator.record, rate=rate).n
         added = model.n_parameters - self.parent.n_parameters
-        return min(losses) - larger[0] - added * float(np.log(n))
+        return fewer[0] - larger[0] - added * float(np.log(n))

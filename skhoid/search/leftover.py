@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
+from ..effects.free_path import shakes
 from ..effects.operator_signals import Gains
 from ..effects.record import Record, differentiated
 from ..greybox.fitting import Criterion, derivatives
@@ -23,6 +24,7 @@ from .joint import RATES
 
 LAGS = 12  # of a channel
 LONGEST_LAG = 1.2  # s
+SHAKEN_LAGS = 5  # of motion that shakes body and stick
 HINGES = 6  # of a nonlinear map
 PIECES = 9  # of a run
 MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
@@ -41,6 +43,11 @@ class Leftover:
     description: str
     points: float
     delta_bic: float
+
+
+def key_of(item: Leftover) -> tuple[str, str, str]:
+    """Which family of responses it is."""
+    return item.where, item.at, item.description
 
 
 class _Probe(Effect):
@@ -74,13 +81,13 @@ def leftovers(
     found = _found(model, folds)
     if judge is not None and any(item.where in IN_LOOP for item in found):
         inside = judge.around(model).fit
-        if not np.isfinite(inside.output).all():
-            return sorted(found, key=lambda item: -item.points)
         for rate in (None, RATES[0]):
+            if not np.isfinite(inside.output).all():  # from where the last rate ended, too
+                return sorted(found, key=lambda item: -item.points)
             of_rate = _found(inside, judge.folds, rate)
-            points = {(i.where, i.at): i.points for i in of_rate}
+            points = {key_of(i): i.points for i in of_rate}
             found = [
-                replace(item, points=min(item.points, points.get((item.where, item.at), 0.0)))
+                replace(item, points=min(item.points, points.get(key_of(item), 0.0)))
                 if item.where in IN_LOOP
                 else item
                 for item in found
@@ -287,8 +294,20 @@ def _families_of_channel(
             ]
         ],
     )
+    if shakes(name, record):
+        yield (
+            "channel",
+            name,
+            f"the output follows {name} without a delay",
+            [
+                with_probe("sum", lambda u, r, s=s: u + 0.1 * r.delayed(centred, s), False)
+                for s in record.time_unit * np.linspace(0.0, 0.4, SHAKEN_LAGS)
+            ],
+        )
     if role == OTHER:
-        size = centred / record.sd(name)
+        size = np.tanh(
+            centred / record.sd(name)
+        )  # bounded: a run left out may go beyond the others
         yield (
             "channel",
             name,

@@ -16,6 +16,8 @@ def likeliest_few(first: SearchStep, path: Path) -> list[Candidate]:
     What the search began with has been tried beside all others.
     """
     begun = path.added[:1]
+    if first.weigh is not None:
+        first.weigh([c for c in first.candidates if c.unweighed])
     found = [
         c
         for c in first.candidates

@@ -2,33 +2,51 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ..effects.free_form import FreeForm
+from ..effects.registry import titles_of
+from ..greybox.base import vaf_of_output
 from ..greybox.estimates import effects_with_values
-from ..greybox.fitting import Criterion
-from ..greybox.likelihood import settled
+from ..greybox.fitting import Criterion, RemnantModel
+from ..greybox.likelihood import TOLERATED, settled
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
-from ..greybox.smoothing import posterior_of
+from ..greybox.smoothing import in_detail
+from ..summaries import Summary, TextTable, number
 from .all_runs import on_rows_of
-from .candidates import Candidate
-from .forward import output_error_fit
+from .band import curve_with_band
+from .candidates import AS_GOOD, Candidate
+from .formulas import Fitted, formula_of
+from .forward import Search, output_error_fit
+from .held_out import held_out
 from .leftover import leftovers
+from .nearest import nearest_effects, nearest_table, recordings_for
 from .search_numbers import gap_of
 from .shapes import Shaped
 
-N_POINTS = 101
-N_DRAWS = 4000
-LEVEL = 0.95
+SHOWN = 3  # nearest names in a sentence
+NEAR = 0.7  # distance of a curve that has half of the power in common
+POINTS = 9  # of a curve in a table
+AXES = {  # what a curve is a function of, on an axis; others are names of channels
+    "e": "error e",
+    "u": "output u",
+    "du/dt": "rate of u",
+    "time": "time in the run",
+}
+NAMES_AHEAD = "Nearest names, by distance (0: the same curve; 1: nothing in common):"
+BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
+LEAD = "The shape of what has no name: "
+NO_FORM = "No free form explains it at any place either"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Shape:
     """An effect without a name: where it acts, its curve, and what it explains.
 
@@ -72,6 +90,10 @@ class Shape:
         nothing in common), within_band, parameters.
     recordings : list of str
         What to record to tell them apart.
+    nearest_curve : Series or None
+        Of the nearest of them, over the abscissa; None where there is none.
+    formula : Fitted or None
+        A short formula that lies within the band, of what the effect adds; None where none does.
 
     See Also
     --------
@@ -113,35 +135,154 @@ class Shape:
     estimator: Any = field(repr=False)
     nearest: pd.DataFrame = field(repr=False)
     recordings: list[str] = field(repr=False)
+    nearest_curve: pd.Series | None = field(default=None, repr=False)
+    formula: Fitted | None = field(default=None, repr=False)
+
+    def sentences(self) -> list[str]:
+        """What is known of it, without the curve.
+
+        Returns
+        -------
+        sentences : list of str
+            Where it acts and what it explains, the nearest names, a formula if one fits, what to
+            record, and how to make it an effect of your own.
+        """
+        loop = ""
+        if np.isfinite(self.gain_loop):
+            loop = f" (in the closed loop by {self.gain_loop:.1f})"
+        told = [
+            f"{LEAD}{self.sentence}; a curve with {self.dof:.1f} "
+            f"effective degrees of freedom raises the held-out VAF by {self.gain:.1f} points"
+            f"{loop}, {100 * self.closed:.0f} % of what {self._beside} leaves to explain."
+        ]
+        if len(self.nearest):
+            told.append(self._names())
+        if self.formula is not None:
+            told.append(self.formula.sentence)
+        told += self.recordings
+        told.append(f"To make it an effect of your own, in Python: {BY_HAND}.")
+        return told
+
+    @property
+    def is_near(self) -> bool:
+        """Whether an effect of the catalogue has more than half of the curve's power in common."""
+        return bool((self.nearest["distance"] < NEAR).any())
+
+    def _names(self) -> str:
+        """The nearest effects of the catalogue in a sentence."""
+        near = self.nearest[self.nearest["distance"] < NEAR].head(SHOWN)
+        words = [
+            f"{row['title']} (distance {row['distance']:.2f}"
+            f"{', within the band' if row['within_band'] else ''})"
+            for _, row in (near if len(near) else self.nearest.head(1)).iterrows()
+        ]
+        if near.empty:
+            return f"No effect of the catalogue comes near its curve; the nearest is {words[0]}."
+        return f"Nearest name{'s' if len(near) > 1 else ''}: {', '.join(words)}."
+
+    @property
+    def _beside(self) -> str:
+        """The model to which it was added, in words."""
+        others = [effect.name for own, effect in self.estimator.effects_ if own != self.name]
+        return f"the model with {titles_of(others)}" if others else "the baseline"
+
+    def summary(self) -> Summary:
+        """All of it in plain sentences, and the curve as a table.
+
+        Returns
+        -------
+        text : Summary
+            A string that notebooks show line by line.
+        """
+        first, *others = self.sentences()
+        lines = [first, "", *self.curve_table().lines(), ""]
+        if len(self.nearest):
+            others.remove(self._names())
+            lines.append(NAMES_AHEAD)
+            for row in self.nearest_table().rows:
+                lines.append(f"  - {row[0]}: {row[1]}, {row[2]} the band; {row[3]}".rstrip("; "))
+            lines.append("")
+        return Summary("\n".join([*lines, *others]))
+
+    def curve_table(self, n_points: int = POINTS) -> TextTable:
+        """The curve at a few points as text, with its band.
+
+        Parameters
+        ----------
+        n_points : int, default=9
+            How many, at equal distances.
+
+        Returns
+        -------
+        table : TextTable
+        """
+        rows = np.linspace(0, len(self.curve) - 1, n_points).round().astype(int)
+        cells = []
+        for at, row in self.curve.iloc[rows].iterrows():
+            half = float(row["high"] - row["low"]) / 2
+            value, low, high = (number(float(row[key]), half) for key in ("value", "low", "high"))
+            cells.append([f"{float(str(at)):.3g}", value, f"{low} to {high}"])
+        return TextTable("Curve", [self.x_label, self.y_label, "95 % band"], cells)
+
+    def nearest_table(self) -> TextTable:
+        """The nearest effects of the catalogue as text.
+
+        Returns
+        -------
+        table : TextTable
+        """
+        cells = []
+        for _, row in self.nearest.iterrows():
+            called = row["title"] + (f" ({row['form']})" if row["form"] else "")
+            within = "within" if row["within_band"] else "not within"
+            cells.append([called, f"{row['distance']:.2f}", within, row["parameters"]])
+        return TextTable("Nearest names", ["", "distance", "band", "its numbers"], cells)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the curve with its band.
+
+        Parameters
+        ----------
+        ax : Axes or None, default=None
+            Where to draw. None makes a figure.
+
+        Returns
+        -------
+        display : ShapeDisplay
+        """
+        from ..plotting import ShapeDisplay
+
+        return ShapeDisplay.from_shape(self, ax=ax)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as numbers and names, for JSON.
+
+        Returns
+        -------
+        found : dict
+        """
+        told = ["id", "place", "over", "channel", "sentence", "x_label", "y_label"]
+        told += ["dof", "gain", "gain_loop", "delta_bic", "closed", "recordings"]
+        return {
+            **{key: getattr(self, key) for key in told},
+            "curve": self.curve.rename_axis("at").reset_index().to_dict("records"),
+            "nearest": self.nearest.reset_index().to_dict("records"),
+            "formula": self.formula
+            and {"text": self.formula.formula.text, "numbers": self.formula.numbers},
+        }
+
+    def __repr__(self) -> str:
+        return str(self.summary())
+
+    def _repr_html_(self) -> str:
+        return self.summary()._repr_html_()
 
 
-def curve_with_band(
-    model: Model, name: str, n_points: int = N_POINTS
-) -> tuple[pd.DataFrame, float]:
-    """Curve of a free form of a model with a simultaneous band, and its degrees of freedom.
-
-    The band is that of the posterior, enlarged so that it holds the whole curve: Ruppert, Wand and
-    Carroll, Semiparametric regression (2003), section 6.5.
-    """
-    effect: Any = dict(model.effects.steps)[name]
-    criterion = Criterion(model.simulator.record)
-    criterion.set_noise(criterion.remnant_model(model.output))
-    posterior = posterior_of(model, criterion)
-    own = [i for i, n in enumerate(model.simulator.names) if n.startswith(f"{name}__")]
-    at = np.linspace(effect.knots[0], effect.knots[-1], n_points)
-    design = effect.design(at)
-    covariance = posterior.covariance[np.ix_(own, own)]
-    value = effect.at_rest + design @ model.theta[own]
-    sd = np.sqrt(np.einsum("ij,jk,ik->i", design, covariance, design))
-    rng = np.random.default_rng(0)
-    draws = rng.multivariate_normal(np.zeros(len(own)), covariance, N_DRAWS, method="eigh")
-    widest = np.abs(draws @ design.T / np.maximum(sd, 1e-300)).max(axis=1)
-    half = float(np.quantile(widest, LEVEL)) * sd
-    curve = pd.DataFrame(
-        {"value": value, "low": value - half, "high": value + half},
-        index=pd.Index(at, name=effect.over),
-    )
-    return curve, float(posterior.dof[own].sum())
+def told_shape(ids: Sequence[str], shape: Shape | None) -> list[str]:
+    """What a search says of the shape of what has no name, or that there is none; by ids found."""
+    if list(ids)[-1:] != ["unknown"]:
+        return []
+    return [f"{NO_FORM}."] if shape is None else shape.sentences()
 
 
 def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[str, str]:
@@ -149,7 +290,22 @@ def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[st
     effect: Any = dict(model.effects.steps)[name]
     first = next(p for p in model.simulator.parameters if p.name.startswith(f"{name}__"))
     x, y = effect.abscissa.label(units), first.dimension.label(units)
-    return f"{effect.over} ({x})", f"{effect.y_word} ({y})"
+    over = AXES.get(effect.over, effect.over)
+    if effect.over == "e" and model.simulator.record.domain == "machine":
+        over = str(model.simulator.record.inputs[0])
+    return _with_unit(over, x), _with_unit(effect.y_word, y)
+
+
+def sentence_of(effect: FreeForm, domain: str) -> str:
+    """Where a free form acts; a machine has no error that it sees, and no command."""
+    if domain != "machine":
+        return effect.sentence
+    return effect.sentence.replace("the error", "the input").replace("the command", "the input")
+
+
+def _with_unit(quantity: str, unit: str) -> str:
+    """A quantity and its unit, where it has one that is known."""
+    return quantity if unit == "-" or "[" in unit else f"{quantity}, {unit}"
 
 
 def shape_of(
@@ -161,13 +317,17 @@ def shape_of(
     effect: Any = dict(effects_with_values(model).steps)[candidate.name]
     curve, dof = curve_with_band(model, candidate.name)
     x_label, y_label = labels_of(model, candidate.name, units)
+    values = model.values()
+    gains = values.get("K_e", 1.0), values.get("K_edot", 0.0)
+    record = replace(model.simulator.record, prediction=model.output)
+    near = nearest_effects(effect, curve, record, units, gains)
     loop = candidate.in_loop
     return Shape(
         id=effect.name,
         place="rate" if effect.over == "du/dt" else effect.place,
         over=effect.over,
         channel=getattr(effect, "channel", None),
-        sentence=effect.sentence,
+        sentence=sentence_of(effect, model.simulator.record.domain),
         curve=curve,
         x_label=x_label,
         y_label=y_label,
@@ -179,23 +339,80 @@ def shape_of(
         effect=effect,
         name=candidate.name,
         estimator=estimator,
-        nearest=pd.DataFrame(
-            columns=["title", "form", "distance", "within_band", "parameters"],
-            index=pd.Index([], name="effect"),
-        ),
-        recordings=[],
+        nearest=nearest_table(near),
+        recordings=recordings_for(effect, curve, near, effect.abscissa.label(units)),
+        nearest_curve=pd.Series(near[0].curve, curve.index) if near else None,
+        formula=formula_of(effect, curve, dof, record),
     )
+
+
+def detailed(search: Search, found: Candidate) -> Candidate:
+    """The best form with knots enough for its details, unless held-out rows speak against them."""
+    assert found.model is not None
+    before = output_error_fit(found.model)
+    plain = in_detail(before, found.name)
+    if plain is before:
+        return found
+    vafs = [
+        vaf_of_output(search.record, held_out(one, search.criterion, search.folds))
+        for one in (before, plain)
+    ]
+    more = vafs[1] - vafs[0]
+    if not more > -AS_GOOD:
+        return found
+    criterion = Criterion(search.record)
+    criterion.set_noise(criterion.remnant_model(plain.output))
+    model = plain.refined(criterion)
+    effect = dict(model.effects.steps)[found.name]
+    return replace(found, model=model, effect=effect, vaf=found.vaf + more, gain=found.gain + more)
 
 
 def fitted_shape(
     shaped: Shaped, model: SimulatedModel, prepared: Prepared, measured: np.ndarray
 ) -> Shape | None:
-    """The shape of a search on all rows; None where there is none."""
-    found = shaped.shape
-    if found is None or found.model is None:
+    """The shape of a search on all rows; None where there is none.
+
+    The loop is blind to answers that the target cannot tell from another gain. A form that it alone
+    speaks against is the shape where it explains most of what repeats from run to run, since no
+    remnant does that.
+    """
+    if shaped.shape is not None:
+        return _fitted(shaped, shaped.shape, model, prepared, measured)
+    repeated = max([i.points for i in shaped.found.left if i.where == "repeats"], default=0.0)
+    for one in shaped.doubtful if repeated else ():
+        shape = _fitted(shaped, one, model, prepared, measured)
+        if shape is not None and gap_of(shape.estimator, prepared, measured)[0] < repeated / 2:
+            return shape
+    return None
+
+
+def _unbiased(fitted: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
+    """A model and its noise model, estimated in turn; as it was where its free run gets much worse.
+
+    A noise model that is nearly an integrator leaves slow curves undetermined.
+    """
+    plain = Criterion(fitted.simulator.record)
+    found, noise = settled(fitted, criterion)
+    if plain.sse(found.output) <= TOLERATED * plain.sse(fitted.output):
+        return found, noise
+    criterion.set_noise(criterion.remnant_model(fitted.output))
+    return fitted.under(criterion), criterion.noise
+
+
+def _fitted(
+    shaped: Shaped,
+    found: Candidate,
+    model: SimulatedModel,
+    prepared: Prepared,
+    measured: np.ndarray,
+) -> Shape | None:
+    """The shape of one candidate."""
+    if found.model is None:
         return None
+    found = detailed(shaped.search, found)
+    assert found.model is not None
     fitted = on_rows_of(prepared.record, output_error_fit(found.model))
-    best = model.with_fit(prepared, *settled(fitted, Criterion(prepared.record)))
+    best = model.with_fit(prepared, *_unbiased(fitted, Criterion(prepared.record)))
     best.set_params(effects=found.model.effects)
     rest, _, _, _ = gap_of(best, prepared, measured)
     if not np.isfinite(rest):

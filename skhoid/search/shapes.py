@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects.base import Effect
 from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
 from ..effects.free_form import FEWEST, FreeForm
@@ -15,8 +16,8 @@ from ..greybox.extend import extended
 from ..greybox.fitting import Criterion, derivatives, scaled_inverse
 from ..greybox.model import Model
 from ..greybox.simulator import Simulator
-from .candidates import LEAST_DELTA_BIC, Candidate
-from .forward import Search, better
+from .candidates import LEAST_DELTA_BIC, LEAST_GAIN, Candidate, SearchStep
+from .forward import Search, lead, output_error_fit
 from .held_out import HeldOutRows
 from .leftover import Leftover, points_gained
 from .search_numbers import SearchNumbers
@@ -27,6 +28,18 @@ FOLLOWED = 4  # forms whose curves are fitted to the end
 AS_GOOD = 0.1  # points
 SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the prior, times the usual one
 NAME = "free"
+HOPEFUL = 0.5  # times what the effects found gain: at least what a form explains, linearised
+TRIED = 2  # forms that are fitted before all are judged
+BEHIND, LINEAR = "behind the muscles' delay", "linear"
+# A linear answer may be a delay, dynamics or a path, and a path may answer the size of the error.
+GROUPS = {
+    "delay": frozenset({LINEAR}),
+    "path": frozenset({LINEAR, "input"}),
+    "command": frozenset({LINEAR, BEHIND}),
+    "spring": frozenset({BEHIND}),
+    "output": frozenset({BEHIND}),
+    "inside": frozenset({BEHIND}),
+}
 ONE_FORM = "one free form explains more than all the effects named"
 
 
@@ -39,8 +52,8 @@ class Hint:
     delta_bic: float
 
 
-def found_shape(search: Search, parent: Model, hints: Sequence[Hint]) -> Candidate | None:
-    """The best free form for a parent, judged as effects with names are; None where none passes.
+def forms_judged(search: Search, parent: Model, hints: Sequence[Hint]) -> SearchStep:
+    """The most hopeful free forms for a parent, judged as effects with names are.
 
     ``parent`` is at the least error of simulation, and ``hints`` are those of it.
     """
@@ -49,7 +62,12 @@ def found_shape(search: Search, parent: Model, hints: Sequence[Hint]) -> Candida
         name = f"{NAME}_{number}"
         model = extended(parent, name, hint.effect, search.criterion, search.coarse)
         candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
-    return search.judged(parent, candidates).best
+    return search.judged(parent, candidates)
+
+
+def found_shape(search: Search, parent: Model, hints: Sequence[Hint]) -> Candidate | None:
+    """The best free form for a parent; None where none passes."""
+    return forms_judged(search, parent, hints).best
 
 
 def hints_of(search: Search, parent: Model) -> list[Hint]:
@@ -122,23 +140,27 @@ def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Shaped:
-    """Numbers and verdict of a search, and the free form that explains what has no name."""
+    """Numbers and verdict of a search, and the free form that explains what has no name.
+
+    Without one, ``doubtful`` are forms that the closed loop alone speaks against.
+    """
 
     search: Search
     found: SearchNumbers
     verdict: Verdict
     shape: Candidate | None = None
+    doubtful: tuple[Candidate, ...] = ()
 
 
 def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     """The verdict, with the shape of what has no name.
 
-    One free form in place of all the effects that were named, which explains more, is structure
+    One free form in place of all the effects that were found, which explains more, is structure
     that these leave: they may stand in for something else together.
     """
     verdict, baseline = decided(found, tries_all=tries_all), found.steps[0].plain
     rival = None
-    if verdict.outcome == Outcome.FOUND and found.added:
+    if found.added:
         found, rival = beside_one_form(search, found)
         verdict = decided(found, tries_all=tries_all)
     elif verdict.outcome == Outcome.NOTHING and found.left:
@@ -150,36 +172,61 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
         return Shaped(search, found, verdict)
     parent = unnamed_parent(found, verdict)
     if rival is None or parent is not baseline:
-        rival = found_shape(search, parent, hints_of(search, parent))
+        step = forms_judged(search, parent, hints_of(search, parent))
+        rival = step.best
+        if rival is None:
+            doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
+            return Shaped(search, found, verdict, None, tuple(doubtful))
     return Shaped(search, found, verdict, rival)
 
 
 def beside_one_form(search: Search, found: SearchNumbers) -> tuple[SearchNumbers, Candidate | None]:
     """The numbers, with what one free form in place of all effects explains beyond them; the form.
 
-    Where it explains as much as several and is likelier, none of these explains its part.
+    Where it explains as much as several and is likelier, none of these explains its part. The same
+    where it acts elsewhere than a single one, and what it explains beyond that would count as an
+    effect: then the place is wrong.
     """
     several = len(found.added) > 1
-    least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
     baseline = found.steps[0].plain
-    hints = hints_of(search, baseline)
-    most = max([hint.points for hint in hints], default=0.0)
-    if most < found.gained + (-AS_GOOD if several else max(least * found.share, share * most)):
+    hints = [h for h in hints_of(search, baseline) if h.points > HOPEFUL * found.gained]
+    if not hints or not any(simulates_better(search, found, hint) for hint in hints[:TRIED]):
         return found, None
     rival = found_shape(search, baseline, hints)
     if rival is None or rival.model is None:
         return found, None
     excess = rival.gain - found.gained
-    likelier = (
-        several and excess > -AS_GOOD and better(search, baseline, rival.model, found.path.model)
-    )
-    if not likelier and not excess > 0.0:
-        return found, rival
+    counts = -AS_GOOD if several else LEAST_GAIN * found.share
+    one_cause = False
+    if excess > counts and (several or elsewhere(rival.effect, found)):
+        least = 0.0 if several else LEAST_DELTA_BIC
+        one_cause = lead(search, baseline, rival.model, found.path.model) > least
     effect: Any = rival.effect
     more = Leftover("shape", effect.over, ONE_FORM, excess, rival.delta_bic)
-    left = [*found.left, more] if excess >= least * found.share else found.left
+    least_left = (BESIDE_SEVERAL if several else BESIDE_ONE)[0] * found.share
+    left = [*found.left, more] if excess >= least_left else found.left
     left = sorted(left, key=lambda item: -item.points)
-    return replace(found, left=left, one_cause=likelier), rival
+    return replace(found, left=left, one_cause=one_cause), rival
+
+
+def simulates_better(search: Search, found: SearchNumbers, hint: Hint) -> bool:
+    """Whether a form alone follows the output as well as all effects together."""
+    model = extended(found.steps[0].plain, NAME, hint.effect, search.criterion, search.coarse)
+    named = output_error_fit(found.path.model)
+    less = 100 * (named.sse - model.sse) / search.criterion.power
+    return bool(less > -AS_GOOD)
+
+
+def elsewhere(form: Any, found: SearchNumbers) -> bool:
+    """Whether a form acts elsewhere than all effects that were found."""
+    effects = dict(found.path.model.effects.steps)
+    own = group_of(form)
+    return all(not own & group_of(effects[name]) for name in found.added)
+
+
+def group_of(effect: Effect) -> frozenset[str]:
+    """What an effect changes, so far as data tell places apart."""
+    return GROUPS.get(effect.place, frozenset({effect.place}))
 
 
 def unnamed_parent(found: SearchNumbers, verdict: Verdict) -> Model:

@@ -26,6 +26,7 @@ from ..summaries import Estimate, counted, p_text
 from .effect_search import EffectSearchCV
 from .explanations import HOW_TO_GO_ON, in_loop_text, stand_ins_sentence, unexplained_by
 from .left_out import control_of, without_output
+from .shape import NAMES_AHEAD, Shape, told_shape
 
 # Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
 HIDDEN: dict[str, Effect] = {
@@ -280,10 +281,14 @@ class Story:
             yield f"  what {ends}:"
             for _, row in search.unexplained_.iterrows():
                 yield f"  - {row['description']} ({row['where']}): {row['points']:.1f} points"
+        yield from (f"  {line}" for line in told_shape(search.best_effects_, search.shape_))
         if search.verdict_ in HOW_TO_GO_ON:
             yield f"  {HOW_TO_GO_ON[search.verdict_]}"
         for sentence in (*search.experiments_, *search.notes_):
             yield f"  note: {sentence}"
+        if search.shape_ is not None:
+            yield ""
+            yield from shape_tables(search.shape_)
         yield ""
         yield parameters_table(model, names)
 
@@ -313,6 +318,7 @@ class Story:
             "explainable_gap": search.explainable_gap_,
             "parameters": _records(search.best_estimator_.parameters_.reset_index()),
             "unexplained": _records(search.unexplained_),
+            "shape": None if search.shape_ is None else search.shape_.as_dict(),
             "ceiling_note": search.ceiling_note_,
             "experiments": search.experiments_,
             "left_out": _records(search.left_out_),
@@ -369,6 +375,17 @@ def candidates_table(candidates: pd.DataFrame, title: str) -> StoryTable:
             cells.append(f"{row['gain_loop']:+.2f}" if known else "")
         rows.append([*cells, numbers])
     return StoryTable(title, headings, rows, "candidates", list(candidates["effect"]))
+
+
+def shape_tables(shape: Shape) -> Iterator[StoryTable]:
+    """The curve of what has no name at a few points, and the effects whose curves are nearest."""
+    curve, nearest = shape.curve_table(), shape.nearest_table()
+    yield StoryTable("Curve of what has no name", curve.header, curve.rows, "shape", [])
+    if len(nearest.rows):
+        headings = ["effect", "distance", "band", "its numbers"]
+        rows = [[*row[:-1], row[-1].replace(", ", "\n")] for row in nearest.rows]
+        ids = [str(name) for name in shape.nearest.index]
+        yield StoryTable(NAMES_AHEAD.rstrip(":"), headings, rows, "nearest", ids)
 
 
 def _bare(name: str, candidates: pd.DataFrame) -> pd.Series:

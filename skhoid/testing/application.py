@@ -124,11 +124,18 @@ def _equal(one: Any, other: Any) -> bool:
 
 
 def _compared_arrays(signal: Any, record: Record) -> dict[str, np.ndarray]:
-    """Arrays of a signal; for a command its sum, since effects may move its rate into position."""
+    """Arrays of a signal; for a command its sum, since effects may move its rate into position.
+
+    For a spring its forces, since one of size zero may be written down too.
+    """
     parts = parts_of(signal)
     if isinstance(signal, Command):
         total = parts["position"] + differentiated(parts["rate"], record.dt)
         return {"command": total, "delay": parts["delay"]}
+    if isinstance(signal, Spring):
+        at = np.linspace(-3.0, 3.0, 61)
+        forces = [signal.force(output, rate) for output, rate in ((at, 0.0 * at), (0.0 * at, at))]
+        return {"force": np.concatenate(forces), "stops": np.array(signal.stops)}
     return parts
 
 

@@ -2,10 +2,14 @@
 
 import re
 from argparse import Namespace
+from pathlib import Path
 
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
+from support.shapes import Fechner
 
+from skhoid import make_tracking_runs, write_runs
 from skhoid.cli import main
 from skhoid.cli.files import save_figures
 from skhoid.cli.search_output import wanted_effects
@@ -74,6 +78,23 @@ def test_diagnose_own_files(run_json, biased_file):
     level = next(p for p in found["parameters"] if p["parameter"] == "bias__level")
     assert level["value"] == pytest.approx(0.1, abs=0.01)
     assert found["comparison"]["noise_ceiling"] > 90  # of the target, by its role
+
+
+@pytest.mark.slow
+def test_diagnose_draws_and_tells_what_has_no_name(capsys, tmp_path):
+    X, y = make_tracking_runs(
+        "C1", n_runs=4, remnant_intensity=0.1, random_state=0, effects=Fechner(knee=0.15)
+    )
+    write_runs(X, y, "runs.csv")
+    words = ["--effects", "bias", "--out", "pictures", "--tables", "tables"]
+    assert main(["diagnose", "runs.csv", *words]) == 0
+    printed = capsys.readouterr().out
+    assert "The shape of what has no name: it acts on the error" in printed
+    assert "Curve of what has no name" in printed
+    assert "search.sketch_effect(" in printed.split("What to do next")[1]
+    assert Path("pictures/shape.png").is_file()
+    curve = pd.read_csv("tables/shape.tsv", sep="\t")
+    assert list(curve) == ["e", "value", "low", "high"]
 
 
 @pytest.mark.slow

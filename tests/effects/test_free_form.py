@@ -39,7 +39,7 @@ def test_what_was_found_can_be_stored_copied_and_given_again(form):
     model = OperatorRegressor(effects=form).fit(X, y)
     effect = dict(model.effects_.steps)[form.name]
     assert effect.spread > 0
-    assert len(effect.knots) == len(effect.values) == 11
+    assert len(effect.knots) == len(effect.values) >= 11
     assert clone(model).effects.get_params() == form.get_params()
     assert model.covariance_.index.str.startswith(f"{form.name}__c").sum() >= 10
     simulated = model.predict(new)

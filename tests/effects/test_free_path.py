@@ -1,10 +1,11 @@
 """Responses of any smooth memory to a channel and to the error."""
 
 import numpy as np
+import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import FreeDynamics, FreePath
-from skhoid.effects.free_path import convolved
+from skhoid.effects.free_path import convolved, shakes
 from skhoid.effects.smooth_curve import SmoothCurve
 
 
@@ -68,3 +69,48 @@ def test_each_channel_is_tried_and_a_target_ahead_too():
     assert ("f_t", 1.0) in tried
     assert FreePath(channel="f_t", ahead=1.0).first_lag(record) == -1.0
     assert FreePath(channel="x").first_lag(record) == record.least_delay
+
+
+def shaken(seed, gain):
+    """Runs in which motion of its own, and motion that follows the target, are measured."""
+    X, y = make_tracking_runs(
+        condition="C1",
+        n_runs=4,
+        remnant_intensity=0.1,
+        random_state=seed,
+        channels=("e", "x", "f_t"),
+    )
+    rng = np.random.default_rng(seed)
+    white = [rng.normal(size=len(run)) for _, run in X.groupby(level="run")]
+    alone = np.concatenate([np.convolve(one, np.ones(30) / np.sqrt(30), "same") for one in white])
+    late = np.roll(X["x"].to_numpy(), 20)
+    moved = X.assign(motion_alone=alone, motion_moved=late + 0.3 * alone)
+    return moved, y + gain * y.std() * alone
+
+
+def test_motion_that_the_loop_does_not_move_may_act_at_once():
+    X, y = shaken(2, 0.3)
+    record = OperatorRegressor().prepare(X, y).record
+    assert shakes("motion_alone", record)
+    assert not shakes("motion_moved", record)  # it carries the target
+    assert not shakes("x", record)
+    at_once = [one for one in FreePath().alternatives(record) if one.at == "output"]
+    assert [one.channel for one in at_once] == ["motion_alone"]
+    assert at_once[0].place == "sum"
+    assert at_once[0].first_lag(record) == 0.0
+    no_target = OperatorRegressor().prepare(X.drop(columns=["f_t", "x"]), y).record
+    assert not shakes("motion_alone", no_target)
+
+
+def test_what_shakes_the_output_is_found_without_a_delay():
+    X, y = shaken(3, 0.3)
+    fitted = {
+        at: OperatorRegressor(effects=FreePath(channel="motion_alone", at=at)).fit(X, y)
+        for at in ("output", "command")
+    }
+    assert fitted["output"].vaf_ > fitted["command"].vaf_ + 2.0
+    effect = dict(fitted["output"].effects_.steps)["free_path"]
+    at = np.linspace(0.0, effect.knots[-1], 200)
+    response = effect.curve(np.asarray(effect.values), at)
+    assert at[np.argmax(response)] < 0.05
+    assert np.trapezoid(response, at) == pytest.approx(0.3 * y.std(), rel=0.3)  # knots: 0.05 s

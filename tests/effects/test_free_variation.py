@@ -80,3 +80,14 @@ def test_a_channel_is_followed():
     assert places == {"time", "speed"}
     assert "free" not in (FreeGain(channel="speed").refusal(record, record.core) or "")
     assert "channel" in FreeGain(channel="wind").refusal(record, record.core)
+
+
+def test_a_curve_holds_beyond_what_was_seen():
+    record = synthetic_record()
+    channel = np.broadcast_to(
+        np.linspace(-30.0, 60.0, record.known.shape[0])[:, None], record.known.shape
+    )
+    wide = record.changed({"speed": np.ascontiguousarray(channel)})
+    delay = FreeDelay(channel="speed", knots=KNOTS, values=VALUES).apply(0.2, wide)
+    np.testing.assert_allclose(delay[channel < KNOTS[0]], 0.2 + VALUES[0])
+    np.testing.assert_allclose(delay[channel > KNOTS[-1]], 0.2 + VALUES[-1])

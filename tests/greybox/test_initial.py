@@ -1,5 +1,7 @@
 """Records that do not begin at rest: furnaces, tanks, channels with a mean, jumps at once."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,7 +17,7 @@ from skhoid import (
     vaf_score,
 )
 from skhoid.effects import Effect
-from skhoid.greybox.initial import fitted_states, free_responses, pays
+from skhoid.greybox.initial import fitted_states, free_responses, pays, with_fitted_pulses
 
 
 class Magnitude(Effect):
@@ -156,6 +158,17 @@ def test_states_that_no_known_row_shows_stay_small():
 
 def test_unstable_models_stay_finite():
     assert np.isfinite(free_responses(np.array([1.0, -3.0]), 2000)).all()
+
+
+def test_pulses_into_what_runs_away_are_kept_as_they_are():
+    y = np.cos(np.arange(40.0))[:, None]
+    record = SimpleNamespace(y=y, known=np.ones_like(y, dtype=bool), n_runs=1, sd=lambda _: 1.0)
+
+    def begun(pulses):
+        return np.full((40, 1), 1e9) * (pulses[0] + pulses[1])
+
+    output = with_fitted_pulses(record, begun, np.zeros((2, 1)), 2)
+    assert np.isfinite(output).all()
 
 
 def test_start_pays_by_error_and_by_power():

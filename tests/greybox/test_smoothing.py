@@ -6,7 +6,7 @@ from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import CubicGain, FreeMap
 from skhoid.greybox.extend import extended
 from skhoid.greybox.fitting import Criterion
-from skhoid.greybox.smoothing import posterior_of
+from skhoid.greybox.smoothing import change_if_rougher, in_detail, posterior_of, with_spreads
 
 
 def with_map(effects, spread=None, seed=0):
@@ -46,3 +46,35 @@ def test_a_large_spread_is_least_squares_and_a_small_one_a_line():
     assert free.n_parameters > line.n_parameters + 8
     values = np.array([v for k, v in line.values().items() if k.startswith("map__")])
     assert np.abs(values[1:]).max() < 1e-4
+
+
+def under_its_noise(model):
+    criterion = Criterion(model.simulator.record)
+    criterion.set_noise(criterion.remnant_model(model.output))
+    return model.refined(criterion, max_iter=40, tol=1e-9), criterion
+
+
+def test_more_knots_show_what_bends_between_them():
+    few = with_map(CubicGain(hardening=0.3, form="cubic"))
+    many = in_detail(few, "map")
+    old, new = (dict(model.effects.steps)["map"] for model in (few, many))
+    assert set(old.knots) < set(new.knots)
+    assert len(new.knots) == 2 * len(old.knots) - 1
+    assert many.sse < 1.001 * few.sse  # a smoother curve may be likelier
+    assert in_detail(many, "map") is many
+    own = [[m.values()[f"map__{p.name}"] for p in e.free] for m, e in ((few, old), (many, new))]
+    at = np.linspace(old.knots[2], old.knots[-3], 50)
+    curves = [e.design(at) @ c for e, c in zip((old, new), own, strict=True)]
+    curves = [c - np.polyval(np.polyfit(at, c, 1), at) for c in curves]  # which is the gain's
+    assert np.std(curves[0] - curves[1]) < 0.1 * np.std(curves[0])
+
+
+def test_a_curve_moves_as_said_if_it_may_be_rougher():
+    """Twin: fitted with a spread that is ten times as large."""
+    model, criterion = under_its_noise(with_map(CubicGain(hardening=0.3, form="cubic")))
+    spread = dict(model.effects.steps)["map"].spread
+    rougher = with_spreads(model, {"map": (10 * spread, spread)})
+    found = rougher.refined(criterion, max_iter=40, tol=1e-9).theta - model.theta
+    said = change_if_rougher(model, "map", criterion)
+    own = [i for i, name in enumerate(model.simulator.names) if name.startswith("map__")]
+    assert np.abs(said[own] - found[own]).max() < 0.1 * np.abs(found[own]).max()

@@ -42,7 +42,8 @@ def test_every_hidden_effect_has_its_right_shapes(trial):
     hidden = {*trial.generator.EFFECTS, *trial.generator.BEYOND}
     assert {name.split(",")[0] for name in trial.sets.RIGHT_SHAPES} == hidden
     assert set(trial.sets.NEAR) <= set(trial.generator.BEYOND)
-    assert {n for name in trial.sets.NEAR for n in trial.sets.NEAR[name]} <= hidden
+    near = {n for name in trial.sets.NEAR for n in trial.sets.NEAR[name]}
+    assert near <= hidden | {"friction"}  # which is hidden in no case
 
 
 @pytest.mark.parametrize("effect", ["dual_slope", "quadratic_damping", "airspeed_gain"])
@@ -103,13 +104,30 @@ def test_what_the_linear_operator_takes_does_not_count_in_a_map(trial):
         return trial.curves.compare(table_of(x, value, 0.1), true, form, place)
 
     slope = np.polyfit(true.data, true.data + true.data**2, 1)[0]
-    for same in (x + x**2 + 0.3, 2 * (x + x**2) - 1, x**2 / slope):
+    for gain in (0.5, 1, 2, 1 / slope):  # a curve is what the map adds to its argument
+        same = gain * (x + x**2) + 0.3 - x
         assert grade(same)["inside"]
         assert grade(same)["rms"] == pytest.approx(0, abs=0.01)
-    straight = grade(x)
+    straight = grade(np.zeros_like(x))
     assert not straight["inside"]
     assert straight["rms"] == pytest.approx(1, abs=0.05)
-    assert grade(x + 1.5 * x**2)["rms"] == pytest.approx(0.5, abs=0.05)
+    assert grade(1.5 * x**2)["rms"] == pytest.approx(0.5, abs=0.05)
+    assert grade(x**2, place="rate")["inside"]
+    assert not grade(2 * x**2, place="rate")["inside"]
+
+
+def test_a_map_of_twice_the_command_is_the_same(trial):
+    """The output is known, and so the scale of its argument is not."""
+    x = np.linspace(-2, 2, 401)
+    data = np.random.default_rng(0).normal(0, 0.8, 5000)
+    true = trial.curves.TrueCurve(x, x + x**2 / 5, np.quantile(data, trial.curves.QUANTILES))
+    for scale in (0.7, 1, 1.5):
+        at = scale * x
+        curve = table_of(at, true.value - at, 0.05)
+        found = {p: trial.curves.compare(curve, true, "free_map", p) for p in ("command", "input")}
+        assert found["command"]["inside"]
+        assert found["command"]["rms"] == pytest.approx(0, abs=0.01)
+        assert found["input"]["inside"] is (scale == 1)
 
 
 def test_a_gain_counts_by_its_ratio_and_a_delay_by_its_difference(trial):

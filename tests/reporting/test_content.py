@@ -11,9 +11,10 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from support.page import parse
+from support.shapes import a_shape
 
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs, report
-from skhoid.reporting.content import Results, _facts, _next_steps, _verdict, _why
+from skhoid.reporting.content import Results, _facts, _next_steps, _shape, _verdict, _why
 from skhoid.reporting.plots import Gallery
 
 
@@ -48,6 +49,7 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
         "ranking_": pd.DataFrame(
             {"step": 1, "status": ["not better", "not better", "does not apply"]}
         ),
+        "shape_": None,
         "unexplained_": pd.DataFrame(columns=["description", "where", "points"]),
         "best_effects_": list(added),
         "stand_ins_": [],
@@ -119,6 +121,31 @@ def test_the_headline_claims_no_more_than_was_tried(verdict: str, rest: str, adv
     *_, step = _next_steps(Results(baseline=OperatorRegressor(), search=search))
     for other in ("an effect of your own", 'effects="all"', "a larger max_effects"):
         assert (other in step["why"]) == (other == advice)
+
+
+def test_what_has_no_name_has_its_shape_told_and_drawn() -> None:
+    of_verdict = {"verdict_": "something is missing, not in the catalogue"}
+    shape = a_shape()
+    search = a_search(best_effects_=["unknown"], shape_=shape, **of_verdict)
+    assert shape.sentences()[0] in _verdict(search, None)["sentence"]
+    steps = {
+        s["what"]: s for s in _next_steps(Results(baseline=OperatorRegressor(), search=search))
+    }
+    assert steps["Record what tells effects apart"]["why"] == shape.recordings[0]
+    assert "sketch_effect" in steps["Make the shape an effect of your own"]["code"]
+    told = _shape(shape, Gallery())
+    assert told is not None
+    assert told["first"].startswith("It acts on the error")
+    assert told["picture"].caption == "Departure from a straight line, deg, over error e, deg"
+    assert "<svg" in told["picture"].narrow
+    assert [row[1] for row in told["nearest"]] == ["0.21", "0.44"]
+
+
+def test_where_no_form_passes_it_is_said() -> None:
+    of_verdict = {"verdict_": "something is missing, not in the catalogue"}
+    search = a_search(best_effects_=["unknown"], **of_verdict)
+    assert "No free form explains it" in _verdict(search, None)["sentence"]
+    assert _shape(None, Gallery()) is None
 
 
 @pytest.mark.parametrize("note", ["the runs are too short for spectra", ""])

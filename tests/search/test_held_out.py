@@ -5,10 +5,14 @@ import pytest
 from support.person_in_loop import answered
 from support.searching import search_of
 
+from skhoid.effects import FreeGain
+from skhoid.effects.composition import Effects
 from skhoid.greybox.base import vaf_of_output
 from skhoid.greybox.fitting import Criterion
 from skhoid.greybox.held_out import refitted
-from skhoid.search.held_out import HeldOutRows, held_out, refitted_prediction
+from skhoid.greybox.model import Model
+from skhoid.greybox.simulator import Simulator
+from skhoid.search.held_out import HeldOutRows, held_out, refitted_prediction, within_seen
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +74,21 @@ def test_a_fold_of_everything_changes_nothing(fitted):
     fold = HeldOutRows(known, known)
     found = held_out(model, Criterion(search.record), [fold])
     np.testing.assert_allclose(found, model.output, atol=1e-3 * np.std(model.output))
+
+
+def test_curves_over_a_channel_hold_beyond_what_a_fold_was_fitted_on(fitted):
+    search, model = fitted
+    shape = search.record.known.shape
+    speed = np.broadcast_to(np.linspace(0.0, 1.0, shape[0])[:, None], shape) * np.ones(shape)
+    speed[:, 0] += 3.0
+    record = search.record.changed({"speed": speed})
+    form = FreeGain(channel="speed", knots=(0.0, 1.0, 2.0, 4.0), values=(0.0, 0.1, 0.4, 1.5))
+    simulator = Simulator(search.core, Effects([("free_gain", form)]), record)
+    beyond = Model(simulator, model.fit)
+    first = next(fold for fold in search.folds if fold.test[:, 0].any())
+    held = within_seen(beyond, first)
+    bounded = held.simulator.record.channel("speed")
+    seen = speed[first.train]
+    np.testing.assert_array_equal(bounded, np.clip(speed, seen.min(), seen.max()))
+    assert bounded.max() < 1.5 < speed.max()
+    assert within_seen(model, first) is model

@@ -2,30 +2,11 @@
 
 import numpy as np
 import pytest
+from support.shapes import Fechner, searched
 
-from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.effects import Dimension, Effect, Parameter
-
-
-class Fechner(Effect):
-    """A response that grows with the logarithm of the error, which no catalogue has."""
-
-    name = "fechner"
-    place = "input"
-    parameters = (Parameter("knee", Dimension(e=1), 0.01, 10.0, (0.3,)),)
-
-    def __init__(self, *, knee=None):
-        self.knee = knee
-
-    def apply(self, signal, record, knee):
-        return np.sign(signal) * knee * np.log1p(np.abs(signal) / knee)
-
-
-def searched(hidden_effect, seed=0, **options):
-    X, y = make_tracking_runs(
-        condition="C1", n_runs=4, remnant_intensity=0.1, random_state=seed, effects=hidden_effect
-    )
-    return EffectSearchCV(OperatorRegressor(), **options).fit(X, y), X, y
+from skhoid.effects import FreeMap, TimeVaryingDelay
+from skhoid.effects.catalogue import BY_NAME
+from skhoid.search.shapes import group_of
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +40,34 @@ def test_its_curve_is_the_true_one_and_lies_in_its_band(hidden):
     assert 1.0 < shape.dof < 11.0
 
 
+def test_the_summary_tells_it(hidden):
+    search = hidden[0]
+    told = search.summary()
+    assert all(line in told.splitlines() for line in search.shape_.sentences())
+    labels = (search.shape_.x_label, search.shape_.y_label)
+    assert labels == ("error e, deg", "departure from a straight line, deg")
+
+
 def test_nothing_has_no_shape():
     search, _, _ = searched(None, seed=1, effects=["bias", "dead_zone"])
     assert search.best_effects_ == []
     assert search.shape_ is None
+    assert "shape" not in search.summary()
+    assert "free form" not in search.summary()
+
+
+def test_a_name_at_the_wrong_place_is_a_stand_in():
+    change = TimeVaryingDelay(change=0.15, rate=1.0, time=40.0)
+    search, _, _ = searched(change, seed=2, effects=["tv_gain", "gain_drift"])
+    assert search.best_effects_ == ["unknown"]
+    assert (search.shape_.id, search.shape_.over) == ("free_delay", "time")
+
+
+def test_places_that_data_cannot_tell_apart_are_one():
+    of = {name: group_of(kind()) for name, kind in BY_NAME.items()}
+    assert of["saturation"] & of["hardening_stiffness"] & of["backlash"]
+    assert of["wrong_delay"] & of["higher_order"] & of["output_feedback"]
+    assert not of["tv_gain"] & of["tv_delay"]
+    assert not of["dead_zone"] & of["saturation"]
+    assert of["dead_zone"] == group_of(FreeMap(at="error"))
+    assert of["rate_limit"] == group_of(FreeMap(at="rate"))

@@ -3,10 +3,11 @@
 import json
 
 import pytest
+from support.shapes import Fechner, a_shape, nothing_near
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias, DeadZone
-from skhoid.search.story import Story
+from skhoid.search.story import Story, shape_tables
 
 
 def recorded(effects, n_runs=3, remnant=0.05):
@@ -82,3 +83,32 @@ def test_held_out_rows_without_a_ceiling(biased):
     assert unknown in told
     assert f"The noise ceiling is not known: {why}." in story.search_.summary()
     assert story.as_dict()["ceiling_note"] == why
+
+
+def test_what_has_no_name_is_told_with_its_curve_and_the_names_near_it():
+    curve, nearest = shape_tables(a_shape())
+    assert curve.headings[-1] == "95 % band"
+    assert len(curve.rows) == 9
+    assert nearest.ids == ["cubic_gain", "dead_zone"]
+    assert nearest.rows[1] == [
+        "dead zone (gap)",
+        "0.44",
+        "not within",
+        "width = 0.3 deg",
+    ]
+    assert [table.kind for table in shape_tables(a_shape(**nothing_near()))] == ["shape"]
+
+
+@pytest.mark.slow
+def test_a_story_ends_with_the_shape():
+    X, y = make_tracking_runs(
+        "C1", n_runs=4, remnant_intensity=0.1, random_state=0, effects=Fechner(knee=0.15)
+    )
+    story = Story(EffectSearchCV(OperatorRegressor(), effects=["bias"]), X, y)
+    told = list(story.tell())
+    shape = story.search_.shape_
+    assert f"  {shape.sentences()[0]}" in told
+    assert [block.kind for block in told if hasattr(block, "kind")][:2] == ["shape", "parameters"]
+    found = json.loads(json.dumps(story.as_dict()["shape"]))
+    assert found["sentence"] == shape.sentence
+    assert len(found["curve"]) == len(shape.curve)

@@ -48,5 +48,11 @@ def add_diagnose(commands: Any) -> None:
     add = command.section("Output")
     add_plot_options(add, "skhoid-diagnose")
     add("--report", metavar="FILE", help="write a report, one HTML file")
-    add("--overwrite", action="store_true", help="replace that FILE if it exists")
+    add(
+        "--sketch",
+        metavar="FILE",
+        help="write the shape of what has no name as an effect of your own, a Python file named "
+        "after the effect, such as my_effect.py",
+    )
+    add("--overwrite", action="store_true", help="replace these FILEs if they exist")
     add_output_options(add)

@@ -1,0 +1,326 @@
+"""Short formulas for curves, and which of them a free form's curve can be."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.special import expit
+from scipy.stats import norm
+
+from ..effects.dimension import ONE, Dimension
+from ..effects.free_form import FreeForm
+from ..effects.record import Record
+from .likeness import Likeness
+
+LEVEL = 0.95
+SIZES = (0.1, 0.3, 1.0, 3.0, 10.0)  # starts of a formula's size, relative to the signal
+SCALES = (0.05, 0.15, 0.4, 1.0)  # starts of its other numbers, relative to the range
+NAMES = (
+    "size",
+    "knee",
+    "tau",
+    "middle",
+    "length",
+    "period",
+    "begin",
+)  # in the order of values
+SIZE = "size of what is added"
+MAPPED = ("input", "output", "command")
+LARGEST = 30.0  # size of a formula, relative to the signal
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A short formula of a signal or of time.
+
+    Attributes
+    ----------
+    code : str
+        In Python, with ``x`` (a signal or a channel) or ``t`` (time) and the parameters.
+    text : str
+        For people.
+    function : callable
+        The same, of the abscissa and the values.
+    powers : tuple of int
+        Powers of the abscissa's unit in the size, below that of the curve, and in each further
+        parameter.
+    meanings : tuple of str
+        Of the parameters.
+    signed : bool
+        Whether further parameters may be negative.
+    whole : bool
+        Whether it takes the place of the signal, with a bend and no size: that is the gain.
+    """
+
+    code: str
+    text: str
+    function: Callable[..., np.ndarray]
+    powers: tuple[int, ...]
+    meanings: tuple[str, ...]
+    signed: bool = False
+    whole: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters, as ``code`` has them."""
+        found = [name for name in NAMES if re.search(rf"\b{name}\b", self.code)]
+        return tuple(found)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return formula, (self.code,)  # by its code: functions without a name cannot be pickled
+
+
+_WIDE = (SIZE, "where it bends")
+OF_SIGNALS = (
+    Formula("size * x**3", "size x^3", lambda x, a: a * x**3, (3,), (SIZE,)),
+    Formula(
+        "size * x * np.abs(x)",
+        "size x |x|",
+        lambda x, a: a * x * np.abs(x),
+        (2,),
+        (SIZE,),
+    ),
+    Formula("size * np.abs(x)", "size |x|", lambda x, a: a * np.abs(x), (1,), (SIZE,)),
+    Formula("size * x**2", "size x^2", lambda x, a: a * x**2, (2,), (SIZE,)),
+    Formula(
+        "size * np.maximum(x, 0.0) ** 2",
+        "size max(x, 0)^2",
+        lambda x, a: a * np.maximum(x, 0.0) ** 2,
+        (2,),
+        (SIZE,),
+    ),
+    Formula(
+        "size * np.minimum(x, 0.0) ** 2",
+        "size min(x, 0)^2",
+        lambda x, a: a * np.minimum(x, 0.0) ** 2,
+        (2,),
+        (SIZE,),
+    ),
+    Formula(
+        "size * np.sign(x) * np.maximum(np.abs(x) - knee, 0.0)",
+        "size sign(x) max(|x| - knee, 0)",
+        lambda x, a, b: a * np.sign(x) * np.maximum(np.abs(x) - b, 0.0),
+        (1, 1),
+        _WIDE,
+    ),
+    Formula(
+        "size * np.tanh(x / knee)",
+        "size tanh(x / knee)",
+        lambda x, a, b: a * np.tanh(x / b),
+        (0, 1),
+        _WIDE,
+    ),
+    Formula(
+        "size * np.sign(x) * np.log1p(np.abs(x) / knee)",
+        "size sign(x) log(1 + |x| / knee)",
+        lambda x, a, b: a * np.sign(x) * np.log1p(np.abs(x) / b),
+        (0, 1),
+        _WIDE,
+    ),
+    Formula(
+        "size * x * np.exp(-((x / knee) ** 2))",
+        "size x exp(-(x / knee)^2)",
+        lambda x, a, b: a * x * np.exp(-((x / b) ** 2)),
+        (1, 1),
+        (SIZE, "where it fades"),
+    ),
+    Formula(
+        "size * np.maximum(x - knee, 0.0)",
+        "size max(x - knee, 0)",
+        lambda x, a, b: a * np.maximum(x - b, 0.0),
+        (1, 1),
+        _WIDE,
+        signed=True,
+    ),
+    Formula(
+        "size * np.minimum(x - knee, 0.0)",
+        "size min(x - knee, 0)",
+        lambda x, a, b: a * np.minimum(x - b, 0.0),
+        (1, 1),
+        _WIDE,
+        signed=True,
+    ),
+)
+WHOLE = (  # in place of the error, the command or the output
+    Formula(
+        "knee * np.sign(x) * np.log1p(np.abs(x) / knee) - x",
+        "knee sign(x) log(1 + |x| / knee) - x",
+        lambda x, a: a * np.sign(x) * np.log1p(np.abs(x) / a) - x,
+        (0,),
+        ("where it bends",),
+        whole=True,
+    ),
+    Formula(
+        "knee * np.tanh(x / knee) - x",
+        "knee tanh(x / knee) - x",
+        lambda x, a: a * np.tanh(x / a) - x,
+        (0,),
+        ("where it bends",),
+        whole=True,
+    ),
+    Formula(
+        "x * np.exp(-((x / knee) ** 2)) - x",
+        "x exp(-(x / knee)^2) - x",
+        lambda x, a: x * np.exp(-((x / a) ** 2)) - x,
+        (0,),
+        ("where it fades",),
+        whole=True,
+    ),
+)
+OF_TIME = (
+    Formula("size * t", "size t", lambda t, a: a * t, (1,), (SIZE,)),
+    Formula(
+        "size * np.exp(-t / tau)",
+        "size exp(-t / tau)",
+        lambda t, a, b: a * np.exp(-t / b),
+        (0, 1),
+        (SIZE, "time constant"),
+    ),
+    Formula(
+        "size * np.clip((t - begin) / 0.1, 0.0, 1.0)",
+        "a step of size at begin",
+        lambda t, a, b: a * np.clip((t - b) / 0.1, 0.0, 1.0),
+        (0, 1),
+        (SIZE, "time of the step"),
+    ),
+    Formula(
+        "size * expit((t - middle) / length)",
+        "size / (1 + exp(-(t - middle) / length))",
+        lambda t, a, b, c: a * expit((t - b) / c),
+        (0, 1, 1),
+        (SIZE, "middle of the change", "a quarter of its length"),
+    ),
+    Formula(
+        "size * np.sin(2 * np.pi * (t - begin) / period)",
+        "size sin(2 pi (t - begin) / period)",
+        lambda t, a, b, c: a * np.sin(2 * np.pi * (t - c) / b),
+        (0, 1, 1),
+        (SIZE, "period", "time at which it rises through zero"),
+    ),
+)
+
+
+def formula(code: str) -> Formula:
+    """The formula with a code."""
+    return next(one for one in (*OF_SIGNALS, *WHOLE, *OF_TIME) if one.code == code)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A formula with numbers at which it lies within a shape's band.
+
+    Attributes
+    ----------
+    formula : Formula
+        Which.
+    values, low, high : tuple of float
+        Of its parameters, and their bounds.
+    distance : float
+        Rms of the difference to the shape's curve, relative to it.
+    """
+
+    formula: Formula
+    values: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    distance: float
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Values by name, in the units of the data."""
+        return dict(zip(self.formula.names, self.values, strict=True))
+
+    @property
+    def sentence(self) -> str:
+        """The formula and its numbers in words."""
+        numbers = ", ".join(f"{name} = {value:.4g}" for name, value in self.numbers.items())
+        return f"A short formula lies within the band: {self.formula.text} with {numbers}."
+
+    def dimensions(self, form: FreeForm) -> tuple[Dimension, ...]:
+        """Of the parameters, at the place of a free form."""
+        size, *others = self.formula.powers
+        first = form.ordinate / form.abscissa**size if size else form.ordinate
+        return (first, *(form.abscissa**power if power else ONE for power in others))
+
+
+def formulas_for(form: FreeForm) -> Sequence[Formula]:
+    """Formulas that are tried for a free form; none for a memory of what was."""
+    if form.over == "lag" or form.name == "free_hysteresis":
+        return ()
+    if form.over == "time":
+        return OF_TIME
+    return (*OF_SIGNALS, *WHOLE) if form.place in MAPPED else OF_SIGNALS
+
+
+def formula_of(form: FreeForm, curve: pd.DataFrame, dof: float, record: Record) -> Fitted | None:
+    """The likeliest formula that lies within the band of a curve everywhere, by BIC; or None.
+
+    Parameters
+    ----------
+    form : FreeForm
+        With its values.
+    curve : DataFrame
+        Its value, and low and high of its band.
+    dof : float
+        Its effective degrees of freedom, as which its values at the knots count.
+    record : Record
+        In which it was found.
+
+    Returns
+    -------
+    best : Fitted or None
+    """
+    grid = curve.index.to_numpy(dtype=float)
+    like = Likeness.of(form, grid, curve["value"].to_numpy(), record)
+    half = ((curve["high"] - curve["low"]) / 2).to_numpy()
+    dof = max(dof, 1.0)
+    sd = half / norm.ppf((1 + LEVEL ** (1 / dof)) / 2)
+    best, least = None, np.inf
+    for formula in formulas_for(form):
+        low, high, starts = starts_of(formula, like)
+
+        def departure(values: np.ndarray, formula: Formula = formula) -> np.ndarray:
+            return formula.function(like.at, *values)
+
+        fit = like.fitted(departure, starts, low, high)
+        if fit is None or not (np.abs(fit.curve - like.value) <= half).all():
+            continue
+        misfit = np.interp(like.points, grid, (fit.curve - like.value) / sd)
+        cost = dof * float(np.mean(misfit**2)) + fit.acts.size * np.log(len(form.knots or ()))
+        if cost < least:
+            least = cost
+            ends = tuple(low.tolist()), tuple(high.tolist())
+            best = Fitted(formula, tuple(np.asarray(fit.values).tolist()), *ends, fit.distance)
+    return best
+
+
+def starts_of(formula: Formula, like: Likeness) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bounds and starts of a formula's parameters, in the units of the data."""
+    span = float(np.ptp(like.grid))
+    reach = span if like.form.over == "time" else float(np.abs(like.grid).max())
+    size = reach if like.form.ordinate == like.form.abscissa else float(np.abs(like.value).max())
+    if formula.whole:
+        knees = np.array([[s * reach] for s in SCALES])
+        return np.array([1e-3 * reach]), np.array([100.0 * reach]), knees
+    size = size / reach ** formula.powers[0]
+    if like.form.over != "time" and like.form.place in MAPPED:
+        size = reach ** (1 - formula.powers[0])
+    n_more = len(formula.powers) - 1
+    least = -reach if formula.signed else 1e-3 * reach
+    low = np.array([-LARGEST * size, *[least] * n_more])
+    high = np.array([LARGEST * size, *[(1.0 if formula.signed else 10.0) * reach] * n_more])
+    scales = [s * reach for s in SCALES]
+    if formula.signed:
+        scales = [sign * s for s in scales for sign in (1.0, -1.0)]
+    more: list[list[float]] = [[]] if not n_more else [[s] for s in scales]
+    for _ in range(n_more - 1):
+        more = [[*m, s] for m in more for s in scales]
+    signs = (1.0,) if "period" in formula.names else (1.0, -1.0)  # begin has the sign of a wave
+    low[0] = 0.0 if len(signs) == 1 else low[0]
+    starts = [[sign * a * size, *m] for a in SIZES for sign in signs for m in more]
+    return low, high, np.array(starts)

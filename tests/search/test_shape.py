@@ -1,0 +1,98 @@
+"""What is said of a shape: sentences, tables, numbers."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from support.shapes import a_shape, nothing_near
+
+from skhoid.effects import Bias, FreeMap
+from skhoid.plotting import ShapeDisplay
+from skhoid.search.shape import NO_FORM, sentence_of, told_shape
+
+
+def test_sentences_say_place_gain_names_and_what_to_do():
+    first, names, record, sketch = a_shape().sentences()
+    assert first == (
+        "The shape of what has no name: it acts on the error, as a function of its size and sign; "
+        "a curve with 9.7 effective degrees of freedom raises the held-out VAF by 9.9 points, "
+        "98 % of what the baseline leaves to explain."
+    )
+    assert names == (
+        "Nearest names: cubic gain (distance 0.21, within the band), dead zone (distance 0.44)."
+    )
+    assert record == "To tell cubic gain from dead zone, record more."
+    assert sketch.endswith('search.sketch_effect("my_effect", "my_effect.py").')
+
+
+def test_the_loop_and_the_effects_beside_are_said_where_there_are_any():
+    first = a_shape([("bias", Bias())], gain_loop=5.84).sentences()[0]
+    assert "by 9.9 points (in the closed loop by 5.8), 98 % of what the model with bias" in first
+
+
+def test_where_no_name_is_near_none_is_said():
+    shape = a_shape(**nothing_near())
+    assert len(shape.sentences()) == 2
+    assert "earest" not in shape.summary()
+
+
+def test_far_names_are_not_called_near():
+    nearest = a_shape().nearest.assign(distance=[0.71, 0.9])
+    shape = a_shape(nearest=nearest)
+    assert not shape.is_near
+    assert shape.sentences()[1] == (
+        "No effect of the catalogue comes near its curve; the nearest is cubic gain (distance "
+        "0.71, within the band)."
+    )
+    some = a_shape(nearest=nearest.assign(distance=[0.69, 0.9]))
+    assert some.sentences()[1] == "Nearest name: cubic gain (distance 0.69, within the band)."
+
+
+def test_one_name_is_no_plural():
+    shape = a_shape(nearest=a_shape().nearest.iloc[:1])
+    assert shape.sentences()[1].startswith("Nearest name: cubic gain (")
+
+
+def test_the_summary_has_the_curve_and_the_names_in_tables():
+    shape = a_shape()
+    told = shape.summary()
+    assert repr(shape) == told
+    assert max(map(len, told.splitlines()[1:-4])) <= 88
+    cells = [re.split(r"\s{2,}", line.strip()) for line in told.splitlines()]
+    assert ["-2", "0.227", "0.177 to 0.277"] in cells
+    assert "  - dead zone (gap): 0.44, not within the band; width = 0.3 deg" in told.splitlines()
+    assert "Nearest names: " not in told  # said once
+    assert "<pre" in shape._repr_html_()
+
+
+def test_json_has_all_of_it():
+    found = json.loads(json.dumps(a_shape(gain_loop=5.8).as_dict()))
+    assert found["id"] == "free_map"
+    assert found["closed"] == pytest.approx(0.984)
+    assert found["curve"][0] == pytest.approx(
+        {"at": -2, "value": 0.227, "low": 0.177, "high": 0.277}, abs=1e-3
+    )
+    assert [row["effect"] for row in found["nearest"]] == ["cubic_gain", "dead_zone"]
+
+
+def test_a_search_tells_it_only_of_what_has_no_name():
+    shape = a_shape()
+    assert told_shape(["bias"], None) == told_shape([], None) == []
+    assert told_shape(["bias", "unknown"], shape) == shape.sentences()
+    assert told_shape(["unknown"], None) == [f"{NO_FORM}."]
+
+
+def test_a_machine_has_no_error():
+    said = "it acts on the input, as a function of its size and sign"
+    assert sentence_of(FreeMap(), "machine") == said
+    assert sentence_of(FreeMap(), "human") == said.replace("input", "error")
+    spring = sentence_of(FreeMap(at="spring"), "machine")
+    assert spring == "it is a force against the input, as a function of the output"
+
+
+def test_it_draws_itself():
+    shape = a_shape()
+    display = shape.plot()
+    assert isinstance(display, ShapeDisplay)
+    np.testing.assert_array_equal(display.line_.get_ydata(), shape.curve["value"])
