@@ -89,9 +89,7 @@ class Core(Protocol):
     def delay(self, values: dict[str, float]) -> float:
         """Delay of the response to the input in seconds, without effects."""
 
-    def command(
-        self, error: np.ndarray, gains: Gains, values: dict[str, float], dt: float
-    ) -> tuple:
+    def command(self, error: np.ndarray, gains: Gains, values: dict[str, float]) -> tuple:
         """Position and rate command for a delayed error and gains delayed alike."""
 
     def response(
@@ -179,16 +177,11 @@ class OperatorCore:
         return self.fixed_delay if self.fixed_delay is not None else values["tau_e"]
 
     def command(
-        self, error: np.ndarray, gains: Gains, values: dict[str, float], dt: float
+        self, error: np.ndarray, gains: Gains, values: dict[str, float]
     ) -> tuple[np.ndarray, np.ndarray]:
         error = _kernels.gate(error)
         position = _kernels.greybox.scaled(error, _kernels.gate(values["K_e"] * gains.error))
-        on_rate = _kernels.gate(values["K_edot"] * gains.rate)
-        rate = _kernels.greybox.scaled(error, on_rate)
-        if len(on_rate) > 1:
-            # The response differentiates the product; what is meant is the gain times the rate.
-            change = _kernels.greybox.differentiated(on_rate, dt)
-            position -= _kernels.greybox.scaled(error, change)
+        rate = _kernels.greybox.scaled(error, _kernels.gate(values["K_edot"] * gains.rate))
         return position, rate
 
     def response(
@@ -324,7 +317,7 @@ class ARXCore:
         return 0.0
 
     def command(
-        self, error: np.ndarray, gains: Gains, values: dict[str, float], dt: float
+        self, error: np.ndarray, gains: Gains, values: dict[str, float]
     ) -> tuple[np.ndarray, np.ndarray]:
         return gains.error * error, np.zeros_like(error)
 

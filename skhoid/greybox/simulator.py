@@ -154,7 +154,7 @@ class Simulator:
 
         def command(s: StageSignals, theta: Any) -> StageSignals:
             gains = gains_of_delayed(s.gains, s.delay, record)
-            position, rate = core.command(s.error, gains, values(theta, gain), record.dt)
+            position, rate = core.command(s.error, gains, values(theta, gain))
             return s._replace(command=Command(position, rate, s.error, s.delay))
 
         def respond(s: StageSignals, theta: Any) -> StageSignals:

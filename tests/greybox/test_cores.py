@@ -8,8 +8,7 @@ import pytest
 from support.places import ROOT
 
 from skhoid.effects import AsymmetricGain, Quantised, WrongDelay
-from skhoid.effects.operator_signals import Command, Spring
-from skhoid.greybox.cores import ARXCore, OperatorCore, neutral_gains
+from skhoid.greybox.cores import ARXCore, OperatorCore
 from skhoid.greybox.estimates import parameter_table
 from skhoid.greybox.extend import extended
 from skhoid.greybox.fitting import Criterion
@@ -41,8 +40,8 @@ class Renamed(OperatorCore):
     def delay(self, values):
         return super().delay(self.old(values))
 
-    def command(self, error, gains, values, dt):
-        return super().command(error, gains, self.old(values), dt)
+    def command(self, error, gains, values):
+        return super().command(error, gains, self.old(values))
 
     def response(self, command, gains, spring, values, dt):
         return super().response(command, gains, spring, self.old(values), dt)
@@ -90,22 +89,3 @@ def test_names_of_parameters_change_no_number(effect):
     np.testing.assert_array_equal(table["sd"], table_2["sd"])
     assert list(table.index).index("T_L") == list(table_2.index).index("T_L") == 2
     assert list(table_2.index[:4]) == ["p", "d", "T_L", "w"]
-
-
-def test_a_gain_on_the_error_rate_that_changes_multiplies_the_rate():
-    """A change of the gain alone moves nothing while the error rests."""
-    dt, t = 0.01, 0.01 * np.arange(4000)[:, None]
-    core, none = OperatorCore(0.0, least=0.0), neutral_gains()
-    values = dict(zip([p.name for p in core.parameters], PLAIN, strict=False))
-    gain = 1.0 + 0.5 * np.tanh(t - 20.0)
-    error, slope = 2.0 + np.sin(1.3 * t), 1.3 * np.cos(1.3 * t)
-
-    def output(error, gains, K_e, K_edot):
-        given = {**values, "K_e": K_e, "K_edot": K_edot}
-        command = Command(*core.command(error, gains, given, dt), error, 0.0)
-        return core.response(command, none, Spring(), given, dt)[1000:]
-
-    found = output(error, none._replace(rate=gain), 0.0, 0.7)
-    np.testing.assert_allclose(found, output(gain * slope, none, 0.7, 0.0), atol=2e-4)
-    still = output(2.0 + 0.0 * t, none._replace(rate=gain), 0.0, 0.7)
-    np.testing.assert_allclose(still, 0.0, atol=1e-4)
