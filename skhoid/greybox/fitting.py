@@ -16,7 +16,7 @@ from .simulator import Simulator
 AR_ORDER = 6  # what the kernel is written for
 WHITE_FLOOR = 3e-3  # least share of the residual's variance that is white
 NOISE_FLOOR = 1e-5  # the same where the noise model is estimated along with the parameters
-UNKNOWN_DELAY = 12**-0.5  # of a sample, one standard deviation of anything within a sample
+UNKNOWN_DELAY = 12**-0.5  # of a sample, the rms of anything up to a half
 EXPLORED_RUNS = 3
 EXPLORED_STEP = 0.04  # s
 STEP = 1e-4  # of finite differences, relative
@@ -513,8 +513,8 @@ def change_if_later(
 ) -> np.ndarray:
     """Change of the output of some runs if all channels came later, on the criterion's rows.
 
-    By one standard deviation of what is not recorded: between two samples a channel may go straight
-    to the next or hold its value, or anything between, which is up to half a sample late.
+    By the rms of what is not recorded: between two samples a channel may go straight to the next or
+    hold its value, or anything between, which is late by up to half a sample.
     """
     record = part.record
     late = record.dt * UNKNOWN_DELAY

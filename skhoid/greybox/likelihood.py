@@ -194,15 +194,18 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     extra = [simulator.names.index(name) for name in core.gains[1:]]
     held = np.zeros(model.theta.size, dtype=bool)
     beside = np.zeros((held.size, held.size))
+    free = best
     if extra and best[1][extra].any():
         held[extra] = True
         plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
         without = best_from(plain, held)
         if without is not None and without[0] < best[0] + NEEDED:
-            beside += sum(_outer(high_gain(simulator, best, i) - without[1]) for i in extra)
             best = without
         else:
             held[:] = False
+    for i in extra:
+        if best[1][i] == 0.0:
+            beside += _outer(high_gain(simulator, free, i) - best[1])
     best, apart_minima = among_kinks(simulator, best, held)
     beside += apart_minima
     theta = best[1]

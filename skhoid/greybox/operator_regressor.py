@@ -113,7 +113,8 @@ class OperatorRegressor(GreyBox):
     the sampling rate. Runs with more remnant weigh less.
 
     Standard errors hold for remnant of any colour. They include how far the estimates would move at
-    twice the sampling time, which dominates where there is little remnant. Intervals of effects'
+    twice the sampling time, and if channels waited between samples: that makes tau_e uncertain by
+    0.29 samples at least, and dominates where there is little remnant. Intervals of effects'
     parameters are those of the profile likelihood: they may be longer on one side, and one at its
     bound has an interval that ends there.
 

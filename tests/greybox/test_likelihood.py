@@ -7,14 +7,21 @@ from support.person_in_loop import Person, pursued
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import Feedforward
-from skhoid.greybox.fitting import AR_ORDER, Criterion, normal_equations
+from skhoid.greybox import likelihood
+from skhoid.greybox.fitting import AR_ORDER, Criterion, RemnantModel, normal_equations
 from skhoid.greybox.likelihood import (
+    JOINT_RATE,
     TOLERATED,
     autoregression,
+    beyond_chance,
+    criterion_of,
+    high_gain,
     joint_fit,
+    likeliest,
     likelihood_fit,
     prior_of,
     settled,
+    usual_starts,
 )
 
 POLES = np.array([0.9, 0.6, -0.6, 0.5 + 0.6j, 0.5 - 0.6j, -0.3])
@@ -100,6 +107,61 @@ def test_gain_on_the_error_rate_that_is_needed_stays():
     model, person = first("1/(s(s+1))")
     found = dict(zip(model.simulator.names, joint_fit(model)[0], strict=True))
     assert found["K_edot"] == pytest.approx(person.K_edot, rel=0.3)
+
+
+def test_errors_are_those_of_the_rows_that_were_fitted(fitted):
+    model, _ = fitted
+    found, noise = likelihood_fit(model, Criterion(model.simulator.record))
+    assert found.fit.jointly
+    own = criterion_of(found, noise)
+    assert own.rate == JOINT_RATE < model.simulator.record.criterion_rate
+    residual = own.residual(found.output)
+    np.testing.assert_allclose(own.noise.ar, autoregression(residual, own.known).ar)
+    assert not model.fit.jointly
+    given = RemnantModel.white(model.simulator.record.n_runs)
+    assert criterion_of(model, given).noise is given
+
+
+def test_what_the_simulation_error_forbids_counts_as_a_choice(fitted, monkeypatch):
+    model, _ = fitted
+    start, _ = settled(model, Criterion(model.simulator.record))
+    theta, _ = joint_fit(start)
+    monkeypatch.setattr(likelihood, "TOLERATED", 0.0)
+    found, _ = likelihood_fit(model, Criterion(model.simulator.record))
+    assert not found.fit.jointly
+    np.testing.assert_array_equal(found.theta, start.theta)
+    np.testing.assert_allclose(found.fit.beside, np.outer(*2 * [theta - start.theta]))
+
+
+def test_a_gain_left_out_may_be_as_large_as_the_likelihood_allows(fitted):
+    model, _ = fitted
+    simulator = model.simulator
+    at, delay = simulator.names.index("K_edot"), simulator.names.index("tau_e")
+    best = likeliest(simulator, [model.theta, *usual_starts(simulator, model.theta)])
+    high = high_gain(simulator, best, at)
+    assert high[at] > best[1][at]
+    held = np.arange(high.size) == at
+    loss, _ = likeliest(simulator, [high], held=held)
+    assert loss - best[0] == pytest.approx(1.0, abs=0.5)
+    theta, beside = joint_fit(model)
+    assert theta[at] == 0.0
+    assert high[delay] > theta[delay]  # a lead and a longer delay
+    assert beside[delay, delay] >= (high[delay] - theta[delay]) ** 2 * 0.99
+
+
+def test_the_loop_counts_beyond_chance_only(fitted, monkeypatch):
+    model, _ = fitted
+    theta, held = model.theta, np.zeros(model.theta.size, dtype=bool)
+
+    def loop_at(change, variance):
+        found = theta + change, np.full(theta.size, variance)
+        monkeypatch.setattr(likelihood, "likeliest_in_loop", lambda *_: found)
+        return beyond_chance(model.simulator, theta, held)
+
+    assert not loop_at(0.1, 1.0).any()
+    np.testing.assert_allclose(np.diag(loop_at(100.0, 1.0)), 1e4, rtol=0.02)
+    monkeypatch.setattr(likelihood, "likeliest_in_loop", lambda *_: None)
+    assert not beyond_chance(model.simulator, theta, held).any()
 
 
 def test_settled_stops_where_the_free_run_gets_worse(fitted):
