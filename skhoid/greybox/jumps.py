@@ -17,9 +17,10 @@ from .tied import Tied
 N_AGAIN = 2  # scans around what was found
 SOFT = (0.1, 0.05, 0.025, 0.012)  # corners, ever sharper
 
-# How far off estimates in a wrong minimum are, relative; a lead, a lag and damping trade places.
-OFF = {"K_edot": 0.2, "omega_nm": 0.1, "zeta_nm": 0.2}
-OFF_OTHERS = 0.05
+# How far off estimates in a wrong minimum are, relative.
+OFF = 0.05
+OFF_LEAD = 0.2  # gains but the first: a lead and a lag trade places
+OFF_USUAL = 0.3  # of what is usual for the others
 WIDEST = 12.0  # times as far off, at most
 RUNS_EVOLVED = 2
 POPULATION, GENERATIONS = 80, 60
@@ -115,8 +116,7 @@ def evolved(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.nd
     mine = np.array([simulator.names.index(f"{name}__{key}") for key in keys])
     rest = np.setdiff1d(np.arange(model.theta.size), mine)
     values = {key: float(model.theta[i]) for key, i in zip(keys, mine, strict=True)}
-    off = np.array([OFF.get(n, OFF_OTHERS) for n in simulator.names])
-    off *= [simulator.size(i, value) for i, value in enumerate(model.theta)]
+    off = _how_far_off(model)
     low = np.maximum(simulator.low, model.theta - WIDEST * off)[rest]
     high = np.minimum(simulator.high, model.theta + WIDEST * off)[rest]
     start = sse_at(few, on_few, model.theta)
@@ -149,6 +149,15 @@ def evolved(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.nd
     fit = minimise(simulator, criterion, at(best.x), max_iter=6, fixed=fixed)
     found = Model(simulator, fit, model.other_cores) if fit.sse < model.sse else model
     return found, np.array([at(point) for point in best.population]) - at(best.x)
+
+
+def _how_far_off(model: Model) -> np.ndarray:
+    """What to add to or subtract from parameters of a first generation, typically."""
+    simulator, core = model.simulator, model.simulator.core
+    relative = dict.fromkeys(simulator.names, OFF) | dict.fromkeys(core.gains[1:], OFF_LEAD)
+    relative |= {n: OFF_USUAL * one.spread for n, one in core.usual.items() if one.relative}
+    sizes = [simulator.size(i, value) for i, value in enumerate(model.theta)]
+    return np.array([relative[n] for n in simulator.names]) * sizes
 
 
 def wandered(model: Model, criterion: Criterion, apart: np.ndarray) -> tuple[Model, np.ndarray]:
