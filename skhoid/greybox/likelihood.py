@@ -129,6 +129,8 @@ def among_jumps(
         if not criterion.n * np.log(here.sse / found.sse) > NEEDED:
             break
         model, noise = settled(found, criterion)
+    if record_of_some(model.simulator.record) is not None:
+        return model, noise  # chains on all runs would take long, and these hardly leave minima
     found, covariance = wandered(model, criterion, apart)
     found = found.under(criterion)
     found.fit.beside = covariance
