@@ -17,13 +17,16 @@ from .tied import Tied
 N_AGAIN = 2  # scans around what was found
 SOFT = (0.1, 0.05, 0.025, 0.012)  # corners, ever sharper
 
-# How far off estimates in a wrong minimum are, relative; a lead, a lag and damping trade places.
-OFF = {"K_edot": 0.2, "omega_nm": 0.1, "zeta_nm": 0.2}
-OFF_OTHERS = 0.05
+# How far off estimates in a wrong minimum are, relative.
+OFF = 0.05
+OFF_LEAD = 0.2  # gains but the first: a lead and a lag trade places
+OFF_USUAL = 0.3  # of what is usual for the others
 WIDEST = 12.0  # times as far off, at most
 RUNS_EVOLVED = 2
 POPULATION, GENERATIONS = 80, 60
 DRAWN = 30  # points of an effect's cube for each member of the first generation
+CHAINS, STEPS = 16, 60
+SHARES = (0.2, 0.6, 0.95)  # of the difference of two chains; the second is usual for few parameters
 DIVERGED = 1e3  # times the squares of the start
 
 
@@ -99,8 +102,8 @@ def evolved(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.nd
 
     All parameters together: events of an effect that jumps depend on the core too. On some runs;
     the core then follows on all. Under whitened residuals the minima are deep and narrow, and the
-    fit of least simulation error may have ended in any of them. The covariance of what was tried,
-    weighed by its odds, is returned too: minima side by side may be about as likely.
+    fit of least simulation error may have ended in any of them. Returned too are the distances from
+    the best of the last generation, of shape (POPULATION, n_parameters).
     """
     simulator, record = model.simulator, criterion.record
     runs = np.sort(np.argsort(-record.known.sum(axis=0), kind="stable")[:RUNS_EVOLVED])
@@ -113,8 +116,7 @@ def evolved(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.nd
     mine = np.array([simulator.names.index(f"{name}__{key}") for key in keys])
     rest = np.setdiff1d(np.arange(model.theta.size), mine)
     values = {key: float(model.theta[i]) for key, i in zip(keys, mine, strict=True)}
-    off = np.array([OFF.get(n, OFF_OTHERS) for n in simulator.names])
-    off *= [simulator.size(i, value) for i, value in enumerate(model.theta)]
+    off = _how_far_off(model)
     low = np.maximum(simulator.low, model.theta - WIDEST * off)[rest]
     high = np.minimum(simulator.high, model.theta + WIDEST * off)[rest]
     start = sse_at(few, on_few, model.theta)
@@ -126,12 +128,8 @@ def evolved(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.nd
         theta[mine] = [found[key] for key in keys]
         return np.clip(theta, simulator.low, simulator.high)
 
-    tried: list[tuple[float, np.ndarray]] = [(start, model.theta)]
-
     def left(point: np.ndarray) -> float:
-        theta = at(point)
-        tried.append((min(sse_at(few, on_few, theta), DIVERGED * start), theta))
-        return tried[-1][0]
+        return min(sse_at(few, on_few, at(point)), DIVERGED * start)
 
     rng = np.random.default_rng(0)
     first = np.empty((POPULATION, model.theta.size))
@@ -150,12 +148,51 @@ def evolved(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.nd
     fixed[mine] = True
     fit = minimise(simulator, criterion, at(best.x), max_iter=6, fixed=fixed)
     found = Model(simulator, fit, model.other_cores) if fit.sse < model.sse else model
-    return found, spread_of(tried, criterion.n)
+    return found, np.array([at(point) for point in best.population]) - at(best.x)
 
 
-def spread_of(tried: list[tuple[float, np.ndarray]], n: int) -> np.ndarray:
-    """Covariance about the best of what was tried, weighed by odds for ``n`` residuals."""
-    squares = np.array([sse for sse, _ in tried])
-    theta = np.stack([one for _, one in tried]) - tried[int(squares.argmin())][1]
-    odds = (squares.min() / squares) ** (n / 2)
-    return (theta * odds[:, None]).T @ theta / odds.sum()
+def _how_far_off(model: Model) -> np.ndarray:
+    """What to add to or subtract from parameters of a first generation, typically."""
+    simulator, core = model.simulator, model.simulator.core
+    relative = dict.fromkeys(simulator.names, OFF) | dict.fromkeys(core.gains[1:], OFF_LEAD)
+    relative |= {n: OFF_USUAL * one.spread for n, one in core.usual.items() if one.relative}
+    sizes = [simulator.size(i, value) for i, value in enumerate(model.theta)]
+    return np.array([relative[n] for n in simulator.names]) * sizes
+
+
+def wandered(model: Model, criterion: Criterion, apart: np.ndarray) -> tuple[Model, np.ndarray]:
+    """The likeliest parameters that Markov chains pass, and the covariance of chains about them.
+
+    A likelihood with many narrow minima side by side has no slopes that would tell how far the
+    estimates may be off. Each chain steps along the difference of two others, so that they find the
+    directions and distances by themselves; they begin ``apart`` from the model by so much.
+
+    References
+    ----------
+    Ter Braak, A Markov chain Monte Carlo version of the genetic algorithm differential evolution
+    (2006).
+    """
+    simulator = model.simulator
+    rng = np.random.default_rng(0)
+    chains = np.clip(model.theta + apart[:CHAINS], simulator.low, simulator.high)
+    chains[0] = model.theta
+    squares = np.array([sse_at(simulator, criterion, theta) for theta in chains])
+    best = int(squares.argmin())
+    likeliest, least = chains[best].copy(), float(squares[best])
+    passed = []
+    for k in range(STEPS):
+        for i in range(CHAINS):
+            one, other = rng.choice(CHAINS, size=2, replace=False)
+            theta = chains[i] + rng.choice(SHARES) * (chains[one] - chains[other])
+            if not ((theta >= simulator.low) & (theta <= simulator.high)).all():
+                continue
+            sse = sse_at(simulator, criterion, theta)
+            odds = criterion.n / 2 * (squares[i] - sse) / least
+            if np.log(rng.uniform()) < odds:
+                chains[i], squares[i] = theta, sse
+            if sse < least:
+                likeliest, least = theta.copy(), sse
+        if k >= STEPS // 2:
+            passed.append(chains.copy())
+    away = np.concatenate(passed) - likeliest
+    return model.at(likeliest), away.T @ away / len(away)

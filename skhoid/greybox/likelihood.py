@@ -21,7 +21,7 @@ from .fitting import (
     scaled_inverse,
     sse_at,
 )
-from .jumps import SOFT, evolved
+from .jumps import SOFT, evolved, wandered
 from .loop import LoopSimulator, loop_of
 from .model import Model
 from .prior import Prior
@@ -140,18 +140,21 @@ def among_jumps(
         for name, effect in model.effects
         if not effect.smooth and effect.free and effect.softened(SOFT[0]) is None
     ]
-    for _ in range(ROUNDS_AMONG_JUMPS if jumping else 0):
-        here = found = model.under(criterion)
-        apart = np.zeros((here.theta.size, here.theta.size))
+    if not jumping:
+        return model, noise
+    for _ in range(ROUNDS_AMONG_JUMPS):
+        found = here = model.under(criterion)
         for name in jumping:
-            found, spread = evolved(found, name, criterion)
-            apart += spread
-        here.fit.beside = found.fit.beside = apart
+            found, apart = evolved(found, name, criterion)
         if not criterion.n * np.log(here.sse / found.sse) > NEEDED:
-            return here, noise
+            break
         model, noise = settled(found, criterion)
-        model.fit.beside = apart
-    return model, noise
+    if record_of_some(model.simulator.record) is not None:
+        return model, noise  # chains on all runs would take long, and these hardly leave minima
+    found, covariance = wandered(model, criterion, apart)
+    found = found.under(criterion)
+    found.fit.beside = covariance
+    return found, noise
 
 
 def _power(signal: np.ndarray) -> float:

@@ -16,6 +16,7 @@ CHI2_95 = float(chi2.ppf(0.95, 1))
 NEAR = 0.1  # relative accuracy of an interval's ends
 MOST_TRIED = 6  # values for an end
 FARTHEST = 3.0  # times as far, at most, that the next value is
+FLAT = 0.3  # of the root of the deviance allowed, below which nothing is known of its slope
 FITTED = 6  # iterations at a value, where the noise model is given
 
 
@@ -71,6 +72,7 @@ class _Profile:
         beside = model.fit.beside
         self.more = np.zeros(self.theta.size) if beside is None else np.diag(beside).copy()
         self.more[self.free] = np.maximum(np.diag(covariance)[self.free] - likely, 0.0)
+        self.off_bounds: list[np.ndarray] = []  # further starts
         self.joint = None
         if model.fit.jointly:
             self.joint = Criterion(simulator.record, rate=JOINT_RATE)
@@ -78,17 +80,22 @@ class _Profile:
 
     def intervals(self, positions: list[int]) -> dict[str, tuple[float, float]]:
         simulator, found = self.simulator, {}
-        for i in positions:
+        for i in sorted(positions, key=lambda i: bool(self.free[i])):  # those at a bound first
             value, bounds = self.theta[i], (simulator.low[i], simulator.high[i])
-            variance = self.alone[i, i]
-            if not 0.0 < variance + self.more[i] <= (bounds[1] - bounds[0]) ** 2:
+            variance = float(np.nan_to_num(self.alone[i, i]))
+            known = 0.0 < variance + self.more[i] <= (bounds[1] - bounds[0]) ** 2
+            if self.free[i] and not known:
                 continue  # not determined, and said so
+            distance = float(np.sqrt(CHI2_95 * variance)) if known else bounds[1] - bounds[0]
             ends = []
             for sign, bound in zip((-1.0, 1.0), bounds, strict=True):
-                likely = self._distance(i, sign, float(np.sqrt(CHI2_95 * variance)), bound)
+                likely = self._distance(i, sign, distance, bound)
                 away = float(np.sqrt(likely**2 + CHI2_95 * self.more[i]))
                 ends.append(value + sign * min(away, abs(bound - value)))
             found[simulator.names[i]] = (ends[0], ends[1])
+            if not self.free[i]:  # where it moves the output, as it may not do at the bound
+                inside = (ends[0] + ends[1]) / 2
+                self.off_bounds.append(self.at(i, inside, self.theta).theta)
         return found
 
     def _loss(self, theta: np.ndarray, held: np.ndarray) -> Conditional:
@@ -106,10 +113,14 @@ class _Profile:
         """The best of the other parameters, sought from those of a neighbouring value on."""
         held = np.zeros(self.theta.size, dtype=bool)
         held[position] = True
-        by = (value - beside[position]) / self.alone[position, position]
-        start = beside + by * self.alone[:, position]
-        start[position] = value
-        found = self._loss(np.clip(start, self.simulator.low, self.simulator.high), held)
+        along = self.alone[:, position]
+        by = (value - beside[position]) / along[position] if along[position] > 0.0 else 0.0
+        tried = []
+        for start in (beside + by * along, *self.off_bounds):
+            start = np.clip(start, self.simulator.low, self.simulator.high)
+            start[position] = value
+            tried.append(self._loss(start, held))
+        found = min(tried, key=lambda one: one.deviance)
         return found._replace(deviance=found.deviance - self.here.deviance)
 
     def _distance(self, position: int, sign: float, distance: float, bound: float) -> float:
@@ -140,7 +151,7 @@ class _Profile:
         """The next distance to try, between one that is too short and one that is too long."""
         if not np.isfinite(outer[0]):
             return inner[0] * min(1 / max(inner[1], 1e-9), FARTHEST)
-        if not np.isfinite(outer[1]):
+        if inner[1] < FLAT or not np.isfinite(outer[1]):
             return (inner[0] + outer[0]) / 2
         share = (1 - inner[1]) / (outer[1] - inner[1])
         return inner[0] + float(np.clip(share, 0.1, 0.9)) * (outer[0] - inner[0])
