@@ -188,10 +188,11 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
 def beside_one_form(search: Search, found: SearchNumbers) -> tuple[SearchNumbers, Candidate | None]:
     """The numbers, with what one free form in place of all effects explains beyond them; the form.
 
-    Where it explains as much as several and is likelier, none of these explains its part. The same
-    where it acts elsewhere than a single one, and what it explains beyond that would count as an
-    effect: then the place is wrong. Of its own place it explains more than a name because any curve
-    does, so that this is structure only where it shows at first sight, or is most of all.
+    Where it explains as much as several and is likelier, none of these explains its part, unless
+    the first acts where the form does and leaves little of what that explains. The same where it
+    acts elsewhere than a single one, and what it explains beyond that would count as an effect:
+    then the place is wrong. Of its own place it explains more than a name because any curve does,
+    so that this is structure only where it shows at first sight, or is most of all.
     """
     several = len(found.added) > 1
     least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
@@ -212,7 +213,8 @@ def beside_one_form(search: Search, found: SearchNumbers) -> tuple[SearchNumbers
     if rival is None or rival.model is None:
         return found, None
     excess, one_cause = rival.gain - found.gained, False
-    if excess > excess_asked(rival, found) and (several or elsewhere(rival.effect, found)):
+    refutes = not first_stands(rival, found) if several else elsewhere(rival.effect, found)
+    if refutes and excess > excess_asked(rival, found):
         lead_asked = 0.0 if several else LEAST_DELTA_BIC
         one_cause = lead(search, baseline, rival.model, found.path.model) > lead_asked
     effect: Any = rival.effect
@@ -221,6 +223,13 @@ def beside_one_form(search: Search, found: SearchNumbers) -> tuple[SearchNumbers
     counts = excess >= least * found.share and (several or at_sight or excess > found.gained)
     left = sorted([*found.left, more] if counts else found.left, key=lambda item: -item.points)
     return replace(found, left=left, one_cause=one_cause), rival
+
+
+def first_stands(rival: Candidate, found: SearchNumbers) -> bool:
+    """Whether the first effect acts where a form does, and leaves little of what that explains."""
+    first = dict(found.path.model.effects.steps)[found.added[0]]
+    left = rival.gain - (found.steps[1].vaf - found.steps[0].vaf)
+    return bool(group_of(rival.effect) & group_of(first)) and left <= BESIDE_ONE[1] * rival.gain
 
 
 def excess_asked(one: Candidate, found: SearchNumbers) -> float:
