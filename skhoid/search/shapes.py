@@ -30,7 +30,7 @@ AS_GOOD = 0.1  # points
 SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the prior, times the usual one
 NAME = "free"
 HOPEFUL = 0.5  # times what the effects found gain: at least what a form explains, linearised
-TRIED = 2  # forms that are fitted before all are judged
+TRIED = 3  # forms that are fitted in place of effects with names
 BEHIND, LINEAR = "behind the muscles' delay", "linear"
 # A linear answer may be a delay, dynamics or a path, and a path may answer the size of the error.
 GROUPS = {
@@ -58,12 +58,17 @@ def forms_judged(search: Search, parent: Model, hints: Sequence[Hint]) -> Search
 
     ``parent`` is at the least error of simulation, and ``hints`` are those of it.
     """
+    return search.judged(parent, candidates_of(search, parent, hints[:FOLLOWED]))
+
+
+def candidates_of(search: Search, parent: Model, hints: Sequence[Hint]) -> list[Candidate]:
+    """Free forms, fitted beside a parent."""
     candidates = []
-    for number, hint in enumerate(hints[:FOLLOWED]):
+    for number, hint in enumerate(hints):
         name = f"{NAME}_{number}"
         model = extended(parent, name, hint.effect, search.criterion, search.coarse)
         candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
-    return search.judged(parent, candidates)
+    return candidates
 
 
 def found_shape(search: Search, parent: Model, hints: Sequence[Hint]) -> Candidate | None:
@@ -188,38 +193,55 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
 def beside_one_form(search: Search, found: SearchNumbers) -> tuple[SearchNumbers, Candidate | None]:
     """The numbers, with what one free form in place of all effects explains beyond them; the form.
 
-    Where it explains as much as several and is likelier, none of these explains its part. The same
-    where it acts elsewhere than a single one, and what it explains beyond that would count as an
-    effect: then the place is wrong.
+    Where it explains as much as several and is likelier, none of these explains its part, unless
+    the first acts where the form does and leaves little of what that explains. The same where it
+    acts elsewhere than a single one, and what it explains beyond that would count as an effect:
+    then the place is wrong. Of its own place it explains more than a name because any curve does,
+    so that this is structure only where it shows at first sight, or is most of all.
     """
     several = len(found.added) > 1
+    least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
     baseline = found.steps[0].plain
-    hints = [h for h in hints_of(search, baseline) if h.points > HOPEFUL * found.gained]
-    if not hints or not any(simulates_better(search, found, hint) for hint in hints[:TRIED]):
-        return found, None
-    rival = found_shape(search, baseline, hints)
+    hints = hints_of(search, baseline)
+    most = max([hint.points for hint in hints], default=0.0)
+    hopeful = [h for h in hints[:TRIED] if h.points > HOPEFUL * found.gained]
+    named = output_error_fit(found.path.model) if hopeful else baseline
+    better = [
+        one
+        for one in candidates_of(search, baseline, hopeful)
+        if one.model is not None
+        and 100 * (named.sse - one.model.sse) / search.criterion.power > excess_asked(one, found)
+    ]
+    if several and better:  # of which another may explain more of held-out rows
+        better = candidates_of(search, baseline, hints[:FOLLOWED])
+    rival = search.judged(baseline, better).best if better else None
     if rival is None or rival.model is None:
         return found, None
-    excess = rival.gain - found.gained
-    counts = -AS_GOOD if several else LEAST_GAIN * found.share
-    one_cause = False
-    if excess > counts and (several or elsewhere(rival.effect, found)):
-        least = 0.0 if several else LEAST_DELTA_BIC
-        one_cause = lead(search, baseline, rival.model, found.path.model) > least
+    excess, one_cause = rival.gain - found.gained, False
+    refutes = not first_stands(rival, found) if several else elsewhere(rival.effect, found)
+    if refutes and excess > excess_asked(rival, found):
+        lead_asked = 0.0 if several else LEAST_DELTA_BIC
+        one_cause = lead(search, baseline, rival.model, found.path.model) > lead_asked
     effect: Any = rival.effect
     more = Leftover("shape", effect.over, ONE_FORM, excess, rival.delta_bic)
-    least_left = (BESIDE_SEVERAL if several else BESIDE_ONE)[0] * found.share
-    left = [*found.left, more] if excess >= least_left else found.left
-    left = sorted(left, key=lambda item: -item.points)
+    at_sight = most >= found.gained + max(least * found.share, share * most)
+    counts = excess >= least * found.share and (several or at_sight or excess > found.gained)
+    left = sorted([*found.left, more] if counts else found.left, key=lambda item: -item.points)
     return replace(found, left=left, one_cause=one_cause), rival
 
 
-def simulates_better(search: Search, found: SearchNumbers, hint: Hint) -> bool:
-    """Whether a form alone follows the output as well as all effects together."""
-    model = extended(found.steps[0].plain, NAME, hint.effect, search.criterion, search.coarse)
-    named = output_error_fit(found.path.model)
-    less = 100 * (named.sse - model.sse) / search.criterion.power
-    return bool(less > -AS_GOOD)
+def first_stands(rival: Candidate, found: SearchNumbers) -> bool:
+    """Whether the first effect acts where a form does, and leaves little of what that explains."""
+    first = dict(found.path.model.effects.steps)[found.added[0]]
+    left = rival.gain - (found.steps[1].vaf - found.steps[0].vaf)
+    return bool(group_of(rival.effect) & group_of(first)) and left <= BESIDE_ONE[1] * rival.gain
+
+
+def excess_asked(one: Candidate, found: SearchNumbers) -> float:
+    """Points by which a form must exceed all effects that were found to speak against them."""
+    if len(found.added) > 1:
+        return -AS_GOOD
+    return found.share * (LEAST_GAIN if elsewhere(one.effect, found) else BESIDE_ONE[0])
 
 
 def elsewhere(form: Any, found: SearchNumbers) -> bool:
