@@ -12,6 +12,7 @@ from skhoid.greybox.likelihood import (
     TOLERATED,
     autoregression,
     joint_fit,
+    likeliest,
     likelihood_fit,
     prior_of,
     settled,
@@ -100,6 +101,15 @@ def test_gain_on_the_error_rate_that_is_needed_stays():
     model, person = first("1/(s(s+1))")
     found = dict(zip(model.simulator.names, joint_fit(model)[0], strict=True))
     assert found["K_edot"] == pytest.approx(person.K_edot, rel=0.3)
+
+
+def test_a_fit_that_comes_to_what_is_known_ends_there(fitted):
+    simulator, start = fitted[0].simulator, fitted[0].theta
+    known = likeliest(simulator, [start])
+    assert likeliest(simulator, [start * 1.05], known=known) is known
+    worse = known[0] + 50.0, start * 1.3
+    again = likeliest(simulator, [start], known=worse)
+    assert again[0] == pytest.approx(known[0], abs=0.2)
 
 
 def test_settled_stops_where_the_free_run_gets_worse(fitted):
