@@ -12,7 +12,7 @@ from ..effects.composition import Effects
 from ..effects.dimension import Dimension
 from ..effects.free_form import FreeForm
 from ..effects.record import Record
-from .fitting import Criterion, Fit, minimise
+from .fitting import Criterion, Fit, minimise, sse_at
 from .jumps import searched
 from .model import Model, best_of, halved, in_order, scaled_sse, start_beside, without
 from .scan import Scan
@@ -109,8 +109,12 @@ def extended(
         promising = before - sse > enough
         if finished and (not promising or before - sse < ALIKE * gain):
             break
-        most = BEGUN if promising else int(least == 0.0)  # a search refines all once more
-        full = minimise(simulator, criterion, fit.theta, max_iter=most)
+        theta, most = fit.theta, BEGUN if promising else 1
+        if least and not promising:  # a search refines it once more
+            beside = np.r_[parent.theta, theta[parent.theta.size :]]
+            theta = min(theta, beside, key=lambda t: sse_at(simulator, criterion, t))
+            most = 0
+        full = minimise(simulator, criterion, theta, max_iter=most)
         gained = criterion.sse(parent.output) - full.sse > least * criterion.power
         followed = promising and (gained or before - sse > 2 * least * coarse.power)
         if followed:
