@@ -160,8 +160,8 @@ class Search:
         return effects, minimise(simulator, self.criterion, start)
 
     def _extended(self, added: tuple[str, Effect], parent: Model) -> tuple[Effects, Fit]:
-        least = HOPELESS / 2 * self.share
-        model = extended(parent, *added, self.criterion, self.coarse, least=least)
+        worth = HOPELESS / 2 * self.share
+        model = extended(parent, *added, self.criterion, self.coarse, worth=worth)
         return model.effects, model.fit
 
     def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
