@@ -12,7 +12,7 @@ from ..effects.composition import Effects
 from ..effects.dimension import Dimension
 from ..effects.free_form import FreeForm
 from ..effects.record import Record
-from .fitting import Criterion, Fit, minimise
+from .fitting import Criterion, Fit, minimise, sse_at
 from .jumps import searched
 from .model import Model, best_of, halved, in_order, scaled_sse, start_beside, without
 from .scan import Scan
@@ -38,14 +38,14 @@ def extended(
     coarse: Criterion,
     *,
     start: Mapping[str, float] | None = None,
-    least: float = 0.0,
+    worth: float = 0.0,
 ) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
     ``start`` has a user's values, by full names, that are tried too.
     Variants and starts are explored under the ``coarse`` criterion. The fit is followed
-    to the end only where that shows a gain; after some iterations, only where more than the share
-    ``least`` of the power is gained, or twice that was while exploring.
+    to the end only where that shows a gain: of twice the share ``worth`` of the power, or of as
+    much as that after some iterations.
     """
     record = replace(parent.simulator.record, prediction=parent.output)
     core = parent.simulator.core
@@ -109,12 +109,17 @@ def extended(
         promising = before - sse > enough
         if finished and (not promising or before - sse < ALIKE * gain):
             break
-        most = BEGUN if promising else int(least == 0.0)  # a search refines all once more
-        full = minimise(simulator, criterion, fit.theta, max_iter=most)
-        gained = criterion.sse(parent.output) - full.sse > least * criterion.power
-        followed = promising and (gained or before - sse > 2 * least * coarse.power)
-        if followed:
-            full = minimise(simulator, criterion, full.theta, max_iter=20)
+        followed = promising and before - sse > 2 * worth * coarse.power
+        theta, most = fit.theta, 20 if followed else BEGUN if promising else 1
+        if worth and not promising:  # a search refines it once more
+            beside = np.r_[parent.theta, theta[parent.theta.size :]]
+            theta = min(theta, beside, key=lambda t: sse_at(simulator, criterion, t))
+            most = 0
+        full = minimise(simulator, criterion, theta, max_iter=most)
+        if promising and not followed:
+            followed = criterion.sse(parent.output) - full.sse > worth * criterion.power
+            if followed:
+                full = minimise(simulator, criterion, full.theta, max_iter=20)
         model = Model(simulator, full, parent.other_cores)
         if isinstance(variant, FreeForm) and variant.spread is None:
             model = smoothed(model, [name]).refined(criterion)

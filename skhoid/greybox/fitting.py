@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -301,7 +302,8 @@ def normal_equations(
     """J'J and J'r for whitened residuals r and derivatives J of the output."""
     gram = np.zeros((theta.size + 1, theta.size + 1))
     for runs, part in simulator.parts():
-        table = criterion.whitened(_derivatives(part, criterion, theta, runs), runs)
+        rows = _derivatives(part, criterion, theta, runs, range(theta.size))
+        table = criterion.whitened(rows, runs)
         gram += table @ table.T
     return gram[:-1, :-1], gram[:-1, -1]
 
@@ -320,29 +322,39 @@ def whitened_derivatives(
     return criterion.whitened(derivatives(simulator, criterion, theta))
 
 
-def derivatives(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
-    """Derivatives of the output by each parameter on the criterion's rows, then the residual."""
-    rows = np.empty((theta.size + 1, *criterion.y.shape))
+def derivatives(
+    simulator: Simulator,
+    criterion: Criterion,
+    theta: np.ndarray,
+    at: Sequence[int] | None = None,
+) -> np.ndarray:
+    """Derivatives of the output by each parameter on the criterion's rows, then the residual.
+
+    Only by parameters ``at`` some positions, if these are given.
+    """
+    at = range(theta.size) if at is None else at
+    rows = np.empty((len(at) + 1, *criterion.y.shape))
     for runs, part in simulator.parts():
-        rows[:, :, runs] = _derivatives(part, criterion, theta, runs)
+        rows[:, :, runs] = _derivatives(part, criterion, theta, runs, at)
     return rows
 
 
 def _derivatives(
-    part: Simulator, criterion: Criterion, theta: np.ndarray, runs: slice
+    part: Simulator, criterion: Criterion, theta: np.ndarray, runs: slice, at: Sequence[int]
 ) -> np.ndarray:
     """The same of a part's runs."""
     output = part.run(theta)
     relative = STEP if part.smooth else COARSE_STEP
     thin = criterion.thin
     here = output[::thin]
-    rows = np.empty((theta.size + 1, *here.shape))
-    for i, value in enumerate(theta):
+    rows = np.empty((len(at) + 1, *here.shape))
+    for row, i in zip(rows, at, strict=False):
+        value = theta[i]
         h = relative * part.size(i, value)
         if value + h > part.high[i]:
             h = -h
-        np.subtract(part.run_with_change(i, value + h)[::thin], here, out=rows[i])
-        rows[i] *= 1 / h
+        np.subtract(part.run_with_change(i, value + h)[::thin], here, out=row)
+        row *= 1 / h
     rows[-1] = criterion.residual(output, runs)
     return rows
 

@@ -73,6 +73,12 @@ class Model:
         decided = np.diag(scaled_inverse(self.fit.normal) @ curvature)
         return float(count - np.clip(decided, 0.0, 1.0).sum())
 
+    @property
+    def key(self) -> tuple:
+        """Choices of the effects and parameters, by which it is known again on the same record."""
+        chosen = [(name, type(e), repr(e.get_params())) for name, e in self.effects.steps]
+        return *chosen, self.theta.tobytes()
+
     def values(self) -> dict[str, float]:
         return dict(zip(self.simulator.names, self.theta.tolist(), strict=True))
 

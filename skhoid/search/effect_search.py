@@ -19,12 +19,9 @@ from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
 from ..greybox.estimates import parameter_text
-from ..greybox.fitting import Criterion
-from ..greybox.likelihood import likelihood_fit
-from ..greybox.model import Model
 from ..greybox.operator_summary import delay_notes
 from ..greybox.prepared import Prepared
-from ..greybox.protocol import SimulatedModel, check_simulated_model
+from ..greybox.protocol import check_simulated_model
 from ..greybox.some_runs import MOST_ROWS, some_runs
 from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
@@ -35,7 +32,8 @@ from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
 from ..summaries import ModelSummary, Summary, estimates_table
-from .all_runs import AllRuns, Held, held_columns, on_rows_of
+from .all_runs import AllRuns, Held, held_columns
+from .estimators import Estimators
 from .explanations import (
     VERDICTS,
     changes_sentences,
@@ -45,7 +43,7 @@ from .explanations import (
     unexplained_by,
     untried_notes,
 )
-from .forward import Path, Search, forward, output_error_fit
+from .forward import Path, Search, forward
 from .given_delay import GivenDelay, with_given_delay
 from .held_out import HeldOutRows
 from .left_out import control_of, without_rows
@@ -305,11 +303,12 @@ class EffectSearchCV(
             )
             measured = as_output(y)
             kept = np.where(known, measured, np.nan)
-            found, verdict, best = self._searched(search, model, prepared, kept, held)
+            estimators = Estimators(model)
+            found, verdict, best = self._searched(search, estimators, prepared, kept, held)
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
-            self.baseline_ = _estimator(model, prepared, found.path.steps[0].plain)
+            self.baseline_ = estimators.of(prepared, found.path.steps[0].plain)
             self._conclude(verdict)
             self.left_out_ = control.table
             self._tell_searched(prepared, some)
@@ -330,7 +329,7 @@ class EffectSearchCV(
     def _searched(
         self,
         search: Search,
-        model: SimulatedModel,
+        estimators: Estimators,
         prepared: Prepared,
         measured: np.ndarray,
         held: list[Held],
@@ -341,6 +340,7 @@ class EffectSearchCV(
         """
         recorded = search.record.y
         assert recorded is not None
+        model = estimators.model
         fitted = model.first_fit(replace(prepared, record=search.record))
         most = int(self.max_effects)
         quiet = search.quiet(fitted) if most else None
@@ -350,7 +350,7 @@ class EffectSearchCV(
         of_all = search.record is prepared.record
 
         def numbers(search: Search, prepared: Prepared, path: Path) -> tuple[SearchNumbers, Any]:
-            best = _estimator(model, prepared, path.model if path.added else path.steps[0].plain)
+            best = estimators.of(prepared, path.model if path.added else path.steps[0].plain)
             all_runs = None if of_all else AllRuns(prepared.record, held)
             return numbers_of(search, path, best, prepared, measured, recorded, all_runs), best
 
@@ -548,21 +548,6 @@ class EffectSearchCV(
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
-
-
-def _estimator(model: SimulatedModel, prepared: Prepared, fitted: Model) -> Any:
-    """The model as an estimator, at its largest likelihood."""
-    fitted = on_rows_of(prepared.record, fitted)
-    found = likelihood_fit(_start_of(fitted), Criterion(prepared.record))
-    return model.with_fit(prepared, *found)
-
-
-def _start_of(fitted: Model) -> Model:
-    """Where the last fit of a model begins: for an ARX model where its own ``fit`` does.
-
-    It has few rounds of noise models, which further ones before them would not be.
-    """
-    return fitted if fitted.simulator.core.kind.is_operator else output_error_fit(fitted)
 
 
 def in_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:

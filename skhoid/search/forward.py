@@ -160,8 +160,8 @@ class Search:
         return effects, minimise(simulator, self.criterion, start)
 
     def _extended(self, added: tuple[str, Effect], parent: Model) -> tuple[Effects, Fit]:
-        least = HOPELESS / 2 * self.share
-        model = extended(parent, *added, self.criterion, self.coarse, least=least)
+        worth = HOPELESS / 2 * self.share
+        model = extended(parent, *added, self.criterion, self.coarse, worth=worth)
         return model.effects, model.fit
 
     def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
@@ -236,7 +236,7 @@ class Search:
 
     def partial_models(self, model: Model, start: int, core: dict[str, float]) -> list[Model]:
         """Models with the first ``start`` effects, with one more, and so on."""
-        key = (tuple(model.simulator.names), model.theta.tobytes(), start)
+        key = (start, *model.key)
         if key not in self._parts:
             names = model.effects.names
             models = [output_error_fit(model)] if len(names) > start else []
@@ -260,7 +260,7 @@ class Search:
 
     def refitted(self, model: Model) -> np.ndarray:
         """Held-out predictions of a model refitted without each fold's rows."""
-        key = (tuple(model.simulator.names), model.theta.tobytes())
+        key = model.key
         if key not in self._refits:
             found = refitted_prediction(output_error_fit(model), self.criterion, self.folds)
             self._refits[key] = np.where(np.isfinite(found), found, 0.0)

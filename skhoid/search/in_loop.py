@@ -116,8 +116,7 @@ class LoopJudge:
         ``plain`` is the same model at the least error of simulation, by which it is known again;
         None: it is that itself.
         """
-        plain = parent if plain is None else plain
-        key = (tuple(plain.simulator.names), plain.theta.tobytes())
+        key = (parent if plain is None else plain).key
         if key not in self._around:
             self._around[key] = self._first_around(parent)
         return self._around[key]

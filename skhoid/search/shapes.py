@@ -98,7 +98,7 @@ def hints_of(search: Search, parent: Model) -> list[Hint]:
                 simulator = Simulator(search.core, effects, search.record)
                 theta = np.array([values.get(name, 0.0) for name in simulator.names])
                 at = [i for i, name in enumerate(simulator.names) if name not in values]
-                columns = derivatives(simulator, criterion, theta)[at]
+                columns = derivatives(simulator, criterion, theta, at)[:-1]
                 prior = simulator.prior.normal_equations(theta)[0][np.ix_(at, at)]
                 result = hinted(own, columns, prior, criterion, search.folds)
                 if result is not None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.greybox.fitting import Criterion, minimise
+from skhoid.greybox.fitting import Criterion, derivatives, minimise
 from skhoid.greybox.held_out import refitted, shared_derivatives
 from skhoid.greybox.initial import ESTIMATE
 from skhoid.greybox.model import Model
@@ -68,6 +68,13 @@ def test_derivatives_that_folds_share_change_nothing(fitted):
         alone, shared = (refitted(model, criterion, train, rows=r) for r in (None, rows))
         np.testing.assert_allclose(shared.theta, alone.theta, rtol=1e-7)
         assert shared.sse == pytest.approx(alone.sse, rel=1e-10)
+
+
+def test_derivatives_by_some_parameters_are_those_of_all(fitted):
+    model, criterion = fitted
+    whole = derivatives(model.simulator, criterion, model.theta)
+    some = derivatives(model.simulator, criterion, model.theta, [3, 1])
+    np.testing.assert_array_equal(some, whole[[3, 1, -1]])
 
 
 def test_initial_states_are_of_the_rows_fitted_and_share_no_derivatives(fitted):

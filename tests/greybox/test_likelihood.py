@@ -164,6 +164,15 @@ def test_the_loop_counts_beyond_chance_only(fitted, monkeypatch):
     assert not beyond_chance(model.simulator, theta, held).any()
 
 
+def test_a_fit_that_comes_to_what_is_known_ends_there(fitted):
+    simulator, start = fitted[0].simulator, fitted[0].theta
+    known = likeliest(simulator, [start])
+    assert likeliest(simulator, [start * 1.05], known=known) is known
+    worse = known[0] + 50.0, start * 1.3
+    again = likeliest(simulator, [start], known=worse)
+    assert again[0] == pytest.approx(known[0], abs=0.2)
+
+
 def test_settled_stops_where_the_free_run_gets_worse(fitted):
     model, _ = fitted
     criterion = Criterion(model.simulator.record)

@@ -14,7 +14,15 @@ from skhoid.effects.core_kind import CoreKind
 from skhoid.effects.record import Record
 from skhoid.greybox.cores import OperatorCore
 from skhoid.greybox.fitting import Criterion, minimise
-from skhoid.greybox.loop import Loop, LoopSimulator, drawn, loop_of, pulse_response
+from skhoid.greybox.loop import (
+    SAME,
+    Loop,
+    LoopSimulator,
+    Response,
+    drawn,
+    loop_of,
+    pulse_response,
+)
 from skhoid.greybox.simulator import Simulator
 
 DT = 0.02
@@ -108,12 +116,19 @@ def test_run_solves_the_equation_of_the_loop(world, begin):
     change[:begin] = 0
     e = simulator.record_inside.input
     expected = record.input - lfilter(world.b, world.a, change, axis=0)
-    np.testing.assert_allclose(e, expected, atol=1e-4 * np.std(record.input))
+    assert np.sqrt(np.mean((e - expected) ** 2)) < SAME * np.std(record.input)
     np.testing.assert_allclose(e[:begin], record.input[:begin], atol=1e-12)
     # and the output is the open answer to that error
     again = Simulator(world.core, Effects([]), simulator.record_inside)
     theta = theta_of(changed(world.person, "K_e", "omega_nm"))
     np.testing.assert_allclose(again.run(theta), u, atol=1e-9)
+
+
+def test_response_is_a_convolution():
+    random = np.random.default_rng(0)
+    signal, response = random.normal(size=(300, 2)), random.normal(size=70)
+    expected = [np.convolve(run, response)[:300] for run in signal.T]
+    np.testing.assert_allclose(Response.on(response, 300).of(signal).T, expected, atol=1e-10)
 
 
 @pytest.mark.parametrize("position", range(5))

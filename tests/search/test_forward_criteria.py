@@ -20,6 +20,7 @@ from skhoid.search.candidates import (
     likeliest_alternatives,
     mark_confused,
     plainest_first,
+    weigh_likely,
     without_name,
 )
 from skhoid.search.forward import output_error_fit, share_about_mean
@@ -200,6 +201,12 @@ class Judge:
         self.asked.append(model)
         return InLoop(80.0, 50.0, -1.0 if model in self.refuted else 1.0)
 
+    def compared(self, model):
+        asked = [*self.asked]
+        found = self.judged(model)
+        self.asked = asked  # of rows held out
+        return found, None
+
 
 @pytest.fixture
 def no_leaks(monkeypatch):
@@ -241,6 +248,78 @@ def test_of_linear_effects_the_loop_says_which(no_leaks):
     step = step_of(found, loop=Loop({"c"}))
     step.rank()
     assert [c.name for c in step.candidates] == ["b", "a", "c"]
+
+
+def test_rivals_that_the_loop_does_not_prefer_are_not_asked_about_rows_left_out(no_leaks):
+    class Loop(Judge):
+        def judged(self, model):
+            return replace(super().judged(model), delta_bic={"a": 60.0, "b": 75.0}[model])
+
+    found = [passing(n, model=n, delta_bic=e) for n, e in zip("ab", (90, 60), strict=True)]
+    loop = Loop(set())
+    step = step_of(found, loop=loop)
+    step.rank()
+    assert loop.asked == ["a"]
+    assert [c.name for c in step.candidates] == ["a", "b"]
+    assert found[1].in_loop is None
+
+
+def weighing(joint):
+    """What finds the unbiased ΔBIC of candidates by their names, and whom it was asked about."""
+    asked = []
+
+    def weigh(some):
+        for one in some:
+            asked.append(one.name)
+            one.joint, one.unweighed = joint[one.name], False
+
+    return weigh, asked
+
+
+def unweighed(values):
+    return [passing(n, model=n, delta_bic=e, unweighed=True) for n, e in values.items()]
+
+
+def test_the_unbiased_likelihood_is_found_of_what_may_be_the_best(no_leaks):
+    found = unweighed({"a": 900.0, "b": 800.0, "c": 150.0, "d": 90.0})
+    weigh, asked = weighing({"a": 100.0, "b": 300.0, "c": 90.0, "d": 40.0})
+    weigh_likely(found, weigh)
+    assert asked == ["a", "b"]
+    step = step_of(found)
+    step.weigh = weigh
+    step.rank()
+    assert [c.name for c in step.candidates] == ["b", "a", "c", "d"]
+    assert asked == ["a", "b"]
+    assert [c.name for c in step.rivals()] == ["a"]
+    assert asked == ["a", "b", "c"]  # it might have had enough
+
+
+def test_it_is_found_of_whatever_is_judged(no_leaks):
+    """What stands behind those that are refuted, and what is asked for by name."""
+    found = unweighed({"a": 900.0, "b": 100.0})
+    weigh, asked = weighing({"a": 500.0, "b": 50.0})
+    step = step_of(found, loop=Judge({"a"}))
+    step.weigh = weigh
+    step.rank()
+    assert asked == ["a", "b"]
+    assert step.best.name == "b"
+    alone = unweighed({"c": 50.0})
+    weigh, asked = weighing({"c": 10.0})
+    step = step_of([], loop=Judge(set()))
+    step.weigh = weigh
+    assert step.judge(alone[0])
+    assert asked == ["c"]
+
+
+def test_of_alternatives_the_unbiased_likelihood_is_found_where_it_may_decide():
+    at_error, at_output = (passing("map", delta_bic=e, unweighed=True) for e in (200.0, 190.0))
+    best = passing("bias", delta_bic=9000.0, unweighed=True)
+    weigh, asked = weighing({"map": 60.0, "bias": 4000.0})
+    weigh_likely([at_error, at_output, best], weigh)
+    assert asked == ["bias"]
+    at_error.joint, at_error.unweighed = 60.0, False
+    weigh_likely([at_error, at_output, best], weigh)
+    assert asked == ["bias", "map"]
 
 
 def test_what_bends_is_not_put_in_order_by_the_loop(no_leaks):

@@ -73,6 +73,22 @@ def test_right_delay_adds_nothing(dead):
     assert added["effect"].tolist() == names  # once, where it was
 
 
+def test_the_first_step_has_all_effects_with_the_given_delay():
+    """As found beside it from the start, though a search with a free delay comes before."""
+    X, y = answered(dead=0.5)
+    estimator = OperatorRegressor(delay=0.24)
+    prepared = estimator.prepare(X, y)
+    search = Search(prepared.core, prepared.record, [WrongDelay(), DeadZone()], [])
+    given = GivenDelay.of(search, estimator.first_fit(prepared))
+    _, beside, baseline = given.freed(prepared, estimator)
+    step = given._first_beside(beside.step(baseline))
+    alone = search.step(estimator.first_fit(prepared))
+    assert {c.name for c in step.candidates} == {CLAIM, "dead_zone"}
+    for one, other in zip(step.candidates, alone.candidates, strict=True):
+        assert one.name == other.name
+        assert one.model.sse == pytest.approx(other.model.sse, rel=1e-3)
+
+
 LOOP = ["feedforward", CLAIM]
 
 

@@ -35,7 +35,7 @@ def candidate(name, gain=1.0, weight=20.0, refused=""):
 
 
 def path_of(*candidates, added=()):
-    first = SimpleNamespace(candidates=list(candidates), parent=model())
+    first = SimpleNamespace(candidates=list(candidates), parent=model(), weigh=None)
     return SimpleNamespace(steps=[first], added=list(added), core={})
 
 
