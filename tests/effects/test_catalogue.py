@@ -163,8 +163,6 @@ RECOVERED_INSIDE = [
 STUCK = [
     (Quantised(form="sharp"), {"step": 0.8, "offset": 0.1}),
     (Quantised(form="uneven"), {"step": 0.8, "power": 1.3}),
-    (Intermittent(trigger="error"), {"hold_time": 0.1, "threshold": 0.3}),
-    (Intermittent(trigger="event"), {"hold_time": 0.1, "threshold": 0.3}),
 ]
 
 

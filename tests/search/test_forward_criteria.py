@@ -33,7 +33,7 @@ class Fitted:
     def __init__(self, values, undetermined=(), at_bound=()):
         self._values, self._undetermined, self._at_bound = values, undetermined, at_bound
         free = [SimpleNamespace(name="gain"), SimpleNamespace(name="time")]
-        own = SimpleNamespace(free=free, neutral={"time": 0.0})
+        own = SimpleNamespace(free=free, neutral={"time": 0.0}, free_form=False)
         self.effects = SimpleNamespace(steps=[("preview", own)])
 
     def values(self):
@@ -47,7 +47,8 @@ class Fitted:
 
 
 def candidate(name="preview", **options):
-    return Candidate(name, SimpleNamespace(name=name, neutral={}), **options)
+    own = SimpleNamespace(name=name, neutral={}, free_form=False)
+    return Candidate(name, own, **options)
 
 
 VALUES = {"K_e": 1.0, "preview__gain": 0.4, "preview__time": 0.8, "preview-2__time": 1.5}
