@@ -17,6 +17,7 @@ from .simulator import Simulator
 AR_ORDER = 6  # what the kernel is written for
 WHITE_FLOOR = 3e-3  # least share of the residual's variance that is white
 NOISE_FLOOR = 1e-5  # the same where the noise model is estimated along with the parameters
+FEW_CHANNELS = 5  # of which all are taken later; of more, those that are used
 UNKNOWN_DELAY = 12**-0.5  # of a sample, the rms of anything up to a half
 EXPLORED_RUNS = 3
 EXPLORED_STEP = 0.04  # s
@@ -530,7 +531,13 @@ def change_if_later(
     """
     record = part.record
     late = record.dt * UNKNOWN_DELAY
-    channels = {name: record.delayed(record.channel(name), late) for name in record.channels}
+    own = {getattr(effect, "channel", None) for _, effect in part.effects}
+    used = [
+        name
+        for name in record.channels
+        if len(record.channels) <= FEW_CHANNELS or name in own | {"e", "x", "f_t"}
+    ]
+    channels = {name: record.delayed(record.channel(name), late) for name in used}
     change = part.beside(record.changed(channels)).run(theta) - output
     if not np.isfinite(change).all():
         return np.zeros_like(criterion.y[:, runs])
