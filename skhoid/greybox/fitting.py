@@ -17,7 +17,6 @@ from .simulator import Simulator
 AR_ORDER = 6  # what the kernel is written for
 WHITE_FLOOR = 3e-3  # least share of the residual's variance that is white
 NOISE_FLOOR = 1e-5  # the same where the noise model is estimated along with the parameters
-FEW_CHANNELS = 5  # of which all are taken later; of more, those that are used
 UNKNOWN_DELAY = 12**-0.5  # of a sample, the rms of anything up to a half
 EXPLORED_RUNS = 3
 EXPLORED_STEP = 0.04  # s
@@ -452,8 +451,8 @@ def _wide_sums(
         by_row = (slopes * residual).reshape(size, *criterion.y[:, runs].shape)
         scores += long_run(by_row, lags)
         changes = [
-            change(part, criterion, theta, output, runs)
-            for change in (change_if_coarser, change_if_later)
+            change_if_coarser(part, criterion, theta, output, runs),
+            change_if_later(part, criterion, output, runs),
         ]
         along += criterion.whitened(np.stack(changes), runs) @ slopes.T
     return _WideSums(gram, scores, along)
@@ -522,26 +521,15 @@ def change_if_coarser(
 
 
 def change_if_later(
-    part: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, runs: slice
+    part: Simulator, criterion: Criterion, output: np.ndarray, runs: slice
 ) -> np.ndarray:
     """Change of the output of some runs if all channels came later, on the criterion's rows.
 
     By the rms of what is not recorded: between two samples a channel may go straight to the next or
-    hold its value, or anything between, which is late by up to half a sample.
+    hold its value, or anything between, which is late by up to half a sample. The output is too.
     """
-    record = part.record
-    late = record.dt * UNKNOWN_DELAY
-    own = {getattr(effect, "channel", None) for _, effect in part.effects}
-    used = [
-        name
-        for name in record.channels
-        if len(record.channels) <= FEW_CHANNELS or name in own | {"e", "x", "f_t"}
-    ]
-    channels = {name: record.delayed(record.channel(name), late) for name in used}
-    change = part.beside(record.changed(channels)).run(theta) - output
-    if not np.isfinite(change).all():
-        return np.zeros_like(criterion.y[:, runs])
-    return np.where(criterion.known[:, runs], change[:: criterion.thin], 0.0)
+    late = part.record.delayed(output, part.record.dt * UNKNOWN_DELAY)
+    return np.where(criterion.known[:, runs], (late - output)[:: criterion.thin], 0.0)
 
 
 def scaled_inverse(matrix: np.ndarray) -> np.ndarray:

@@ -61,7 +61,7 @@ def test_parameters_are_less_certain_where_the_noise_model_is_estimated_along(fi
 def test_later_channels_are_as_a_longer_delay(fitted):
     model, criterion = fitted
     simulator = model.simulator
-    change = change_if_later(simulator, criterion, model.theta, model.output, ALL)
+    change = change_if_later(simulator, criterion, model.output, ALL)
     later = model.theta.copy()
     dt = simulator.record.dt
     later[simulator.names.index("tau_e")] += UNKNOWN_DELAY * dt
