@@ -28,6 +28,16 @@ class FreeForm(Effect):
     what the curve is over (``watched``), in what units (``abscissa``, ``ordinate``), and what it
     does (``shaped``, in place of ``apply``).
 
+    Parameters
+    ----------
+    knots : tuple of float or None, default=None
+        Where the curve is given; None means quantiles of what it is a function of.
+    values : tuple of float or None, default=None
+        The curve at the knots; None estimates it.
+    spread : float or None, default=None
+        Size of the curve's smoothest part, that decides how smooth it is; None chooses it by
+        likelihood.
+
     Attributes
     ----------
     free_form : bool
@@ -70,6 +80,17 @@ class FreeForm(Effect):
     knots: tuple[float, ...] | None
     values: tuple[float, ...] | None
     spread: float | None
+
+    def __init__(
+        self,
+        *,
+        knots: tuple[float, ...] | None = None,
+        values: tuple[float, ...] | None = None,
+        spread: float | None = None,
+    ):
+        self.knots = knots
+        self.values = values
+        self.spread = spread
 
     @property
     def over(self) -> str:

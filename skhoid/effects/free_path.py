@@ -259,17 +259,6 @@ class FreeDynamics(_Remembering):
     tex = r"c' = c + \int \mathrm{curve}(\sigma)\, e(t - \tau_e - \sigma)\, d\sigma"
     source = "Pillonetto et al. (2014)"
 
-    def __init__(
-        self,
-        *,
-        knots: tuple[float, ...] | None = None,
-        values: tuple[float, ...] | None = None,
-        spread: float | None = None,
-    ):
-        self.knots = knots
-        self.values = values
-        self.spread = spread
-
     @property
     def ordinate(self) -> Dimension:
         return U / E / S

@@ -245,17 +245,6 @@ class FreeOffset(_Varying):
     channel = None
     by_channel = False
 
-    def __init__(
-        self,
-        *,
-        knots: tuple[float, ...] | None = None,
-        values: tuple[float, ...] | None = None,
-        spread: float | None = None,
-    ):
-        self.knots = knots
-        self.values = values
-        self.spread = spread
-
     @property
     def ordinate(self) -> Dimension:
         return U

@@ -61,10 +61,12 @@ def forms_judged(search: Search, parent: Model, hints: Sequence[Hint]) -> Search
     return search.judged(parent, candidates_of(search, parent, hints[:FOLLOWED]))
 
 
-def candidates_of(search: Search, parent: Model, hints: Sequence[Hint]) -> list[Candidate]:
-    """Free forms, fitted beside a parent."""
+def candidates_of(
+    search: Search, parent: Model, hints: Sequence[Hint], first: int = 0
+) -> list[Candidate]:
+    """Free forms, fitted beside a parent; the ``first`` of their numbers."""
     candidates = []
-    for number, hint in enumerate(hints):
+    for number, hint in enumerate(hints, first):
         name = f"{NAME}_{number}"
         model = extended(parent, name, hint.effect, search.criterion, search.coarse)
         candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
@@ -169,9 +171,10 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     that these leave: they may stand in for something else together.
     """
     verdict, baseline = decided(found, tries_all=tries_all), found.steps[0].plain
-    rival = None
+    rival, hints = None, None
     if found.added:
-        found, rival = beside_one_form(search, found)
+        hints = hints_of(search, baseline)
+        found, rival = beside_one_form(search, found, hints)
         verdict = decided(found, tries_all=tries_all)
     elif verdict.outcome == Outcome.NOTHING and (found.left or one_sided(search.record)):
         shape = found_shape(search, baseline, hints_of(search, baseline))
@@ -182,7 +185,9 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
         return Shaped(search, found, verdict)
     parent = unnamed_parent(found, verdict)
     if rival is None or parent is not baseline:
-        step = forms_judged(search, parent, hints_of(search, parent))
+        if hints is None or parent is not baseline:
+            hints = hints_of(search, parent)
+        step = forms_judged(search, parent, hints)
         rival = step.best
         if rival is None:
             doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
@@ -190,30 +195,34 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     return Shaped(search, found, verdict, rival)
 
 
-def beside_one_form(search: Search, found: SearchNumbers) -> tuple[SearchNumbers, Candidate | None]:
+def beside_one_form(
+    search: Search, found: SearchNumbers, hints: Sequence[Hint]
+) -> tuple[SearchNumbers, Candidate | None]:
     """The numbers, with what one free form in place of all effects explains beyond them; the form.
 
     Where it explains as much as several and is likelier, none of these explains its part, unless
     the first acts where the form does and leaves little of what that explains. The same where it
     acts elsewhere than a single one, and what it explains beyond that would count as an effect:
     then the place is wrong. Of its own place it explains more than a name because any curve does,
-    so that this is structure only where it shows at first sight, or is most of all.
+    so that this is structure only where it shows at first sight, or is most of all. ``hints`` are
+    those of the baseline.
     """
     several = len(found.added) > 1
     least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
     baseline = found.steps[0].plain
-    hints = hints_of(search, baseline)
     most = max([hint.points for hint in hints], default=0.0)
     hopeful = [h for h in hints[:TRIED] if h.points > HOPEFUL * found.gained]
     named = output_error_fit(found.path.model) if hopeful else baseline
+    tried = candidates_of(search, baseline, hopeful)
     better = [
         one
-        for one in candidates_of(search, baseline, hopeful)
+        for one in tried
         if one.model is not None
         and 100 * (named.sse - one.model.sse) / search.criterion.power > excess_asked(one, found)
     ]
     if several and better:  # of which another may explain more of held-out rows
-        better = candidates_of(search, baseline, hints[:FOLLOWED])
+        n = len(tried)
+        better = [*tried, *candidates_of(search, baseline, hints[n:FOLLOWED], n)]
     rival = search.judged(baseline, better).best if better else None
     if rival is None or rival.model is None:
         return found, None
