@@ -521,7 +521,7 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
         recordings = [] if shape is None else shape.recordings
         for sentence in (*search.experiments_, *recordings):
             yield {"what": "Record what tells effects apart", "why": sentence, "code": ""}
-        if shape is not None:
+        if shape is not None and search.verdict_ not in HOW_TO_GO_ON:  # which may name it
             yield {
                 "what": "Make the shape an effect of your own",
                 "why": "A file with its curve, and with a short formula where one fits:",

@@ -142,7 +142,8 @@ class Search:
         candidates = [Candidate(c.name, c.effect, reason=c.reason) for c in again]
         ends = [(c.model.effects, c.model.values()) for c in again if c.model]
         tried = [c for c in candidates if not c.reason]
-        with self.progress.step(2 * len(tried) + len(more)):
+        with self.progress.step(2 * (len(tried) + len(more))):
+            self.progress.done(len(more))
             for c, found in zip(tried, self._each(self._followed, ends, parent), strict=True):
                 c.model = self._model(found, parent)
             return self.judged(parent, [*candidates, *more])

@@ -151,6 +151,7 @@ class LoopParent:
         self.judge, self.loop, self.parent = judge, loop, parent
         self._vaf: tuple[Model, float] | None = None
         self._compared: dict[int, tuple[Model, InLoop, Model | None]] = {}  # models by identity
+        self._judged: dict[int, tuple[Model, InLoop]] = {}  # beside which fit of the parent
 
     @cached_property
     def fit(self) -> Model:
@@ -164,15 +165,21 @@ class LoopParent:
 
     def judged(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
+        done = self._judged.get(id(model))
+        if done is not None and done[0] is self.fit:
+            return done[1]
         known, fitted = self.compared(model)
         if fitted is None:
             return known
         before, after = self.vaf, self._held_out(fitted)
         if not np.isfinite(before):
-            return self._not_asked(self._bends(model, self._added(model)))
-        if not np.isfinite(after):
-            return self._unsolved(model)
-        return replace(known, vaf=after, gain=after - before)
+            known = self._not_asked(self._bends(model, self._added(model)))
+        elif not np.isfinite(after):
+            known = self._unsolved(model)
+        else:
+            known = replace(known, vaf=after, gain=after - before)
+        self._judged[id(model)] = (self.fit, known)
+        return known
 
     def compared(self, model: Model) -> tuple[InLoop, Model | None]:
         """The same without the rows held out, which take most of the time, and the fit to judge.

@@ -73,9 +73,13 @@ def candidates_of(
     return candidates
 
 
-def found_shape(search: Search, parent: Model, hints: Sequence[Hint]) -> Candidate | None:
-    """The best free form for a parent; None where none passes."""
-    return forms_judged(search, parent, hints).best
+def best_of(search: Search, step: SearchStep) -> Candidate | None:
+    """The best form, with what it gains where folds are refitted, as it is told of names."""
+    best = step.best
+    if best is None or best.model is None:
+        return None
+    vaf = search.refit(best.model)
+    return replace(best, vaf=vaf, gain=vaf - step.refitted_vaf)
 
 
 def hints_of(search: Search, parent: Model) -> list[Hint]:
@@ -177,7 +181,7 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
         found, rival = beside_one_form(search, found, hints)
         verdict = decided(found, tries_all=tries_all)
     elif verdict.outcome == Outcome.NOTHING and (found.left or one_sided(search.record)):
-        shape = found_shape(search, baseline, hints_of(search, baseline))
+        shape = best_of(search, forms_judged(search, baseline, hints_of(search, baseline)))
         if shape is None or shape.gain < BESIDE_ONE[0] * found.share:
             return Shaped(search, found, verdict)
         return Shaped(search, found, Verdict(unnamed(tries_all), [], []), shape)
@@ -188,7 +192,7 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
         if hints is None or parent is not baseline:
             hints = hints_of(search, parent)
         step = forms_judged(search, parent, hints)
-        rival = step.best
+        rival = best_of(search, step)
         if rival is None:
             doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
             return Shaped(search, found, verdict, None, tuple(doubtful))
@@ -223,7 +227,7 @@ def beside_one_form(
     if several and better:  # of which another may explain more of held-out rows
         n = len(tried)
         better = [*tried, *candidates_of(search, baseline, hints[n:FOLLOWED], n)]
-    rival = search.judged(baseline, better).best if better else None
+    rival = best_of(search, search.judged(baseline, better)) if better else None
     if rival is None or rival.model is None:
         return found, None
     excess, one_cause = rival.gain - found.gained, False

@@ -91,7 +91,7 @@ def test_diagnose_draws_and_tells_what_has_no_name(capsys, tmp_path):
     printed = capsys.readouterr().out
     assert "The shape of what has no name: it acts on the error" in printed
     assert "Curve of what has no name" in printed
-    assert "search.sketch_effect(" in printed.split("What to do next")[1]
+    assert "--sketch my_effect.py" in printed.split("What to do next")[1]
     assert Path("pictures/shape.png").is_file()
     curve = pd.read_csv("tables/shape.tsv", sep="\t")
     assert list(curve) == ["e", "value", "low", "high"]

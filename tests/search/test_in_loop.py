@@ -1,5 +1,6 @@
 """Candidates judged in the closed loop."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -251,7 +252,7 @@ def test_error_of_the_loop_is_nothing_without_remnant():
 
 def test_parent_that_cannot_be_solved_judges_nothing(parts):
     search, baseline, model = parts
-    broken = search.loop.around(baseline)
+    broken = copy.copy(search.loop.around(baseline))  # others share it
     broken.__dict__["fit"] = _Unsolved()
     assert not broken.solved
     assert np.isnan(broken.vaf)

@@ -108,7 +108,8 @@ def test_a_story_ends_with_the_shape():
     told = list(story.tell())
     shape = story.search_.shape_
     assert f"  {shape.sentences()[0]}" in told
-    assert [block.kind for block in told if hasattr(block, "kind")][:2] == ["shape", "parameters"]
+    kinds = [block.kind for block in told if hasattr(block, "kind")]
+    assert kinds[:3] == ["shape", "nearest", "parameters"]
     found = json.loads(json.dumps(story.as_dict()["shape"]))
     assert found["sentence"] == shape.sentence
     assert len(found["curve"]) == len(shape.curve)
